@@ -1,0 +1,3 @@
+//! What the steps of a plan do: rasterisers, the ray tracer, and one module per effect.
+
+pub mod trace;

@@ -1,0 +1,296 @@
+//! The seam between the executor and what does the work: rasterisers and ray tracers.
+
+use crate::image::Image;
+use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
+use crate::scene::RenderScene;
+use glam::{Mat4, Vec3, Vec4};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A camera ready for a viewport.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// World to clip, right-handed, depth reversed: 1 at the near plane, 0 at the far plane.
+    pub clip_from_world: Mat4,
+    /// Camera position, world.
+    pub eye: Vec3,
+}
+
+/// The directional light of a pass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sun {
+    /// Unit direction in which the light travels.
+    pub direction: Vec3,
+    /// Its colour.
+    pub color: Vec3,
+}
+
+/// Colours of a material as a pass sees them, after the project's injections and maps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shade {
+    /// Diffuse colour.
+    pub diffuse: Vec4,
+    /// Emitted colour.
+    pub emission: Vec4,
+    /// Index into [`RenderScene::textures`], where the material has a texture and the pass reads it.
+    pub texture: Option<u32>,
+    /// Where the texture's alpha is below this, there is no surface; `None` in thesis fidelity and for opaque materials.
+    pub alpha_cutoff: Option<f32>,
+}
+
+/// A rectangle of pixels; `y` counts from the top row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rect {
+    /// Left column.
+    pub x: u32,
+    /// Top row.
+    pub y: u32,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+/// Which attachments a raster pass writes: those that something reads later.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Attachments {
+    /// Shaded colour.
+    pub color: bool,
+    /// World position; `w` is the light's cosine, clamped at 0.
+    pub position: bool,
+    /// Shading normal; `w` is 0.
+    pub normal: bool,
+    /// Triangle id, for ray passes that start exactly on the surface.
+    pub triangle: bool,
+}
+
+/// One raster pass.
+#[derive(Debug, Clone, Copy)]
+pub struct RasterJob<'a> {
+    /// What is drawn.
+    pub scene: &'a RenderScene,
+    /// What runs per pixel.
+    pub program: RasterProgram,
+    /// From where.
+    pub view: View,
+    /// The light; without one the cosine is 0.
+    pub sun: Option<Sun>,
+    /// By material index.
+    pub shades: &'a [Shade],
+    /// The part of the attachments that is cleared and drawn into; inside their size.
+    pub viewport: Rect,
+    /// What clears the colour; the other attachments are cleared to 0, and the triangle id to [`NO_TRIANGLE`].
+    pub clear_color: Vec4,
+    /// What is written.
+    pub attachments: Attachments,
+}
+
+/// The triangle id of a pixel that nothing covers.
+pub const NO_TRIANGLE: u32 = u32::MAX;
+
+/// The attachments of one raster pass, in host memory. Those not asked for are empty.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct GBuffer {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Shaded colour, top row first.
+    pub color: Vec<[f32; 4]>,
+    /// World position and light cosine.
+    pub position: Vec<[f32; 4]>,
+    /// Shading normal.
+    pub normal: Vec<[f32; 4]>,
+    /// Triangle id or [`NO_TRIANGLE`].
+    pub triangle: Vec<u32>,
+}
+
+impl GBuffer {
+    /// Allocates the attachments asked for, cleared to 0 (triangles to [`NO_TRIANGLE`]).
+    #[must_use]
+    pub fn new(width: u32, height: u32, attachments: Attachments) -> Self {
+        let pixels = width as usize * height as usize;
+        let channel = |wanted: bool| if wanted { vec![[0.0; 4]; pixels] } else { Vec::new() };
+        Self {
+            width,
+            height,
+            color: channel(attachments.color),
+            position: channel(attachments.position),
+            normal: channel(attachments.normal),
+            triangle: if attachments.triangle { vec![NO_TRIANGLE; pixels] } else { Vec::new() },
+        }
+    }
+}
+
+/// Why a backend could not do its work.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum BackendError {
+    /// The backend cannot do this at all; says why, and what would.
+    #[error("{backend} cannot run {what}: {why}")]
+    Unsupported {
+        /// Its name.
+        backend: &'static str,
+        /// Pass or feature.
+        what: String,
+        /// Reason and remedy.
+        why: String,
+    },
+    /// The device failed.
+    #[error("{backend}: {message}")]
+    Device {
+        /// Its name.
+        backend: &'static str,
+        /// What the device said.
+        message: String,
+    },
+}
+
+/// Draws triangles into G-buffers.
+pub trait Rasteriser {
+    /// `cpu` or `wgpu`.
+    fn name(&self) -> &'static str;
+    /// The device and driver, in words.
+    fn device(&self) -> String;
+    /// Makes the scene ready to draw; the executor times it as an upload.
+    ///
+    /// # Errors
+    /// If the device cannot hold it.
+    fn upload(&mut self, scene: &Arc<RenderScene>) -> Result<(), BackendError>;
+    /// Draws, and waits until it is done. `target` has the job's attachments allocated; a rasteriser in host memory writes
+    /// them here, another keeps its own until [`Rasteriser::read_back`]. Pixels outside the viewport are left as they are.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError>;
+    /// Whether [`Rasteriser::read_back`] has anything to do.
+    fn needs_read_back(&self) -> bool;
+    /// Copies what was drawn last into `target`.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn read_back(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<(), BackendError>;
+}
+
+/// What a draw did.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct DrawStats {
+    /// Time on the device's own clock, where it has one.
+    pub device_time: Option<Duration>,
+    /// Triangles submitted.
+    pub triangles: u64,
+}
+
+/// What a ray program needs built.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RayNeeds {
+    /// Whether any ray is traced at all; without one nothing is built.
+    pub structure: bool,
+}
+
+/// One ray pass. All images have the same size.
+#[derive(Debug, Clone, Copy)]
+pub struct RayJob<'a> {
+    /// What is traced.
+    pub scene: &'a RenderScene,
+    /// What runs per pixel.
+    pub program: RayProgram,
+    /// Its constants.
+    pub params: RayParams,
+    /// Mended or as written.
+    pub fidelity: Fidelity,
+    /// Seed of the random numbers.
+    pub seed: u32,
+    /// Camera position, world.
+    pub eye: Vec3,
+    /// The light, for programs that read it.
+    pub sun: Option<Sun>,
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// World position and light cosine; empty where the program does not read it.
+    pub position: &'a [[f32; 4]],
+    /// Shading normal; empty where the program does not read it.
+    pub normal: &'a [[f32; 4]],
+    /// Shaded colour; empty where the program does not read it.
+    pub color: &'a [[f32; 4]],
+    /// Triangle ids; empty in thesis fidelity and where the program traces no ray.
+    pub triangle: &'a [u32],
+    /// By material: what closest hits shade with.
+    pub shades: &'a [Shade],
+    /// By material: whether rays bounce on it (`closest_hit_glass`).
+    pub glass: &'a [bool],
+    /// By material: whether shadow rays pass through it, dimmed (`any_hit_shadow_glass`).
+    pub shadow_glass: &'a [bool],
+}
+
+/// Rays traced, by kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct RayCounts {
+    /// Towards the light.
+    pub shadow: u64,
+    /// Ambient occlusion.
+    pub occlusion: u64,
+    /// Reflected.
+    pub reflected: u64,
+    /// Refracted.
+    pub refracted: u64,
+}
+
+impl RayCounts {
+    /// All of them.
+    #[must_use]
+    pub fn total(self) -> u64 {
+        self.shadow + self.occlusion + self.reflected + self.refracted
+    }
+}
+
+impl std::ops::AddAssign for RayCounts {
+    fn add_assign(&mut self, other: Self) {
+        self.shadow += other.shadow;
+        self.occlusion += other.occlusion;
+        self.reflected += other.reflected;
+        self.refracted += other.refracted;
+    }
+}
+
+/// What a ray pass did.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RayStats {
+    /// Rays traced.
+    pub rays: RayCounts,
+    /// Time on the device's own clock, where it has one.
+    pub device_time: Option<Duration>,
+}
+
+/// What building an acceleration structure gave.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct BuildStats {
+    /// Bytes held.
+    pub bytes: u64,
+    /// Nodes.
+    pub nodes: u64,
+}
+
+/// Runs ray programs.
+pub trait RayBackend {
+    /// `cpu`, and later `wgpu`, `cuda`, `optix`.
+    fn name(&self) -> &'static str;
+    /// The device and driver, in words.
+    fn device(&self) -> String;
+    /// Why a program cannot run here, or `Ok`.
+    ///
+    /// # Errors
+    /// [`BackendError::Unsupported`] with the reason.
+    fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError>;
+    /// Builds the acceleration structure; the executor times it.
+    ///
+    /// # Errors
+    /// If the device cannot hold it.
+    fn build(&mut self, scene: &Arc<RenderScene>, shades: &[Shade]) -> Result<BuildStats, BackendError>;
+    /// Runs one pass into `output`, which has the job's size.
+    ///
+    /// # Errors
+    /// If the device fails or the job lacks what the program reads.
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image) -> Result<RayStats, BackendError>;
+}

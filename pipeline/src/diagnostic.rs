@@ -1,0 +1,193 @@
+//! Problems of an input file, each with its place, and warnings counted by kind.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The text of one input file, shared by every problem found in it.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// The file, as it is to be printed.
+    pub path: PathBuf,
+    /// Its whole text.
+    pub text: Arc<str>,
+}
+
+impl Source {
+    /// Line and column of a byte offset, both counted from 1; the column counts characters.
+    #[must_use]
+    pub fn line_column(&self, offset: usize) -> (usize, usize) {
+        let mut end = offset.min(self.text.len());
+        while !self.text.is_char_boundary(end) {
+            end -= 1;
+        }
+        let before = &self.text[..end];
+        let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+        (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+    }
+}
+
+/// How much a problem matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// Worth saying; the result is what the file asks for.
+    Note,
+    /// Something was left out or replaced.
+    Warning,
+    /// Nothing can be rendered.
+    Error,
+}
+
+/// One problem: where, what, what would be valid and what to do next.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    /// How much it matters.
+    pub severity: Severity,
+    /// The file and the byte range in it; `None` where the problem has no place in a text file.
+    pub place: Option<(Source, std::ops::Range<usize>)>,
+    /// What is wrong, in one sentence without a full stop.
+    pub message: String,
+    /// What would be valid, and the nearest name where there is one.
+    pub help: Option<String>,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let kind = match self.severity {
+            Severity::Note => "note",
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        };
+        write!(f, "{kind}: ")?;
+        if let Some((source, range)) = &self.place {
+            let (line, column) = source.line_column(range.start);
+            write!(f, "{}:{line}:{column}: ", source.path.display())?;
+        }
+        f.write_str(&self.message)?;
+        if let Some(help) = &self.help {
+            write!(f, "\n       {help}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Every problem of an input, reported together.
+#[derive(Debug, Clone, Default)]
+pub struct Problems(pub Vec<Problem>);
+
+impl Problems {
+    /// Whether any of them stops the run.
+    #[must_use]
+    pub fn has_errors(&self) -> bool {
+        self.0.iter().any(|problem| problem.severity == Severity::Error)
+    }
+}
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, problem) in self.0.iter().enumerate() {
+            if index > 0 {
+                f.write_str("\n")?;
+            }
+            write!(f, "{problem}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Problems {}
+
+/// `did you mean …?` for the nearest of `valid` to `written`, or the list of what is valid.
+#[must_use]
+pub fn valid_names<'a>(written: &str, valid: impl IntoIterator<Item = &'a str>) -> String {
+    let mut names: Vec<&str> = valid.into_iter().collect();
+    names.sort_unstable();
+    names.dedup();
+    if names.is_empty() {
+        return "none is declared".to_owned();
+    }
+    let nearest = names
+        .iter()
+        .map(|name| (strsim::normalized_damerau_levenshtein(&name.to_lowercase(), &written.to_lowercase()), *name))
+        .filter(|(similarity, _)| *similarity >= 0.5)
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    const SHOWN: usize = 24;
+    let mut list = names[..names.len().min(SHOWN)].join(", ");
+    if names.len() > SHOWN {
+        list.push_str(&format!(", … ({} in all)", names.len()));
+    }
+    match nearest {
+        Some((_, name)) => format!("valid: {list}; did you mean `{name}`?"),
+        None => format!("valid: {list}"),
+    }
+}
+
+/// Warnings of one kind in one file, counted, with the first few places.
+#[derive(Debug, Clone)]
+pub struct WarningGroup {
+    /// The file they are in.
+    pub file: PathBuf,
+    /// What was found, in the plural: `degenerate triangles`, `missing textures`.
+    pub what: &'static str,
+    /// What was done about it: `left out`, `the diffuse colour serves`.
+    pub remedy: &'static str,
+    /// How many there are.
+    pub count: u64,
+    /// The first [`WarningGroup::PLACES`] of them: an object, a line, a texture name.
+    pub places: Vec<String>,
+}
+
+impl WarningGroup {
+    /// How many places are kept.
+    pub const PLACES: usize = 5;
+}
+
+impl fmt::Display for WarningGroup {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {} {}: {}", self.file.display(), self.count, self.what, self.places.join("; "))?;
+        let more = self.count - self.places.len() as u64;
+        if more > 0 {
+            write!(f, "; and {more} more")?;
+        }
+        write!(f, " ({})", self.remedy)
+    }
+}
+
+/// Counted warnings of a load, in the order in which their kinds were met.
+#[derive(Debug, Clone, Default)]
+pub struct Warnings {
+    groups: Vec<WarningGroup>,
+}
+
+impl Warnings {
+    /// Counts one more `what` in `file`. `place` is only called while places are still kept.
+    pub fn add(&mut self, file: &Path, what: &'static str, remedy: &'static str, place: impl FnOnce() -> String) {
+        let index =
+            self.groups.iter().position(|group| group.what == what && group.file == file).unwrap_or_else(|| {
+                self.groups.push(WarningGroup { file: file.to_owned(), what, remedy, count: 0, places: Vec::new() });
+                self.groups.len() - 1
+            });
+        let group = &mut self.groups[index];
+        group.count += 1;
+        if group.places.len() < WarningGroup::PLACES {
+            group.places.push(place());
+        }
+    }
+
+    /// Appends those of another file.
+    pub fn append(&mut self, mut other: Warnings) {
+        self.groups.append(&mut other.groups);
+    }
+
+    /// The groups.
+    #[must_use]
+    pub fn groups(&self) -> &[WarningGroup] {
+        &self.groups
+    }
+
+    /// Whether nothing was warned about.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.groups.is_empty()
+    }
+}

@@ -1,0 +1,13 @@
+//! Curitiba's pipeline: what a project declares, what its scene contains, what must therefore be done (the
+//! [`plan`]), and the [`executor`] that does it and times every step.
+//!
+//! This crate knows no GPU interface and holds no `unsafe` code. What a step does is behind the two traits of
+//! [`backend`]; `curitiba-passes` implements them.
+#![forbid(unsafe_code)]
+
+pub mod backend;
+pub mod diagnostic;
+pub mod image;
+pub mod programs;
+pub mod project;
+pub mod scene;

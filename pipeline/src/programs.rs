@@ -1,0 +1,342 @@
+//! The one table of programs that a pass may name: what each reads, and its parameters.
+//!
+//! Help, XML validation, `curitiba list`, docs, bench ids and conformance tests iterate these tables.
+
+/// What a raster pass runs per pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RasterProgram {
+    /// The report's `deferredShading`: shaded colour, world position with the light's cosine, shading normal.
+    Deferred,
+}
+
+/// What a quad pass runs per pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum QuadProgram {
+    /// Shows one texture.
+    Show,
+    /// Texture unit 0 times the `x` of texture unit 1.
+    Combine,
+}
+
+/// What a ray pass runs per pixel, named by the stem of its program file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum RayProgram {
+    /// Copies the colour: what joining the two systems costs.
+    Dummy,
+    /// Hard shadows of a directional light.
+    DeferredShadows,
+    /// Mirror reflection in glass.
+    Reflection,
+    /// Reflection and refraction in glass.
+    Refraction,
+    /// Ambient occlusion.
+    Ssao,
+    /// All of them, at every hit.
+    Final,
+}
+
+/// Whether the report's programs are followed to the letter or their defects are mended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Fidelity {
+    /// Mended; see `docs/fidelity.md` for each difference.
+    #[default]
+    Corrected,
+    /// As the report's programs were written.
+    Thesis,
+}
+
+/// How ambient occlusion directions are chosen in `corrected` fidelity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Sampler {
+    /// Owen-scrambled Sobol points.
+    #[default]
+    Sobol,
+    /// The report's N x N jittered strata, with hashed jitter.
+    Strata,
+}
+
+/// The parameters of the ray programs; a program reads those that [`RayProgramInfo::params`] lists for it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RayParams {
+    /// Ambient-occlusion rays per shaded point (`SQRT_SAMPLES` squared); 0 switches occlusion off.
+    pub samples: u32,
+    /// Longest distance to an occluder, scene units (`OCC_DIST`).
+    pub radius: f32,
+    /// Exponent of the open share (`OCC_INTEN`).
+    pub intensity: f32,
+    /// Index of refraction of a whole pane (`COEF`).
+    pub index: f32,
+    /// Deepest glass bounce (`MAXDEPTH`).
+    pub depth: u32,
+    /// How occlusion directions are chosen.
+    pub sampler: Sampler,
+}
+
+impl Default for RayParams {
+    /// The report's constants.
+    fn default() -> Self {
+        Self { samples: 100, radius: 0.5, intensity: 1.6, index: 1.1, depth: 5, sampler: Sampler::Sobol }
+    }
+}
+
+/// A parameter of the ray programs: one entry serves the XML attribute, `--set`, help and docs.
+#[derive(Debug, Clone, Copy)]
+pub struct ParamInfo {
+    /// Name in XML attributes and `--set pass.name=value`.
+    pub name: &'static str,
+    /// What it is, with its unit.
+    pub about: &'static str,
+    /// What is valid.
+    pub valid: &'static str,
+}
+
+/// Every parameter of a ray program.
+pub const PARAMS: &[ParamInfo] = &[
+    ParamInfo {
+        name: "samples",
+        about: "ambient-occlusion rays per shaded point; 0 switches occlusion off",
+        valid: "0..=65536, a square number with sampler=strata and in thesis fidelity",
+    },
+    ParamInfo {
+        name: "radius",
+        about: "longest distance to an occluder, in scene units",
+        valid: "a finite number above 0",
+    },
+    ParamInfo { name: "intensity", about: "exponent of the open share", valid: "0..=100" },
+    ParamInfo { name: "index", about: "index of refraction that stands for a whole pane", valid: "0.1..=10" },
+    ParamInfo { name: "depth", about: "deepest glass bounce", valid: "0..=16" },
+    ParamInfo { name: "sampler", about: "how occlusion directions are chosen", valid: "sobol, strata" },
+];
+
+impl RayParams {
+    /// Sets a parameter by its name in [`PARAMS`].
+    ///
+    /// # Errors
+    /// What would be valid, if the name or the value is not.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
+        let Some(info) = PARAMS.iter().find(|info| info.name == name) else {
+            return Err(crate::diagnostic::valid_names(name, PARAMS.iter().map(|info| info.name)));
+        };
+        let wrong = || format!("`{name}` is {}; valid: {}", info.about, info.valid);
+        let float = |valid: fn(f32) -> bool| value.parse::<f32>().ok().filter(|v| valid(*v)).ok_or_else(wrong);
+        match name {
+            "samples" => self.samples = value.parse().ok().filter(|v| *v <= 65_536).ok_or_else(wrong)?,
+            "radius" => self.radius = float(|v| v.is_finite() && v > 0.0)?,
+            "intensity" => self.intensity = float(|v| (0.0..=100.0).contains(&v))?,
+            "index" => self.index = float(|v| (0.1..=10.0).contains(&v))?,
+            "depth" => self.depth = value.parse().ok().filter(|v| *v <= 16).ok_or_else(wrong)?,
+            "sampler" => {
+                self.sampler = match value {
+                    "sobol" => Sampler::Sobol,
+                    "strata" => Sampler::Strata,
+                    _ => return Err(wrong()),
+                }
+            }
+            _ => unreachable!("every name in PARAMS is matched"),
+        }
+        Ok(())
+    }
+}
+
+/// A device program that a project names: `<optixProgram type ray file proc/>`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ProcInfo {
+    /// `Closest_Hit`, `Any_Hit` or `Miss`.
+    pub kind: &'static str,
+    /// Ray type: `Phong` (radiance) or `Shadow`.
+    pub ray: &'static str,
+    /// Name of the program.
+    pub proc: &'static str,
+    /// Whether the project must name it in the default material; otherwise it may, per material.
+    pub required: bool,
+}
+
+/// A ray program: what a project must hand it.
+#[derive(Debug, Clone, Copy)]
+pub struct RayProgramInfo {
+    /// Which.
+    pub program: RayProgram,
+    /// Stem of the program file, as in `optix/final.ptx`.
+    pub stem: &'static str,
+    /// Ray-generation program.
+    pub entry: &'static str,
+    /// What it computes, in one sentence.
+    pub about: &'static str,
+    /// Variables of `optixInput` that it reads: `pos_buffer`, `norm_buffer`, `color_buffer`.
+    pub buffers: &'static [&'static str],
+    /// Vertex attributes that it reads.
+    pub vertex_attributes: &'static [&'static str],
+    /// Material attributes that it reads (`optixVar`).
+    pub material_attributes: &'static [&'static str],
+    /// Global attributes that it reads (`optixVar`).
+    pub globals: &'static [&'static str],
+    /// Hit and miss programs.
+    pub procs: &'static [ProcInfo],
+    /// Parameters that it reads, by their names in [`PARAMS`].
+    pub params: &'static [&'static str],
+}
+
+const fn required(kind: &'static str, ray: &'static str, proc: &'static str) -> ProcInfo {
+    ProcInfo { kind, ray, proc, required: true }
+}
+
+const fn optional(kind: &'static str, ray: &'static str, proc: &'static str) -> ProcInfo {
+    ProcInfo { kind, ray, proc, required: false }
+}
+
+/// Every ray program.
+pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
+    RayProgramInfo {
+        program: RayProgram::Dummy,
+        stem: "dummy",
+        entry: "buffer_camera",
+        about: "writes the input colour: the cost of joining two systems",
+        buffers: &["color_buffer"],
+        vertex_attributes: &[],
+        material_attributes: &[],
+        globals: &[],
+        procs: &[],
+        params: &[],
+    },
+    RayProgramInfo {
+        program: RayProgram::DeferredShadows,
+        stem: "deferredShadows",
+        entry: "buffer_camera",
+        about: "hard shadow of a directional light: 0.5 in shadow, 1 in light",
+        buffers: &["pos_buffer"],
+        vertex_attributes: &["position"],
+        material_attributes: &[],
+        globals: &["lightDir"],
+        procs: &[required("Any_Hit", "Shadow", "any_hit_shadow"), optional("Miss", "Shadow", "miss")],
+        params: &[],
+    },
+    RayProgramInfo {
+        program: RayProgram::Reflection,
+        stem: "reflection",
+        entry: "buffer_camera",
+        about: "mirror reflection in glass; other pixels keep their colour",
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &["lightDir", "lightColor"],
+        procs: &[
+            required("Closest_Hit", "Phong", "closest_hit"),
+            required("Miss", "Phong", "miss"),
+            optional("Closest_Hit", "Phong", "closest_hit_glass"),
+        ],
+        params: &["depth"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Refraction,
+        stem: "refraction",
+        entry: "buffer_camera",
+        about: "reflection and refraction in glass; other pixels keep their colour",
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &["lightDir", "lightColor"],
+        procs: &[
+            required("Closest_Hit", "Phong", "closest_hit"),
+            required("Miss", "Phong", "miss"),
+            optional("Closest_Hit", "Phong", "closest_hit_glass"),
+        ],
+        params: &["index", "depth"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Ssao,
+        stem: "ssao",
+        entry: "buffer_camera",
+        about: "ambient occlusion: the open share of the cosine-weighted hemisphere, to the power of `intensity`",
+        buffers: &["pos_buffer", "norm_buffer"],
+        vertex_attributes: &["position"],
+        material_attributes: &[],
+        globals: &[],
+        procs: &[required("Any_Hit", "Shadow", "any_hit_shadow"), required("Miss", "Shadow", "miss")],
+        params: &["samples", "radius", "intensity", "sampler"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Final,
+        stem: "final",
+        entry: "buffer_camera",
+        about: "shadows, reflection, refraction and ambient occlusion, at every hit",
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &["lightDir", "lightColor"],
+        procs: &[
+            required("Closest_Hit", "Phong", "closest_hit"),
+            required("Miss", "Phong", "miss"),
+            required("Any_Hit", "Shadow", "any_hit_shadow"),
+            required("Miss", "Shadow", "miss_shadow"),
+            optional("Closest_Hit", "Phong", "closest_hit_glass"),
+            optional("Any_Hit", "Shadow", "any_hit_shadow_glass"),
+        ],
+        params: &["samples", "radius", "intensity", "index", "depth", "sampler"],
+    },
+];
+
+impl RayProgram {
+    /// Its entry in [`RAY_PROGRAMS`].
+    #[must_use]
+    pub fn info(self) -> &'static RayProgramInfo {
+        RAY_PROGRAMS.iter().find(|info| info.program == self).expect("every program has an entry")
+    }
+}
+
+/// A raster or quad program, selected by the stem of a shader's pixel-shader file.
+#[derive(Debug, Clone, Copy)]
+pub struct ShaderInfo<P> {
+    /// Which.
+    pub program: P,
+    /// Stem of the `ps` file.
+    pub stem: &'static str,
+    /// What it writes, in one sentence.
+    pub about: &'static str,
+}
+
+/// Every raster program. A `default` pass without an injected shader runs the first.
+pub const RASTER_PROGRAMS: &[ShaderInfo<RasterProgram>] = &[ShaderInfo {
+    program: RasterProgram::Deferred,
+    stem: "deferredShading",
+    about: "target 0 `color`: diffuse lighting and texture; 1 `pos`: world position, light cosine in w; 2 `norm`: shading normal",
+}];
+
+/// Every quad program that a material may name.
+pub const QUAD_PROGRAMS: &[ShaderInfo<QuadProgram>] = &[ShaderInfo {
+    program: QuadProgram::Combine,
+    stem: "combine",
+    about: "texture unit 0 times the x of texture unit 1",
+}];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_parameter_is_settable_by_its_name() {
+        let mut params = RayParams::default();
+        for (name, value) in [
+            ("samples", "49"),
+            ("radius", "2"),
+            ("intensity", "1"),
+            ("index", "1.5"),
+            ("depth", "3"),
+            ("sampler", "strata"),
+        ] {
+            params.set(name, value).expect("valid");
+        }
+        let expected =
+            RayParams { samples: 49, radius: 2.0, intensity: 1.0, index: 1.5, depth: 3, sampler: Sampler::Strata };
+        assert_eq!(params, expected);
+        assert_eq!(PARAMS.len(), 6, "this test sets every parameter");
+    }
+
+    #[test]
+    fn wrong_parameters_say_what_is_valid() {
+        let mut params = RayParams::default();
+        assert!(params.set("sampels", "4").unwrap_err().contains("did you mean `samples`?"));
+        assert!(params.set("radius", "NaN").unwrap_err().contains("above 0"));
+        assert!(params.set("depth", "17").unwrap_err().contains("0..=16"));
+        assert_eq!(params, RayParams::default());
+    }
+}

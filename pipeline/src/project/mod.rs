@@ -1,0 +1,265 @@
+//! Projects: the XML files and material libraries, read into checked and resolved data.
+
+use crate::diagnostic::Problems;
+use crate::image::PixelFormat;
+use crate::programs::{RasterProgram, RayParams, RayProgram};
+use glam::{Vec3, Vec4};
+use std::path::PathBuf;
+
+/// A project whose references are resolved: every index below is valid.
+#[derive(Debug, Clone)]
+pub struct Project {
+    /// The file it was read from.
+    pub path: PathBuf,
+    /// Its name.
+    pub name: String,
+    /// Window size, pixels: what a pass without a render target draws into.
+    pub window: [u32; 2],
+    /// Scenes.
+    pub scenes: Vec<SceneDecl>,
+    /// Viewports.
+    pub viewports: Vec<Viewport>,
+    /// Cameras.
+    pub cameras: Vec<Camera>,
+    /// Lights.
+    pub lights: Vec<Light>,
+    /// Render targets of all material libraries.
+    pub targets: Vec<RenderTarget>,
+    /// Pipelines.
+    pub pipelines: Vec<Pipeline>,
+    /// Index of the pipeline that runs unless another is asked for.
+    pub default_pipeline: usize,
+    /// Notes and warnings met while reading (never errors).
+    pub problems: Problems,
+}
+
+/// A scene and its files.
+#[derive(Debug, Clone)]
+pub struct SceneDecl {
+    /// Name.
+    pub name: String,
+    /// Files, resolved against the project's folder; they may not exist (the loader says so).
+    pub files: Vec<SceneFile>,
+    /// `param="SWAP_YZ"`: y and z are exchanged (z negated), for models with z up.
+    pub swap_yz: bool,
+    /// `param="UNITIZE"`: centred at the origin and scaled into [-1, 1].
+    pub unitize: bool,
+}
+
+/// A scene file and where it is named.
+#[derive(Debug, Clone)]
+pub struct SceneFile {
+    /// The file.
+    pub path: PathBuf,
+    /// `project.xml:12:17`, for messages.
+    pub place: String,
+}
+
+/// A rectangle of a target.
+#[derive(Debug, Clone)]
+pub struct Viewport {
+    /// Name.
+    pub name: String,
+    /// Left and bottom edge: a fraction of the target up to 1, pixels above.
+    pub origin: [f32; 2],
+    /// Width and height: a fraction of the target up to 1, pixels above.
+    pub size: [f32; 2],
+    /// Clear colour.
+    pub clear_color: Vec4,
+}
+
+/// A perspective camera.
+#[derive(Debug, Clone)]
+pub struct Camera {
+    /// Name.
+    pub name: String,
+    /// Position, world.
+    pub position: Vec3,
+    /// Unit viewing direction.
+    pub direction: Vec3,
+    /// Up vector, not parallel to [`Self::direction`].
+    pub up: Vec3,
+    /// Vertical field of view, radians, in (0, π).
+    pub fov_y: f32,
+    /// Near plane distance, above 0.
+    pub near: f32,
+    /// Far plane distance, above [`Self::near`].
+    pub far: f32,
+    /// Index of its viewport, used by passes that name none.
+    pub viewport: Option<usize>,
+}
+
+/// A light.
+#[derive(Debug, Clone)]
+pub struct Light {
+    /// Name.
+    pub name: String,
+    /// Unit direction in which the light travels; `None` for a light that has only a position.
+    pub direction: Option<Vec3>,
+    /// Colour (`COLOR`, `DIFFUSE`).
+    pub color: Vec3,
+}
+
+/// A render target of a material library.
+#[derive(Debug, Clone)]
+pub struct RenderTarget {
+    /// Name of the library.
+    pub library: String,
+    /// Name in the library.
+    pub name: String,
+    /// Declared size, pixels.
+    pub size: [u32; 2],
+    /// Colour channels, in order.
+    pub channels: Vec<Channel>,
+}
+
+/// A colour channel of a render target.
+#[derive(Debug, Clone)]
+pub struct Channel {
+    /// Name: the texture that later passes read.
+    pub name: String,
+    /// Declared storage.
+    pub format: PixelFormat,
+}
+
+/// A channel of a render target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ChannelRef {
+    /// Index into [`Project::targets`].
+    pub target: usize,
+    /// Index into [`RenderTarget::channels`].
+    pub channel: usize,
+}
+
+/// A sequence of passes.
+#[derive(Debug, Clone)]
+pub struct Pipeline {
+    /// Name.
+    pub name: String,
+    /// Index of the camera of passes that name none.
+    pub camera: Option<usize>,
+    /// Passes, in order.
+    pub passes: Vec<Pass>,
+}
+
+/// A pass.
+#[derive(Debug, Clone)]
+pub struct Pass {
+    /// Name: the key of its timing row and of `--set`.
+    pub name: String,
+    /// `project.xml:52:13`, for messages.
+    pub place: String,
+    /// Index of the viewport it names.
+    pub viewport: Option<usize>,
+    /// Index of the render target; `None` is the window.
+    pub target: Option<usize>,
+    /// What it does.
+    pub kind: PassKind,
+}
+
+/// What a pass does.
+#[derive(Debug, Clone)]
+pub enum PassKind {
+    /// `class="default"`.
+    Raster(RasterPass),
+    /// `class="optix"` or `"rt"`.
+    Ray(RayPass),
+    /// `class="quad"`.
+    Quad(QuadPass),
+}
+
+/// Draws scenes.
+#[derive(Debug, Clone)]
+pub struct RasterPass {
+    /// Indices of the scenes drawn.
+    pub scenes: Vec<usize>,
+    /// Index of the camera.
+    pub camera: usize,
+    /// Index of the first light, if any.
+    pub light: Option<usize>,
+    /// What runs per pixel.
+    pub program: RasterProgram,
+    /// Colours put in the place of materials' own, applied in order.
+    pub colors: Vec<ColorMap>,
+}
+
+/// Which materials a map is for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum MaterialPattern {
+    /// `*`.
+    All,
+    /// One name.
+    Named(String),
+}
+
+impl MaterialPattern {
+    /// Whether a material's name matches.
+    #[must_use]
+    pub fn matches(&self, name: &str) -> bool {
+        match self {
+            Self::All => true,
+            Self::Named(named) => named == name,
+        }
+    }
+}
+
+/// Colours that replace a material's own (`injectionMaps`, `materialMaps`). `None` leaves one as it is.
+#[derive(Debug, Clone)]
+pub struct ColorMap {
+    /// For which materials.
+    pub to: MaterialPattern,
+    /// New diffuse colour.
+    pub diffuse: Option<Vec4>,
+    /// New emission.
+    pub emission: Option<Vec4>,
+    /// Whether the material's texture is dropped too (a `materialMaps` entry replaces the whole material).
+    pub drops_texture: bool,
+}
+
+/// Traces rays from a G-buffer.
+#[derive(Debug, Clone)]
+pub struct RayPass {
+    /// Indices of the scenes that rays meet.
+    pub scenes: Vec<usize>,
+    /// Index of the camera.
+    pub camera: usize,
+    /// Index of the first light, if any.
+    pub light: Option<usize>,
+    /// What runs per pixel.
+    pub program: RayProgram,
+    /// Its constants, after the XML's attributes.
+    pub params: RayParams,
+    /// What `pos_buffer` reads.
+    pub position: Option<ChannelRef>,
+    /// What `norm_buffer` reads.
+    pub normal: Option<ChannelRef>,
+    /// What `color_buffer` reads.
+    pub color: Option<ChannelRef>,
+    /// Colours that replace those of the materials hit.
+    pub colors: Vec<ColorMap>,
+    /// Materials on which rays bounce (`closest_hit_glass`).
+    pub glass: Vec<MaterialPattern>,
+    /// Materials through which shadow rays pass (`any_hit_shadow_glass`).
+    pub shadow_glass: Vec<MaterialPattern>,
+}
+
+/// Fills a viewport from textures.
+#[derive(Debug, Clone)]
+pub struct QuadPass {
+    /// What it shows.
+    pub source: QuadSource,
+}
+
+/// What a quad pass shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum QuadSource {
+    /// One channel.
+    Show(ChannelRef),
+    /// Unit 0 times the `x` of unit 1.
+    Combine {
+        /// Unit 0.
+        color: ChannelRef,
+        /// Unit 1.
+        factor: ChannelRef,
+    },
+}

@@ -1,0 +1,196 @@
+//! Scenes: what the files hold ([`Scene`]) and what the passes use ([`RenderScene`]).
+
+pub mod texture;
+
+use crate::diagnostic::Warnings;
+use glam::{Mat4, Vec2, Vec3, Vec4};
+use std::path::PathBuf;
+use texture::Texture;
+
+/// A scene as its files describe it: shared meshes, placed by objects.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    /// Geometry, each stored once however often it is placed.
+    pub meshes: Vec<Mesh>,
+    /// Placed meshes.
+    pub objects: Vec<Object>,
+    /// Materials; names are unique.
+    pub materials: Vec<Material>,
+    /// Where the textures come from; decoded by [`texture`] when a program reads them.
+    pub textures: Vec<TextureSource>,
+    /// What was left out or replaced while loading.
+    pub warnings: Warnings,
+}
+
+/// Indexed triangles, grouped by material.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// Name in the file.
+    pub name: String,
+    /// Positions in model space.
+    pub positions: Vec<Vec3>,
+    /// Unit normals in model space: as many as positions, or none where none were asked for.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates of unit 0, `v = 0` at the bottom row: as many as positions, or none.
+    pub texcoords: Vec<Vec2>,
+    /// Triangles by material.
+    pub groups: Vec<Group>,
+}
+
+/// The triangles of a mesh that share a material.
+#[derive(Debug, Clone, Default)]
+pub struct Group {
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+    /// Vertex indices.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A mesh placed in the world.
+#[derive(Debug, Clone)]
+pub struct Object {
+    /// Name in the file.
+    pub name: String,
+    /// Index into [`Scene::meshes`].
+    pub mesh: u32,
+    /// Model to world.
+    pub transform: Mat4,
+}
+
+/// Where a texture's bytes are.
+#[derive(Debug, Clone)]
+pub enum TextureSource {
+    /// A file that exists.
+    File(PathBuf),
+    /// An encoded image inside a scene file (GLB, data URI), with a name for messages.
+    Embedded {
+        /// `file.glb#image3`.
+        name: String,
+        /// PNG or JPEG bytes.
+        bytes: Vec<u8>,
+    },
+}
+
+/// A surface's parameters, as the report's programs and the glTF extensions name them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Material {
+    /// Unique name; project files map materials by it.
+    pub name: String,
+    /// Diffuse colour and opacity.
+    pub diffuse: Vec4,
+    /// Ambient colour.
+    pub ambient: Vec4,
+    /// Specular colour.
+    pub specular: Vec4,
+    /// Emitted colour.
+    pub emission: Vec4,
+    /// Phong exponent.
+    pub shininess: f32,
+    /// Texture of unit 0: index into [`Scene::textures`].
+    pub texture: Option<u32>,
+    /// Where the texture's alpha (times [`Self::texture`]'s own) is below this, there is no surface. `None`: opaque.
+    pub alpha_cutoff: Option<f32>,
+    /// Share of the light that enters (glTF `KHR_materials_transmission`), 0..=1.
+    pub transmission: f32,
+    /// Index of refraction (MTL `Ni`, glTF `KHR_materials_ior`), 1..=∞; read, not shaded yet: a pane uses the program's.
+    pub ior: f32,
+    /// Thickness in mesh units (glTF `KHR_materials_volume`); 0 is a thin pane. Read, not shaded yet.
+    pub thickness: f32,
+    /// Colour that white light has after [`Self::attenuation_distance`]. Read, not shaded yet.
+    pub attenuation_color: Vec3,
+    /// In scene units; infinite where nothing is absorbed. Read, not shaded yet.
+    pub attenuation_distance: f32,
+}
+
+impl Default for Material {
+    /// The engine's own default: a light grey diffuse surface.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            diffuse: Vec4::new(0.8, 0.8, 0.8, 1.0),
+            ambient: Vec4::new(0.2, 0.2, 0.2, 1.0),
+            specular: Vec4::new(0.0, 0.0, 0.0, 1.0),
+            emission: Vec4::new(0.0, 0.0, 0.0, 1.0),
+            shininess: 0.0,
+            texture: None,
+            alpha_cutoff: None,
+            transmission: 0.0,
+            ior: 1.5,
+            thickness: 0.0,
+            attenuation_color: Vec3::ONE,
+            attenuation_distance: f32::INFINITY,
+        }
+    }
+}
+
+/// What of a scene is wanted; what is not is neither read nor stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Needs {
+    /// Vertex normals (computed where the file has none).
+    pub normals: bool,
+    /// Texture coordinates of unit 0, and the textures.
+    pub textures: bool,
+}
+
+impl Needs {
+    /// Everything, for conversions.
+    pub const ALL: Needs = Needs { normals: true, textures: true };
+}
+
+/// Triangles in world space, sorted by material: what rasterisers draw and tracers build on.
+///
+/// Every index is below `positions.len()`, every position is finite, no triangle has zero area, and `normals` and
+/// `texcoords` are either empty (not needed) or as long as `positions`. Normals are unit length.
+#[derive(Debug, Clone, Default)]
+pub struct Geometry {
+    /// World positions.
+    pub positions: Vec<Vec3>,
+    /// Shading normals, in world space or (thesis fidelity) in model space as the report's program wrote them.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates of unit 0, `v = 0` at the bottom row.
+    pub texcoords: Vec<Vec2>,
+    /// Vertex indices; the position in this list is the triangle's id everywhere.
+    pub triangles: Vec<[u32; 3]>,
+    /// Runs of triangles with one material, in ascending order, covering all of them.
+    pub batches: Vec<Batch>,
+}
+
+/// A run of triangles with one material.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Batch {
+    /// Index into [`RenderScene::materials`].
+    pub material: u32,
+    /// First triangle.
+    pub first: u32,
+    /// Number of triangles.
+    pub count: u32,
+}
+
+impl Geometry {
+    /// Index of the material of a triangle.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    pub fn material_of(&self, triangle: u32) -> u32 {
+        let next = self.batches.partition_point(|batch| batch.first <= triangle);
+        self.batches[next - 1].material
+    }
+
+    /// The corners of a triangle.
+    #[must_use]
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].map(|vertex| self.positions[vertex as usize])
+    }
+}
+
+/// A scene made ready for rendering: flat geometry, materials, and decoded textures.
+#[derive(Debug, Clone, Default)]
+pub struct RenderScene {
+    /// All triangles.
+    pub geometry: Geometry,
+    /// Materials, in the order that [`Batch::material`] counts. [`Material::texture`] indexes [`Self::textures`].
+    pub materials: Vec<Material>,
+    /// Decoded textures.
+    pub textures: Vec<Texture>,
+}
