@@ -1,3 +1,67 @@
-//! Curitiba: rasterisation and ray tracing in one deferred pipeline.
+//! Curitiba: rasterisation and ray tracing in one deferred pipeline, driven by XML projects.
+//!
+//! ```no_run
+//! use curitiba::pipeline::executor::Silent;
+//! use curitiba::pipeline::image::write_png;
+//! use curitiba::pipeline::plan::Settings;
+//!
+//! fn main() -> Result<(), Box<dyn std::error::Error>> {
+//!     let settings = Settings { size: Some([512, 512]), ..Settings::default() };
+//!     let mut renderer = curitiba::open("xml_projects/SceneFinal.xml", settings, curitiba::Choice::default(), &mut Silent)?;
+//!     let picture = renderer.frame(&mut Silent)?;
+//!     write_png("final.png".as_ref(), &picture)?;
+//!     for row in &renderer.timeline().rows {
+//!         println!("{:9} {:20} {:8.2} ms", row.kind.name(), row.name, row.median_ms());
+//!     }
+//!     Ok(())
+//! }
+//! ```
+//!
+//! The command line (`curitiba --help`) does nothing that this library cannot: [`open`] reads a project, makes its plan
+//! and loads its scenes; [`Renderer::frame`](pipeline::executor::Renderer::frame) renders.
+#![forbid(unsafe_code)]
+
+pub mod engines;
+pub mod environment;
+
 pub use curitiba_passes as passes;
 pub use curitiba_pipeline as pipeline;
+pub use engines::{BackendChoice, Choice, RasterChoice};
+
+use pipeline::diagnostic::Problems;
+use pipeline::executor::{Observer, RenderError, Renderer};
+use pipeline::plan::{Plan, PlanError, Settings};
+use std::path::Path;
+
+/// Why a project could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The project file or a material library; holds every problem of them.
+    #[error(transparent)]
+    Project(#[from] Problems),
+    /// The settings do not fit the project.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// No engine of the kind that was asked for.
+    #[error(transparent)]
+    Engine(#[from] pipeline::backend::BackendError),
+    /// A scene, or a backend.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
+/// Reads a project, makes its plan, chooses engines, loads the scenes and builds what the plan needs.
+///
+/// # Errors
+/// All problems of the project's files together; or the first of what follows.
+pub fn open(
+    project: impl AsRef<Path>,
+    settings: Settings,
+    choice: Choice,
+    observer: &mut dyn Observer,
+) -> Result<Renderer, OpenError> {
+    let project = pipeline::project::load(project.as_ref())?;
+    let plan = Plan::new(project, settings)?;
+    let engines = engines::choose(choice)?;
+    Ok(Renderer::new(plan, engines, observer)?)
+}

@@ -1,5 +1,6 @@
 //! The seam between the executor and what does the work: rasterisers and ray tracers.
 
+use crate::executor::Progress;
 use crate::image::Image;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
 use crate::scene::RenderScene;
@@ -62,6 +63,19 @@ pub struct Attachments {
     pub normal: bool,
     /// Triangle id, for ray passes that start exactly on the surface.
     pub triangle: bool,
+}
+
+impl Attachments {
+    /// What either has.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            color: self.color || other.color,
+            position: self.position || other.position,
+            normal: self.normal || other.normal,
+            triangle: self.triangle || other.triangle,
+        }
+    }
 }
 
 /// One raster pass.
@@ -180,13 +194,6 @@ pub struct DrawStats {
     pub triangles: u64,
 }
 
-/// What a ray program needs built.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct RayNeeds {
-    /// Whether any ray is traced at all; without one nothing is built.
-    pub structure: bool,
-}
-
 /// One ray pass. All images have the same size.
 #[derive(Debug, Clone, Copy)]
 pub struct RayJob<'a> {
@@ -283,14 +290,17 @@ pub trait RayBackend {
     /// # Errors
     /// [`BackendError::Unsupported`] with the reason.
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError>;
-    /// Builds the acceleration structure; the executor times it.
+    /// Builds the acceleration structure; the executor times it. `filtered` tells by material whether some pass may let
+    /// rays through it (alpha-cut textures, glass that shadow rays pass).
     ///
     /// # Errors
     /// If the device cannot hold it.
-    fn build(&mut self, scene: &Arc<RenderScene>, shades: &[Shade]) -> Result<BuildStats, BackendError>;
-    /// Runs one pass into `output`, which has the job's size.
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError>;
+    /// About how many bytes a triangle takes in the structure and while it is built.
+    fn bytes_per_triangle(&self) -> u64;
+    /// Runs one pass into `output`, which has the job's size, and moves `progress` while it does.
     ///
     /// # Errors
     /// If the device fails or the job lacks what the program reads.
-    fn run(&mut self, job: &RayJob<'_>, output: &mut Image) -> Result<RayStats, BackendError>;
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError>;
 }

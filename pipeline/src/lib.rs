@@ -7,8 +7,10 @@
 
 pub mod backend;
 pub mod diagnostic;
+pub mod executor;
 pub mod image;
 pub mod paths;
+pub mod plan;
 pub mod programs;
 pub mod project;
 pub mod scene;

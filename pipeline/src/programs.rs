@@ -138,6 +138,28 @@ impl RayParams {
     }
 }
 
+impl RayParams {
+    /// The value of a parameter as it is written.
+    ///
+    /// # Panics
+    /// If the name is not in [`PARAMS`].
+    #[must_use]
+    pub fn get(&self, name: &str) -> String {
+        match name {
+            "samples" => self.samples.to_string(),
+            "radius" => self.radius.to_string(),
+            "intensity" => self.intensity.to_string(),
+            "index" => self.index.to_string(),
+            "depth" => self.depth.to_string(),
+            "sampler" => match self.sampler {
+                Sampler::Sobol => "sobol".to_owned(),
+                Sampler::Strata => "strata".to_owned(),
+            },
+            _ => panic!("`{name}` is not a parameter"),
+        }
+    }
+}
+
 /// A device program that a project names: `<optixProgram type ray file proc/>`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ProcInfo {
@@ -324,6 +346,7 @@ mod tests {
             ("sampler", "strata"),
         ] {
             params.set(name, value).expect("valid");
+            assert_eq!(params.get(name), value);
         }
         let expected =
             RayParams { samples: 49, radius: 2.0, intensity: 1.0, index: 1.5, depth: 3, sampler: Sampler::Strata };

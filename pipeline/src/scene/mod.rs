@@ -242,3 +242,42 @@ pub struct RenderScene {
     /// Decoded textures.
     pub textures: Vec<Texture>,
 }
+
+impl RenderScene {
+    /// Adds another scene's triangles, materials and textures after this one's.
+    ///
+    /// # Panics
+    /// If the two were made for different [`Needs`], or together have more than 2^32 vertices or triangles.
+    pub fn append(&mut self, other: RenderScene) {
+        let index =
+            |length: usize| u32::try_from(length).expect("at most 2^32 vertices, triangles, materials and textures");
+        let geometry = &mut self.geometry;
+        let (vertices, triangles) = (index(geometry.positions.len()), index(geometry.triangles.len()));
+        let (materials, textures) = (index(self.materials.len()), index(self.textures.len()));
+        index(geometry.positions.len() + other.geometry.positions.len());
+        index(geometry.triangles.len() + other.geometry.triangles.len());
+        geometry.positions.extend(other.geometry.positions);
+        geometry.normals.extend(other.geometry.normals);
+        geometry.texcoords.extend(other.geometry.texcoords);
+        let attribute = |length: usize| length == 0 || length == geometry.positions.len();
+        assert!(
+            attribute(geometry.normals.len()) && attribute(geometry.texcoords.len()),
+            "both scenes have the same needs"
+        );
+        geometry
+            .triangles
+            .extend(other.geometry.triangles.iter().map(|corners| corners.map(|vertex| vertex + vertices)));
+        geometry.batches.extend(other.geometry.batches.iter().map(|batch| Batch {
+            material: batch.material + materials,
+            first: batch.first + triangles,
+            count: batch.count,
+        }));
+        self.materials.extend(
+            other
+                .materials
+                .into_iter()
+                .map(|material| Material { texture: material.texture.map(|texture| texture + textures), ..material }),
+        );
+        self.textures.extend(other.textures);
+    }
+}

@@ -1,0 +1,342 @@
+//! The executor: carries out a plan with a rasteriser and a ray backend, and times every step.
+
+mod prepare;
+mod quad;
+mod save;
+mod timeline;
+
+pub use save::Written;
+pub use timeline::{Observer, Progress, Row, Silent, StepKind, Timeline, median};
+
+use crate::backend::{BackendError, GBuffer, RasterJob, Rasteriser, RayBackend, RayCounts, RayJob, Shade, Sun};
+use crate::diagnostic::Warnings;
+use crate::image::Image;
+use crate::plan::{Decision, Plan, PlannedPass, Work};
+use crate::project::{ChannelRef, PassKind};
+use crate::scene::{RenderScene, SceneError};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What does the work.
+pub struct Engines {
+    /// Draws triangles.
+    pub raster: Box<dyn Rasteriser>,
+    /// Traces rays.
+    pub rays: Box<dyn RayBackend>,
+}
+
+/// Why a frame could not be rendered.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// A scene file.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A backend, while working for a pass.
+    #[error("pass `{pass}`: {error}")]
+    Pass {
+        /// The pass.
+        pass: String,
+        /// What went wrong.
+        error: BackendError,
+    },
+    /// Scenes and acceleration structure together do not fit.
+    #[error(
+        "{what} would take about {needed}, and {left} is left of --max-memory\n       raise --max-memory, or use a smaller scene"
+    )]
+    Memory {
+        /// What was about to be built.
+        what: String,
+        /// How much it would take.
+        needed: String,
+        /// What is left.
+        left: String,
+    },
+}
+
+/// A scene that is loaded, and what passes see of its materials.
+struct LoadedScenes {
+    scene: Arc<RenderScene>,
+    /// Whether a pass that runs traces rays in it.
+    structure: bool,
+}
+
+/// What a pass needs of the materials, by material index.
+#[derive(Default)]
+struct PassMaterials {
+    shades: Vec<Shade>,
+    glass: Vec<bool>,
+    shadow_glass: Vec<bool>,
+}
+
+/// A plan with everything loaded and built, ready to render frames.
+pub struct Renderer {
+    plan: Plan,
+    engines: Engines,
+    scenes: Vec<LoadedScenes>,
+    /// By planned pass.
+    materials: Vec<PassMaterials>,
+    targets: Vec<GBuffer>,
+    window: GBuffer,
+    /// The scene sets that the rasteriser and the ray backend hold now.
+    uploaded: Option<usize>,
+    built: Option<usize>,
+    timeline: Timeline,
+    warnings: Warnings,
+}
+
+impl Renderer {
+    /// Loads the scenes and builds what the plan needs.
+    ///
+    /// # Errors
+    /// If a scene cannot be loaded, or a backend cannot run a pass.
+    pub fn new(plan: Plan, engines: Engines, observer: &mut dyn Observer) -> Result<Self, RenderError> {
+        let mut renderer = Self {
+            scenes: Vec::new(),
+            materials: Vec::new(),
+            targets: plan
+                .targets
+                .iter()
+                .map(|target| GBuffer::new(target.width, target.height, target.stored))
+                .collect(),
+            window: prepare::window(plan.window),
+            uploaded: None,
+            built: None,
+            timeline: Timeline::default(),
+            warnings: Warnings::default(),
+            plan,
+            engines,
+        };
+        renderer.check_support()?;
+        renderer.prepare(observer)?;
+        Ok(renderer)
+    }
+
+    /// The plan, with the decisions that depend on the scene.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Every choice and its reason.
+    #[must_use]
+    pub fn decisions(&self) -> &[Decision] {
+        &self.plan.decisions
+    }
+
+    /// Every step so far.
+    #[must_use]
+    pub fn timeline(&self) -> &Timeline {
+        &self.timeline
+    }
+
+    /// What was left out or replaced while loading.
+    #[must_use]
+    pub fn warnings(&self) -> &Warnings {
+        &self.warnings
+    }
+
+    /// What does the work.
+    #[must_use]
+    pub fn engines(&self) -> &Engines {
+        &self.engines
+    }
+
+    /// The scenes that passes use, one for each of [`Plan::scene_sets`].
+    pub fn scenes(&self) -> impl Iterator<Item = &Arc<RenderScene>> {
+        self.scenes.iter().map(|loaded| &loaded.scene)
+    }
+
+    /// Renders a frame and returns the window's picture.
+    ///
+    /// # Errors
+    /// If a backend fails; names the pass.
+    pub fn frame(&mut self, observer: &mut dyn Observer) -> Result<Image, RenderError> {
+        for index in 0..self.plan.passes.len() {
+            let planned = self.plan.passes[index].clone();
+            let name = self.plan.pass(&planned).name.clone();
+            let result = match planned.work {
+                Work::Raster { .. } => self.raster(index, &planned, &name, observer),
+                Work::Rays { .. } => self.trace(index, &planned, &name, observer),
+                Work::Quad { viewport } => {
+                    self.quad(&planned, &name, viewport, observer);
+                    Ok(())
+                }
+            };
+            result.map_err(|error| RenderError::Pass { pass: name, error })?;
+        }
+        Ok(self.window_image())
+    }
+
+    /// The window's picture as the last frame left it; black before the first.
+    #[must_use]
+    pub fn window_image(&self) -> Image {
+        Image { width: self.window.width, height: self.window.height, pixels: self.window.color.clone() }
+    }
+
+    /// A channel that the plan keeps for inspection or for a later pass.
+    #[must_use]
+    pub fn channel(&self, channel: ChannelRef) -> &[[f32; 4]] {
+        channel_of(&self.targets[channel.target], channel.channel)
+    }
+
+    fn raster(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        name: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<(), BackendError> {
+        let Work::Raster { scene_set, view, viewport, clear_color, attachments } = planned.work else { return Ok(()) };
+        let pass = self.plan.pass(planned);
+        let PassKind::Raster(raster) = &pass.kind else { return Ok(()) };
+        let (program, target) = (raster.program, pass.target);
+        let sun = raster.light.and_then(|light| self.sun(light));
+        self.upload(scene_set, observer)?;
+        let mut buffer = std::mem::take(self.buffer(target));
+        let scene = Arc::clone(&self.scenes[scene_set].scene);
+        let shades = &self.materials[index].shades;
+        let job = RasterJob { scene: &scene, program, view, sun, shades, viewport, clear_color, attachments };
+        let progress = Arc::new(Progress::default());
+        observer.begin(StepKind::Raster, name, &progress);
+        let start = Instant::now();
+        let drawn = self.engines.raster.draw(&job, &mut buffer);
+        let elapsed = start.elapsed();
+        observer.end();
+        let mut result = drawn.map(|stats| {
+            let row = self.timeline.record(StepKind::Raster, name, elapsed);
+            row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
+            row.note = format!("{} triangles on {}", stats.triangles, self.engines.raster.name());
+        });
+        if result.is_ok() && self.engines.raster.needs_read_back() {
+            let start = Instant::now();
+            result = self.engines.raster.read_back(&job, &mut buffer);
+            self.timeline.record(StepKind::ReadBack, name, start.elapsed());
+        }
+        *self.buffer(target) = buffer;
+        self.round_to_formats(target);
+        result
+    }
+
+    fn trace(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        name: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<(), BackendError> {
+        let Work::Rays { scene_set, view, params, reads_triangle } = planned.work else { return Ok(()) };
+        let pass = self.plan.pass(planned);
+        let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
+        let ray = ray.clone();
+        self.build(scene_set, observer)?;
+        let buffer = std::mem::take(&mut self.targets[target]);
+        let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
+        let targets = &self.targets;
+        let read = |channel: Option<ChannelRef>, name: &str| match channel {
+            Some(channel) if ray.program.info().buffers.contains(&name) => {
+                channel_of(&targets[channel.target], channel.channel)
+            }
+            _ => &[],
+        };
+        let triangle = match ray.position {
+            Some(position) if reads_triangle => targets[position.target].triangle.as_slice(),
+            _ => &[],
+        };
+        let materials = &self.materials[index];
+        let scene = Arc::clone(&self.scenes[scene_set].scene);
+        let job = RayJob {
+            scene: &scene,
+            program: ray.program,
+            params,
+            fidelity: self.plan.settings.fidelity,
+            seed: self.plan.settings.seed,
+            eye: view.eye,
+            sun: ray.light.and_then(|light| self.sun(light)),
+            width: output.width,
+            height: output.height,
+            position: read(ray.position, "pos_buffer"),
+            normal: read(ray.normal, "norm_buffer"),
+            color: read(ray.color, "color_buffer"),
+            triangle,
+            shades: &materials.shades,
+            glass: &materials.glass,
+            shadow_glass: &materials.shadow_glass,
+        };
+        let progress = Arc::new(Progress::default());
+        observer.begin(StepKind::Rays, name, &progress);
+        let start = Instant::now();
+        let traced = self.engines.rays.run(&job, &mut output, &progress);
+        let elapsed = start.elapsed();
+        observer.end();
+        self.targets[target] = GBuffer { color: output.pixels, ..buffer };
+        self.round_to_formats(Some(target));
+        let stats = traced?;
+        let row = self.timeline.record(StepKind::Rays, name, elapsed);
+        row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
+        row.rays = Some(stats.rays);
+        row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(stats.rays));
+        Ok(())
+    }
+
+    fn quad(&mut self, planned: &PlannedPass, name: &str, viewport: crate::backend::Rect, observer: &mut dyn Observer) {
+        let pass = self.plan.pass(planned);
+        let PassKind::Quad(quad) = &pass.kind else { return };
+        let (source, target) = (quad.source, pass.target);
+        observer.begin(StepKind::Quad, name, &Arc::new(Progress::default()));
+        let start = Instant::now();
+        let mut buffer = std::mem::take(self.buffer(target));
+        let width = buffer.width;
+        quad::fill(&mut buffer.color, width, viewport, source, |channel| {
+            let read = &self.targets[channel.target];
+            (read.width, read.height, channel_of(read, channel.channel))
+        });
+        *self.buffer(target) = buffer;
+        self.round_to_formats(target);
+        let elapsed = start.elapsed();
+        observer.end();
+        self.timeline.record(StepKind::Quad, name, elapsed);
+    }
+
+    fn buffer(&mut self, target: Option<usize>) -> &mut GBuffer {
+        match target {
+            Some(target) => &mut self.targets[target],
+            None => &mut self.window,
+        }
+    }
+
+    /// What a later pass reads has the precision of the declared format. The window keeps its floats until it is written.
+    fn round_to_formats(&mut self, target: Option<usize>) {
+        let Some(target) = target else { return };
+        let buffer = &mut self.targets[target];
+        let channels = [&mut buffer.color, &mut buffer.position, &mut buffer.normal];
+        for (declared, pixels) in self.plan.project.targets[target].channels.iter().zip(channels) {
+            declared.format.round(pixels);
+        }
+    }
+
+    fn sun(&self, light: usize) -> Option<Sun> {
+        let light = &self.plan.project.lights[light];
+        light.direction.map(|direction| Sun { direction, color: light.color })
+    }
+}
+
+fn channel_of(buffer: &GBuffer, channel: usize) -> &[[f32; 4]] {
+    match channel {
+        0 => &buffer.color,
+        1 => &buffer.position,
+        _ => &buffer.normal,
+    }
+}
+
+/// `: 12 shadow, 3 reflected`, the kinds that were traced.
+fn by_kind(rays: RayCounts) -> String {
+    let kinds = [
+        (rays.shadow, "shadow"),
+        (rays.occlusion, "occlusion"),
+        (rays.reflected, "reflected"),
+        (rays.refracted, "refracted"),
+    ];
+    let traced: Vec<String> =
+        kinds.iter().filter(|(count, _)| *count > 0).map(|(count, kind)| format!("{count} {kind}")).collect();
+    if traced.is_empty() { String::new() } else { format!(": {}", traced.join(", ")) }
+}

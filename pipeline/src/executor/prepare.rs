@@ -1,0 +1,217 @@
+//! Loading scenes, resolving materials, and handing both to the backends.
+
+use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, StepKind};
+use crate::backend::{Attachments, BackendError, GBuffer, Shade};
+use crate::plan::{Decision, Work, mebibytes};
+use crate::programs::Fidelity;
+use crate::project::{ColorMap, PassKind};
+use crate::scene::{self, BuildOptions, LoadOptions, Material, RenderScene};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The window before the first frame: black and opaque.
+pub(super) fn window([width, height]: [u32; 2]) -> GBuffer {
+    let mut window = GBuffer::new(width, height, Attachments { color: true, ..Attachments::default() });
+    window.color.fill([0.0, 0.0, 0.0, 1.0]);
+    window
+}
+
+impl Renderer {
+    /// Whether the ray backend runs every program of the plan.
+    pub(super) fn check_support(&self) -> Result<(), RenderError> {
+        for planned in &self.plan.passes {
+            let pass = self.plan.pass(planned);
+            if let PassKind::Ray(ray) = &pass.kind {
+                let supported = self.engines.rays.supports(ray.program, self.plan.settings.fidelity);
+                supported.map_err(|error| RenderError::Pass { pass: pass.name.clone(), error })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Loads every scene set, resolves what each pass sees of its materials, uploads and builds for the first pass of
+    /// each kind.
+    pub(super) fn prepare(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        for set in self.plan.scene_sets.clone() {
+            let scene = self.load(&set, observer)?;
+            self.scenes.push(LoadedScenes { scene: Arc::new(scene), structure: false });
+        }
+        for index in 0..self.plan.passes.len() {
+            self.resolve_materials(index);
+        }
+        let first = |raster: bool| {
+            self.plan.passes.iter().find_map(|planned| match planned.work {
+                Work::Raster { scene_set, .. } if raster => Some((self.plan.pass(planned).name.clone(), scene_set)),
+                Work::Rays { scene_set, .. } if !raster => Some((self.plan.pass(planned).name.clone(), scene_set)),
+                _ => None,
+            })
+        };
+        let (drawn, traced) = (first(true), first(false));
+        if let Some((pass, set)) = drawn {
+            self.upload(set, observer).map_err(|error| RenderError::Pass { pass, error })?;
+        }
+        if let Some((pass, set)) = traced {
+            self.check_structure_memory(set)?;
+            self.build(set, observer).map_err(|error| RenderError::Pass { pass, error })?;
+        }
+        Ok(())
+    }
+
+    fn load(&mut self, set: &[usize], observer: &mut dyn Observer) -> Result<RenderScene, RenderError> {
+        let names: Vec<&str> = set.iter().map(|index| self.plan.project.scenes[*index].name.as_str()).collect();
+        let name = names.join(" + ");
+        let progress = Arc::new(Progress::default());
+        observer.begin(StepKind::Load, &name, &progress);
+        let start = Instant::now();
+        let loaded = self.load_set(set, &progress);
+        observer.end();
+        let scene = loaded?;
+        let row = self.timeline.record(StepKind::Load, &name, start.elapsed());
+        let (triangles, textures) = (scene.geometry.triangles.len(), scene.textures.len());
+        row.note = format!("{triangles} triangles, {} materials, {textures} textures", scene.materials.len());
+        Ok(scene)
+    }
+
+    fn load_set(&mut self, set: &[usize], progress: &Progress) -> Result<RenderScene, RenderError> {
+        let max_bytes = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
+        let mut whole: Option<RenderScene> = None;
+        for index in set {
+            let declared = &self.plan.project.scenes[*index];
+            let files: Vec<_> = declared.files.iter().map(|file| file.path.clone()).collect();
+            let mut loaded = scene::load(&files, &LoadOptions { needs: self.plan.needs, max_bytes }, &|state| {
+                progress.start(state.bytes_total);
+                progress.advance(state.bytes_done);
+            })?;
+            self.warnings.append(std::mem::take(&mut loaded.warnings));
+            let options = BuildOptions {
+                needs: self.plan.needs,
+                model_space_normals: self.plan.settings.fidelity == Fidelity::Thesis,
+                swap_yz: declared.swap_yz,
+                unitize: declared.unitize,
+                max_bytes,
+            };
+            let (built, warnings) = RenderScene::build(loaded, &options)?;
+            self.warnings.append(warnings);
+            match &mut whole {
+                None => whole = Some(built),
+                Some(whole) => whole.append(built),
+            }
+        }
+        Ok(whole.unwrap_or_default())
+    }
+
+    fn resolve_materials(&mut self, index: usize) {
+        let planned = self.plan.passes[index].clone();
+        let pass = self.plan.pass(&planned);
+        let corrected = self.plan.settings.fidelity == Fidelity::Corrected;
+        let (set, colors) = match (&planned.work, &pass.kind) {
+            (Work::Raster { scene_set, .. }, PassKind::Raster(raster)) => (*scene_set, &raster.colors),
+            (Work::Rays { scene_set, .. }, PassKind::Ray(ray)) => (*scene_set, &ray.colors),
+            _ => {
+                self.materials.push(PassMaterials::default());
+                return;
+            }
+        };
+        let materials = &self.scenes[set].scene.materials;
+        let mut resolved = PassMaterials {
+            shades: materials.iter().map(|material| shade(material, colors, corrected)).collect(),
+            ..PassMaterials::default()
+        };
+        if let PassKind::Ray(ray) = &pass.kind {
+            let matches = |patterns: &[crate::project::MaterialPattern], material: &Material| {
+                patterns.iter().any(|pattern| pattern.matches(&material.name))
+            };
+            resolved.glass = materials.iter().map(|material| matches(&ray.glass, material)).collect();
+            resolved.shadow_glass = materials.iter().map(|material| matches(&ray.shadow_glass, material)).collect();
+            let (needed, why) = self.plan.needs_structure(&planned, materials);
+            let what = format!("acceleration structure for pass `{}`", pass.name);
+            self.plan.decisions.push(Decision { what, built: needed, why });
+            self.scenes[set].structure |= needed;
+        }
+        self.materials.push(resolved);
+    }
+
+    /// Hands a scene set to the rasteriser, unless it holds it already.
+    pub(super) fn upload(&mut self, set: usize, observer: &mut dyn Observer) -> Result<(), BackendError> {
+        if self.uploaded == Some(set) {
+            return Ok(());
+        }
+        let name = self.engines.raster.name();
+        observer.begin(StepKind::Upload, name, &Arc::new(Progress::default()));
+        let start = Instant::now();
+        let result = self.engines.raster.upload(&self.scenes[set].scene);
+        observer.end();
+        result?;
+        self.timeline.record(StepKind::Upload, name, start.elapsed());
+        self.uploaded = Some(set);
+        Ok(())
+    }
+
+    /// Builds the acceleration structure of a scene set, unless it is built already or no pass traces in it.
+    pub(super) fn build(&mut self, set: usize, observer: &mut dyn Observer) -> Result<(), BackendError> {
+        if self.built == Some(set) || !self.scenes[set].structure {
+            return Ok(());
+        }
+        let name = self.engines.rays.name();
+        let filtered = self.filtered_materials(set);
+        observer.begin(StepKind::Build, name, &Arc::new(Progress::default()));
+        let start = Instant::now();
+        let built = self.engines.rays.build(&self.scenes[set].scene, &filtered);
+        observer.end();
+        let stats = built?;
+        let row = self.timeline.record(StepKind::Build, name, start.elapsed());
+        row.note = format!("{} nodes, {}", stats.nodes, mebibytes(stats.bytes));
+        self.built = Some(set);
+        Ok(())
+    }
+
+    /// By material: whether a ray pass may let a ray through a triangle of it.
+    fn filtered_materials(&self, set: usize) -> Vec<bool> {
+        let mut filtered = vec![false; self.scenes[set].scene.materials.len()];
+        for (planned, materials) in self.plan.passes.iter().zip(&self.materials) {
+            if matches!(planned.work, Work::Rays { scene_set, .. } if scene_set == set) {
+                for (material, filtered) in filtered.iter_mut().enumerate() {
+                    *filtered |= materials.shades[material].alpha_cutoff.is_some() || materials.shadow_glass[material];
+                }
+            }
+        }
+        filtered
+    }
+
+    fn check_structure_memory(&self, set: usize) -> Result<(), RenderError> {
+        let loaded = &self.scenes[set];
+        if !loaded.structure {
+            return Ok(());
+        }
+        let geometry = &loaded.scene.geometry;
+        let held = geometry.positions.len() as u64 * 32 + geometry.triangles.len() as u64 * 12;
+        let left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes() + held);
+        let needed = geometry.triangles.len() as u64 * self.engines.rays.bytes_per_triangle();
+        if needed > left {
+            return Err(RenderError::Memory {
+                what: format!("the acceleration structure of {} triangles", geometry.triangles.len()),
+                needed: mebibytes(needed),
+                left: mebibytes(left),
+            });
+        }
+        Ok(())
+    }
+}
+
+fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
+    let mut shade = Shade {
+        diffuse: material.diffuse,
+        emission: material.emission,
+        texture: material.texture,
+        alpha_cutoff: material.alpha_cutoff.filter(|_| corrected && material.texture.is_some()),
+    };
+    for map in colors.iter().filter(|map| map.to.matches(&material.name)) {
+        shade.diffuse = map.diffuse.unwrap_or(shade.diffuse);
+        shade.emission = map.emission.unwrap_or(shade.emission);
+        if map.drops_texture {
+            shade.texture = None;
+            shade.alpha_cutoff = None;
+        }
+    }
+    shade
+}

@@ -1,0 +1,98 @@
+//! Quad passes: filling a rectangle from one texture, or from the product of two.
+
+use crate::backend::Rect;
+use crate::image::Image;
+use crate::project::{ChannelRef, QuadSource};
+use rayon::prelude::*;
+
+/// A channel with its size.
+type Source<'a> = (u32, u32, &'a [[f32; 4]]);
+
+/// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; another is filtered
+/// bilinearly.
+pub(super) fn fill<'a>(
+    pixels: &mut [[f32; 4]],
+    width: u32,
+    viewport: Rect,
+    source: QuadSource,
+    channel: impl Fn(ChannelRef) -> Source<'a>,
+) {
+    match source {
+        QuadSource::Show(shown) => {
+            let read = reader(channel(shown), viewport);
+            rows(pixels, width, viewport, |x, y| read(x, y));
+        }
+        QuadSource::Combine { color, factor } => {
+            let (color, factor) = (reader(channel(color), viewport), reader(channel(factor), viewport));
+            rows(pixels, width, viewport, |x, y| {
+                let factor = factor(x, y)[0];
+                color(x, y).map(|value| value * factor)
+            });
+        }
+    }
+}
+
+fn rows(pixels: &mut [[f32; 4]], width: u32, viewport: Rect, pixel: impl Fn(u32, u32) -> [f32; 4] + Sync) {
+    if viewport.width == 0 || viewport.height == 0 {
+        return;
+    }
+    let width = width as usize;
+    let rows = viewport.y as usize * width..(viewport.y + viewport.height) as usize * width;
+    pixels[rows].par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        let covered = &mut row[viewport.x as usize..(viewport.x + viewport.width) as usize];
+        for (x, out) in covered.iter_mut().enumerate() {
+            *out = pixel(x as u32, y as u32);
+        }
+    });
+}
+
+/// Reads a source at a pixel of the viewport.
+fn reader<'a>((width, height, texels): Source<'a>, viewport: Rect) -> impl Fn(u32, u32) -> [f32; 4] + Sync + 'a {
+    let exact = width == viewport.width && height == viewport.height;
+    move |x, y| {
+        if exact {
+            texels[y as usize * width as usize + x as usize]
+        } else {
+            let (u, v) = ((x as f32 + 0.5) / viewport.width as f32, (y as f32 + 0.5) / viewport.height as f32);
+            Image::bilinear(width, height, texels, u, v)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const A: ChannelRef = ChannelRef { target: 0, channel: 0 };
+    const B: ChannelRef = ChannelRef { target: 1, channel: 0 };
+
+    #[test]
+    fn combine_multiplies_by_the_x_of_the_factor_inside_the_viewport_only() {
+        let color = vec![[0.2, 0.4, 0.6, 1.0]; 4];
+        let factor = vec![[0.5, 9.0, 9.0, 9.0]; 4];
+        let mut out = vec![[7.0; 4]; 16];
+        let viewport = Rect { x: 1, y: 2, width: 2, height: 2 };
+        fill(&mut out, 4, viewport, QuadSource::Combine { color: A, factor: B }, |channel| {
+            (2, 2, if channel == A { color.as_slice() } else { factor.as_slice() })
+        });
+        for (index, pixel) in out.iter().enumerate() {
+            let (x, y) = (index % 4, index / 4);
+            let inside = (1..3).contains(&x) && (2..4).contains(&y);
+            assert_eq!(*pixel, if inside { [0.1, 0.2, 0.3, 0.5] } else { [7.0; 4] }, "at {x}, {y}");
+        }
+    }
+
+    #[test]
+    fn a_source_of_the_same_size_is_copied_exactly_and_another_is_filtered() {
+        let source: Vec<[f32; 4]> = (0..16).map(|i| [i as f32 * 0.1, 0.0, 0.0, 1.0]).collect();
+        let mut out = vec![[0.0; 4]; 16];
+        let whole = Rect { x: 0, y: 0, width: 4, height: 4 };
+        fill(&mut out, 4, whole, QuadSource::Show(A), |_| (4, 4, source.as_slice()));
+        assert_eq!(out, source);
+        let mut half = vec![[0.0; 4]; 4];
+        fill(&mut half, 2, Rect { x: 0, y: 0, width: 2, height: 2 }, QuadSource::Show(A), |_| {
+            (4, 4, source.as_slice())
+        });
+        assert!((half[0][0] - 0.25).abs() < 1e-6, "the mean of texels 0, 1, 4 and 5");
+    }
+}

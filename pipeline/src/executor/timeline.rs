@@ -1,0 +1,190 @@
+//! The one definition of time: every step's host time with synchronisation, and the device's own clock where it has one.
+
+use crate::backend::RayCounts;
+use serde::Serialize;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+/// What a step is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StepKind {
+    /// Reading scene files and making their geometry and textures ready.
+    Load,
+    /// Building the acceleration structure.
+    Build,
+    /// Making the scene ready on the rasteriser's device.
+    Upload,
+    /// Drawing triangles.
+    Raster,
+    /// Copying what was drawn into host memory.
+    ReadBack,
+    /// Tracing rays.
+    Rays,
+    /// Filling a rectangle.
+    Quad,
+    /// Writing files.
+    Write,
+}
+
+impl StepKind {
+    /// As it is printed.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Load => "load",
+            Self::Build => "build",
+            Self::Upload => "upload",
+            Self::Raster => "raster",
+            Self::ReadBack => "read-back",
+            Self::Rays => "rays",
+            Self::Quad => "quad",
+            Self::Write => "write",
+        }
+    }
+
+    /// Whether the step is done again for every frame.
+    #[must_use]
+    pub fn per_frame(self) -> bool {
+        matches!(self, Self::Raster | Self::ReadBack | Self::Rays | Self::Quad)
+    }
+}
+
+/// One step and how long it took, once or in every frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// What it is.
+    pub kind: StepKind,
+    /// The pass, the scene or the file.
+    pub name: String,
+    /// Host time of each run, milliseconds.
+    pub host_ms: Vec<f64>,
+    /// Device time of each run, milliseconds; empty where the device has no clock of its own.
+    pub device_ms: Vec<f64>,
+    /// Rays of one run.
+    pub rays: Option<RayCounts>,
+    /// What was done: triangles, bytes.
+    pub note: String,
+}
+
+impl Row {
+    /// Median host time, milliseconds.
+    #[must_use]
+    pub fn median_ms(&self) -> f64 {
+        median(&self.host_ms)
+    }
+
+    /// Millions of rays a second of host time; `None` for a step that traces none.
+    #[must_use]
+    pub fn mrays_per_second(&self) -> Option<f64> {
+        let rays = self.rays?.total();
+        (rays > 0).then(|| rays as f64 / 1e3 / self.median_ms().max(1e-6))
+    }
+}
+
+/// The middle value, or the mean of the two middle ones; NaN for none.
+#[must_use]
+pub fn median(samples: &[f64]) -> f64 {
+    let mut sorted = samples.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    match sorted.len() {
+        0 => f64::NAN,
+        n if n % 2 == 1 => sorted[n / 2],
+        n => f64::midpoint(sorted[n / 2 - 1], sorted[n / 2]),
+    }
+}
+
+/// Every step so far, in the order in which each was first run.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Timeline {
+    /// The steps.
+    pub rows: Vec<Row>,
+}
+
+impl Timeline {
+    /// Adds a run of a step.
+    pub fn record(&mut self, kind: StepKind, name: &str, host: Duration) -> &mut Row {
+        let index = self.rows.iter().position(|row| row.kind == kind && row.name == name).unwrap_or_else(|| {
+            self.rows.push(Row {
+                kind,
+                name: name.to_owned(),
+                host_ms: Vec::new(),
+                device_ms: Vec::new(),
+                rays: None,
+                note: String::new(),
+            });
+            self.rows.len() - 1
+        });
+        let row = &mut self.rows[index];
+        row.host_ms.push(host.as_secs_f64() * 1e3);
+        row
+    }
+}
+
+/// How far a long step is: written by the workers, read by whoever shows it.
+#[derive(Debug, Default)]
+pub struct Progress {
+    done: AtomicU64,
+    total: AtomicU64,
+}
+
+impl Progress {
+    /// Starts counting to `total`.
+    pub fn start(&self, total: u64) {
+        self.done.store(0, Ordering::Relaxed);
+        self.total.store(total, Ordering::Relaxed);
+    }
+
+    /// Counts `amount` more.
+    pub fn advance(&self, amount: u64) {
+        self.done.fetch_add(amount, Ordering::Relaxed);
+    }
+
+    /// Done and total; the total is 0 where it is not known.
+    #[must_use]
+    pub fn get(&self) -> (u64, u64) {
+        (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed))
+    }
+}
+
+/// Told when steps begin and end, to show progress.
+pub trait Observer {
+    /// A step begins; `progress` moves while it runs, if the step can tell.
+    fn begin(&mut self, kind: StepKind, name: &str, progress: &std::sync::Arc<Progress>);
+    /// It ended.
+    fn end(&mut self);
+}
+
+/// Shows nothing.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct Silent;
+
+impl Observer for Silent {
+    fn begin(&mut self, _: StepKind, _: &str, _: &std::sync::Arc<Progress>) {}
+    fn end(&mut self) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_of_one_step_share_a_row_and_its_median() {
+        let mut timeline = Timeline::default();
+        for ms in [5, 1, 3] {
+            timeline.record(StepKind::Rays, "pass2", Duration::from_millis(ms)).rays =
+                Some(RayCounts { shadow: 3000, ..RayCounts::default() });
+        }
+        timeline.record(StepKind::Quad, "pass2", Duration::from_millis(9));
+        assert_eq!(timeline.rows.len(), 2);
+        assert_eq!(timeline.rows[0].median_ms(), 3.0);
+        assert_eq!(timeline.rows[0].mrays_per_second(), Some(1.0));
+        assert_eq!(timeline.rows[1].mrays_per_second(), None);
+    }
+
+    #[test]
+    fn the_median_of_an_even_number_is_the_mean_of_the_middle_two() {
+        assert_eq!(median(&[4.0, 1.0, 3.0, 2.0]), 2.5);
+        assert!(median(&[]).is_nan());
+    }
+}

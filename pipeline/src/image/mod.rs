@@ -1,0 +1,126 @@
+//! Images: the attachments of render targets and the picture that is shown; reading, writing and making them visible.
+
+mod visible;
+mod write;
+
+pub use visible::{Content, make_visible};
+pub use write::{Layer, write_atomically, write_exr, write_png};
+
+use exr::prelude::f16;
+use rayon::prelude::*;
+
+/// How a channel of a render target is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum PixelFormat {
+    /// Four 32-bit floats.
+    Rgba32Float,
+    /// Four 16-bit floats.
+    Rgba16Float,
+    /// Four bytes, 0..=1.
+    Rgba8Unorm,
+    /// One byte, 0..=1, in the red channel.
+    R8Unorm,
+    /// One 32-bit float in the red channel.
+    R32Float,
+}
+
+impl PixelFormat {
+    /// Rounds pixels to what the format can hold; channels that it lacks read as 0, alpha as 1.
+    pub fn round(self, pixels: &mut [[f32; 4]]) {
+        fn unorm(value: f32) -> f32 {
+            (value.clamp(0.0, 1.0) * 255.0).round() / 255.0
+        }
+        let round: fn([f32; 4]) -> [f32; 4] = match self {
+            Self::Rgba32Float => return,
+            Self::Rgba16Float => |pixel| pixel.map(|value| f16::from_f32(value).to_f32()),
+            Self::Rgba8Unorm => |pixel| pixel.map(unorm),
+            Self::R8Unorm => |pixel| [unorm(pixel[0]), 0.0, 0.0, 1.0],
+            Self::R32Float => |pixel| [pixel[0], 0.0, 0.0, 1.0],
+        };
+        pixels.par_iter_mut().for_each(|pixel| *pixel = round(*pixel));
+    }
+}
+
+/// An RGBA picture of 32-bit floats, top row first.
+///
+/// Narrower formats are rounded when a pass stores into them, so that what a later pass reads has their precision.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Image {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// `width * height` pixels, top row first.
+    pub pixels: Vec<[f32; 4]>,
+}
+
+impl Image {
+    /// An image of one colour.
+    #[must_use]
+    pub fn filled(width: u32, height: u32, color: [f32; 4]) -> Self {
+        Self { width, height, pixels: vec![color; width as usize * height as usize] }
+    }
+
+    /// Bilinear filtering of `width * height` pixels at `u`, `v`: 0..=1 from the top left corner; edges are extended.
+    #[must_use]
+    pub fn bilinear(width: u32, height: u32, pixels: &[[f32; 4]], u: f32, v: f32) -> [f32; 4] {
+        let x = (u * width as f32 - 0.5).clamp(0.0, (width - 1) as f32);
+        let y = (v * height as f32 - 0.5).clamp(0.0, (height - 1) as f32);
+        let (x0, y0) = (x as u32, y as u32);
+        let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
+        let (fx, fy) = (x - x0 as f32, y - y0 as f32);
+        let at = |x: u32, y: u32| pixels[y as usize * width as usize + x as usize];
+        let (a, b, c, d) = (at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1));
+        std::array::from_fn(|i| {
+            let upper = a[i] + (b[i] - a[i]) * fx;
+            let lower = c[i] + (d[i] - c[i]) * fx;
+            upper + (lower - upper) * fy
+        })
+    }
+
+    /// How many pixels hold a value that is not finite.
+    #[must_use]
+    pub fn count_non_finite(&self) -> usize {
+        self.pixels.par_iter().filter(|pixel| pixel.iter().any(|value| !value.is_finite())).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sampling_at_pixel_centres_returns_the_pixels() {
+        let pixels: Vec<_> = (0..6).map(|i| [i as f32, 0.0, 1.0, -1.0]).collect();
+        for y in 0..2 {
+            for x in 0..3 {
+                let sampled = Image::bilinear(3, 2, &pixels, (x as f32 + 0.5) / 3.0, (y as f32 + 0.5) / 2.0);
+                assert!((sampled[0] - (y * 3 + x) as f32).abs() < 1e-5, "{sampled:?} at {x}, {y}");
+            }
+        }
+        assert_eq!(Image::bilinear(3, 2, &pixels, 0.5, 0.5)[0], 2.5);
+    }
+
+    #[test]
+    fn narrow_formats_round_to_what_they_hold() {
+        let mut pixels = [[0.5, 1.5, -1.0, 0.1]];
+        PixelFormat::Rgba8Unorm.round(&mut pixels);
+        assert_eq!(pixels, [[128.0 / 255.0, 1.0, 0.0, 26.0 / 255.0]]);
+        let mut pixels = [[0.1, 2049.0, 1.0, 0.0]];
+        PixelFormat::Rgba16Float.round(&mut pixels);
+        assert_eq!(pixels[0][1], 2048.0);
+        assert!((pixels[0][0] - 0.1).abs() < 1e-4 && pixels[0][0] != 0.1);
+        let mut pixels = [[0.25, 0.5, 0.5, 0.5]];
+        PixelFormat::R32Float.round(&mut pixels);
+        assert_eq!(pixels, [[0.25, 0.0, 0.0, 1.0]]);
+    }
+
+    #[test]
+    fn non_finite_pixels_are_counted() {
+        let mut image = Image::filled(4, 4, [0.0; 4]);
+        assert_eq!(image.count_non_finite(), 0);
+        image.pixels[3][2] = f32::NAN;
+        image.pixels[5][0] = f32::INFINITY;
+        assert_eq!(image.count_non_finite(), 2);
+    }
+}

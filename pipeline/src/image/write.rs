@@ -1,0 +1,78 @@
+//! Writing images whole or not at all: into a temporary file beside the target, renamed when complete.
+
+use super::Image;
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage, LayerAttributes, WritableImage};
+use image::ImageEncoder as _;
+use image::codecs::png::PngEncoder;
+use rayon::prelude::*;
+use std::io::{self, BufWriter, Write as _};
+use std::path::Path;
+
+/// Runs `write` on a temporary file in the target's folder and renames it to `path` when all of it is on disk. An
+/// existing file is replaced only then.
+///
+/// # Errors
+/// Whatever `write` or the file system report; nothing is left behind.
+pub fn write_atomically(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&mut std::fs::File>) -> io::Result<()>,
+) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".curitiba-");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        // As `File::create` would: temporary files are private otherwise. The umask still applies.
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let mut file = builder.tempfile_in(folder)?;
+    let mut writer = BufWriter::new(file.as_file_mut());
+    write(&mut writer)?;
+    writer.flush()?;
+    drop(writer);
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Writes an 8-bit RGB PNG: values are clamped to 0..=1 and stored as they are, without a transfer function, as the
+/// report's engine showed its frame buffer. NaN is stored as 0.
+///
+/// # Errors
+/// Whatever the file system reports.
+pub fn write_png(path: &Path, image: &Image) -> io::Result<()> {
+    let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+    let bytes: Vec<u8> = image.pixels.par_iter().flat_map_iter(|pixel| [0, 1, 2].map(|i| byte(pixel[i]))).collect();
+    write_atomically(path, |writer| {
+        PngEncoder::new(writer)
+            .write_image(&bytes, image.width, image.height, image::ExtendedColorType::Rgb8)
+            .map_err(io::Error::other)
+    })
+}
+
+/// One named layer of an EXR file.
+#[derive(Debug, Clone, Copy)]
+pub struct Layer<'a> {
+    /// Its name, such as `Deferred Render Targets::pos`.
+    pub name: &'a str,
+    /// Names of its four channels, such as `R G B A` or `X Y Z cosine`.
+    pub channels: [&'a str; 4],
+    /// Its pixels.
+    pub image: &'a Image,
+}
+
+/// Writes one layer as an EXR file of 32-bit floats.
+///
+/// # Errors
+/// Whatever the encoder or the file system report.
+pub fn write_exr(path: &Path, layer: Layer<'_>) -> io::Result<()> {
+    let image = layer.image;
+    let channel = |index: usize| {
+        let samples = image.pixels.par_iter().map(|pixel| pixel[index]).collect();
+        AnyChannel::new(layer.channels[index], FlatSamples::F32(samples))
+    };
+    let channels = AnyChannels::sort((0..4).map(channel).collect());
+    let size = (image.width as usize, image.height as usize);
+    let encoded = exr::prelude::Layer::new(size, LayerAttributes::named(layer.name), Encoding::default(), channels);
+    write_atomically(path, |writer| ExrImage::from_layer(encoded).write().to_buffered(writer).map_err(io::Error::other))
+}

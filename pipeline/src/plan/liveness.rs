@@ -1,0 +1,236 @@
+//! Which passes run and what each writes: a walk from the last pass to the first that keeps what is wanted.
+
+use super::{Decision, Plan, PlanError, PlannedPass, Work, rectangle, view};
+use crate::backend::{Attachments, Rect};
+use crate::programs::{Fidelity, RayParams, RayProgram};
+use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RasterPass, RayPass, Viewport};
+use glam::Vec4;
+use std::collections::BTreeSet;
+
+/// What later passes want, as the walk goes backwards.
+#[derive(Debug, Default)]
+struct Wanted {
+    /// Channels that are read or shown.
+    channels: BTreeSet<ChannelRef>,
+    /// Targets whose triangle ids are read.
+    triangles: BTreeSet<usize>,
+    /// Whether a later pass fills the whole window.
+    window_filled: bool,
+}
+
+impl Plan {
+    /// Chooses the passes that run.
+    pub(super) fn choose_passes(
+        &mut self,
+        camera: Option<usize>,
+        params: &[Option<RayParams>],
+    ) -> Result<(), PlanError> {
+        let mut wanted = Wanted { channels: self.shown.iter().copied().collect(), ..Wanted::default() };
+        let passes = self.project.pipelines[self.pipeline].passes.clone();
+        for (index, pass) in passes.iter().enumerate().rev() {
+            let live = live_attachments(pass, &wanted);
+            if let Some(reason) = dead(pass, live, &wanted) {
+                self.decide(format!("pass `{}`", pass.name), false, reason.into());
+                continue;
+            }
+            let viewport = self.viewport_of(pass, camera).cloned();
+            let size = self.target_size(pass.target);
+            let rect = rectangle(viewport.as_ref(), size);
+            let fills = rect == Rect { x: 0, y: 0, width: size[0], height: size[1] };
+            if fills || matches!(pass.kind, PassKind::Ray(_)) {
+                wanted.satisfied_by(pass);
+            }
+            let work = match &pass.kind {
+                PassKind::Raster(raster) => {
+                    self.explain_attachments(pass, live);
+                    self.raster_work(raster, live, rect, viewport.as_ref(), camera)
+                }
+                PassKind::Ray(ray) => {
+                    let params = params[index].expect("every ray pass has parameters");
+                    let work = self.ray_work(ray, params, rect, camera, &mut wanted);
+                    self.check_same_scenes(&passes[..index], pass, ray, &work)?;
+                    work
+                }
+                PassKind::Quad(quad) => {
+                    wanted.channels.extend(sources(quad));
+                    Work::Quad { viewport: rect }
+                }
+            };
+            if let Some(target) = pass.target {
+                let stored = &mut self.targets[target].stored;
+                *stored = stored.union(live);
+            }
+            self.passes.push(PlannedPass { pass: index, work });
+        }
+        self.passes.reverse();
+        self.decisions.reverse();
+        Ok(())
+    }
+
+    fn raster_work(
+        &mut self,
+        raster: &RasterPass,
+        attachments: Attachments,
+        rect: Rect,
+        viewport: Option<&Viewport>,
+        camera: Option<usize>,
+    ) -> Work {
+        Work::Raster {
+            scene_set: self.scene_set(&raster.scenes),
+            view: view(&self.project.cameras[camera.unwrap_or(raster.camera)], rect),
+            viewport: rect,
+            clear_color: viewport.map_or(Vec4::W, |viewport| viewport.clear_color),
+            attachments,
+        }
+    }
+
+    fn ray_work(
+        &mut self,
+        ray: &RayPass,
+        params: RayParams,
+        rect: Rect,
+        camera: Option<usize>,
+        wanted: &mut Wanted,
+    ) -> Work {
+        let reads_triangle = self.settings.fidelity == Fidelity::Corrected && can_trace(ray.program, &params);
+        wanted.channels.extend(inputs(ray, &params));
+        if reads_triangle && let Some(position) = ray.position {
+            wanted.triangles.insert(position.target);
+        }
+        Work::Rays {
+            scene_set: self.scene_set(&ray.scenes),
+            view: view(&self.project.cameras[camera.unwrap_or(ray.camera)], rect),
+            params,
+            reads_triangle,
+        }
+    }
+
+    /// Triangle ids mean nothing in another scene than the one that was drawn.
+    fn check_same_scenes(&self, earlier: &[Pass], pass: &Pass, ray: &RayPass, work: &Work) -> Result<(), PlanError> {
+        let (Work::Rays { reads_triangle: true, .. }, Some(position)) = (work, ray.position) else { return Ok(()) };
+        let drawn = earlier.iter().rev().find(|earlier| earlier.target == Some(position.target));
+        match drawn {
+            Some(Pass { kind: PassKind::Raster(raster), name, .. }) if raster.scenes != ray.scenes => {
+                Err(PlanError::new(
+                    format!("{}: pass `{}` traces other scenes than pass `{name}` drew", pass.place, pass.name),
+                    "give both passes the same <scenes>, or use --fidelity thesis",
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn explain_attachments(&mut self, pass: &Pass, written: Attachments) {
+        let Some(target) = pass.target else { return };
+        if written.triangle {
+            self.decide(
+                format!("triangle ids of pass `{}`", pass.name),
+                true,
+                "rays start exactly on the surface (corrected fidelity)".into(),
+            );
+        }
+        let flags = [written.color, written.position, written.normal];
+        let target = &self.project.targets[target];
+        let mut decisions = Vec::new();
+        for (channel, built) in target.channels.iter().zip(flags).rev() {
+            let what = format!("attachment `{}::{}` of pass `{}`", target.library, channel.name, pass.name);
+            let why = if built { "read later" } else { "no pass reads it" };
+            decisions.push(Decision { what, built, why: why.into() });
+        }
+        self.decisions.extend(decisions);
+    }
+
+    pub(super) fn decide(&mut self, what: String, built: bool, why: String) {
+        self.decisions.push(Decision { what, built, why });
+    }
+
+    fn scene_set(&mut self, scenes: &[usize]) -> usize {
+        let found = self.scene_sets.iter().position(|set| set == scenes);
+        found.unwrap_or_else(|| {
+            self.scene_sets.push(scenes.to_vec());
+            self.scene_sets.len() - 1
+        })
+    }
+
+    fn viewport_of(&self, pass: &Pass, camera: Option<usize>) -> Option<&Viewport> {
+        let own_camera = match &pass.kind {
+            PassKind::Raster(raster) => Some(camera.unwrap_or(raster.camera)),
+            PassKind::Ray(ray) => Some(camera.unwrap_or(ray.camera)),
+            PassKind::Quad(_) => None,
+        };
+        let from_camera = || own_camera.and_then(|camera| self.project.cameras[camera].viewport);
+        pass.viewport.or_else(from_camera).map(|viewport| &self.project.viewports[viewport])
+    }
+}
+
+impl Wanted {
+    /// What a pass writes completely is not wanted from the passes before it.
+    fn satisfied_by(&mut self, pass: &Pass) {
+        match pass.target {
+            None => self.window_filled = true,
+            Some(target) => {
+                let written = channels_written(&pass.kind);
+                self.channels.retain(|channel| channel.target != target || channel.channel >= written);
+                if matches!(pass.kind, PassKind::Raster(_)) {
+                    self.triangles.remove(&target);
+                }
+            }
+        }
+    }
+}
+
+/// How many channels of its target a pass writes, from the first.
+pub(super) fn channels_written(kind: &PassKind) -> usize {
+    match kind {
+        PassKind::Raster(_) => 3,
+        PassKind::Ray(_) | PassKind::Quad(_) => 1,
+    }
+}
+
+/// What of a pass's target is wanted; the window only ever takes the colour.
+fn live_attachments(pass: &Pass, wanted: &Wanted) -> Attachments {
+    let Some(target) = pass.target else { return Attachments { color: true, ..Attachments::default() } };
+    let raster = matches!(pass.kind, PassKind::Raster(_));
+    let channel = |channel: usize| {
+        channel < channels_written(&pass.kind) && wanted.channels.contains(&ChannelRef { target, channel })
+    };
+    Attachments {
+        color: channel(0),
+        position: channel(1),
+        normal: channel(2),
+        triangle: raster && wanted.triangles.contains(&target),
+    }
+}
+
+/// Why a pass need not run.
+fn dead(pass: &Pass, live: Attachments, wanted: &Wanted) -> Option<&'static str> {
+    if pass.target.is_none() {
+        return wanted.window_filled.then_some("a later pass fills the whole window");
+    }
+    (live == Attachments::default()).then_some("nothing reads what it writes")
+}
+
+/// Whether a program traces any ray with these parameters.
+fn can_trace(program: RayProgram, params: &RayParams) -> bool {
+    match program {
+        RayProgram::Dummy => false,
+        RayProgram::Ssao => params.samples > 0,
+        RayProgram::DeferredShadows | RayProgram::Reflection | RayProgram::Refraction | RayProgram::Final => true,
+    }
+}
+
+/// The channels that a ray pass reads.
+fn inputs(ray: &RayPass, params: &RayParams) -> Vec<ChannelRef> {
+    let idle = ray.program == RayProgram::Ssao && params.samples == 0;
+    let buffers = [("pos_buffer", ray.position), ("norm_buffer", ray.normal), ("color_buffer", ray.color)];
+    let read = buffers.into_iter().filter(|(name, _)| ray.program.info().buffers.contains(name));
+    read.filter(|(name, _)| !idle || *name == "color_buffer").filter_map(|(_, channel)| channel).collect()
+}
+
+/// The channels that a quad pass reads.
+fn sources(quad: &QuadPass) -> Vec<ChannelRef> {
+    match quad.source {
+        QuadSource::Show(channel) => vec![channel],
+        QuadSource::Combine { color, factor } => vec![color, factor],
+    }
+}

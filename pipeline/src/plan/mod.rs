@@ -1,0 +1,271 @@
+//! The plan: which passes run, what each writes, and what is left out, decided once from what the project declares.
+//!
+//! A channel is written only if a later pass reads it or it is shown; a pass runs only if something it writes is
+//! wanted. [`Plan::decisions`] holds every choice with its reason, and `curitiba plan` prints them.
+
+mod liveness;
+mod settings;
+
+pub use settings::{PlanError, Settings};
+
+use crate::backend::{Attachments, Rect, View};
+use crate::programs::{Fidelity, RayParams, RayProgram};
+use crate::project::{Camera, ChannelRef, Pass, PassKind, Project, Viewport};
+use crate::scene::{Material, Needs};
+use glam::camera::rh;
+use glam::{Mat4, Vec4};
+use settings::{check_size, ray_params, shown_channels};
+
+/// Largest side of any target, pixels.
+pub const MAX_SIDE: u32 = 65_536;
+
+/// One choice and its reason.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Decision {
+    /// What it is about: a channel, a pass, an attribute.
+    pub what: String,
+    /// Whether it is built, written or run.
+    pub built: bool,
+    /// The reason.
+    pub why: String,
+}
+
+/// Everything that will be done, in order.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// The project.
+    pub project: Project,
+    /// Index of its pipeline.
+    pub pipeline: usize,
+    /// Window size.
+    pub window: [u32; 2],
+    /// What the user asked for.
+    pub settings: Settings,
+    /// Passes that run.
+    pub passes: Vec<PlannedPass>,
+    /// By index of [`Project::targets`]: size and what is stored.
+    pub targets: Vec<PlannedTarget>,
+    /// Sets of scenes that are loaded together, by index of [`Project::scenes`].
+    pub scene_sets: Vec<Vec<usize>>,
+    /// What of the scene files is read.
+    pub needs: Needs,
+    /// Channels kept for inspection, besides the window.
+    pub shown: Vec<ChannelRef>,
+    /// Every choice.
+    pub decisions: Vec<Decision>,
+}
+
+/// A render target as it is allocated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PlannedTarget {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Channels 0, 1, 2 and the triangle ids.
+    pub stored: Attachments,
+}
+
+/// A pass that runs.
+#[derive(Debug, Clone)]
+pub struct PlannedPass {
+    /// Its index in the pipeline.
+    pub pass: usize,
+    /// What it does.
+    pub work: Work,
+}
+
+/// What a planned pass does.
+#[derive(Debug, Clone)]
+pub enum Work {
+    /// Draws triangles.
+    Raster {
+        /// Index into [`Plan::scene_sets`].
+        scene_set: usize,
+        /// Camera of the viewport.
+        view: View,
+        /// Where in the target.
+        viewport: Rect,
+        /// Clears the colour.
+        clear_color: Vec4,
+        /// What is written.
+        attachments: Attachments,
+    },
+    /// Traces rays.
+    Rays {
+        /// Index into [`Plan::scene_sets`].
+        scene_set: usize,
+        /// Camera position.
+        view: View,
+        /// Constants, after `--set`.
+        params: RayParams,
+        /// Whether triangle ids are read.
+        reads_triangle: bool,
+    },
+    /// Fills a rectangle.
+    Quad {
+        /// Where in the target.
+        viewport: Rect,
+    },
+}
+impl Plan {
+    /// Decides what is done.
+    ///
+    /// # Errors
+    /// If the settings name something that the project lacks, or what they ask for is too large.
+    pub fn new(project: Project, settings: Settings) -> Result<Self, PlanError> {
+        let name_error = |message: String| PlanError { message, help: None };
+        let pipeline = project.pipeline(settings.pipeline.as_deref()).map_err(name_error)?;
+        let camera = settings.camera.as_deref().map(|name| project.camera(name)).transpose().map_err(name_error)?;
+        let window = settings.size.unwrap_or(project.window);
+        check_size("the window", window)?;
+        let mut targets = Vec::new();
+        for target in &project.targets {
+            let scaled = |axis: usize| {
+                let scale = f64::from(window[axis]) / f64::from(project.window[axis]);
+                (f64::from(target.size[axis]) * scale).round().max(1.0)
+            };
+            let size =
+                [scaled(0), scaled(1)].map(|side| if side > f64::from(MAX_SIDE) { MAX_SIDE + 1 } else { side as u32 });
+            check_size(&format!("render target `{}`", target.name), size)?;
+            targets.push(PlannedTarget { width: size[0], height: size[1], stored: Attachments::default() });
+        }
+        let shown = shown_channels(&project, pipeline, &settings.show)?;
+        let params = ray_params(&project, pipeline, &settings)?;
+        let mut plan = Self {
+            project,
+            pipeline,
+            window,
+            settings,
+            passes: Vec::new(),
+            targets,
+            scene_sets: Vec::new(),
+            needs: Needs { normals: false, textures: false },
+            shown,
+            decisions: Vec::new(),
+        };
+        plan.choose_passes(camera, &params)?;
+        plan.decide_needs();
+        plan.check_memory()?;
+        Ok(plan)
+    }
+
+    /// The declaration of a planned pass.
+    #[must_use]
+    pub fn pass(&self, planned: &PlannedPass) -> &Pass {
+        &self.project.pipelines[self.pipeline].passes[planned.pass]
+    }
+
+    /// Size of a pass's target.
+    #[must_use]
+    pub fn target_size(&self, target: Option<usize>) -> [u32; 2] {
+        target.map_or(self.window, |target| [self.targets[target].width, self.targets[target].height])
+    }
+
+    fn decide_needs(&mut self) {
+        let mut colored = Vec::new();
+        let mut hits = Vec::new();
+        let mut lit = false;
+        for planned in &self.passes {
+            match &planned.work {
+                Work::Raster { attachments, .. } => {
+                    lit |= attachments.color || attachments.position || attachments.normal;
+                    if attachments.color {
+                        colored.push(self.pass(planned).name.clone());
+                    }
+                }
+                Work::Rays { .. } => {
+                    if let PassKind::Ray(ray) = &self.pass(planned).kind
+                        && ray.program.info().material_attributes.contains(&"diffuse")
+                    {
+                        hits.push(self.pass(planned).name.clone());
+                    }
+                }
+                Work::Quad { .. } => {}
+            }
+        }
+        self.needs = Needs { normals: lit || !hits.is_empty(), textures: !colored.is_empty() || !hits.is_empty() };
+        let why = if self.needs.normals { "the light's cosine needs them" } else { "no pass shades" };
+        self.decide("vertex attribute `normal`".into(), self.needs.normals, why.into());
+        let why = if self.needs.textures {
+            let mut readers = colored;
+            readers.extend(hits);
+            readers.dedup();
+            format!("pass `{}` writes a textured colour", readers.join("`, `"))
+        } else {
+            "no pass writes a textured colour".into()
+        };
+        self.decide("vertex attribute `texCoord0` and textures".into(), self.needs.textures, why);
+    }
+
+    /// Whether a ray pass needs an acceleration structure for a scene with these materials, and why.
+    #[must_use]
+    pub fn needs_structure(&self, planned: &PlannedPass, materials: &[Material]) -> (bool, String) {
+        let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &self.pass(planned).kind) else {
+            return (false, "it traces no ray".into());
+        };
+        let glass = materials.iter().any(|material| ray.glass.iter().any(|pattern| pattern.matches(&material.name)));
+        match ray.program {
+            RayProgram::Dummy => (false, "program dummy traces no ray".into()),
+            RayProgram::DeferredShadows | RayProgram::Final => (true, "it traces shadow rays".into()),
+            RayProgram::Ssao if params.samples == 0 => (false, "samples is 0".into()),
+            RayProgram::Ssao => (true, "it traces occlusion rays".into()),
+            RayProgram::Reflection | RayProgram::Refraction if glass || self.settings.fidelity == Fidelity::Thesis => {
+                (true, "rays leave its glass".into())
+            }
+            RayProgram::Reflection | RayProgram::Refraction => {
+                (false, "no material of the scene is mapped to `closest_hit_glass`".into())
+            }
+        }
+    }
+
+    /// Bytes that the targets and the window take.
+    #[must_use]
+    pub fn target_bytes(&self) -> u64 {
+        let pixels = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
+        let bytes = |target: &PlannedTarget| {
+            let Attachments { color, position, normal, triangle } = target.stored;
+            let pixel = 16 * (u64::from(color) + u64::from(position) + u64::from(normal)) + 4 * u64::from(triangle);
+            pixel * pixels([target.width, target.height])
+        };
+        16 * pixels(self.window) + self.targets.iter().map(bytes).sum::<u64>()
+    }
+
+    fn check_memory(&self) -> Result<(), PlanError> {
+        let (needed, allowed) = (self.target_bytes(), self.settings.max_memory);
+        if needed > allowed {
+            return Err(PlanError::new(
+                format!("the render targets take {}, and {} is allowed", mebibytes(needed), mebibytes(allowed)),
+                "render a smaller --size, or raise --max-memory",
+            ));
+        }
+        Ok(())
+    }
+}
+/// A number of bytes as `12.3 MiB`.
+#[must_use]
+pub fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
+/// Pixels of a viewport in a target: edges are rounded, so that neighbouring viewports neither gap nor overlap.
+fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
+    let Some(viewport) = viewport else { return Rect { x: 0, y: 0, width: size[0], height: size[1] } };
+    let edges = |axis: usize| {
+        let side = size[axis] as f32;
+        let pixels = |value: f32| if value <= 1.0 { value * side } else { value };
+        let low = pixels(viewport.origin[axis]);
+        let high = low + pixels(viewport.size[axis]);
+        (low.round().clamp(0.0, side) as u32, high.round().clamp(0.0, side) as u32)
+    };
+    let ((left, right), (bottom, top)) = (edges(0), edges(1));
+    Rect { x: left, y: size[1] - top, width: right - left, height: top - bottom }
+}
+
+/// The camera of a viewport.
+fn view(camera: &Camera, viewport: Rect) -> View {
+    let aspect = viewport.width.max(1) as f32 / viewport.height.max(1) as f32;
+    // Exchanging near and far reverses the depth: 1 at the near plane, where floats are densest near 0 for the far one.
+    let projection = rh::proj::directx::perspective(camera.fov_y, aspect, camera.far, camera.near);
+    let to_view: Mat4 = rh::view::look_to_mat4(camera.position, camera.direction, camera.up);
+    View { clip_from_world: projection * to_view, eye: camera.position }
+}

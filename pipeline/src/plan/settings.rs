@@ -1,0 +1,152 @@
+//! What the user asks for beyond the project file, checked against it.
+
+use super::MAX_SIDE;
+use super::liveness::channels_written;
+use crate::diagnostic::valid_names;
+use crate::programs::{Fidelity, RayParams, Sampler};
+use crate::project::{ChannelRef, PassKind, Project};
+
+/// What the user asks for beyond the project file.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Pipeline to run; the project's default if `None`.
+    pub pipeline: Option<String>,
+    /// Camera of every pass; each pass's own if `None`.
+    pub camera: Option<String>,
+    /// Window size; the project's if `None`. Render targets are scaled with it.
+    pub size: Option<[u32; 2]>,
+    /// Mended programs, or as the report wrote them.
+    pub fidelity: Fidelity,
+    /// Seed of the random numbers.
+    pub seed: u32,
+    /// Channels to keep for inspection, `target channel` names or `library::channel`; `all` keeps every one.
+    pub show: Vec<String>,
+    /// Parameters set from outside: `pass.name=value`.
+    pub set: Vec<String>,
+    /// Most bytes that scenes and targets may take together.
+    pub max_memory: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            pipeline: None,
+            camera: None,
+            size: None,
+            fidelity: Fidelity::Corrected,
+            seed: 0,
+            show: Vec::new(),
+            set: Vec::new(),
+            max_memory: 8 << 30,
+        }
+    }
+}
+
+/// Why no plan can be made.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("{message}{}", help.as_ref().map(|help| format!("\n       {help}")).unwrap_or_default())]
+pub struct PlanError {
+    /// What is wrong.
+    pub message: String,
+    /// What would be valid.
+    pub help: Option<String>,
+}
+
+impl PlanError {
+    pub(super) fn new(message: impl Into<String>, help: impl Into<String>) -> Self {
+        Self { message: message.into(), help: Some(help.into()) }
+    }
+}
+
+pub(super) fn check_size(what: &str, size: [u32; 2]) -> Result<(), PlanError> {
+    if size.iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
+        let message = format!("{what} would be {} x {} pixels", size[0], size[1]);
+        return Err(PlanError::new(message, format!("valid: 1 to {MAX_SIDE} a side")));
+    }
+    Ok(())
+}
+
+/// The constants of every ray pass, after `--set`.
+pub(super) fn ray_params(
+    project: &Project,
+    pipeline: usize,
+    settings: &Settings,
+) -> Result<Vec<Option<RayParams>>, PlanError> {
+    let passes = &project.pipelines[pipeline].passes;
+    let mut params: Vec<Option<RayParams>> = passes
+        .iter()
+        .map(|pass| match &pass.kind {
+            PassKind::Ray(ray) => Some(ray.params),
+            _ => None,
+        })
+        .collect();
+    let tunable: Vec<&str> =
+        passes.iter().filter(|pass| matches!(pass.kind, PassKind::Ray(_))).map(|pass| pass.name.as_str()).collect();
+    let tunable = || tunable.iter().copied();
+    for assignment in &settings.set {
+        let parts = assignment.split_once('=').and_then(|(key, value)| Some((key.rsplit_once('.')?, value)));
+        let Some(((pass, name), value)) = parts else {
+            let message = format!("`--set {assignment}` is not PASS.NAME=VALUE");
+            return Err(PlanError::new(message, "example: --set pass2.samples=49"));
+        };
+        let Some(index) = passes.iter().position(|candidate| candidate.name == pass) else {
+            return Err(PlanError::new(format!("there is no pass `{pass}`"), valid_names(pass, tunable())));
+        };
+        let (PassKind::Ray(ray), Some(values)) = (&passes[index].kind, params[index].as_mut()) else {
+            return Err(PlanError::new(format!("pass `{pass}` has no parameters"), valid_names(pass, tunable())));
+        };
+        let read = ray.program.info().params;
+        if !read.contains(&name) {
+            let message = format!("pass `{pass}` runs `{}`, which reads no `{name}`", ray.program.info().stem);
+            return Err(PlanError::new(message, valid_names(name, read.iter().copied())));
+        }
+        values.set(name, value.trim()).map_err(|help| PlanError::new(format!("`{assignment}` is not valid"), help))?;
+    }
+    for (pass, params) in passes.iter().zip(&params) {
+        let (PassKind::Ray(ray), Some(params)) = (&pass.kind, params) else { continue };
+        let strata = params.sampler == Sampler::Strata || settings.fidelity == Fidelity::Thesis;
+        if strata && ray.program.info().params.contains(&"samples") && params.samples.isqrt().pow(2) != params.samples {
+            return Err(PlanError::new(
+                format!("{}: pass `{}` takes {} samples in square strata", pass.place, pass.name, params.samples),
+                format!("valid: a square number such as {}", params.samples.isqrt().pow(2)),
+            ));
+        }
+    }
+    Ok(params)
+}
+
+/// The channels that `--show` names.
+pub(super) fn shown_channels(
+    project: &Project,
+    pipeline: usize,
+    show: &[String],
+) -> Result<Vec<ChannelRef>, PlanError> {
+    let mut writable: Vec<(ChannelRef, String)> = Vec::new();
+    for pass in &project.pipelines[pipeline].passes {
+        let Some(target) = pass.target else { continue };
+        let written = channels_written(&pass.kind);
+        let declared = &project.targets[target];
+        for (channel, declared_channel) in declared.channels.iter().take(written).enumerate() {
+            let channel = ChannelRef { target, channel };
+            if !writable.iter().any(|(known, _)| *known == channel) {
+                writable.push((channel, format!("{}::{}", declared.library, declared_channel.name)));
+            }
+        }
+    }
+    if show.iter().any(|name| name == "all") {
+        return Ok(writable.into_iter().map(|(channel, _)| channel).collect());
+    }
+    let mut shown = Vec::new();
+    for name in show {
+        let short = |full: &str| full.rsplit("::").next().unwrap_or(full).to_owned();
+        let Some((channel, _)) = writable.iter().find(|(_, full)| full == name || short(full) == *name) else {
+            let names: Vec<String> = writable.iter().map(|(_, full)| short(full)).chain(["all".to_owned()]).collect();
+            let help = valid_names(name, names.iter().map(String::as_str));
+            return Err(PlanError::new(format!("no pass of this pipeline writes a texture `{name}`"), help));
+        };
+        if !shown.contains(channel) {
+            shown.push(*channel);
+        }
+    }
+    Ok(shown)
+}

@@ -1,0 +1,137 @@
+//! Why a command failed, how that is shown, and the exit code that says so.
+
+use anstyle::{AnsiColor, Style};
+use curitiba::OpenError;
+use curitiba::pipeline::diagnostic::{Problem, Problems, Severity};
+use curitiba::pipeline::executor::RenderError;
+use curitiba::pipeline::scene::SceneError;
+use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteDiagnostic, NamedSource, Report};
+use std::fmt::Display;
+use std::io::IsTerminal as _;
+use std::process::ExitCode;
+
+const ERROR: Style = AnsiColor::Red.on_default().bold();
+const WARNING: Style = AnsiColor::Yellow.on_default().bold();
+
+/// Why a command failed.
+#[derive(Debug)]
+pub enum Failure {
+    /// The work failed: a device, a file that cannot be written. Exit code 1.
+    Work(String),
+    /// What the command line asks for does not fit the project. Exit code 2.
+    Usage(String),
+    /// A project or scene file is wrong. Exit code 3.
+    Input(String),
+    /// A project's files are wrong, in these places. Exit code 3.
+    Problems(Problems),
+}
+
+impl Failure {
+    /// The work failed.
+    pub fn work(error: impl Display) -> Self {
+        Self::Work(error.to_string())
+    }
+
+    /// The exit code.
+    pub fn exit_code(&self) -> ExitCode {
+        ExitCode::from(match self {
+            Self::Work(_) => 1,
+            Self::Usage(_) => 2,
+            Self::Input(_) | Self::Problems(_) => 3,
+        })
+    }
+
+    /// Prints it to the error stream.
+    pub fn print(&self) {
+        match self {
+            Self::Work(message) | Self::Usage(message) | Self::Input(message) => {
+                anstream::eprintln!("{ERROR}error:{ERROR:#} {message}");
+            }
+            Self::Problems(problems) => print_problems(problems),
+        }
+    }
+}
+
+impl From<OpenError> for Failure {
+    fn from(error: OpenError) -> Self {
+        match error {
+            OpenError::Project(problems) => Self::Problems(problems),
+            OpenError::Plan(error) => Self::Usage(error.to_string()),
+            OpenError::Engine(error) => Self::work(error),
+            OpenError::Render(error) => error.into(),
+        }
+    }
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Self {
+        match error {
+            RenderError::Scene(error) => error.into(),
+            error @ (RenderError::Pass { .. } | RenderError::Memory { .. }) => Self::work(error),
+        }
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<Problems> for Failure {
+    fn from(problems: Problems) -> Self {
+        Self::Problems(problems)
+    }
+}
+
+/// Prints a counted warning.
+pub fn print_warning(text: &str) {
+    anstream::eprintln!("{WARNING}warning:{WARNING:#} {text}");
+}
+
+/// Prints every problem with its place; on a terminal with the lines around it, and a closing count.
+pub fn print_problems(problems: &Problems) {
+    let graphical = std::io::stderr().is_terminal();
+    for problem in &problems.0 {
+        if graphical && problem.severity != Severity::Note {
+            anstream::eprint!("{}", graphical_problem(problem));
+        } else {
+            anstream::eprintln!("{problem}");
+        }
+    }
+    let count = |severity: Severity| problems.0.iter().filter(|problem| problem.severity == severity).count();
+    let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
+    if errors > 0 {
+        let plural = |count: usize| if count == 1 { "" } else { "s" };
+        anstream::eprintln!(
+            "{errors} error{}, {warnings} warning{}; nothing was rendered",
+            plural(errors),
+            plural(warnings)
+        );
+    }
+}
+
+fn graphical_problem(problem: &Problem) -> String {
+    let mut diagnostic = MietteDiagnostic::new(&problem.message);
+    diagnostic.severity = Some(match problem.severity {
+        Severity::Note => miette::Severity::Advice,
+        Severity::Warning => miette::Severity::Warning,
+        Severity::Error => miette::Severity::Error,
+    });
+    diagnostic.help.clone_from(&problem.help);
+    let report = match &problem.place {
+        Some((source, range)) => {
+            let label = LabeledSpan::underline(range.clone());
+            let named = NamedSource::new(source.path.display().to_string(), source.text.to_string());
+            Report::new(diagnostic.and_label(label)).with_source_code(named)
+        }
+        None => Report::new(diagnostic),
+    };
+    let mut text = String::new();
+    let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode());
+    match handler.render_report(&mut text, report.as_ref()) {
+        Ok(()) => text,
+        // The same facts without the picture.
+        Err(_) => format!("{problem}\n"),
+    }
+}

@@ -1,0 +1,89 @@
+//! `curitiba scene`: describe scene files, convert them, or generate the square.
+
+use super::args::SceneArgs;
+use super::{Failure, print_warnings};
+use anstyle::Style;
+use curitiba::pipeline::scene::{self, Layout, LoadOptions, Needs, Scene, Statistics, statistics};
+use curitiba::pipeline::square;
+use std::path::Path;
+
+const HEADER: Style = Style::new().bold();
+
+/// Loads or generates, describes, and writes if an output is named.
+pub fn run(args: &SceneArgs) -> Result<(), Failure> {
+    let output = args.output.as_deref();
+    if let Some(triangles) = args.generate {
+        let folder = output.ok_or_else(|| Failure::Usage("--generate needs a folder: -o FOLDER".to_owned()))?;
+        let square = square::generate(triangles);
+        describe(&square.scene, args.json)?;
+        for path in square.write(folder)? {
+            say(args.json, &format!("wrote {}", path.display()));
+        }
+        return Ok(());
+    }
+    let layout = output.map(layout_of).transpose()?;
+    let options = LoadOptions { needs: Needs::ALL, max_bytes: args.max_memory };
+    let scene = scene::load(&args.files, &options, &|_| {})?;
+    print_warnings(&scene.warnings);
+    describe(&scene, args.json)?;
+    if let (Some(path), Some(layout)) = (output, layout) {
+        print_warnings(&scene::write_cbo(&scene, path, layout)?);
+        say(args.json, &format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+/// The layout that a file name asks for.
+fn layout_of(path: &Path) -> Result<Layout, Failure> {
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
+    match extension.as_str() {
+        "cbo" => Ok(Layout::Cbo2014),
+        "nbo" => Ok(Layout::NboToday),
+        _ => Err(Failure::Usage(format!(
+            "{}: scenes are written as .cbo (2014 layout) or .nbo (today's)",
+            path.display()
+        ))),
+    }
+}
+
+/// With `--json` the output stream holds nothing but JSON.
+fn say(json: bool, line: &str) {
+    if json { anstream::eprintln!("{line}") } else { anstream::println!("{line}") }
+}
+
+fn describe(scene: &Scene, json: bool) -> Result<(), Failure> {
+    let statistics = statistics(scene);
+    if json {
+        anstream::println!("{}", serde_json::to_string_pretty(&statistics).map_err(Failure::work)?);
+    } else {
+        print(&statistics);
+    }
+    Ok(())
+}
+
+fn print(statistics: &Statistics) {
+    for file in &statistics.files {
+        anstream::println!("{}: {} triangles in {} objects", file.path.display(), file.triangles, file.objects);
+    }
+    anstream::println!(
+        "{HEADER}{} triangles, {} vertices, {} objects, {} meshes{HEADER:#}",
+        statistics.triangles,
+        statistics.vertices,
+        statistics.objects,
+        statistics.meshes
+    );
+    if let Some([low, high]) = statistics.bounds {
+        anstream::println!("from {low:?} to {high:?}");
+    }
+    let width = statistics.materials.iter().map(|material| material.name.chars().count()).max().unwrap_or(0).max(8);
+    anstream::println!("{HEADER}{:width$}  {:>10}  texture{HEADER:#}", "material", "triangles");
+    for material in &statistics.materials {
+        let line = format!(
+            "{:width$}  {:>10}  {}",
+            material.name,
+            material.triangles,
+            material.texture.as_deref().unwrap_or_default()
+        );
+        anstream::println!("{}", line.trim_end());
+    }
+}

@@ -1,0 +1,272 @@
+//! The command line as a person or a script uses it: what it prints, what it writes, and its exit codes.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn project(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(name)
+}
+
+fn curitiba(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
+    command.current_dir(folder).args(arguments).env("NO_COLOR", "1").output().expect("the program starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("output is UTF-8")
+}
+
+#[track_caller]
+fn succeeds(folder: &Path, arguments: &[&str]) -> String {
+    let output = curitiba(folder, arguments);
+    assert!(output.status.success(), "{arguments:?} failed:\n{}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+#[track_caller]
+fn fails_with(code: i32, folder: &Path, arguments: &[&str]) -> String {
+    let output = curitiba(folder, arguments);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?} printed:\n{}", text(&output.stderr));
+    text(&output.stderr)
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("the folder exists");
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+fn path(path: &Path) -> &str {
+    path.to_str().expect("test paths are UTF-8")
+}
+
+#[test]
+fn rendering_writes_the_picture_and_prints_a_row_for_each_step() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let printed = succeeds(
+        folder.path(),
+        &["render", path(&project("SceneFinal.xml")), "--size", "48x48", "--raster", "cpu", "--set", "pass2.samples=4"],
+    );
+    for word in ["load", "build", "raster", "rays", "quad", "write", "pass1", "pass2", "pass5", "wrote SceneFinal.png"]
+    {
+        assert!(printed.contains(word), "no `{word}` in\n{printed}");
+    }
+    assert_eq!(files(folder.path()), ["SceneFinal.png"]);
+    let png = std::fs::read(folder.path().join("SceneFinal.png")).expect("the picture");
+    assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
+    let side = |offset: usize| u32::from_be_bytes(png[offset..offset + 4].try_into().expect("four bytes"));
+    assert_eq!((side(16), side(20)), (48, 48));
+}
+
+#[test]
+fn the_json_report_holds_every_sample_and_nothing_else_is_printed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let printed = succeeds(
+        folder.path(),
+        &[
+            "render",
+            path(&project("SceneShadows.xml")),
+            "--size",
+            "32x32",
+            "--raster",
+            "cpu",
+            "--frames",
+            "3",
+            "--json",
+        ],
+    );
+    let report: serde_json::Value = serde_json::from_str(&printed).expect("JSON");
+    let steps = report["steps"].as_array().expect("steps");
+    let rays = steps.iter().find(|step| step["kind"] == "rays").expect("a rays step");
+    assert_eq!(rays["host_ms"].as_array().map(Vec::len), Some(3));
+    assert!(rays["rays"]["shadow"].as_u64() > Some(0));
+    assert_eq!(report["raster"]["name"], "cpu");
+    assert_eq!(report["files"][0]["path"], "SceneShadows.png");
+}
+
+#[test]
+fn shown_targets_are_written_as_exr_and_as_png() {
+    let folder = tempfile::tempdir().expect("a folder");
+    succeeds(
+        folder.path(),
+        &[
+            "render",
+            path(&project("SceneShadows.xml")),
+            "--size",
+            "32x32",
+            "--raster",
+            "cpu",
+            "--show",
+            "pos",
+            "--show",
+            "norm",
+            "-o",
+            "out.exr",
+        ],
+    );
+    assert_eq!(files(folder.path()), ["out.exr", "out.norm.exr", "out.norm.png", "out.pos.exr", "out.pos.png"]);
+}
+
+#[test]
+fn the_picture_does_not_depend_on_the_number_of_threads() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let render = |threads: &str, output: &str| {
+        let project = project("SceneFinal.xml");
+        let arguments =
+            ["render", path(&project), "--size", "64x64", "--raster", "cpu", "--set", "pass2.samples=9", "-o", output];
+        succeeds(folder.path(), &[&arguments[..], &["--threads", threads]].concat());
+        std::fs::read(folder.path().join(output)).expect("the picture")
+    };
+    let (one, three) = (render("1", "one.exr"), render("3", "three.exr"));
+    assert!(one == three, "1 and 3 threads give different pictures");
+    let project = project("SceneFinal.xml");
+    let arguments = ["render", path(&project), "--size", "64x64", "--raster", "cpu", "--set", "pass2.samples=9"];
+    succeeds(folder.path(), &[&arguments[..], &["--seed", "1", "-o", "other.exr"]].concat());
+    assert!(
+        std::fs::read(folder.path().join("other.exr")).expect("the picture") != one,
+        "another seed, the same picture"
+    );
+}
+
+#[test]
+fn a_wrong_command_line_exits_with_2_and_says_what_is_valid() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let final_scene = project("SceneFinal.xml");
+    let render = ["render", path(&final_scene), "--raster", "cpu"];
+    let with = |more: &[&str]| fails_with(2, folder.path(), &[&render[..], more].concat());
+    assert!(with(&["--camera", "Vidor"]).contains("did you mean `Vidro`?"));
+    assert!(with(&["-o", "picture.bmp"]).contains(".png or .exr"));
+    assert!(with(&["-o", "no/such/folder/picture.png"]).contains("no folder"));
+    assert!(with(&["--set", "pass2.sampels=4"]).contains("did you mean `samples`?"));
+    assert!(with(&["--set", "pass9.samples=4"]).contains("pass2"));
+    assert!(with(&["--set", "pass2.samples=4.5"]).contains("0..=65536"));
+    assert!(with(&["--set", "pass2.samples=7", "--fidelity", "thesis"]).contains("such as 4"));
+    assert!(with(&["--show", "position"]).contains("pos"));
+    assert!(with(&["--size", "70000x1"]).contains("65536"));
+    assert!(with(&["--size", "65536x65536"]).contains("--max-memory"));
+    assert_eq!(files(folder.path()), [] as [&str; 0]);
+}
+
+#[test]
+fn a_wrong_project_exits_with_3_and_names_file_line_and_column() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let missing = fails_with(3, folder.path(), &["render", "nowhere.xml"]);
+    assert!(missing.contains("nowhere.xml"), "{missing}");
+    std::fs::write(folder.path().join("broken.xml"), "<?xml version=\"1.0\"?>\n<project name=\"x\">\n  <assets>\n")
+        .expect("written");
+    let broken = fails_with(3, folder.path(), &["check", "broken.xml"]);
+    assert!(broken.contains("broken.xml:"), "{broken}");
+    assert!(broken.contains("nothing was rendered"), "{broken}");
+}
+
+#[test]
+fn a_scene_that_is_missing_is_named_and_nothing_is_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = std::fs::read_to_string(project("SceneFinal.xml")).expect("the project");
+    std::fs::write(folder.path().join("p.xml"), text.replace("largoCamoes", "elsewhere")).expect("written");
+    std::fs::create_dir(folder.path().join("mlibs")).expect("made");
+    for library in ["optixTest.mlib", "DeferredRenderTargets.mlib"] {
+        std::fs::copy(project("mlibs").join(library), folder.path().join("mlibs").join(library)).expect("copied");
+    }
+    let message = fails_with(3, folder.path(), &["render", "p.xml", "--raster", "cpu"]);
+    assert!(message.contains("elsewhere.cbo"), "{message}");
+    assert_eq!(files(folder.path()), ["mlibs", "p.xml"]);
+}
+
+#[test]
+fn too_little_memory_is_said_before_anything_is_rendered() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = project("SceneFinal.xml");
+    let arguments = ["render", path(&scene), "--raster", "cpu", "--size", "64x64", "--max-memory", "1MiB"];
+    let output = curitiba(folder.path(), &arguments);
+    assert!(!output.status.success());
+    assert!(text(&output.stderr).contains("--max-memory"), "{}", text(&output.stderr));
+    assert_eq!(files(folder.path()), [] as [&str; 0]);
+}
+
+#[test]
+fn every_shipped_project_checks_without_a_problem() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["NoEffects", "Dummy", "Shadows", "Reflect", "Refract", "SSAO", "Final"] {
+        let printed = succeeds(folder.path(), &["check", path(&project(&format!("Scene{name}.xml")))]);
+        assert!(printed.contains(": ok"), "{printed}");
+    }
+}
+
+#[test]
+fn the_plan_says_what_is_left_out_and_why() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let shadows = succeeds(folder.path(), &["plan", path(&project("SceneShadows.xml"))]);
+    assert!(
+        shadows.contains("no  attachment `Deferred Render Targets::norm` of pass `pass1`: no pass reads it"),
+        "{shadows}"
+    );
+    assert!(shadows.contains("yes acceleration structure for pass `pass2`"), "{shadows}");
+    let dummy = succeeds(folder.path(), &["plan", path(&project("SceneDummy.xml"))]);
+    assert!(dummy.contains("no  acceleration structure for pass `pass2`"), "{dummy}");
+    assert!(dummy.contains("no  attachment `Deferred Render Targets::pos` of pass `pass1`"), "{dummy}");
+}
+
+#[test]
+fn the_list_names_every_program_and_its_snippets_load() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let all = succeeds(folder.path(), &["list"]);
+    let whole = std::fs::read_to_string(project("SceneFinal.xml")).expect("the project");
+    let start = whole.find("<pass class=\"optix\"").expect("a ray pass");
+    let end = start + whole[start..].find("</pass>").expect("its end") + "</pass>".len();
+    for program in ["dummy", "deferredShadows", "reflection", "refraction", "ssao", "final"] {
+        assert!(all.contains(program), "{all}");
+        let described = succeeds(folder.path(), &["list", program]);
+        let snippet = &described[described.find("<pass").expect("a snippet")..];
+        let file = project(&format!("../target/snippet-{program}-{}.xml", std::process::id()));
+        let text = format!("{}{snippet}{}", &whole[..start], &whole[end..]);
+        let text = text
+            .replace("3dsmodels\\", "..\\xml_projects\\3dsmodels\\")
+            .replace("mlibs\\", "..\\xml_projects\\mlibs\\");
+        std::fs::write(&file, text).expect("written");
+        let output = curitiba(folder.path(), &["check", path(&file)]);
+        std::fs::remove_file(&file).expect("removed");
+        assert!(output.status.success(), "{program}:\n{}", text_of_both(&output));
+    }
+    let wrong = fails_with(2, folder.path(), &["list", "sao"]);
+    assert!(wrong.contains("did you mean `ssao`?"), "{wrong}");
+}
+
+fn text_of_both(output: &Output) -> String {
+    format!("{}{}", text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn a_generated_square_is_described_converted_and_described_alike() {
+    let folder = tempfile::tempdir().expect("a folder");
+    succeeds(folder.path(), &["scene", "--generate", "10000", "-o", "square"]);
+    let triangles = |file: &str| {
+        let printed = succeeds(folder.path(), &["scene", file, "--json"]);
+        let statistics: serde_json::Value = serde_json::from_str(&printed).expect("JSON");
+        statistics["triangles"].as_u64().expect("a count")
+    };
+    let generated = triangles("square/largoCamoes.cbo");
+    assert!((8_500..=11_500).contains(&generated), "{generated}");
+    succeeds(folder.path(), &["scene", "square/largoCamoes.cbo", "-o", "today.nbo"]);
+    assert_eq!(triangles("today.nbo"), generated);
+    assert!(fails_with(2, folder.path(), &["scene", "today.nbo", "-o", "x.obj"]).contains(".cbo"));
+    assert!(fails_with(3, folder.path(), &["scene", "missing.obj"]).contains("missing.obj"));
+}
+
+#[test]
+fn completions_are_printed_for_every_shell() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        assert!(succeeds(folder.path(), &["completions", shell]).contains("curitiba"));
+    }
+}
+
+#[test]
+fn an_existing_picture_survives_a_run_that_fails() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("out.png"), b"precious").expect("written");
+    fails_with(3, folder.path(), &["render", "nowhere.xml", "-o", "out.png"]);
+    assert_eq!(std::fs::read(folder.path().join("out.png")).expect("still there"), b"precious");
+}
