@@ -1,10 +1,45 @@
 //! Projects: the XML files and material libraries, read into checked and resolved data.
+//!
+//! Two dialects of the format are read, the engine's of 2014 and today's. Names of elements and attributes are read in
+//! any letters' case, so most of what differs between them needs no care; the rest is both spellings side by side.
+//! Declared names are compared as written; where only the letters' case differs they are found, and a note says so.
+//!
+//! Where a project is silent:
+//!
+//! | what | is |
+//! |---|---|
+//! | window | 1024 x 1024 |
+//! | viewport rectangle, clear colour | the whole target, opaque black |
+//! | height of a viewport with a `ratio` | `ratio` times its width |
+//! | camera of a pass | the pipeline's `defaultCamera`; without one, an error |
+//! | projection | 60 degrees, near 1, far 10,000 |
+//! | position, view, up of a camera | the origin, -z (each with a note), +y |
+//! | colour of a light | white |
+//! | pipeline that runs | the one with `default="true"`, or else the first |
+//! | program of a `default` pass | the first of [`RASTER_PROGRAMS`](crate::programs::RASTER_PROGRAMS) |
+//! | colours of a library material | diffuse 0.8, emission 0 |
+//!
+//! Files are bounded (16 MiB, 64 levels of elements, 65,536 elements), and so is what is reported.
+
+mod assets;
+mod dom;
+mod draw;
+mod file;
+mod handed;
+mod library;
+mod loader;
+mod order;
+mod passes;
+mod ray;
+mod report;
+mod values;
 
 use crate::diagnostic::Problems;
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram};
 use glam::{Vec3, Vec4};
-use std::path::PathBuf;
+use report::{Found, Names, shown, suggest};
+use std::path::{Path, PathBuf};
 
 /// A project whose references are resolved: every index below is valid.
 #[derive(Debug, Clone)]
@@ -31,6 +66,42 @@ pub struct Project {
     pub default_pipeline: usize,
     /// Notes and warnings met while reading (never errors).
     pub problems: Problems,
+}
+
+/// Loads a project and its material libraries.
+///
+/// # Errors
+/// All problems of all files, each with its place, if any of them is an error.
+pub fn load(path: &Path) -> Result<Project, Problems> {
+    loader::load(path)
+}
+
+impl Project {
+    /// Index of a pipeline by its name, in any letters' case; without a name, the default one.
+    ///
+    /// # Errors
+    /// What would be valid, and the nearest name.
+    pub fn pipeline(&self, name: Option<&str>) -> Result<usize, String> {
+        let names = self.pipelines.iter().map(|pipeline| pipeline.name.as_str());
+        name.map_or(Ok(self.default_pipeline), |name| find("pipeline", name, names))
+    }
+
+    /// Index of a camera by its name, in any letters' case.
+    ///
+    /// # Errors
+    /// What would be valid, and the nearest name.
+    pub fn camera(&self, name: &str) -> Result<usize, String> {
+        find("camera", name, self.cameras.iter().map(|camera| camera.name.as_str()))
+    }
+}
+
+fn find<'a>(what: &'static str, name: &str, valid: impl Iterator<Item = &'a str>) -> Result<usize, String> {
+    let mut names = Names::new(what);
+    valid.for_each(|name| names.declare_built_in(name));
+    match names.find(name) {
+        Found::Exact(index) | Found::OtherCase(index) => Ok(index),
+        Found::Missing => Err(format!("there is no {what} `{}`; {}", shown(name), suggest(name, names.iter()))),
+    }
 }
 
 /// A scene and its files.

@@ -1,0 +1,451 @@
+//! A small document tree whose every name, attribute and text knows its place.
+//!
+//! `quick-xml` finds the tags; what is inside a tag is read here, because a message needs the column of each attribute
+//! and because real files omit quotes and the white space between attributes. Documents are bounded: [`MAX_DEPTH`],
+//! [`MAX_ELEMENTS`], [`MAX_ATTRIBUTES`], [`MAX_ALL_ATTRIBUTES`], [`MAX_VALUE`]. No entity is ever defined by a file.
+
+use super::report::{Report, Span, shown};
+use quick_xml::events::Event;
+
+/// Deepest nesting of elements.
+pub(super) const MAX_DEPTH: usize = 64;
+/// Most elements of a file.
+pub(super) const MAX_ELEMENTS: usize = 65_536;
+/// Most attributes of an element.
+pub(super) const MAX_ATTRIBUTES: usize = 256;
+/// Most attributes of a file.
+pub(super) const MAX_ALL_ATTRIBUTES: usize = 4 * MAX_ELEMENTS;
+/// Longest name of an element or attribute, bytes.
+pub(super) const MAX_NAME: usize = 128;
+/// Longest attribute value or text, bytes.
+pub(super) const MAX_VALUE: usize = 4096;
+
+/// An attribute's value or an element's text: entities resolved, white space folded to one space and trimmed.
+#[derive(Debug, Clone)]
+pub(super) struct Value {
+    pub text: String,
+    /// The same with line breaks (and the white space around them) removed instead, where there are any: a path that a
+    /// printed page wrapped.
+    pub joined: Option<String>,
+    pub span: Span,
+}
+
+impl Value {
+    fn new(raw: &str, span: Span) -> Self {
+        let text = raw.split_whitespace().collect::<Vec<_>>().join(" ");
+        let lines = || raw.lines().map(str::trim).collect::<String>();
+        let joined = raw.trim().contains(['\n', '\r']).then(lines);
+        Self { text, joined, span }
+    }
+
+    /// As messages show it.
+    pub fn shown(&self) -> String {
+        shown(&self.text)
+    }
+}
+
+/// An attribute.
+#[derive(Debug)]
+pub(super) struct Attribute {
+    pub name: String,
+    pub name_span: Span,
+    pub value: Value,
+}
+
+/// An element.
+#[derive(Debug)]
+pub(super) struct Element {
+    pub name: String,
+    /// Its start tag.
+    pub span: Span,
+    /// Line of the start tag, from 1.
+    pub line: u32,
+    /// Column of the start tag in characters, from 1.
+    pub column: u32,
+    pub attributes: Vec<Attribute>,
+    pub children: Vec<Element>,
+    /// What stands between its tags, without its children and comments; `None` where that is only white space.
+    pub text: Option<Value>,
+}
+
+impl Element {
+    /// Whether its name is one of these, in any letters' case.
+    pub fn is(&self, names: &[&str]) -> bool {
+        names.iter().any(|name| self.name.eq_ignore_ascii_case(name))
+    }
+
+    /// An attribute by its name in any letters' case.
+    pub fn attribute(&self, name: &str) -> Option<&Value> {
+        self.attributes.iter().find(|attribute| attribute.name.eq_ignore_ascii_case(name)).map(|found| &found.value)
+    }
+
+    /// Children of any of these names, in any letters' case.
+    pub fn children_named<'e>(&'e self, names: &'e [&'e str]) -> impl Iterator<Item = &'e Element> {
+        self.children.iter().filter(move |child| child.is(names))
+    }
+}
+
+/// An element whose end tag has not been met.
+struct Open {
+    element: Element,
+    text: String,
+    text_span: Option<Span>,
+}
+
+struct Parser<'a> {
+    text: &'a str,
+    file: u32,
+    report: &'a mut Report,
+    open: Vec<Open>,
+    root: Option<Element>,
+    elements: usize,
+    all_attributes: usize,
+    /// Line, column and offset of the last element met.
+    cursor: (u32, u32, usize),
+}
+
+/// Reads a document. `None` if too little of it is there to be interpreted; an error then says why.
+pub(super) fn parse(report: &mut Report, file: u32) -> Option<Element> {
+    let text = report.source(file).text.clone();
+    let mut parser = Parser {
+        text: &text,
+        file,
+        report,
+        open: Vec::new(),
+        root: None,
+        elements: 0,
+        all_attributes: 0,
+        cursor: (1, 1, 0),
+    };
+    let whole = parser.read();
+    if !whole {
+        return None;
+    }
+    if let Some(unclosed) = parser.open.last() {
+        let names: Vec<String> = parser.open.iter().rev().take(8).map(|open| shown(&open.element.name)).collect();
+        let (at, end) = (unclosed.element.span, parser.span(text.len(), text.len()));
+        let (line, column) = parser.report.line_column(end);
+        let help = format!("the file ends at {line}:{column} inside <{}>; is it truncated?", names.join(">, inside <"));
+        parser.report.error_help(at, format!("<{}> is never closed", names[0]), || help);
+        return None;
+    }
+    if parser.root.is_none() {
+        let at = parser.span(0, 0);
+        parser.report.error(at, "the file holds no XML element");
+    }
+    parser.root
+}
+
+impl Parser<'_> {
+    fn span(&self, start: usize, end: usize) -> Span {
+        // Files are capped at 16 MiB, so offsets fit.
+        Span { file: self.file, start: start as u32, end: end as u32 }
+    }
+
+    /// Reads to the end; `false` if it had to stop before.
+    fn read(&mut self) -> bool {
+        let mut reader = quick_xml::Reader::from_str(self.text);
+        let config = reader.config_mut();
+        config.check_end_names = false;
+        config.allow_unmatched_ends = true;
+        config.allow_dangling_amp = true;
+        loop {
+            let start = reader.buffer_position() as usize;
+            let event = match reader.read_event() {
+                Ok(event) => event,
+                Err(error) => {
+                    let start = (reader.error_position() as usize).min(self.text.len());
+                    let end = self.text[start..].find('\n').map_or(self.text.len(), |line| start + line);
+                    self.report.error(self.span(start, end), error.to_string());
+                    return false;
+                }
+            };
+            let end = reader.buffer_position() as usize;
+            let goes_on = match event {
+                Event::Eof => return true,
+                Event::Start(_) => self.start(start, end, false),
+                Event::Empty(_) => self.start(start, end, true),
+                Event::End(_) => self.end(start, end),
+                Event::Text(_) | Event::GeneralRef(_) => self.characters(start, end),
+                Event::CData(data) => self.push_text(&data, start, end),
+                Event::DocType(content) => self.doctype(&content, start, end),
+                Event::Comment(_) | Event::Decl(_) | Event::PI(_) => true,
+            };
+            if !goes_on {
+                return false;
+            }
+        }
+    }
+
+    fn doctype(&mut self, content: &str, start: usize, end: usize) -> bool {
+        if content.contains(['[', '<']) || content.to_ascii_uppercase().contains("ENTITY") {
+            self.report.error_help(
+                self.span(start, end),
+                "this DOCTYPE has definitions of its own: they are refused",
+                || "valid: no DOCTYPE, and the entities &lt; &gt; &amp; &quot; &apos; and &#…;".to_owned(),
+            );
+            return false;
+        }
+        true
+    }
+
+    fn characters(&mut self, start: usize, end: usize) -> bool {
+        let raw = &self.text[start..end];
+        if raw.trim().is_empty() {
+            // White space separates words only inside a text that is kept.
+            if let Some(open) = self.open.last_mut().filter(|open| open.text_span.is_some()) {
+                open.text.push_str(raw);
+            }
+            return true;
+        }
+        let text = self.unescape(raw, start);
+        self.push_text(&text, start, end)
+    }
+
+    fn push_text(&mut self, text: &str, start: usize, end: usize) -> bool {
+        let (file, raw) = (self.file, &self.text[start..end]);
+        let first = start + (raw.len() - raw.trim_start().len());
+        let last = start + raw.trim_end().len();
+        let Some(open) = self.open.last_mut() else {
+            self.report.note(self.span(first, last), format!("stray text `{}` is ignored", shown(text.trim())));
+            return true;
+        };
+        open.text.push_str(text);
+        let begin = open.text_span.map_or(first as u32, |span| span.start);
+        open.text_span = Some(Span { file, start: begin, end: last as u32 });
+        if open.text.len() > MAX_VALUE {
+            let at = self.span(first, last);
+            self.report.error(at, format!("this text is longer than {MAX_VALUE} bytes"));
+            return false;
+        }
+        true
+    }
+
+    /// Resolves the entities of a piece of the file that starts at `start`.
+    fn unescape(&mut self, raw: &str, start: usize) -> String {
+        let mut out = String::with_capacity(raw.len());
+        let mut rest = raw;
+        while let Some(position) = rest.find('&') {
+            out.push_str(&rest[..position]);
+            rest = &rest[position..];
+            let name_length = rest[1..].find(|c: char| !(c.is_ascii_alphanumeric() || c == '#' || c == '_'));
+            let Some(length) = name_length.filter(|length| *length > 0 && rest[1 + length..].starts_with(';')) else {
+                // A lone `&` means itself, as in the engine's own parser.
+                out.push('&');
+                rest = &rest[1..];
+                continue;
+            };
+            let name = &rest[1..=length];
+            match entity(name) {
+                Some(character) => out.push(character),
+                None => {
+                    let offset = start + (raw.len() - rest.len());
+                    let at = self.span(offset, offset + length + 2);
+                    self.report.error_help(at, format!("`&{};` is not defined", shown(name)), || {
+                        "valid: &lt; &gt; &amp; &quot; &apos; and &#…;".to_owned()
+                    });
+                }
+            }
+            rest = &rest[length + 2..];
+        }
+        out.push_str(rest);
+        out
+    }
+
+    fn start(&mut self, start: usize, end: usize, empty: bool) -> bool {
+        let span = self.span(start, end);
+        self.elements += 1;
+        if self.elements > MAX_ELEMENTS {
+            self.report.error(span, format!("the file has more than {MAX_ELEMENTS} elements"));
+            return false;
+        }
+        if self.open.len() >= MAX_DEPTH {
+            self.report.error(span, format!("elements are nested deeper than {MAX_DEPTH}"));
+            return false;
+        }
+        // `<name a="1">` or `<name a="1"/>`: what is between `<` and `>` or `/>`.
+        let content = &self.text[start + 1..end - if empty { 2 } else { 1 }];
+        let name_length = content.find(char::is_whitespace).unwrap_or(content.len());
+        let name = &content[..name_length];
+        if !name.starts_with(|c: char| c.is_alphabetic() || c == '_') || name.contains(['<', '"', '\'', '=', '&']) {
+            self.report.error_help(span, format!("`<{}` does not start an element", shown(name)), || {
+                "a name must follow `<` at once; write `&lt;` for the sign itself".to_owned()
+            });
+            return false;
+        }
+        if name.len() > MAX_NAME {
+            self.report.error(span, format!("an element's name is longer than {MAX_NAME} bytes"));
+            return false;
+        }
+        let Some(attributes) = self.attributes(&content[name_length..], start + 1 + name_length) else { return false };
+        let (line, column) = self.advance(start);
+        let element =
+            Element { name: name.to_owned(), span, line, column, attributes, children: Vec::new(), text: None };
+        if empty {
+            self.close(element);
+        } else {
+            self.open.push(Open { element, text: String::new(), text_span: None });
+        }
+        true
+    }
+
+    /// Line and column of an offset at or after the last one asked for.
+    fn advance(&mut self, offset: usize) -> (u32, u32) {
+        let (mut line, mut column, last) = self.cursor;
+        for character in self.text[last..offset].chars() {
+            (line, column) = if character == '\n' { (line + 1, 1) } else { (line, column + 1) };
+        }
+        self.cursor = (line, column, offset);
+        (line, column)
+    }
+
+    fn close(&mut self, element: Element) {
+        if let Some(parent) = self.open.last_mut() {
+            parent.element.children.push(element);
+        } else if self.root.is_none() {
+            self.root = Some(element);
+        } else {
+            self.report.error(element.span, format!("a second root element <{}>", shown(&element.name)));
+        }
+    }
+
+    fn close_last(&mut self) {
+        if let Some(mut open) = self.open.pop() {
+            open.element.text = open.text_span.map(|span| Value::new(&open.text, span));
+            self.close(open.element);
+        }
+    }
+
+    fn end(&mut self, start: usize, end: usize) -> bool {
+        let name = self.text[start + 2..end - 1].trim();
+        let span = self.span(start, end);
+        let exact = self.open.iter().rposition(|open| open.element.name == name);
+        let any_case = || self.open.iter().rposition(|open| open.element.name.eq_ignore_ascii_case(name));
+        let Some(index) = exact.or_else(any_case) else {
+            let help = match self.open.last() {
+                Some(open) => format!("<{}> of line {} is open", shown(&open.element.name), open.element.line),
+                None => "no element is open".to_owned(),
+            };
+            self.report.error_help(span, format!("</{}> closes nothing", shown(name)), || help);
+            return true;
+        };
+        let (line, column) = self.advance(start);
+        while self.open.len() > index + 1 {
+            let inner = &self.open[self.open.len() - 1].element;
+            let (at, message) = (inner.span, format!("<{}> is never closed", shown(&inner.name)));
+            self.report
+                .error_help(at, message, || format!("its parent's </{}> stands at {line}:{column}", shown(name)));
+            self.close_last();
+        }
+        let opened = &self.open[index].element.name;
+        if opened != name {
+            self.report.note(span, format!("</{}> closes <{}>", shown(name), shown(opened)));
+        }
+        self.close_last();
+        true
+    }
+
+    /// Reads the attributes of a tag; `content` starts at `offset`. `None` if there are too many.
+    fn attributes(&mut self, content: &str, offset: usize) -> Option<Vec<Attribute>> {
+        let mut attributes: Vec<Attribute> = Vec::new();
+        let mut at = 0;
+        loop {
+            at += content[at..].len() - content[at..].trim_start().len();
+            if at == content.len() {
+                return Some(attributes);
+            }
+            self.all_attributes += 1;
+            if attributes.len() == MAX_ATTRIBUTES || self.all_attributes > MAX_ALL_ATTRIBUTES {
+                let here = self.span(offset + at, offset + content.len());
+                let limits = format!("valid: {MAX_ATTRIBUTES} in an element, {MAX_ALL_ATTRIBUTES} in a file");
+                self.report.error_help(here, "too many attributes", || limits);
+                return None;
+            }
+            let key_end = at
+                + content[at..]
+                    .find(|c: char| c.is_whitespace() || matches!(c, '=' | '"' | '\''))
+                    .unwrap_or(content.len() - at);
+            let name = &content[at..key_end];
+            let name_span = self.span(offset + at, offset + key_end.max(at + 1));
+            let after = key_end + (content[key_end..].len() - content[key_end..].trim_start().len());
+            if name.is_empty() || name.len() > MAX_NAME || !content[after..].starts_with('=') {
+                let what = if name.len() > MAX_NAME {
+                    format!("an attribute's name is longer than {MAX_NAME} bytes")
+                } else if name.is_empty() {
+                    format!("`{}` is not an attribute", shown(&content[at..]))
+                } else {
+                    format!("attribute `{}` has no value", shown(name))
+                };
+                self.report.error_help(name_span, what, || "valid: name=\"value\"".to_owned());
+                // Goes on after the next white space: one message for each piece.
+                at = content[at..].find(char::is_whitespace).map_or(content.len(), |space| at + space);
+                continue;
+            }
+            let start = after + 1 + (content[after + 1..].len() - content[after + 1..].trim_start().len());
+            let (value, next) = self.value(content, start, offset, name)?;
+            if let Some(value) = value {
+                let twice = attributes.iter().any(|other: &Attribute| other.name.eq_ignore_ascii_case(name));
+                if twice {
+                    self.report.error(name_span, format!("attribute `{}` stands twice", shown(name)));
+                } else {
+                    attributes.push(Attribute { name: name.to_owned(), name_span, value });
+                }
+            }
+            at = next;
+        }
+    }
+
+    /// Reads the value of attribute `name` at `start` of `content`, quoted or not, and where the next attribute may start.
+    fn value(&mut self, content: &str, start: usize, offset: usize, name: &str) -> Option<(Option<Value>, usize)> {
+        let (first, last, next) = match content[start..].chars().next() {
+            Some(quote @ ('"' | '\'')) => match content[start + 1..].find(quote) {
+                Some(length) => (start + 1, start + 1 + length, start + 2 + length),
+                None => {
+                    let at = self.span(offset + start, offset + content.len());
+                    self.report.error(at, format!("the quote of attribute `{}` is never closed", shown(name)));
+                    return Some((None, content.len()));
+                }
+            },
+            _ => {
+                let length = content[start..].find(char::is_whitespace).unwrap_or(content.len() - start);
+                (start, start + length, start + length)
+            }
+        };
+        let (raw, span) = (&content[first..last], self.span(offset + first, offset + last));
+        let quoted = first > start;
+        let problem = if raw.len() > MAX_VALUE {
+            Some(format!("the value of `{}` is longer than {MAX_VALUE} bytes", shown(name)))
+        } else if raw.contains('<') {
+            Some(format!("the value of `{}` contains `<`: is a quote missing?", shown(name)))
+        } else if !quoted && raw.is_empty() {
+            Some(format!("attribute `{}` has no value", shown(name)))
+        } else if !quoted && raw.contains(['=', '"', '\'']) {
+            Some(format!("`{}` is ambiguous without quotes", shown(raw)))
+        } else {
+            None
+        };
+        if let Some(problem) = problem {
+            self.report.error_help(span, problem, || format!("valid: {}=\"value\"", shown(name)));
+            return Some((None, next));
+        }
+        let text = self.unescape(raw, offset + first);
+        Some((Some(Value::new(&text, span)), next))
+    }
+}
+
+/// A predefined or numeric entity.
+fn entity(name: &str) -> Option<char> {
+    let code = match name {
+        "lt" => return Some('<'),
+        "gt" => return Some('>'),
+        "amp" => return Some('&'),
+        "quot" => return Some('"'),
+        "apos" => return Some('\''),
+        _ => name.strip_prefix('#')?,
+    };
+    let number = match code.strip_prefix(['x', 'X']) {
+        Some(hexadecimal) => u32::from_str_radix(hexadecimal, 16).ok()?,
+        None => code.parse().ok()?,
+    };
+    char::from_u32(number).filter(|c| !c.is_control() || matches!(c, '\t' | '\n' | '\r'))
+}

@@ -1,0 +1,176 @@
+//! Raster and quad passes.
+
+use super::dom::Element;
+use super::library::LibraryMaterial;
+use super::loader::Loader;
+use super::passes::PassContext;
+use super::report::{Span, shown, suggest};
+use super::{MaterialPattern, QuadPass, QuadSource, RasterPass};
+use crate::programs::{QUAD_PROGRAMS, QuadProgram, RASTER_PROGRAMS, RasterProgram, ShaderInfo};
+
+/// Channels that a raster pass writes: colour, position, normal.
+const RASTER_CHANNELS: usize = 3;
+
+/// The material that a quad pass draws with.
+const QUAD_MATERIAL: &str = "__Quad";
+
+impl Loader {
+    /// Reads a pass of class `default`.
+    pub fn raster_pass(&mut self, context: &mut PassContext<'_>) -> Option<RasterPass> {
+        const CHILDREN: &[&str] =
+            &["scenes", "camera", "viewport", "renderTarget", "lights", "materialMaps", "injectionMaps", "depth"];
+        let element = context.element;
+        self.expect_children(element, CHILDREN);
+        self.no_parameters(context, "default");
+        context.facts.writes_first(RASTER_CHANNELS);
+        let (scenes, camera, light) = (self.pass_scenes(context), self.pass_camera(context), self.pass_light(context));
+        if let Some(depth) = self.single(element, &["depth"]) {
+            self.depth_state(depth);
+        }
+        let (mut colors, mut programs) = (Vec::new(), Vec::new());
+        let maps = self.material_maps(element);
+        self.mapped_colors(maps.as_deref().unwrap_or_default(), &mut colors);
+        for (_, library, material, at) in maps.iter().flatten().filter(|(_, _, material, _)| material.shader.is_some())
+        {
+            programs.push(self.shader_program(context, *library, material, *at, RASTER_PROGRAMS, "raster"));
+        }
+        let injected = self.injection_maps(element, &mut colors);
+        for (library, material, at) in injected.iter().flatten() {
+            programs.push(self.shader_program(context, *library, material, *at, RASTER_PROGRAMS, "raster"));
+        }
+        let programs: Option<Vec<RasterProgram>> = programs.into_iter().collect();
+        let program = programs?.first().copied().unwrap_or(RASTER_PROGRAMS[0].program);
+        let (light, _, _) = (light?, maps?, injected?);
+        if !self.need_direction(light, RASTER_PROGRAMS[0].stem) {
+            return None;
+        }
+        Some(RasterPass { scenes: scenes?, camera: camera?, light: light.map(|(index, _)| index), program, colors })
+    }
+
+    /// `<depth test=true write=true/>`: the only state that is drawn.
+    fn depth_state(&mut self, depth: &Element) {
+        self.expect(depth, &[], &["test", "write", "clear", "value", "func"]);
+        for name in ["test", "write"] {
+            if let Some(value) = depth.attribute(name)
+                && self.boolean(value) == Some(false)
+            {
+                let message = format!("a raster pass without depth {name} is not supported");
+                self.report.error_help(value.span, message, || "valid: true".to_owned());
+            }
+        }
+    }
+
+    /// The program that a material's shader selects by the stem of its pixel-shader file.
+    fn shader_program<P: Copy>(
+        &mut self,
+        context: &PassContext<'_>,
+        library: usize,
+        material: &LibraryMaterial,
+        at: Span,
+        table: &[ShaderInfo<P>],
+        kind: &str,
+    ) -> Option<P> {
+        let pass = shown(&context.name);
+        let Some((name, stem)) = self.shader_of(library, material) else {
+            let message = format!("pass `{pass}`: material `{}` has no shader", shown(&material.name));
+            self.report.error(at, message);
+            return None;
+        };
+        let found = table.iter().find(|info| info.stem == stem);
+        if found.is_none() {
+            let message = format!(
+                "pass `{pass}`: shader `{}` is `{}`, which is not a {kind} program",
+                shown(&name),
+                shown(&stem)
+            );
+            self.report.error_help(at, message, || suggest(&stem, table.iter().map(|info| info.stem)));
+        }
+        found.map(|info| info.program)
+    }
+
+    /// Reads a pass of class `quad`.
+    pub fn quad_pass(&mut self, context: &mut PassContext<'_>) -> Option<QuadPass> {
+        const CHILDREN: &[&str] =
+            &["viewport", "renderTarget", "texture", "material", "materialMaps", "camera", "scenes", "lights"];
+        let element = context.element;
+        self.expect_children(element, CHILDREN);
+        self.no_parameters(context, "quad");
+        context.facts.writes_first(1);
+        let texture = self.single(element, &["texture"]);
+        let material = self.single(element, &["material"]);
+        let has_map = element.children_named(&["materialMaps"]).any(|list| !list.children.is_empty());
+        let sources = usize::from(texture.is_some()) + usize::from(material.is_some()) + usize::from(has_map);
+        if sources != 1 {
+            let how = if sources == 0 { "shows nothing" } else { "shows several things" };
+            self.report.error_help(element.span, format!("quad pass `{}` {how}", shown(&context.name)), || {
+                "valid: one of <texture>, <material>, <materialMaps>".to_owned()
+            });
+            return None;
+        }
+        if let Some(texture) = texture {
+            self.expect(texture, &[], &["name", "fromLibrary"]);
+            let (name, library) = (self.required(texture, "name"), self.required(texture, "fromLibrary"));
+            let (name, library) = (name?, self.find_library(library?)?);
+            let channel = self.find_channel(library, &name.text, name);
+            Self::reads(context, channel, name.span);
+            return Some(QuadPass { source: QuadSource::Show(channel?) });
+        }
+        let (library, material, at) = match material {
+            Some(element) => {
+                self.expect(element, &[], &["name", "fromLibrary"]);
+                let (name, from) = (self.required(element, "name"), self.required(element, "fromLibrary"));
+                let (library, material) = self.find_material(from?, name?)?;
+                (library, material, name?.span)
+            }
+            None => self.quad_map(context)?,
+        };
+        match self.shader_program(context, library, &material, at, QUAD_PROGRAMS, "quad")? {
+            QuadProgram::Combine => {
+                let [color, factor] = [0, 1].map(|unit| self.unit(context, library, &material, unit, at));
+                Some(QuadPass { source: QuadSource::Combine { color: color?, factor: factor? } })
+            }
+            QuadProgram::Show => {
+                let shown = self.unit(context, library, &material, 0, at);
+                Some(QuadPass { source: QuadSource::Show(shown?) })
+            }
+        }
+    }
+
+    /// The material that `<materialMaps>` gives the quad.
+    fn quad_map(&mut self, context: &PassContext<'_>) -> Option<(usize, LibraryMaterial, Span)> {
+        let mut maps = self.material_maps(context.element)?;
+        let quad = |pattern: &MaterialPattern| pattern.matches(QUAD_MATERIAL);
+        let index = maps.iter().position(|(pattern, ..)| quad(pattern));
+        let Some(index) = index else {
+            let message = format!("quad pass `{}` maps no material of `{QUAD_MATERIAL}`", shown(&context.name));
+            let at = maps.first().map_or(context.element.span, |(.., at)| *at);
+            self.report.error_help(at, message, || format!("valid: fromMaterial=\"{QUAD_MATERIAL}\""));
+            return None;
+        };
+        let (_, library, material, at) = maps.swap_remove(index);
+        Some((library, material, at))
+    }
+
+    /// The channel bound to a texture unit of a material.
+    fn unit(
+        &mut self,
+        context: &mut PassContext<'_>,
+        library: usize,
+        material: &LibraryMaterial,
+        unit: u32,
+        at: Span,
+    ) -> Option<super::ChannelRef> {
+        let Some((_, texture)) = material.textures.iter().find(|(bound, _)| *bound == unit) else {
+            let message = format!(
+                "pass `{}`: material `{}` binds no texture to unit {unit}",
+                shown(&context.name),
+                shown(&material.name)
+            );
+            self.report.error_help(at, message, || format!("valid: <texture unit=\"{unit}\" name=\"…\"/>"));
+            return None;
+        };
+        let channel = self.find_texture(texture, Some(library));
+        Self::reads(context, channel, at);
+        channel
+    }
+}

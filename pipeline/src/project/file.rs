@@ -1,0 +1,153 @@
+//! Reading project and library files, and finding the files they name.
+
+use super::dom::Value;
+use super::report::{Report, Span};
+use crate::diagnostic::Source;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Largest project or library file, bytes.
+pub(super) const MAX_FILE: u64 = 16 << 20;
+
+/// Reads a text file into [`Report::sources`] and returns its index. `named_at` is where another file names it.
+pub(super) fn read(report: &mut Report, path: &Path, named_at: Option<Span>) -> Option<u32> {
+    let bytes = match read_bytes(path) {
+        Ok(bytes) => bytes,
+        Err(why) => {
+            let message = format!("cannot read {}: {why}", path.display());
+            let at = named_at.unwrap_or_else(|| {
+                let file = report.add_source(Source { path: path.to_owned(), text: "".into() });
+                Span { file, start: 0, end: 0 }
+            });
+            report.error(at, message);
+            return None;
+        }
+    };
+    let body = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
+    let wrong = undecodable(body);
+    let file = report.add_source(Source { path: path.to_owned(), text: String::from_utf8_lossy(body).into() });
+    if let Some((offset, message, help)) = wrong {
+        // Up to this offset the text is as in the file: it is valid UTF-8.
+        let at = Span { file, start: offset as u32, end: (offset + 1) as u32 };
+        report.error_help(at, message, || help.to_owned());
+        return None;
+    }
+    Some(file)
+}
+
+fn read_bytes(path: &Path) -> Result<Vec<u8>, String> {
+    // A device or a pipe could block or never end.
+    let metadata = std::fs::metadata(path).map_err(|error| error.to_string())?;
+    if !metadata.is_file() {
+        return Err("it is not a regular file".to_owned());
+    }
+    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
+    let mut bytes = Vec::new();
+    file.take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    if bytes.len() as u64 > MAX_FILE {
+        return Err(format!("it is larger than {} MiB", MAX_FILE >> 20));
+    }
+    Ok(bytes)
+}
+
+/// Why bytes are not a text that XML allows, and where.
+fn undecodable(bytes: &[u8]) -> Option<(usize, String, &'static str)> {
+    let utf8 = "valid: UTF-8, with or without a byte-order mark; convert the file";
+    if bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF") {
+        return Some((0, "the file is UTF-16: its first two bytes are that byte-order mark".to_owned(), utf8));
+    }
+    match std::str::from_utf8(bytes) {
+        Err(error) => {
+            let offset = error.valid_up_to();
+            let message = format!("byte {offset} (0x{:02X}) is not UTF-8", bytes[offset]);
+            Some((offset, message, "valid: UTF-8; Latin-1 and Windows-1252 must be converted"))
+        }
+        Ok(text) => {
+            let control = |c: char| c.is_ascii_control() && !matches!(c, '\t' | '\n' | '\r');
+            let offset = text.find(control)?;
+            let message = format!("byte {offset} (0x{:02X}) is a control character", bytes[offset]);
+            Some((offset, message, utf8))
+        }
+    }
+}
+
+/// The file that `value` names, relative to `folder`; it need not exist. `None` if the path can be valid nowhere.
+///
+/// Backslashes are slashes. A path that a printed page wrapped is joined again. Where only the letters' case of an
+/// existing file differs, that file is meant, and a note says so.
+pub(super) fn resolve(report: &mut Report, folder: &Path, value: &Value) -> Option<PathBuf> {
+    let mut nominal = None;
+    for text in std::iter::once(&value.text).chain(&value.joined) {
+        let text = text.replace('\\', "/");
+        let bytes = text.as_bytes();
+        if text.is_empty() {
+            report.error(value.span, "this path is empty");
+            return None;
+        }
+        if bytes.len() >= 2 && bytes[0].is_ascii_alphabetic() && bytes[1] == b':' || text.starts_with("//") {
+            report.error_help(value.span, format!("`{}` is a path of one Windows machine", value.shown()), || {
+                "valid: a path relative to this file".to_owned()
+            });
+            return None;
+        }
+        let path = tidy(folder, &text);
+        if path.exists() {
+            return Some(path);
+        }
+        nominal = Some(path);
+    }
+    let nominal = nominal?;
+    let Some(actual) = any_case(folder, &value.joined.as_ref().unwrap_or(&value.text).replace('\\', "/")) else {
+        return Some(nominal);
+    };
+    report.note(value.span, format!("`{}` stands for {}", value.shown(), actual.display()));
+    Some(actual)
+}
+
+/// `folder/text` without empty and `.` components; `..` is kept, for it may follow a link.
+fn tidy(folder: &Path, text: &str) -> PathBuf {
+    let mut path = folder.to_owned();
+    if text.starts_with('/') {
+        path.push("/");
+    }
+    path.extend(text.split('/').filter(|part| !matches!(*part, "" | ".")));
+    path
+}
+
+/// An existing path that differs from `folder/text` in letters' case only.
+fn any_case(folder: &Path, text: &str) -> Option<PathBuf> {
+    /// Entries of a folder that are looked at.
+    const MOST: usize = 10_000;
+    if text.starts_with('/') {
+        return None;
+    }
+    let mut path = folder.to_owned();
+    for part in text.split('/').filter(|part| !matches!(*part, "" | ".")) {
+        let next = path.join(part);
+        if next.exists() {
+            path = next;
+            continue;
+        }
+        let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+        let lower = part.to_lowercase();
+        let mut alike: Vec<_> = std::fs::read_dir(here)
+            .ok()?
+            .take(MOST)
+            .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+            .filter(|name| name.to_lowercase() == lower)
+            .collect();
+        alike.sort_unstable();
+        path.push(alike.first()?);
+    }
+    Some(path)
+}
+
+/// The stem of a program or shader file: `final` of `optix\final.ptx`, whatever the folder and the extension.
+pub(super) fn stem(value: &Value) -> &str {
+    let text = value.joined.as_deref().unwrap_or(&value.text);
+    let name = text.rsplit(['/', '\\']).next().unwrap_or(text).trim();
+    match name.rfind('.') {
+        Some(dot) if dot > 0 => &name[..dot],
+        _ => name,
+    }
+}

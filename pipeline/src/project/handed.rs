@@ -1,0 +1,174 @@
+//! What a ray pass hands its program besides buffers: vertex, material and global attributes.
+
+use super::dom::{Element, Value};
+use super::loader::Loader;
+use super::report::{Span, suggest};
+use crate::programs::RayProgramInfo;
+
+const VERTEX: &[&str] = &["optixVertexAttributes", "rtVertexAttributes"];
+const MATERIAL: &[&str] = &["optixMaterialAttributes", "rtMaterialAttributes"];
+const GLOBAL: &[&str] = &["optixGlobalAttributes", "rtGlobalAttributes", "optixGlobalParams", "rtGlobalParams"];
+
+/// Elements of a pass that are read here.
+pub(super) const ELEMENTS: &[&str] = &[
+    "optixVertexAttributes",
+    "rtVertexAttributes",
+    "optixMaterialAttributes",
+    "rtMaterialAttributes",
+    "optixGlobalAttributes",
+    "rtGlobalAttributes",
+    "optixGlobalParams",
+    "rtGlobalParams",
+];
+
+/// Where a variable's value must come from: kinds of things and components of them, all of them alike.
+struct Origin {
+    variable: &'static str,
+    valid: &'static [(&'static str, &'static str)],
+}
+
+const ORIGINS: &[Origin] = &[
+    Origin { variable: "lightDir", valid: &[("LIGHT", "DIRECTION")] },
+    Origin { variable: "lightColor", valid: &[("LIGHT", "COLOR"), ("LIGHT", "DIFFUSE")] },
+    Origin { variable: "diffuse", valid: &[("COLOR", "DIFFUSE")] },
+    Origin { variable: "texCount", valid: &[("TEXTURE", "COUNT"), ("RENDERER", "TEXTURE_COUNT")] },
+];
+
+/// The program of the pass, and the pass's first light (`None` inside: no light; `None` outside: unknown).
+pub(super) struct Program {
+    pub info: &'static RayProgramInfo,
+    pub light: Option<Option<(usize, Span)>>,
+}
+
+/// One kind of thing handed over.
+struct Kind {
+    /// For messages.
+    what: &'static str,
+    elements: &'static [&'static str],
+    needed: &'static [&'static str],
+    /// How one is written; `{}` stands for its name.
+    written: fn(&str) -> String,
+}
+
+impl Loader {
+    /// Checks that the program's attributes are handed over, each from the right place. Says what is never read.
+    pub fn attributes_handed(&mut self, pass: &Element, program: Program) -> bool {
+        let info = program.info;
+        let value_of = |name: &str| {
+            let origin = ORIGINS.iter().find(|origin| origin.variable == name);
+            let (kind, component) = origin.map_or(("…", "…"), |origin| origin.valid[0]);
+            format!("<valueof optixVar=\"{name}\" type=\"CURRENT\" context=\"{kind}\" component=\"{component}\"/>")
+        };
+        let kinds = [
+            Kind {
+                what: "vertex attribute",
+                elements: VERTEX,
+                needed: info.vertex_attributes,
+                written: |name| format!("<attribute name=\"{name}\"/>"),
+            },
+            Kind {
+                what: "material attribute",
+                elements: MATERIAL,
+                needed: info.material_attributes,
+                written: value_of,
+            },
+            Kind { what: "global attribute", elements: GLOBAL, needed: info.globals, written: value_of },
+        ];
+        let mut whole = true;
+        for kind in kinds {
+            whole &= self.kind_handed(pass, &program, &kind);
+        }
+        whole
+    }
+
+    fn kind_handed(&mut self, pass: &Element, program: &Program, kind: &Kind) -> bool {
+        const ITEMS: &[&str] = &["attribute", "valueof", "param"];
+        let stem = program.info.stem;
+        let mut given: Vec<&str> = Vec::new();
+        let mut whole = true;
+        let mut container = None;
+        for list in pass.children_named(kind.elements) {
+            container = container.or(Some(list));
+            self.expect(list, ITEMS, &[]);
+            for item in list.children_named(ITEMS) {
+                let variable = match self.any_attribute(item, &["optixVar", "rtVar", "var"]) {
+                    Some(variable) => Some(variable),
+                    None => self.required(item, "name"),
+                };
+                let Some(variable) = variable else {
+                    whole = false;
+                    continue;
+                };
+                let Some(name) = kind.needed.iter().find(|name| variable.text.eq_ignore_ascii_case(name)) else {
+                    let message = format!("program `{stem}` does not read the {} `{}`", kind.what, variable.shown());
+                    self.report.note(variable.span, message);
+                    continue;
+                };
+                if *name != variable.text {
+                    self.report.note(variable.span, format!("`{}` stands for `{name}`", variable.shown()));
+                }
+                if given.contains(name) {
+                    self.report.error(variable.span, format!("`{name}` is handed over twice"));
+                    whole = false;
+                }
+                given.push(name);
+                whole &= item.is(&["attribute"]) || self.origin_valid(item, name, program);
+            }
+        }
+        for name in kind.needed.iter().filter(|name| !given.contains(name)) {
+            let message = format!("program `{stem}` reads the {} `{name}`, which the pass does not hand it", kind.what);
+            self.report.error_help(container.unwrap_or(pass).span, message, || {
+                format!("valid: {} in <{}>", (kind.written)(name), kind.elements[0])
+            });
+            whole = false;
+        }
+        whole
+    }
+
+    /// Whether `type`, `context` and `component` of an item say what its variable means.
+    fn origin_valid(&mut self, item: &Element, variable: &str, program: &Program) -> bool {
+        self.expect(item, &[], &["optixVar", "rtVar", "var", "name", "type", "context", "component", "id"]);
+        let Some(origin) = ORIGINS.iter().find(|origin| origin.variable == variable) else { return true };
+        let parts = ["type", "context", "component"].map(|name| self.required(item, name));
+        let [Some(kind), Some(context), Some(component)] = parts else { return false };
+        // In 2014 the thing's kind is the context of CURRENT, today CURRENT is the context of the kind.
+        let current = |value: &Value| value.text.eq_ignore_ascii_case("CURRENT");
+        let (kind, holder) = if current(kind) { (context, kind) } else { (kind, context) };
+        let valid = |(valid_kind, valid_component): &(&str, &str)| {
+            kind.text.eq_ignore_ascii_case(valid_kind) && component.text.eq_ignore_ascii_case(valid_component)
+        };
+        if !origin.valid.iter().any(valid) {
+            let message = format!("`{variable}` cannot be the {} of {}", component.shown(), kind.shown());
+            self.report.error_help(component.span, message, || {
+                let ways: Vec<String> =
+                    origin.valid.iter().map(|(kind, component)| format!("the {component} of {kind}")).collect();
+                format!("valid: {}", ways.join(", "))
+            });
+            return false;
+        }
+        if let Some(id) = item.attribute("id")
+            && self.number(id).is_some_and(|id| id != 0.0)
+        {
+            let message = format!("`{variable}` reads light or texture {}: only the first can be read", id.shown());
+            self.report.error_help(id.span, message, || "valid: id=\"0\"".to_owned());
+            return false;
+        }
+        if kind.text.eq_ignore_ascii_case("LIGHT") && !current(holder) {
+            return self.is_first_light(holder, program);
+        }
+        true
+    }
+
+    /// Whether a light that is named outright is the one of the pass.
+    fn is_first_light(&mut self, name: &Value, program: &Program) -> bool {
+        let index = self.lights.names.resolve(&mut self.report, &name.text, name.span);
+        let (Some(index), Some(Some((first, _)))) = (index, program.light) else { return index.is_some() };
+        if index != first {
+            let message = format!("`{}` is not the first light of the pass", name.shown());
+            let names: Vec<&str> = self.lights.names.iter().collect();
+            self.report.error_help(name.span, message, || suggest("", ["CURRENT", names[first]]));
+            return false;
+        }
+        true
+    }
+}

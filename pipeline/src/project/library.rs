@@ -1,0 +1,465 @@
+//! Material libraries: render targets, shaders, materials and textures.
+
+use super::dom::{Element, Value};
+use super::loader::Loader;
+use super::report::{Found, Names, shown, suggest};
+use super::{Channel, ChannelRef, RenderTarget, file};
+use crate::image::PixelFormat;
+use glam::Vec4;
+use std::path::PathBuf;
+
+/// Names of a library's root element.
+pub(super) const ROOT: &[&str] = &["materialLib", "mlib"];
+
+/// Most libraries of a project.
+const MAX_LIBRARIES: usize = 64;
+
+/// Names of the built-in library.
+const BUILT_IN: [&str; 2] = ["curitiba_material_lib", "__nau_material_lib"];
+
+/// Materials of the built-in library: diffuse colour and emission.
+const BUILT_IN_MATERIALS: &[(&str, [f32; 3], [f32; 3])] = &[
+    ("__Black", [0.0; 3], [0.0; 3]),
+    ("__White", [1.0; 3], [0.0; 3]),
+    ("__Grey", [0.5; 3], [0.0; 3]),
+    ("__Red", [1.0, 0.0, 0.0], [0.0; 3]),
+    ("__Green", [0.0, 1.0, 0.0], [0.0; 3]),
+    ("__Blue", [0.0, 0.0, 1.0], [0.0; 3]),
+    ("__Emission White", [0.0; 3], [1.0; 3]),
+    ("__Emission Red", [0.0; 3], [1.0, 0.0, 0.0]),
+    ("__Emission Green", [0.0; 3], [0.0, 1.0, 0.0]),
+    ("__Emission Blue", [0.0; 3], [0.0, 0.0, 1.0]),
+    ("__Emission Yellow", [0.0; 3], [1.0, 1.0, 0.0]),
+];
+
+/// Names of storage formats in libraries. `RGBA` is the engine's short name of four bytes.
+const FORMATS: &[(&str, PixelFormat)] = &[
+    ("RGBA32F", PixelFormat::Rgba32Float),
+    ("RGBA16F", PixelFormat::Rgba16Float),
+    ("RGBA8", PixelFormat::Rgba8Unorm),
+    ("RGBA", PixelFormat::Rgba8Unorm),
+    ("R8", PixelFormat::R8Unorm),
+    ("R32F", PixelFormat::R32Float),
+];
+
+/// What a texture's name in a library stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Texture {
+    /// A colour channel of a render target; `None` if its target could not be read.
+    Channel(Option<ChannelRef>),
+    /// The depth of a render target.
+    Depth,
+    /// An image file or data, which no pass here reads.
+    Other,
+}
+
+/// A material of a library.
+#[derive(Debug, Clone)]
+pub(super) struct LibraryMaterial {
+    pub name: String,
+    pub diffuse: Vec4,
+    pub emission: Vec4,
+    /// Index into [`Library::shaders`].
+    pub shader: Option<usize>,
+    /// Texture units and the names of what is bound to them.
+    pub textures: Vec<(u32, Value)>,
+}
+
+/// A shader of a library.
+#[derive(Debug, Clone)]
+pub(super) struct Shader {
+    pub name: String,
+    /// Stem of its pixel-shader file.
+    pub stem: String,
+}
+
+/// A library.
+#[derive(Debug)]
+pub(super) struct Library {
+    pub name: String,
+    /// Names of render targets, with their indices into [`Libraries::targets`].
+    target_names: Names,
+    target_indices: Vec<Option<usize>>,
+    texture_names: Names,
+    textures: Vec<Texture>,
+    shader_names: Names,
+    pub shaders: Vec<Shader>,
+    material_names: Names,
+    materials: Vec<Option<LibraryMaterial>>,
+}
+
+impl Library {
+    fn new(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            target_names: Names::new("render target"),
+            target_indices: Vec::new(),
+            texture_names: Names::new("texture"),
+            textures: Vec::new(),
+            shader_names: Names::new("shader"),
+            shaders: Vec::new(),
+            material_names: Names::new("material"),
+            materials: Vec::new(),
+        }
+    }
+
+    fn built_in(name: &str) -> Self {
+        let mut library = Self::new(name);
+        for (name, diffuse, emission) in BUILT_IN_MATERIALS {
+            let opaque = |[r, g, b]: [f32; 3]| Vec4::new(r, g, b, 1.0);
+            library.material_names.declare_built_in(name);
+            library.materials.push(Some(LibraryMaterial {
+                name: (*name).to_owned(),
+                diffuse: opaque(*diffuse),
+                emission: opaque(*emission),
+                shader: None,
+                textures: Vec::new(),
+            }));
+        }
+        library
+    }
+}
+
+/// All libraries of a project.
+pub(super) struct Libraries {
+    names: Names,
+    list: Vec<Library>,
+    files: Vec<PathBuf>,
+    /// Whether some library could not be read: unknown names may be declared there.
+    incomplete: bool,
+    /// Render targets of all libraries.
+    pub targets: Vec<RenderTarget>,
+}
+
+impl Libraries {
+    pub fn new() -> Self {
+        let mut names = Names::new("material library");
+        BUILT_IN.iter().for_each(|name| names.declare_built_in(name));
+        let list = BUILT_IN.iter().map(|name| Library::built_in(name)).collect();
+        Self { names, list, files: Vec::new(), incomplete: false, targets: Vec::new() }
+    }
+
+    /// A library by its index.
+    pub fn get(&self, library: usize) -> &Library {
+        &self.list[library]
+    }
+
+    /// `Library::channel`, as files write it.
+    pub fn channel_name(&self, channel: ChannelRef) -> String {
+        let target = &self.targets[channel.target];
+        format!("{}::{}", target.library, target.channels[channel.channel].name)
+    }
+}
+
+impl Loader {
+    /// Reads the library that `<mlib filename="…"/>` names.
+    pub fn library(&mut self, element: &Element) {
+        self.expect(element, &[], &["filename", "name"]);
+        let read = self.read_library(element);
+        self.libraries.incomplete |= read.is_none();
+    }
+
+    fn read_library(&mut self, element: &Element) -> Option<()> {
+        let value = self.required(element, "filename")?;
+        let path = file::resolve(&mut self.report, &self.folder, value)?;
+        let same = std::fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
+        if self.libraries.files.contains(&same) {
+            self.report.warning(value.span, format!("{} is listed twice: it is read once", path.display()), || None);
+            return Some(());
+        }
+        if self.libraries.files.len() == MAX_LIBRARIES {
+            self.report.error(value.span, format!("more than {MAX_LIBRARIES} material libraries"));
+            return None;
+        }
+        self.libraries.files.push(same);
+        let root = self.document(&path, Some(value.span))?;
+        if !root.is(ROOT) {
+            let message = format!("a material library does not start with <{}>", root.name);
+            self.report.error_help(root.span, message, || "valid: <materialLib>".to_owned());
+            return None;
+        }
+        const PARTS: &[&str] = &[
+            "renderTargets",
+            "shaders",
+            "materials",
+            "textures",
+            "states",
+            "samplers",
+            "buffers",
+            "arraysOfTextures",
+            "imageTextures",
+        ];
+        self.expect(&root, PARTS, &["name"]);
+        let name = self.required(&root, "name")?;
+        self.libraries.names.declare(&mut self.report, &name.text, name.span);
+        let mut library = Library::new(&name.text);
+        for list in root.children_named(&["renderTargets"]) {
+            self.expect(list, &["renderTarget"], &[]);
+            list.children_named(&["renderTarget"]).for_each(|target| self.render_target(&mut library, target));
+        }
+        for list in root.children_named(&["textures"]) {
+            self.expect(list, &["texture", "cubeMap"], &[]);
+            for texture in list.children_named(&["texture", "cubeMap"]) {
+                if let Some(name) = self.required(texture, "name") {
+                    library.texture_names.declare(&mut self.report, &name.text, name.span);
+                    library.textures.push(Texture::Other);
+                }
+            }
+        }
+        for list in root.children_named(&["shaders"]) {
+            self.expect(list, &["shader"], &[]);
+            list.children_named(&["shader"]).for_each(|shader| self.shader(&mut library, shader));
+        }
+        for list in root.children_named(&["materials"]) {
+            self.expect(list, &["material"], &[]);
+            list.children_named(&["material"]).for_each(|material| self.library_material(&mut library, material));
+        }
+        self.libraries.list.push(library);
+        Some(())
+    }
+
+    fn render_target(&mut self, library: &mut Library, element: &Element) {
+        const CHILDREN: &[&str] =
+            &["size", "clear", "clear_values", "colors", "depth", "stencil", "depthStencil", "multisampling"];
+        self.expect(element, CHILDREN, &["name"]);
+        if let Some(multisampling) = self.single(element, &["multisampling"]) {
+            let help = || Some("ask for a larger size instead".to_owned());
+            self.report.warning(multisampling.span, "multisampling is not supported: it is ignored", help);
+        }
+        let size = match self.single(element, &["size"]) {
+            Some(size) => {
+                self.expect(size, &[], &["width", "height"]);
+                let sides =
+                    ["width", "height"].map(|name| self.required(size, name).and_then(|value| self.side(value)));
+                sides[0].zip(sides[1])
+            }
+            None => {
+                self.report.error_help(element.span, "the render target has no size", || {
+                    "valid: <size width=\"1024\" height=\"1024\"/>".to_owned()
+                });
+                None
+            }
+        };
+        let index = self.libraries.targets.len();
+        let mut channels = Vec::new();
+        let mut declared: Vec<&Value> = Vec::new();
+        let mut whole = true;
+        for list in element.children_named(&["colors"]) {
+            self.expect(list, &["color"], &[]);
+            for color in list.children_named(&["color"]) {
+                self.expect(color, &[], &["name", "format", "internalFormat", "type", "mipmap", "layers"]);
+                let (name, format) = (self.required(color, "name"), self.format(color));
+                declared.extend(name);
+                match (name, format) {
+                    (Some(name), Some(format)) => channels.push(Channel { name: name.text.clone(), format }),
+                    _ => whole = false,
+                }
+            }
+        }
+        let target_name = self.required(element, "name");
+        let target = match (size, target_name) {
+            (Some((width, height)), Some(name)) if whole => Some(RenderTarget {
+                library: library.name.clone(),
+                name: name.text.clone(),
+                size: [width, height],
+                channels,
+            }),
+            _ => None,
+        };
+        for (channel, name) in declared.into_iter().enumerate() {
+            library.texture_names.declare(&mut self.report, &name.text, name.span);
+            library.textures.push(Texture::Channel(target.is_some().then_some(ChannelRef { target: index, channel })));
+        }
+        for depth in element.children_named(&["depth", "stencil", "depthStencil"]) {
+            if let Some(name) = depth.attribute("name") {
+                library.texture_names.declare(&mut self.report, &name.text, name.span);
+                library.textures.push(Texture::Depth);
+            }
+        }
+        if let Some(name) = target_name {
+            library.target_names.declare(&mut self.report, &name.text, name.span);
+            library.target_indices.push(target.is_some().then_some(index));
+        }
+        self.libraries.targets.extend(target);
+    }
+
+    fn format(&mut self, color: &Element) -> Option<PixelFormat> {
+        let value = self.required(color, "internalFormat")?;
+        let found = FORMATS.iter().find(|(name, _)| name.eq_ignore_ascii_case(&value.text));
+        if found.is_none() {
+            self.report.error_help(value.span, format!("`{}` is not a format", value.shown()), || {
+                suggest(&value.text, FORMATS.iter().map(|(name, _)| *name))
+            });
+        }
+        found.map(|(_, format)| *format)
+    }
+
+    fn shader(&mut self, library: &mut Library, element: &Element) {
+        let Some(name) = self.required(element, "name") else { return };
+        library.shader_names.declare(&mut self.report, &name.text, name.span);
+        // A compute shader has no pixel shader; only a pass that asks for it need care.
+        let stem = element.attribute("ps").map_or("", file::stem).to_owned();
+        library.shaders.push(Shader { name: name.text.clone(), stem });
+    }
+
+    fn library_material(&mut self, library: &mut Library, element: &Element) {
+        const CHILDREN: &[&str] =
+            &["color", "shader", "textures", "state", "imageTextures", "buffers", "arrayOfTextures"];
+        self.expect(element, CHILDREN, &["name"]);
+        let Some(name) = self.required(element, "name") else { return };
+        library.material_names.declare(&mut self.report, &name.text, name.span);
+        let shader = match self.single(element, &["shader"]) {
+            Some(shader) => self.material_shader(library, shader).map(Some),
+            None => Some(None),
+        };
+        // The engine's defaults.
+        let (mut diffuse, mut emission) = (Some(Vec4::new(0.8, 0.8, 0.8, 1.0)), Some(Vec4::new(0.0, 0.0, 0.0, 1.0)));
+        if let Some(colors) = self.single(element, &["color"]) {
+            self.expect(colors, &["ambient", "diffuse", "specular", "emission", "shininess"], &[]);
+            for part in &colors.children {
+                if part.is(&["shininess"]) {
+                    self.number_of(part, "value");
+                } else if part.is(&["ambient", "diffuse", "specular", "emission"]) {
+                    let color = self.color(part);
+                    if part.is(&["diffuse"]) {
+                        diffuse = color;
+                    } else if part.is(&["emission"]) {
+                        emission = color;
+                    }
+                }
+            }
+        }
+        let mut textures = Some(Vec::new());
+        for texture in element
+            .children_named(&["textures"])
+            .flat_map(|list| &list.children)
+            .filter(|texture| texture.is(&["texture"]))
+        {
+            let binding = self.binding(texture);
+            textures = textures.zip(binding).map(|(mut textures, binding)| {
+                textures.push(binding);
+                textures
+            });
+        }
+        let material = (|| {
+            Some(LibraryMaterial {
+                name: name.text.clone(),
+                diffuse: diffuse?,
+                emission: emission?,
+                shader: shader?,
+                textures: textures?,
+            })
+        })();
+        library.materials.push(material);
+    }
+
+    /// `<texture unit="0" name="…"/>`.
+    fn binding(&mut self, element: &Element) -> Option<(u32, Value)> {
+        const UNITS: f32 = 256.0;
+        let (unit, name) = (self.required(element, "unit"), self.required(element, "name"));
+        let unit_value = unit?;
+        let unit = self.number(unit_value)?;
+        if unit.fract() != 0.0 || !(0.0..UNITS).contains(&unit) {
+            let message = format!("`{}` is not a texture unit", unit_value.shown());
+            self.report.error_help(unit_value.span, message, || "valid: 0..=255".to_owned());
+            return None;
+        }
+        Some((unit as u32, name?.clone()))
+    }
+
+    /// `<shader><name>X</name>…</shader>` or `<shader name="X">…</shader>`.
+    fn material_shader(&mut self, library: &Library, element: &Element) -> Option<usize> {
+        let inner = self.single(element, &["name"]);
+        let name = match (element.attribute("name"), inner) {
+            (None, Some(inner)) => match &inner.text {
+                Some(name) => name,
+                None => {
+                    self.report.error(inner.span, "the shader's <name> is empty");
+                    return None;
+                }
+            },
+            _ => self.required(element, "name")?,
+        };
+        library.shader_names.resolve(&mut self.report, &name.text, name.span)
+    }
+
+    /// A library that a file mentions.
+    pub fn find_library(&mut self, name: &Value) -> Option<usize> {
+        if self.libraries.incomplete && matches!(self.libraries.names.find(&name.text), Found::Missing) {
+            // It may be in the file that could not be read, of which there is an error.
+            return None;
+        }
+        self.libraries.names.resolve(&mut self.report, &name.text, name.span)
+    }
+
+    /// A material of a library: `name` in the library `from`.
+    pub fn find_material(&mut self, from: &Value, name: &Value) -> Option<(usize, LibraryMaterial)> {
+        let library = self.find_library(from)?;
+        let index = self.libraries.list[library].material_names.resolve(&mut self.report, &name.text, name.span)?;
+        Some((library, self.libraries.list[library].materials[index].clone()?))
+    }
+
+    /// The render target of `<rendertarget name fromLibrary/>`.
+    pub fn find_target(&mut self, element: &Element) -> Option<usize> {
+        self.expect(element, &[], &["name", "fromLibrary"]);
+        let (name, from) = (self.required(element, "name"), self.required(element, "fromLibrary"));
+        let library = self.find_library(from?)?;
+        let library = &self.libraries.list[library];
+        let index = library.target_names.resolve(&mut self.report, &name?.text, name?.span)?;
+        library.target_indices[index]
+    }
+
+    /// The channel that `name` of a library stands for.
+    pub fn find_channel(&mut self, library: usize, name: &str, value: &Value) -> Option<ChannelRef> {
+        let library = &self.libraries.list[library];
+        let index = library.texture_names.resolve(&mut self.report, name, value.span)?;
+        let why = match library.textures[index] {
+            Texture::Channel(channel) => return channel,
+            Texture::Depth => "is a depth buffer: only colour channels can be read",
+            Texture::Other => "is not a channel of a render target: only those can be read",
+        };
+        self.report.error_help(value.span, format!("`{}` {why}", shown(name)), || {
+            let channels = library.texture_names.iter().zip(&library.textures);
+            suggest(name, channels.filter(|(_, kind)| matches!(kind, Texture::Channel(_))).map(|(name, _)| name))
+        });
+        None
+    }
+
+    /// The channel that `Library::name` stands for, or `name` alone: in the library `own`, or else in the only library
+    /// that has it.
+    pub fn find_texture(&mut self, value: &Value, own: Option<usize>) -> Option<ChannelRef> {
+        if let Some((library, name)) = value.text.split_once("::") {
+            let from = Value { text: library.trim().to_owned(), joined: None, span: value.span };
+            let library = self.find_library(&from)?;
+            return self.find_channel(library, name.trim(), value);
+        }
+        if let Some(own) = own {
+            return self.find_channel(own, &value.text, value);
+        }
+        let has = |library: &Library| matches!(library.texture_names.find(&value.text), Found::Exact(_));
+        let holders: Vec<usize> =
+            (0..self.libraries.list.len()).filter(|index| has(&self.libraries.list[*index])).collect();
+        match holders[..] {
+            [only] => self.find_channel(only, &value.text, value),
+            [] if self.libraries.incomplete => None,
+            [] => {
+                self.report.error_help(value.span, format!("there is no texture `{}`", value.shown()), || {
+                    let channels = self.libraries.targets.iter().flat_map(|target| {
+                        target.channels.iter().map(|channel| format!("{}::{}", target.library, channel.name))
+                    });
+                    let names: Vec<String> = channels.collect();
+                    suggest(&value.text, names.iter().map(String::as_str))
+                });
+                None
+            }
+            _ => {
+                self.report.error_help(value.span, format!("`{}` is in several libraries", value.shown()), || {
+                    let names =
+                        holders.iter().map(|index| format!("{}::{}", self.libraries.list[*index].name, value.shown()));
+                    format!("valid: {}", names.collect::<Vec<_>>().join(", "))
+                });
+                None
+            }
+        }
+    }
+}

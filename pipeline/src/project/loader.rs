@@ -1,0 +1,167 @@
+//! Reads a project file and its material libraries, and keeps what is read until all references are resolved.
+
+use super::dom::{self, Element, Value};
+use super::library::Libraries;
+use super::report::{Names, Report, Span};
+use super::{Camera, Light, Pipeline, Project, SceneDecl, Viewport, file};
+use crate::diagnostic::Problems;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// What is known while a project is read.
+pub(super) struct Loader {
+    pub report: Report,
+    /// The project's folder.
+    pub folder: PathBuf,
+    /// Numbers that have names.
+    pub constants: HashMap<String, f32>,
+    pub libraries: Libraries,
+    pub scenes: Declared<SceneDecl>,
+    pub viewports: Declared<Viewport>,
+    pub cameras: Declared<Camera>,
+    pub lights: Declared<Light>,
+}
+
+/// Things of one kind and their names. A thing that could not be read has its name, so that nothing is said of those who
+/// refer to it, and no value; there is then an error.
+pub(super) struct Declared<T> {
+    pub names: Names,
+    pub items: Vec<Option<T>>,
+}
+
+impl<T> Declared<T> {
+    pub fn new(what: &'static str) -> Self {
+        Self { names: Names::new(what), items: Vec::new() }
+    }
+
+    /// Adds the thing named at `name`.
+    pub fn add(&mut self, report: &mut Report, name: &Value, item: Option<T>) {
+        self.names.declare(report, &name.text, name.span);
+        self.items.push(item);
+    }
+
+    /// All of them; call it only where there was no error.
+    fn finish(self) -> Vec<T> {
+        self.items.into_iter().flatten().collect()
+    }
+}
+
+/// Window of a project that names no size, pixels.
+const DEFAULT_WINDOW: [u32; 2] = [1024, 1024];
+
+/// Loads a project; see [`super::load`].
+pub(super) fn load(path: &Path) -> Result<Project, Problems> {
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    let mut loader = Loader {
+        report: Report::default(),
+        folder,
+        constants: HashMap::new(),
+        libraries: Libraries::new(),
+        scenes: Declared::new("scene"),
+        viewports: Declared::new("viewport"),
+        cameras: Declared::new("camera"),
+        lights: Declared::new("light"),
+    };
+    let read = loader.project(path);
+    match read {
+        Some(mut project) if !loader.report.has_errors() => {
+            project.scenes = loader.scenes.finish();
+            project.viewports = loader.viewports.finish();
+            project.cameras = loader.cameras.finish();
+            project.lights = loader.lights.finish();
+            project.targets = loader.libraries.targets;
+            project.problems = loader.report.finish();
+            Ok(project)
+        }
+        _ => Err(loader.report.finish()),
+    }
+}
+
+impl Loader {
+    /// Reads a file into a document.
+    pub fn document(&mut self, path: &Path, named_at: Option<Span>) -> Option<Element> {
+        let file = file::read(&mut self.report, path, named_at)?;
+        dom::parse(&mut self.report, file)
+    }
+
+    fn project(&mut self, path: &Path) -> Option<Project> {
+        let root = self.document(path, None)?;
+        if !root.is(&["project"]) {
+            let help = if root.is(super::library::ROOT) {
+                "this is a material library; a project names it in <materialLibs>".to_owned()
+            } else {
+                "valid: <project>".to_owned()
+            };
+            self.report.error_help(root.span, format!("a project does not start with <{}>", root.name), || help);
+            return None;
+        }
+        self.expect(&root, &["assets", "pipelines", "interface"], &["name", "width", "height"]);
+        let name = self.required(&root, "name").map(|name| name.text.clone());
+        let window = self.window(&root);
+        self.assets(&root);
+        let (pipelines, default_pipeline) = self.pipelines(&root);
+        Some(Project {
+            path: path.to_owned(),
+            name: name?,
+            window: window?,
+            scenes: Vec::new(),
+            viewports: Vec::new(),
+            cameras: Vec::new(),
+            lights: Vec::new(),
+            targets: Vec::new(),
+            pipelines,
+            default_pipeline,
+            problems: Problems::default(),
+        })
+    }
+
+    fn window(&mut self, root: &Element) -> Option<[u32; 2]> {
+        let mut side = |name: &str| root.attribute(name).map(|value| self.side(value));
+        match (side("width"), side("height")) {
+            (None, None) => Some(DEFAULT_WINDOW),
+            (Some(width), Some(height)) => Some([width?, height?]),
+            (Some(_), None) | (None, Some(_)) => {
+                self.report.error_help(root.span, "the window has only one of `width` and `height`", || {
+                    "valid: both, or none for 1024 x 1024".to_owned()
+                });
+                None
+            }
+        }
+    }
+
+    fn pipelines(&mut self, root: &Element) -> (Vec<Pipeline>, usize) {
+        let mut names = Names::new("pipeline");
+        let mut pipelines = Vec::new();
+        let mut default: Option<(usize, Span)> = None;
+        let mut any = false;
+        for list in root.children_named(&["pipelines"]) {
+            self.expect(list, &["pipeline"], &[]);
+            for element in list.children_named(&["pipeline"]) {
+                any = true;
+                if let Some(name) = self.required(element, "name") {
+                    names.declare(&mut self.report, &name.text, name.span);
+                }
+                if let Some(value) = element.attribute("default")
+                    && self.boolean(value) == Some(true)
+                {
+                    match default {
+                        None => default = Some((pipelines.len(), value.span)),
+                        Some((_, first)) => {
+                            let source = self.report.source(first.file).clone();
+                            self.report.error_help(value.span, "a second pipeline is the default one", || {
+                                let (line, column) = source.line_column(first.start as usize);
+                                format!("the first is at {}:{line}:{column}", source.path.display())
+                            });
+                        }
+                    }
+                }
+                let pipeline = self.pipeline(element);
+                pipelines.push(pipeline);
+            }
+        }
+        if !any {
+            self.report.error(root.span, "the project has no <pipeline>");
+        }
+        (pipelines, default.map_or(0, |(index, _)| index))
+    }
+}

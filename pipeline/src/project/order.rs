@@ -1,0 +1,117 @@
+//! Whether what passes read has been written, by the pipeline's order.
+
+use super::ChannelRef;
+use super::loader::Loader;
+use super::report::{Span, shown};
+use std::collections::HashMap;
+
+/// What a pass reads and writes.
+pub(super) struct Facts {
+    /// Its name.
+    pub name: String,
+    /// Where it stands.
+    pub span: Span,
+    /// Channels read, and where the file says so.
+    pub reads: Vec<(ChannelRef, Span)>,
+    /// Its render target, how many channels that has, and where the file says so.
+    target: Option<(usize, usize, Span)>,
+    /// How many of the target's channels it writes, from the first.
+    writes: usize,
+    /// Whether all that it reads and writes must have one size.
+    pub one_size: bool,
+}
+
+impl Facts {
+    pub fn new(name: &str, span: Span) -> Self {
+        Self { name: name.to_owned(), span, reads: Vec::new(), target: None, writes: 0, one_size: false }
+    }
+
+    pub fn set_target(&mut self, target: Option<usize>, channels: usize, at: Span) {
+        self.target = target.map(|target| (target, channels, at));
+    }
+
+    /// The pass writes at most the first `count` channels of its target.
+    pub fn writes_first(&mut self, count: usize) {
+        self.writes = count;
+    }
+
+    /// The pass writes all channels of its target.
+    pub fn writes_all(&mut self) {
+        self.writes = usize::MAX;
+    }
+
+    fn written(&self) -> impl Iterator<Item = ChannelRef> {
+        let (target, channels) = self.target.map_or((0, 0), |(target, channels, _)| (target, channels));
+        (0..channels.min(self.writes)).map(move |channel| ChannelRef { target, channel })
+    }
+}
+
+impl Loader {
+    /// Reports reads of what no earlier pass writes, passes that read their own target, and sizes that differ.
+    pub fn check_order(&mut self, passes: &[Facts]) {
+        // The first writer of each channel.
+        let mut writers: HashMap<ChannelRef, usize> = HashMap::new();
+        for (index, pass) in passes.iter().enumerate() {
+            for channel in pass.written() {
+                writers.entry(channel).or_insert(index);
+            }
+        }
+        for (index, pass) in passes.iter().enumerate() {
+            for (channel, at) in &pass.reads {
+                let name = self.libraries.channel_name(*channel);
+                let reader = format!("pass `{}` reads `{}`", shown(&pass.name), shown(&name));
+                if pass.target.is_some_and(|(target, ..)| target == channel.target) {
+                    self.report.error_help(*at, format!("{reader}, a channel of the target that it writes"), || {
+                        "write into another render target".to_owned()
+                    });
+                    continue;
+                }
+                match writers.get(channel) {
+                    Some(writer) if *writer < index => {}
+                    Some(writer) => {
+                        let (later, at_writer) = (&passes[*writer].name, passes[*writer].span);
+                        let source = self.report.source(at_writer.file).clone();
+                        self.report.error_help(*at, format!("{reader}, which no earlier pass writes"), || {
+                            let (line, column) = source.line_column(at_writer.start as usize);
+                            format!("the later pass `{}` of {line}:{column} writes it", shown(later))
+                        });
+                    }
+                    None => {
+                        let written = passes[..index].iter().flat_map(Facts::written);
+                        let names = || written.map(|channel| self.libraries.channel_name(channel)).collect::<Vec<_>>();
+                        self.report.error_help(*at, format!("{reader}, which no pass writes"), || {
+                            let names = names();
+                            super::report::suggest(&name, names.iter().map(String::as_str))
+                        });
+                    }
+                }
+            }
+            if pass.one_size {
+                self.check_sizes(pass);
+            }
+        }
+    }
+
+    fn check_sizes(&mut self, pass: &Facts) {
+        let Some((target, _, at_target)) = pass.target else { return };
+        let size_of = |loader: &Self, target: usize| loader.libraries.targets[target].size;
+        let [width, height] = size_of(self, target);
+        for (channel, at) in &pass.reads {
+            let [input_width, input_height] = size_of(self, channel.target);
+            if [input_width, input_height] == [width, height] {
+                continue;
+            }
+            let name = self.libraries.channel_name(*channel);
+            let message = format!(
+                "pass `{}` reads `{}` of {input_width} x {input_height} and writes a target of {width} x {height}",
+                shown(&pass.name),
+                shown(&name)
+            );
+            let source = self.report.source(at_target.file).clone();
+            self.report.error_help(*at, message, || {
+                let (line, column) = source.line_column(at_target.start as usize);
+                format!("both must have one size; the target is named at {line}:{column}")
+            });
+        }
+    }
+}

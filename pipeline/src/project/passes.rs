@@ -1,0 +1,314 @@
+//! Pipelines and what passes of every class have: scenes, camera, lights, viewport, render target, material maps.
+
+use super::dom::{Element, Value};
+use super::library::LibraryMaterial;
+use super::loader::Loader;
+use super::order::Facts;
+use super::report::{Names, Span, shown, suggest};
+use super::{ChannelRef, ColorMap, MaterialPattern, Pass, PassKind, Pipeline};
+use crate::programs::PARAMS;
+
+/// Classes of passes.
+const CLASSES: [&str; 4] = ["default", "optix", "rt", "quad"];
+
+/// The pass being read.
+pub(super) struct PassContext<'e> {
+    pub element: &'e Element,
+    /// Its name, for messages.
+    pub name: String,
+    /// The pipeline's default camera; `None` if that could not be resolved.
+    pub default_camera: Option<Option<usize>>,
+    /// What it reads and writes.
+    pub facts: Facts,
+}
+
+impl Loader {
+    /// Reads a pipeline and checks the order of its passes.
+    pub fn pipeline(&mut self, element: &Element) -> Pipeline {
+        self.expect(element, &["pass"], &["name", "default", "defaultCamera", "mode"]);
+        let default_camera = match element.attribute("defaultCamera") {
+            Some(name) => self.cameras.names.resolve(&mut self.report, &name.text, name.span).map(Some),
+            None => Some(None),
+        };
+        let (mut names, mut passes, mut facts) = (Names::new("pass of this pipeline"), Vec::new(), Vec::new());
+        for pass in element.children_named(&["pass"]) {
+            let name = self.required(pass, "name");
+            if let Some(name) = name {
+                names.declare(&mut self.report, &name.text, name.span);
+            }
+            let name = name.map_or_else(String::new, |name| name.text.clone());
+            let mut context = PassContext { element: pass, facts: Facts::new(&name, pass.span), name, default_camera };
+            passes.extend(self.pass(&mut context));
+            facts.push(context.facts);
+        }
+        if facts.is_empty() {
+            self.report.error(element.span, "the pipeline has no <pass>");
+        }
+        self.check_order(&facts);
+        let name = element.attribute("name").map_or_else(String::new, |name| name.text.clone());
+        Pipeline { name, camera: default_camera.flatten(), passes }
+    }
+
+    fn pass(&mut self, context: &mut PassContext<'_>) -> Option<Pass> {
+        let element = context.element;
+        self.stray_text(element);
+        let target = self.target(context);
+        let class = self.required(element, "class")?;
+        let kind = match class.text.to_ascii_lowercase().as_str() {
+            "default" => self.raster_pass(context).map(PassKind::Raster),
+            "optix" | "rt" => self.ray_pass(context).map(PassKind::Ray),
+            "quad" => self.quad_pass(context).map(PassKind::Quad),
+            _ => {
+                let message = format!("pass `{}` is of class `{}`", shown(&context.name), class.shown());
+                self.report.error_help(class.span, message, || suggest(&class.text, CLASSES));
+                // Whatever it does, later passes may read its target.
+                context.facts.writes_all();
+                None
+            }
+        };
+        let viewport = match self.single(element, &["viewport"]) {
+            Some(viewport) => self
+                .reference(viewport)
+                .and_then(|name| self.viewports.names.resolve(&mut self.report, &name.text, name.span))
+                .map(Some),
+            None => Some(None),
+        };
+        let place = self.place(element);
+        Some(Pass { name: context.name.clone(), place, viewport: viewport?, target: target?, kind: kind? })
+    }
+
+    /// The render target of a pass.
+    fn target(&mut self, context: &mut PassContext<'_>) -> Option<Option<usize>> {
+        let Some(element) = self.single(context.element, &["renderTarget"]) else { return Some(None) };
+        let target = self.find_target(element);
+        let at = Self::span_or(element.attribute("name"), element);
+        if let Some(target) = target
+            && self.libraries.targets[target].channels.is_empty()
+        {
+            let message = format!("the render target `{}` has no colour channel", self.libraries.targets[target].name);
+            self.report.error(at, message);
+        }
+        let channels = target.map_or(0, |target| self.libraries.targets[target].channels.len());
+        context.facts.set_target(target, channels, at);
+        target.map(Some)
+    }
+
+    /// Checks the attributes of a pass without parameters.
+    pub fn no_parameters(&mut self, context: &PassContext<'_>, class: &str) {
+        for attribute in &context.element.attributes {
+            let name = attribute.name.to_ascii_lowercase();
+            if PARAMS.iter().any(|param| param.name == name) {
+                let message = format!("a pass of class `{class}` reads no parameter `{name}`");
+                let help = || "only ray passes have parameters".to_owned();
+                self.report.error_help(attribute.name_span, message, help);
+            } else if name == "axis" {
+                let message = "coordinate axes are not drawn";
+                self.report.warning(attribute.name_span, message, || None);
+            } else if !["name", "class"].contains(&name.as_str()) {
+                let message = format!("pass `{}` has an unknown attribute `{name}`", shown(&context.name));
+                self.report.error_help(attribute.name_span, message, || suggest(&name, ["name", "class"]));
+            }
+        }
+    }
+
+    /// The scenes of a pass. `None` if one could not be resolved, or there is none.
+    pub fn pass_scenes(&mut self, context: &PassContext<'_>) -> Option<Vec<usize>> {
+        let mut scenes = Some(Vec::new());
+        let mut any = false;
+        for list in context.element.children_named(&["scenes"]) {
+            self.expect(list, &["scene"], &[]);
+            for reference in list.children_named(&["scene"]) {
+                any = true;
+                let scene = self
+                    .reference(reference)
+                    .and_then(|name| self.scenes.names.resolve(&mut self.report, &name.text, name.span));
+                scenes = scenes.zip(scene).map(|(mut scenes, scene)| {
+                    scenes.push(scene);
+                    scenes
+                });
+            }
+        }
+        if !any {
+            let message = format!("pass `{}` names no scene", shown(&context.name));
+            self.report.error_help(context.element.span, message, || suggest("", self.scenes.names.iter()));
+            return None;
+        }
+        scenes
+    }
+
+    /// The camera of a pass, or else its pipeline's.
+    pub fn pass_camera(&mut self, context: &PassContext<'_>) -> Option<usize> {
+        if let Some(reference) = self.single(context.element, &["camera"]) {
+            let name = self.reference(reference)?;
+            return self.cameras.names.resolve(&mut self.report, &name.text, name.span);
+        }
+        let default = context.default_camera?;
+        if default.is_none() {
+            let message = format!("pass `{}` has no camera, nor has its pipeline", shown(&context.name));
+            self.report.error_help(context.element.span, message, || suggest("", self.cameras.names.iter()));
+        }
+        default
+    }
+
+    /// The first light of a pass, with the place of its name. `None` if it could not be resolved.
+    pub fn pass_light(&mut self, context: &PassContext<'_>) -> Option<Option<(usize, Span)>> {
+        let mut light = Some(None);
+        let mut count = 0;
+        for list in context.element.children_named(&["lights"]) {
+            self.expect(list, &["light"], &[]);
+            for reference in list.children_named(&["light"]) {
+                let name = self.reference(reference);
+                let found = name.and_then(|name| {
+                    let index = self.lights.names.resolve(&mut self.report, &name.text, name.span)?;
+                    Some((index, name.span))
+                });
+                count += 1;
+                if count == 1 {
+                    light = found.map(Some);
+                } else if count == 2 {
+                    let message = format!("pass `{}` has several lights: the first one shines", shown(&context.name));
+                    self.report.warning(reference.span, message, || None);
+                }
+            }
+        }
+        light
+    }
+
+    /// Reports a light without a direction where a program needs one.
+    pub fn need_direction(&mut self, light: Option<(usize, Span)>, program: &str) -> bool {
+        let Some((index, at)) = light else { return true };
+        let Some(light) = &self.lights.items[index] else { return true };
+        if light.direction.is_none() {
+            let message = format!("program `{program}` needs a direction; light `{}` has only a position", light.name);
+            self.report.error_help(at, message, || "give the light a <direction>".to_owned());
+            return false;
+        }
+        true
+    }
+
+    /// Which materials a map is for: `*` or a name.
+    pub fn material_pattern(&mut self, value: &Value) -> Option<MaterialPattern> {
+        match value.text.as_str() {
+            "*" => Some(MaterialPattern::All),
+            name if name.contains('*') => {
+                self.report.error_help(value.span, format!("`{}` is not a material's name", value.shown()), || {
+                    "valid: *, or one whole name".to_owned()
+                });
+                None
+            }
+            name => Some(MaterialPattern::Named(name.to_owned())),
+        }
+    }
+
+    /// The `<map>` elements of `<materialMaps>`: which materials, which library material, and its library.
+    pub fn material_maps(&mut self, pass: &Element) -> Option<Vec<(MaterialPattern, usize, LibraryMaterial, Span)>> {
+        let mut maps = Some(Vec::new());
+        for list in pass.children_named(&["materialMaps"]) {
+            self.expect(list, &["map"], &[]);
+            for map in list.children_named(&["map"]) {
+                self.expect(map, &[], &["fromMaterial", "toLibrary", "toMaterial"]);
+                let pattern = self.required(map, "fromMaterial").and_then(|value| self.material_pattern(value));
+                let (library, name) = (self.required(map, "toLibrary"), self.required(map, "toMaterial"));
+                let material = library.zip(name).and_then(|(library, name)| self.find_material(library, name));
+                let at = Self::span_or(name, map);
+                maps = maps.zip(pattern.zip(material)).map(|(mut maps, (pattern, (library, material)))| {
+                    maps.push((pattern, library, material, at));
+                    maps
+                });
+            }
+        }
+        maps
+    }
+
+    /// The colours of `<materialMaps>`: whole materials are replaced.
+    pub fn mapped_colors(
+        &mut self,
+        maps: &[(MaterialPattern, usize, LibraryMaterial, Span)],
+        colors: &mut Vec<ColorMap>,
+    ) {
+        for (to, _, material, at) in maps {
+            if !material.textures.is_empty() {
+                let message = format!("material `{}` is drawn without its textures", shown(&material.name));
+                self.report.warning(*at, message, || Some("only scene files bring textures".to_owned()));
+            }
+            colors.push(ColorMap {
+                to: to.clone(),
+                diffuse: Some(material.diffuse),
+                emission: Some(material.emission),
+                drops_texture: true,
+            });
+        }
+    }
+
+    /// The `<map>` elements of `<injectionMaps>`: colours, and the materials whose shaders are injected.
+    pub fn injection_maps(
+        &mut self,
+        pass: &Element,
+        colors: &mut Vec<ColorMap>,
+    ) -> Option<Vec<(usize, LibraryMaterial, Span)>> {
+        const UNREAD: &[&str] = &["textures", "imageTextures", "buffers", "state"];
+        let mut shaders = Some(Vec::new());
+        for list in pass.children_named(&["injectionMaps"]) {
+            self.expect(list, &["map"], &[]);
+            for map in list.children_named(&["map"]) {
+                self.expect(map, &[&["shader", "color"], UNREAD].concat(), &["toMaterial"]);
+                let pattern = self.required(map, "toMaterial").and_then(|value| self.material_pattern(value));
+                if let Some(unread) = map.children.iter().find(|child| child.is(UNREAD)) {
+                    let message = format!("no program reads what <{}> injects", unread.name);
+                    self.report.note(unread.span, message);
+                }
+                if let Some(shader) = self.single(map, &["shader"]) {
+                    self.expect(shader, &["values"], &["fromMaterial", "fromLibrary"]);
+                    let at = Self::span_or(shader.attribute("fromMaterial"), shader);
+                    let found = self.source_material(shader);
+                    shaders = shaders.zip(found).map(|(mut shaders, (library, material))| {
+                        shaders.push((library, material, at));
+                        shaders
+                    });
+                }
+                if let Some(color) = self.single(map, &["color"]) {
+                    match (pattern, self.injected_color(color)) {
+                        (Some(to), Some((diffuse, emission))) => {
+                            colors.push(ColorMap { to, diffuse, emission, drops_texture: false });
+                        }
+                        _ => shaders = None,
+                    }
+                } else if pattern.is_none() {
+                    shaders = None;
+                }
+            }
+        }
+        shaders
+    }
+
+    /// The material that `fromMaterial` and `fromLibrary` name.
+    pub fn source_material(&mut self, element: &Element) -> Option<(usize, LibraryMaterial)> {
+        let (name, library) = (self.required(element, "fromMaterial"), self.required(element, "fromLibrary"));
+        self.find_material(library?, name?)
+    }
+
+    fn injected_color(&mut self, element: &Element) -> Option<(Option<glam::Vec4>, Option<glam::Vec4>)> {
+        const PARTS: [&str; 5] = ["ambient", "diffuse", "specular", "emission", "shininess"];
+        self.expect(element, &[], &[&["fromMaterial", "fromLibrary"], &PARTS[..]].concat());
+        let flags = PARTS.map(|part| element.attribute(part).map_or(Some(false), |value| self.boolean(value)));
+        let (_, material) = self.source_material(element)?;
+        let [_, diffuse, _, emission, _] = flags;
+        if flags.iter().all(|flag| *flag == Some(false)) {
+            let message = "this injects no colour".to_owned();
+            self.report
+                .warning(element.span, message, || Some("valid: diffuse=\"true\", emission=\"true\"".to_owned()));
+        }
+        Some((diffuse?.then_some(material.diffuse), emission?.then_some(material.emission)))
+    }
+
+    /// Stem and name of a material's shader.
+    pub fn shader_of(&self, library: usize, material: &LibraryMaterial) -> Option<(String, String)> {
+        let shader = &self.libraries.get(library).shaders[material.shader?];
+        Some((shader.name.clone(), shader.stem.clone()))
+    }
+
+    /// Records that a pass reads a channel.
+    pub fn reads(context: &mut PassContext<'_>, channel: Option<ChannelRef>, at: Span) {
+        context.facts.reads.extend(channel.map(|channel| (channel, at)));
+    }
+}

@@ -1,0 +1,414 @@
+//! Ray passes: which program runs, and whether the pass hands it all that it reads.
+
+use super::dom::{Element, Value};
+use super::file;
+use super::handed::Program;
+use super::loader::Loader;
+use super::passes::PassContext;
+use super::report::{Span, shown, suggest};
+use super::{ChannelRef, MaterialPattern, RayPass};
+use crate::programs::{PARAMS, RAY_PROGRAMS, RayParams, RayProgramInfo, Sampler};
+
+/// Programs that make a material glass.
+const GLASS: &str = "closest_hit_glass";
+const SHADOW_GLASS: &str = "any_hit_shadow_glass";
+
+/// Kinds of device programs that a material may name.
+const KINDS: [&str; 3] = ["Closest_Hit", "Any_Hit", "Miss"];
+
+/// Kinds that mean nothing in a material.
+const OTHER_KINDS: [&str; 4] = ["RayGen", "Exception", "Geometry_Intersection", "Bounding_Box"];
+
+/// Variables of `<optixInput>`: position, normal, colour.
+const BUFFERS: [&str; 3] = ["pos_buffer", "norm_buffer", "color_buffer"];
+
+const ENTRY_POINT: &[&str] = &["optixEntryPoint", "rtEntryPoint"];
+const DEFAULT_MATERIAL: &[&str] = &["optixDefaultMaterial", "rtDefaultMaterial"];
+const MATERIAL_MAP: &[&str] = &["optixMaterialMap", "rtMaterialMap"];
+const MAP: &[&str] = &["optixMap", "rtMap"];
+const PROGRAM: &[&str] = &["optixProgram", "rtProgram"];
+const INPUT: &[&str] = &["optixInput", "rtInput"];
+
+/// A program that a material names.
+struct Proc<'e> {
+    kind: &'e Value,
+    ray: &'e Value,
+    proc: &'e Value,
+}
+
+impl Loader {
+    /// Reads a pass of class `optix` or `rt`.
+    pub fn ray_pass(&mut self, context: &mut PassContext<'_>) -> Option<RayPass> {
+        let element = context.element;
+        self.expect_ray_children(element);
+        context.facts.writes_first(1);
+        context.facts.one_size = true;
+        if element.children_named(&["renderTarget"]).next().is_none() {
+            let message = format!("ray pass `{}` has no render target to write into", shown(&context.name));
+            self.report
+                .error_help(element.span, message, || "valid: <rendertarget name=\"…\" fromLibrary=\"…\"/>".to_owned());
+        }
+        let info = self.ray_program(context);
+        let params = self.ray_params(context, info);
+        let (camera, light) = (self.pass_camera(context), self.pass_light(context));
+        let traces = info.is_none_or(|info| !info.procs.is_empty());
+        let scenes = if traces || element.children_named(&["scenes"]).next().is_some() {
+            self.pass_scenes(context)
+        } else {
+            Some(Vec::new())
+        };
+        let mut colors = Vec::new();
+        let maps = self.material_maps(element);
+        self.mapped_colors(maps.as_deref().unwrap_or_default(), &mut colors);
+        let injected = self.injection_maps(element, &mut colors);
+        let inputs = self.inputs(context, info);
+        let info = info?;
+        let whole = self.attributes_handed(element, Program { info, light });
+        let light = light?;
+        let reads_direction = info.globals.contains(&"lightDir");
+        let lit = if reads_direction { self.need_direction(light, info.stem) } else { true };
+        if light.is_none() && !info.globals.is_empty() {
+            let message =
+                format!("program `{}` reads a light, and pass `{}` names none", info.stem, shown(&context.name));
+            self.report.error_help(element.span, message, || suggest("", self.lights.names.iter()));
+            return None;
+        }
+        let default = self.default_material(context, info);
+        let (glass, shadow_glass) = self.glass(element, info)?;
+        let (_, _, inputs) = (maps?, injected?, inputs?);
+        if !(lit && whole && default) {
+            return None;
+        }
+        let [position, normal, color] = inputs;
+        Some(RayPass {
+            scenes: scenes?,
+            camera: camera?,
+            light: light.map(|(index, _)| index),
+            program: info.program,
+            params: params?,
+            position,
+            normal,
+            color,
+            colors,
+            glass,
+            shadow_glass,
+        })
+    }
+
+    fn expect_ray_children(&mut self, element: &Element) {
+        const COMMON: &[&str] =
+            &["scenes", "camera", "viewport", "renderTarget", "lights", "materialMaps", "injectionMaps"];
+        const READ_OVER: &[&str] = &["optixGeometryProgram", "rtGeometryProgram", "optixRayTypes", "rtRayTypes"];
+        let valid =
+            [COMMON, ENTRY_POINT, DEFAULT_MATERIAL, MATERIAL_MAP, INPUT, READ_OVER, super::handed::ELEMENTS].concat();
+        self.expect_children(element, &valid);
+    }
+
+    /// The program that file stem and `proc` of the ray-generation program select.
+    fn ray_program(&mut self, context: &PassContext<'_>) -> Option<&'static RayProgramInfo> {
+        let element = context.element;
+        let pass = shown(&context.name);
+        let entry = self.single(element, ENTRY_POINT);
+        if let Some(entry) = entry {
+            self.expect(entry, &[PROGRAM, &["rayGen", "exception"]].concat(), &[]);
+        }
+        let mut generators = entry.into_iter().flat_map(|entry| &entry.children).filter(|child| {
+            let of_kind = |kind: &Value| kind.text.eq_ignore_ascii_case("RayGen");
+            child.is(&["rayGen"]) || child.is(PROGRAM) && child.attribute("type").is_some_and(of_kind)
+        });
+        let Some(generator) = generators.next() else {
+            let at = entry.unwrap_or(element).span;
+            self.report.error_help(at, format!("ray pass `{pass}` names no ray-generation program"), || {
+                "valid: <optixEntryPoint><optixProgram type=\"RayGen\" file=\"…\" proc=\"…\"/></optixEntryPoint>"
+                    .to_owned()
+            });
+            return None;
+        };
+        if let Some(second) = generators.next() {
+            self.report.error(second.span, format!("ray pass `{pass}` names a second ray-generation program"));
+        }
+        let (path, proc) = (self.required(generator, "file"), self.required(generator, "proc"));
+        let (path, proc) = (path?, proc?);
+        let stem = file::stem(path);
+        let stems = || RAY_PROGRAMS.iter().map(|info| info.stem);
+        let Some(info) = RAY_PROGRAMS.iter().find(|info| info.stem.eq_ignore_ascii_case(stem)) else {
+            let message = format!("pass `{pass}`: there is no ray program `{}`", shown(stem));
+            self.report.error_help(path.span, message, || suggest(stem, stems()));
+            return None;
+        };
+        if info.stem != stem {
+            self.report.note(path.span, format!("`{}` stands for the ray program `{}`", shown(stem), info.stem));
+        }
+        let entries: Vec<&str> =
+            RAY_PROGRAMS.iter().filter(|other| other.stem == info.stem).map(|info| info.entry).collect();
+        let found = RAY_PROGRAMS.iter().find(|other| other.stem == info.stem && other.entry == proc.text);
+        if found.is_none() {
+            let message = format!("pass `{pass}`: `{}` has no entry point `{}`", info.stem, proc.shown());
+            self.report.error_help(proc.span, message, || suggest(&proc.text, entries));
+        }
+        found
+    }
+
+    /// The attributes of the pass element: name, class and the program's parameters.
+    fn ray_params(&mut self, context: &PassContext<'_>, info: Option<&RayProgramInfo>) -> Option<RayParams> {
+        let mut params = RayParams::default();
+        let mut whole = true;
+        let mut samples_at = None;
+        for attribute in &context.element.attributes {
+            let name = attribute.name.to_ascii_lowercase();
+            if ["name", "class"].contains(&name.as_str()) {
+                continue;
+            }
+            let problem = if !PARAMS.iter().any(|param| param.name == name) {
+                let message = format!("pass `{}` has an unknown attribute `{name}`", shown(&context.name));
+                let valid = ["name", "class"].into_iter().chain(PARAMS.iter().map(|param| param.name));
+                Some((attribute.name_span, message, suggest(&name, valid)))
+            } else if let Some(info) = info.filter(|info| !info.params.contains(&name.as_str())) {
+                let message = format!("program `{}` reads no parameter `{name}`", info.stem);
+                let reads = if info.params.is_empty() { "nothing".to_owned() } else { info.params.join(", ") };
+                Some((attribute.name_span, message, format!("it reads {reads}")))
+            } else {
+                if name == "samples" || name == "sampler" && samples_at.is_none() {
+                    samples_at = Some(attribute.value.span);
+                }
+                params.set(&name, &attribute.value.text).err().map(|help| {
+                    (attribute.value.span, format!("`{}` is not a value of `{name}`", attribute.value.shown()), help)
+                })
+            };
+            if let Some((at, message, help)) = problem {
+                self.report.error_help(at, message, || help);
+                whole = false;
+            }
+        }
+        let square = params.samples.isqrt().pow(2) == params.samples;
+        if let Some(at) = samples_at.filter(|_| params.sampler == Sampler::Strata && !square) {
+            let message = format!("{} strata are not N x N", params.samples);
+            let side = params.samples.isqrt();
+            self.report.error_help(at, message, || {
+                format!("with sampler=strata valid: a square number, such as {} or {}", side * side, (side + 1).pow(2))
+            });
+            whole = false;
+        }
+        whole.then_some(params)
+    }
+
+    /// What `<optixInput>` binds to position, normal and colour. All must be there that the program reads.
+    fn inputs(
+        &mut self,
+        context: &mut PassContext<'_>,
+        info: Option<&RayProgramInfo>,
+    ) -> Option<[Option<ChannelRef>; 3]> {
+        let element = context.element;
+        let mut inputs = [None; 3];
+        let mut given = [false; 3];
+        let mut whole = true;
+        let container = self.single(element, INPUT);
+        if let Some(list) = container {
+            self.expect(list, &["buffer"], &[]);
+        }
+        for buffer in container.into_iter().flat_map(|list| list.children_named(&["buffer"])) {
+            self.expect(buffer, &[], &["var", "texture"]);
+            let (var, texture) = (self.required(buffer, "var"), self.required(buffer, "texture"));
+            let channel = texture.and_then(|texture| self.find_texture(texture, None));
+            whole &= channel.is_some();
+            let (Some(var), Some(texture)) = (var, texture) else {
+                whole = false;
+                continue;
+            };
+            let Some(index) = BUFFERS.iter().position(|name| *name == var.text) else {
+                let message = format!("`{}` is not a buffer that a program reads", var.shown());
+                self.report.error_help(var.span, message, || suggest(&var.text, BUFFERS));
+                whole = false;
+                continue;
+            };
+            if given[index] {
+                self.report.error(var.span, format!("`{}` is bound twice", var.shown()));
+                whole = false;
+            }
+            given[index] = true;
+            match info {
+                Some(info) if !info.buffers.contains(&BUFFERS[index]) => {
+                    self.report.note(var.span, format!("program `{}` does not read `{}`", info.stem, BUFFERS[index]));
+                }
+                _ => {
+                    inputs[index] = channel;
+                    Self::reads(context, channel, texture.span);
+                }
+            }
+        }
+        for buffer in info.map_or(&[][..], |info| info.buffers) {
+            let index = BUFFERS.iter().position(|name| name == buffer)?;
+            if !given[index] {
+                let at = container.unwrap_or(element).span;
+                let stem = info.map_or("", |info| info.stem);
+                let message = format!("program `{stem}` reads `{buffer}`, which the pass does not hand it");
+                self.report.error_help(at, message, || {
+                    format!("valid: <buffer var=\"{buffer}\" texture=\"Library::channel\"/> in <optixInput>")
+                });
+                whole = false;
+            }
+        }
+        whole.then_some(inputs)
+    }
+
+    /// The programs in a material, of one ray type or with a ray type each.
+    fn procs<'e>(&mut self, container: &'e Element, info: &RayProgramInfo) -> Option<Vec<Proc<'e>>> {
+        self.stray_text(container);
+        self.expect_children(container, &[PROGRAM, &["rayType"]].concat());
+        let mut procs = Some(Vec::new());
+        let mut add = |loader: &mut Self, element: &'e Element, ray: Option<&'e Value>| {
+            let found = loader.proc(element, ray, info);
+            procs = procs.take().zip(found).map(|(mut procs, found)| {
+                procs.extend(found);
+                procs
+            });
+        };
+        for child in &container.children {
+            if child.is(PROGRAM) {
+                add(self, child, None);
+            } else if child.is(&["rayType"]) {
+                self.expect(child, PROGRAM, &["name"]);
+                let ray = self.required(child, "name");
+                for inner in child.children_named(PROGRAM) {
+                    add(self, inner, ray);
+                }
+            }
+        }
+        procs
+    }
+
+    /// One program of a material; `Some(None)` for one that means nothing there.
+    fn proc<'e>(
+        &mut self,
+        element: &'e Element,
+        ray: Option<&'e Value>,
+        info: &RayProgramInfo,
+    ) -> Option<Option<Proc<'e>>> {
+        self.expect(element, &[], &["type", "ray", "file", "proc"]);
+        let kind = self.required(element, "type")?;
+        if OTHER_KINDS.iter().any(|other| kind.text.eq_ignore_ascii_case(other)) {
+            self.report.note(kind.span, format!("`{}` means nothing in a material", kind.shown()));
+            return Some(None);
+        }
+        if !KINDS.iter().any(|other| kind.text.eq_ignore_ascii_case(other)) {
+            let message = format!("`{}` is not a type of program", kind.shown());
+            self.report.error_help(kind.span, message, || suggest(&kind.text, KINDS));
+            return None;
+        }
+        let ray = match ray {
+            Some(ray) => Some(ray),
+            None => self.required(element, "ray"),
+        };
+        let (path, proc) = (self.required(element, "file"), self.required(element, "proc"));
+        let (ray, path, proc) = (ray?, path?, proc?);
+        if !file::stem(path).eq_ignore_ascii_case(info.stem) {
+            let message = format!("`{}` is not of the pass's program, `{}`", path.shown(), info.stem);
+            self.report.error_help(path.span, message, || {
+                format!("all programs of a pass come from one file: valid: {}", info.stem)
+            });
+            return None;
+        }
+        let alike: Vec<&str> = info
+            .procs
+            .iter()
+            .filter(|known| kind.text.eq_ignore_ascii_case(known.kind) && ray.text.eq_ignore_ascii_case(known.ray))
+            .map(|known| known.proc)
+            .collect();
+        if alike.is_empty() {
+            let message = format!("program `{}` never calls {} for rays `{}`", info.stem, kind.shown(), ray.shown());
+            self.report.note(proc.span, message);
+            return Some(None);
+        }
+        if !alike.contains(&proc.text.as_str()) {
+            let message = format!(
+                "program `{}` has no {} `{}` for rays `{}`",
+                info.stem,
+                kind.shown(),
+                proc.shown(),
+                ray.shown()
+            );
+            self.report.error_help(proc.span, message, || suggest(&proc.text, alike));
+            return None;
+        }
+        Some(Some(Proc { kind, ray, proc }))
+    }
+
+    /// Whether the default material names all that the program calls.
+    fn default_material(&mut self, context: &PassContext<'_>, info: &RayProgramInfo) -> bool {
+        let container = self.single(context.element, DEFAULT_MATERIAL);
+        let procs = match container {
+            Some(container) => match self.procs(container, info) {
+                Some(procs) => procs,
+                // Each wrong program has its message; those missing would repeat it.
+                None => return false,
+            },
+            None => Vec::new(),
+        };
+        let mut whole = true;
+        let mut slots: Vec<(String, String)> = Vec::new();
+        for Proc { kind, ray, proc } in &procs {
+            let slot = (kind.text.to_ascii_lowercase(), ray.text.to_ascii_lowercase());
+            if slots.contains(&slot) {
+                let message = format!("a second {} for rays `{}`", kind.shown(), ray.shown());
+                self.report.error(proc.span, message);
+                whole = false;
+            }
+            slots.push(slot);
+        }
+        for required in info.procs.iter().filter(|proc| proc.required) {
+            if !procs.iter().any(|given| given.proc.text == required.proc && is(given, required.kind, required.ray)) {
+                let at: Span = container.unwrap_or(context.element).span;
+                let (kind, ray, proc) = (required.kind, required.ray, required.proc);
+                let message = format!("program `{}` calls `{proc}`, which the default material lacks", info.stem);
+                self.report.error_help(at, message, || {
+                    let stem = info.stem;
+                    format!(
+                        "valid: <optixProgram type=\"{kind}\" ray=\"{ray}\" file=\"optix/{stem}.ptx\" proc=\"{proc}\"/> \
+                         in <optixDefaultMaterial>"
+                    )
+                });
+                whole = false;
+            }
+        }
+        whole
+    }
+
+    /// Which materials are glass to radiance rays and to shadow rays.
+    fn glass(
+        &mut self,
+        element: &Element,
+        info: &RayProgramInfo,
+    ) -> Option<(Vec<MaterialPattern>, Vec<MaterialPattern>)> {
+        let (mut glass, mut shadow_glass) = (Vec::new(), Vec::new());
+        let mut whole = true;
+        for list in element.children_named(MATERIAL_MAP) {
+            self.expect(list, MAP, &[]);
+            for map in list.children_named(MAP) {
+                self.expect_attributes(map, &["to"]);
+                let pattern = self.required(map, "to").and_then(|to| {
+                    // `library:material` or `material`: materials are those of the scene.
+                    let name = to.text.rsplit(':').next().unwrap_or_default().trim().to_owned();
+                    self.material_pattern(&Value { text: name, joined: None, span: to.span })
+                });
+                let procs = self.procs(map, info);
+                let (Some(pattern), Some(procs)) = (pattern, procs) else {
+                    whole = false;
+                    continue;
+                };
+                for Proc { proc, .. } in procs {
+                    match proc.text.as_str() {
+                        GLASS => glass.push(pattern.clone()),
+                        SHADOW_GLASS => shadow_glass.push(pattern.clone()),
+                        // The same as the default material's.
+                        _ => {}
+                    }
+                }
+            }
+        }
+        whole.then_some((glass, shadow_glass))
+    }
+}
+
+fn is(given: &Proc<'_>, kind: &str, ray: &str) -> bool {
+    given.kind.text.eq_ignore_ascii_case(kind) && given.ray.text.eq_ignore_ascii_case(ray)
+}

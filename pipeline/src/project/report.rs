@@ -1,0 +1,203 @@
+//! What a load has to say, and names with the places where they were declared.
+
+use crate::diagnostic::{Problem, Problems, Severity, Source, valid_names};
+use std::collections::HashMap;
+
+/// A byte range of one of the files of a load.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Span {
+    /// Index into [`Report::sources`].
+    pub file: u32,
+    /// First byte. Files are capped far below 4 GiB.
+    pub start: u32,
+    /// One past the last byte.
+    pub end: u32,
+}
+
+/// Problems of a load. What is beyond [`Report::MOST`] is counted, not kept.
+#[derive(Debug, Default)]
+pub(super) struct Report {
+    sources: Vec<Source>,
+    found: Vec<(Span, Problem)>,
+    errors: usize,
+    remarks: usize,
+}
+
+impl Report {
+    /// How many errors, and how many notes and warnings, are kept.
+    pub const MOST: usize = 100;
+
+    /// Adds a file and returns its index for [`Span::file`].
+    pub fn add_source(&mut self, source: Source) -> u32 {
+        self.sources.push(source);
+        u32::try_from(self.sources.len() - 1).expect("the number of files is capped")
+    }
+
+    /// A file.
+    pub fn source(&self, file: u32) -> &Source {
+        &self.sources[file as usize]
+    }
+
+    /// Whether an error was reported.
+    pub fn has_errors(&self) -> bool {
+        self.errors > 0
+    }
+
+    fn push(&mut self, severity: Severity, at: Span, message: String, help: impl FnOnce() -> Option<String>) {
+        let count = if severity == Severity::Error { &mut self.errors } else { &mut self.remarks };
+        *count += 1;
+        if *count > Self::MOST {
+            return;
+        }
+        let place = Some((self.sources[at.file as usize].clone(), at.start as usize..at.end as usize));
+        self.found.push((at, Problem { severity, place, message, help: help() }));
+    }
+
+    /// An error that needs no help.
+    pub fn error(&mut self, at: Span, message: impl Into<String>) {
+        self.push(Severity::Error, at, message.into(), || None);
+    }
+
+    /// An error, and what would be valid. `help` is only called for an error that is kept.
+    pub fn error_help(&mut self, at: Span, message: impl Into<String>, help: impl FnOnce() -> String) {
+        self.push(Severity::Error, at, message.into(), || Some(help()));
+    }
+
+    /// Something was left out or replaced.
+    pub fn warning(&mut self, at: Span, message: impl Into<String>, help: impl FnOnce() -> Option<String>) {
+        self.push(Severity::Warning, at, message.into(), help);
+    }
+
+    /// Worth saying.
+    pub fn note(&mut self, at: Span, message: impl Into<String>) {
+        self.push(Severity::Note, at, message.into(), || None);
+    }
+
+    /// Line and column of a place.
+    pub fn line_column(&self, at: Span) -> (usize, usize) {
+        self.source(at.file).line_column(at.start as usize)
+    }
+
+    /// Everything reported, by file and place.
+    pub fn finish(mut self) -> Problems {
+        self.found.sort_by_key(|(at, problem)| (at.file, at.start, std::cmp::Reverse(problem.severity)));
+        let mut problems: Vec<Problem> = self.found.into_iter().map(|(_, problem)| problem).collect();
+        for (count, severity, what) in
+            [(self.errors, Severity::Error, "errors"), (self.remarks, Severity::Note, "notes and warnings")]
+        {
+            if let Some(more) = count.checked_sub(Self::MOST).filter(|more| *more > 0) {
+                let message = format!("{more} more {what} are not listed");
+                problems.push(Problem { severity, place: None, message, help: None });
+            }
+        }
+        Problems(problems)
+    }
+}
+
+/// At most this many characters of a text appear in a message or are compared with valid names.
+const SHOWN: usize = 64;
+
+/// A text as messages show it: shortened where it is long.
+pub(super) fn shown(text: &str) -> String {
+    match text.char_indices().nth(SHOWN) {
+        None => text.to_owned(),
+        Some((end, _)) => format!("{}…", &text[..end]),
+    }
+}
+
+/// [`valid_names`] in bounded time: long texts are shortened, and long lists are only counted.
+pub(super) fn suggest<'a>(written: &str, valid: impl IntoIterator<Item = &'a str>) -> String {
+    const MOST: usize = 256;
+    let names: Vec<&str> = valid.into_iter().collect();
+    if names.len() > MOST {
+        return format!("{} names are declared", names.len());
+    }
+    let written = shown(written);
+    let names: Vec<String> = names.into_iter().map(shown).collect();
+    valid_names(&written, names.iter().map(String::as_str))
+}
+
+/// How a name was found.
+pub(super) enum Found {
+    /// As written.
+    Exact(usize),
+    /// With other letters' case.
+    OtherCase(usize),
+    /// Not.
+    Missing,
+}
+
+/// Declared names of one kind, in order.
+#[derive(Debug)]
+pub(super) struct Names {
+    /// The kind, for messages: `camera`.
+    pub what: &'static str,
+    list: Vec<(String, Option<Span>)>,
+    exact: HashMap<String, usize>,
+    folded: HashMap<String, usize>,
+}
+
+impl Names {
+    pub fn new(what: &'static str) -> Self {
+        Self { what, list: Vec::new(), exact: HashMap::new(), folded: HashMap::new() }
+    }
+
+    /// Declares the next name. A second one of the same name is an error; it still takes its index, and the first keeps
+    /// the name.
+    pub fn declare(&mut self, report: &mut Report, name: &str, at: Span) {
+        let index = self.list.len();
+        if let Some(&first) = self.exact.get(name) {
+            let first = self.list[first].1.map(|first| (report.source(first.file).clone(), first.start as usize));
+            report.error_help(at, format!("a second {} is named `{}`", self.what, shown(name)), || match first {
+                Some((source, offset)) => {
+                    let (line, column) = source.line_column(offset);
+                    format!("the first is at {}:{line}:{column}", source.path.display())
+                }
+                None => "that name is built in".to_owned(),
+            });
+        }
+        self.push(index, name, Some(at));
+    }
+
+    /// Declares the next name without a place.
+    pub fn declare_built_in(&mut self, name: &str) {
+        self.push(self.list.len(), name, None);
+    }
+
+    fn push(&mut self, index: usize, name: &str, at: Option<Span>) {
+        self.exact.entry(name.to_owned()).or_insert(index);
+        self.folded.entry(name.to_lowercase()).or_insert(index);
+        self.list.push((name.to_owned(), at));
+    }
+
+    /// All names.
+    pub fn iter(&self) -> impl Iterator<Item = &str> {
+        self.list.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// Looks a name up.
+    pub fn find(&self, name: &str) -> Found {
+        if let Some(&index) = self.exact.get(name) {
+            return Found::Exact(index);
+        }
+        self.folded.get(&name.to_lowercase()).map_or(Found::Missing, |&index| Found::OtherCase(index))
+    }
+
+    /// Looks a name up that a file mentions: another letters' case is a note, an unknown name an error.
+    pub fn resolve(&self, report: &mut Report, name: &str, at: Span) -> Option<usize> {
+        match self.find(name) {
+            Found::Exact(index) => Some(index),
+            Found::OtherCase(index) => {
+                let (declared, what) = (&self.list[index].0, self.what);
+                report.note(at, format!("`{}` stands for the {what} `{}`", shown(name), shown(declared)));
+                Some(index)
+            }
+            Found::Missing => {
+                report.error_help(at, format!("there is no {} `{}`", self.what, shown(name)), || {
+                    suggest(name, self.iter())
+                });
+                None
+            }
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! Reading numbers, vectors, colours and references from elements.
+
+use super::dom::{Element, Value};
+use super::loader::Loader;
+use super::report::{Span, suggest};
+use glam::{Vec3, Vec4};
+
+/// Largest side of a target, a window or a viewport, pixels.
+pub(super) const MAX_SIDE: u32 = 65_536;
+
+/// Writes names as a list for a message.
+fn attribute_names(element: &Element) -> impl Iterator<Item = &str> {
+    element.attributes.iter().map(|attribute| attribute.name.as_str())
+}
+
+impl Loader {
+    /// Warns of children and attributes that mean nothing here, and notes stray text.
+    pub fn expect(&mut self, element: &Element, children: &[&str], attributes: &[&str]) {
+        self.stray_text(element);
+        self.expect_children(element, children);
+        self.expect_attributes(element, attributes);
+    }
+
+    /// Notes text between an element's children.
+    pub fn stray_text(&mut self, element: &Element) {
+        if let Some(text) = &element.text {
+            self.report.note(text.span, format!("stray text `{}` is ignored", text.shown()));
+        }
+    }
+
+    /// Warns of children that mean nothing here.
+    pub fn expect_children(&mut self, element: &Element, valid: &[&str]) {
+        for child in element.children.iter().filter(|child| !child.is(valid)) {
+            let message = format!("<{}> in <{}> is not known: it is ignored", child.name, element.name);
+            self.report.warning(child.span, message, || Some(suggest(&child.name, valid.iter().copied())));
+        }
+    }
+
+    /// Warns of attributes that mean nothing here.
+    pub fn expect_attributes(&mut self, element: &Element, valid: &[&str]) {
+        for attribute in &element.attributes {
+            if !valid.iter().any(|name| attribute.name.eq_ignore_ascii_case(name)) {
+                let message =
+                    format!("attribute `{}` of <{}> is not known: it is ignored", attribute.name, element.name);
+                self.report
+                    .warning(attribute.name_span, message, || Some(suggest(&attribute.name, valid.iter().copied())));
+            }
+        }
+    }
+
+    /// The only child of these names, if there is one; a second one is an error.
+    pub fn single<'e>(&mut self, element: &'e Element, names: &[&str]) -> Option<&'e Element> {
+        let mut found = element.children.iter().filter(|child| child.is(names));
+        let first = found.next()?;
+        for second in found {
+            let message = format!("<{}> contradicts <{}> of line {}", second.name, first.name, first.line);
+            self.report.error(second.span, message);
+        }
+        Some(first)
+    }
+
+    /// An attribute that must be there and not be empty.
+    pub fn required<'e>(&mut self, element: &'e Element, name: &str) -> Option<&'e Value> {
+        let value = element.attribute(name);
+        match value {
+            Some(value) if !value.text.is_empty() => return Some(value),
+            Some(value) => self.report.error(value.span, format!("`{name}` of <{}> is empty", element.name)),
+            None => self.report.error_help(element.span, format!("<{}> lacks `{name}`", element.name), || {
+                if element.attributes.is_empty() {
+                    format!("valid: {name}=\"…\"")
+                } else {
+                    let given: Vec<&str> = attribute_names(element).take(16).collect();
+                    format!("given: {}", given.join(", "))
+                }
+            }),
+        }
+        None
+    }
+
+    /// The name that an element refers to: `<camera>Name</camera>` or `<camera name="Name"/>`.
+    pub fn reference<'e>(&mut self, element: &'e Element) -> Option<&'e Value> {
+        match (element.attribute("name"), &element.text) {
+            (Some(name), Some(text)) if name.text != text.text => {
+                let message = format!("<{}> names `{}` and `{}`", element.name, name.shown(), text.shown());
+                self.report.error(element.span, message);
+                None
+            }
+            (_, Some(text)) => Some(text),
+            (Some(_), None) => self.required(element, "name"),
+            (None, None) => {
+                let (name, message) = (&element.name, format!("<{}> names nothing", element.name));
+                let help = format!("valid: <{name}>Name</{name}>, <{name} name=\"Name\"/>");
+                self.report.error_help(element.span, message, || help);
+                None
+            }
+        }
+    }
+
+    /// A finite number, or the name of a constant.
+    pub fn number(&mut self, value: &Value) -> Option<f32> {
+        let text = value.text.as_str();
+        let looks_numeric = text.starts_with(|c: char| c.is_ascii_digit() || matches!(c, '-' | '+' | '.'));
+        match text.parse::<f32>() {
+            Ok(number) if looks_numeric && number.is_finite() => return Some(number),
+            Ok(_) => self.report.error(value.span, format!("`{}` is not a finite number", value.shown())),
+            Err(_) => {
+                if let Some(constant) = self.constants.get(text) {
+                    return Some(*constant);
+                }
+                self.report.error_help(value.span, format!("`{}` is not a number", value.shown()), || {
+                    if looks_numeric || self.constants.is_empty() {
+                        "valid: a number such as 102.55, or the name of a constant".to_owned()
+                    } else {
+                        suggest(text, self.constants.keys().map(String::as_str))
+                    }
+                });
+            }
+        }
+        None
+    }
+
+    /// A number that must be there.
+    pub fn number_of(&mut self, element: &Element, name: &str) -> Option<f32> {
+        let value = self.required(element, name)?;
+        self.number(value)
+    }
+
+    /// Three numbers that must be there. All of them are looked at.
+    fn three(&mut self, element: &Element, names: [&str; 3]) -> Option<Vec3> {
+        let [x, y, z] = names.map(|name| self.number_of(element, name));
+        Some(Vec3::new(x?, y?, z?))
+    }
+
+    /// `x`, `y` and `z`; a `w` is read and means nothing.
+    pub fn vector(&mut self, element: &Element) -> Option<Vec3> {
+        self.expect(element, &[], &["x", "y", "z", "w"]);
+        self.three(element, ["x", "y", "z"])
+    }
+
+    /// A vector that must have a length.
+    pub fn direction(&mut self, element: &Element) -> Option<Vec3> {
+        let vector = self.vector(element)?;
+        // In f64: the length of a large finite vector overflows f32.
+        let unit = vector.as_dvec3().try_normalize().map(|unit| unit.as_vec3());
+        if unit.is_none() {
+            self.report.error(element.span, format!("<{}> has no direction: its length is 0", element.name));
+        }
+        unit
+    }
+
+    /// `r`, `g`, `b` and, if it is there, `a` (else 1).
+    pub fn color(&mut self, element: &Element) -> Option<Vec4> {
+        self.expect(element, &[], &["r", "g", "b", "a"]);
+        let alpha = element.attribute("a").map_or(Some(1.0), |value| self.number(value));
+        Some(self.three(element, ["r", "g", "b"])?.extend(alpha?))
+    }
+
+    /// A truth value.
+    pub fn boolean(&mut self, value: &Value) -> Option<bool> {
+        match value.text.to_ascii_lowercase().as_str() {
+            "true" | "1" | "yes" => Some(true),
+            "false" | "0" | "no" => Some(false),
+            _ => {
+                let message = format!("`{}` is neither true nor false", value.shown());
+                self.report.error_help(value.span, message, || "valid: true, false".to_owned());
+                None
+            }
+        }
+    }
+
+    /// A number of pixels, 1 to [`MAX_SIDE`].
+    pub fn side(&mut self, value: &Value) -> Option<u32> {
+        let number = self.number(value)?;
+        if number.fract() == 0.0 && (1.0..=MAX_SIDE as f32).contains(&number) {
+            return Some(number as u32);
+        }
+        let message = format!("`{}` is not a number of pixels", value.shown());
+        self.report.error_help(value.span, message, || format!("valid: 1..={MAX_SIDE}"));
+        None
+    }
+
+    /// The attribute of the first of these names that an element has.
+    pub fn any_attribute<'e>(&self, element: &'e Element, names: &[&str]) -> Option<&'e Value> {
+        names.iter().find_map(|name| element.attribute(name))
+    }
+
+    /// `file:line:column` of an element.
+    pub fn place(&self, element: &Element) -> String {
+        format!("{}:{}:{}", self.report.source(element.span.file).path.display(), element.line, element.column)
+    }
+
+    /// Where an element, or a better place in it, stands.
+    pub fn span_or(value: Option<&Value>, element: &Element) -> Span {
+        value.map_or(element.span, |value| value.span)
+    }
+}
