@@ -38,7 +38,13 @@ impl Random {
 
 /// Reversed, right-handed perspective: depth 1 at `near`, 0 at `far`.
 pub fn perspective(fov_y: f32, aspect: f32, near: f32, far: f32) -> Mat4 {
-    Mat4::perspective_rh(fov_y, aspect, far, near)
+    let focal = 1.0 / (fov_y * 0.5).tan();
+    Mat4::from_cols(
+        Vec4::new(focal / aspect, 0.0, 0.0, 0.0),
+        Vec4::new(0.0, focal, 0.0, 0.0),
+        Vec4::new(0.0, 0.0, near / (far - near), -1.0),
+        Vec4::new(0.0, 0.0, near * far / (far - near), 0.0),
+    )
 }
 
 /// A camera at the origin that looks along -z.
@@ -133,9 +139,8 @@ pub fn soup(kind: u32, count: usize, seed: u32) -> RenderScene {
             3 => [0; 3].map(|_| corner(&mut random, depth * 0.2) + random.vector() * 3000.0 * random.unit()),
             4 => [0; 3].map(|_| random.vector() * 8.0),
             5 => [0; 3].map(|_| Vec3::new(random.signed() * 0.2, random.signed() * 0.2, -0.1 + random.signed() * 0.08)),
-            _ => [0; 3].map(|_| {
-                Vec3::new(random.signed() * 60.0, random.signed() * 60.0, -100.0 + random.signed() * 60.0)
-            }),
+            _ => [0; 3]
+                .map(|_| Vec3::new(random.signed() * 60.0, random.signed() * 60.0, -100.0 + random.signed() * 60.0)),
         });
     }
     triangles(&corners)
@@ -144,7 +149,9 @@ pub fn soup(kind: u32, count: usize, seed: u32) -> RenderScene {
 /// A field of hills of `2 * cells^2` triangles with shared vertices, and a camera that sees it over three quarters of the picture.
 pub fn terrain(cells: u32) -> (RenderScene, View) {
     let height = |x: f32, z: f32| {
-        0.6 * (x * 0.9).sin() * (z * 0.7).cos() + 0.25 * (x * 2.3 + 1.0).sin() * (z * 2.9).sin() + 0.05 * (x * 9.0).cos()
+        0.6 * (x * 0.9).sin() * (z * 0.7).cos()
+            + 0.25 * (x * 2.3 + 1.0).sin() * (z * 2.9).sin()
+            + 0.05 * (x * 9.0).cos()
     };
     let mut positions = Vec::new();
     for row in 0..=cells {
@@ -163,7 +170,11 @@ pub fn terrain(cells: u32) -> (RenderScene, View) {
         }
     }
     let eye = Vec3::new(0.0, 4.6, 4.2);
-    let view = Mat4::look_at_rh(eye, Vec3::new(0.0, -0.6, 0.1), Vec3::Y);
+    let back = (eye - Vec3::new(0.0, -0.6, 0.1)).normalize();
+    let right = Vec3::Y.cross(back).normalize();
+    let world_from_view =
+        Mat4::from_cols(right.extend(0.0), back.cross(right).extend(0.0), back.extend(0.0), eye.extend(1.0));
+    let view = world_from_view.inverse();
     let clip_from_world = perspective(60f32.to_radians(), 1.0, 0.1, 100.0) * view;
     (scene(positions, triangles), View { clip_from_world, eye })
 }

@@ -24,8 +24,12 @@ pub fn draw(job: &RasterJob<'_>) -> Vec<Seen> {
     let mut seen = vec![Seen { triangle: NO_TRIANGLE, depth: 0.0, doubtful: false }; (width * height) as usize];
     for triangle in 0..job.scene.geometry.triangles.len() as u32 {
         let cover = Cover::new(job, triangle);
+        let [left, right] = cover.columns(width);
         for (index, pixel) in seen.iter_mut().enumerate() {
             let (x, y) = (index as u32 % width, index as u32 / width);
+            if x < left || x > right {
+                continue;
+            }
             let (depth, doubtful) = cover.at(x, y);
             let Some(depth) = depth else {
                 // A doubtful miss only matters where the triangle would have been seen.
@@ -75,6 +79,15 @@ impl Cover {
         Self::Homogeneous { inverse: matrix.inverse(), depth, size: [port.width, port.height].map(f64::from) }
     }
 
+    /// The columns that need be asked: all that the corners lie between, and one more on each side.
+    fn columns(&self, width: u32) -> [u32; 2] {
+        let Self::Snapped { corners, origin, .. } = self else { return [0, width] };
+        let column = |x: i128| (x.div_euclid(256) - origin[0]).clamp(-1, i128::from(width));
+        let least = corners.iter().map(|corner| column(corner[0])).min().expect("three corners");
+        let most = corners.iter().map(|corner| column(corner[0])).max().expect("three corners");
+        [(least - 1).max(0) as u32, (most + 1) as u32]
+    }
+
     /// Depth at a pixel centre where the triangle covers it, and whether that is in doubt.
     fn at(&self, x: u32, y: u32) -> (Option<f64>, bool) {
         match self {
@@ -100,7 +113,8 @@ impl Cover {
 
 fn snapped(corners: &[[i128; 2]; 3], depth: &[f64; 3], origin: &[i128; 2], x: u32, y: u32) -> Option<f64> {
     let p = [(i128::from(x) + origin[0]) * 256 + 128, (i128::from(y) + origin[1]) * 256 + 128];
-    let cross = |a: [i128; 2], b: [i128; 2], c: [i128; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let cross =
+        |a: [i128; 2], b: [i128; 2], c: [i128; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let area = cross(corners[0], corners[1], corners[2]);
     if area == 0 {
         return None;

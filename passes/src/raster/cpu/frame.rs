@@ -1,8 +1,7 @@
 //! What all stages of one draw read.
 
 use super::clip::ClippedTriangle;
-use super::surface::Grid;
-use super::vertex::{Projection, ScreenVertex};
+use super::vertex::ScreenVertex;
 use curitiba_pipeline::backend::{RasterJob, Shade};
 use curitiba_pipeline::scene::Geometry;
 
@@ -79,8 +78,6 @@ impl Cut {
 pub(super) struct Frame<'a> {
     pub job: &'a RasterJob<'a>,
     pub geometry: &'a Geometry,
-    pub projection: &'a Projection,
-    pub grid: Grid,
     /// As many as positions.
     pub vertices: &'a [ScreenVertex],
     /// By bin of the whole draw.

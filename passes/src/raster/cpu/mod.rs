@@ -180,7 +180,7 @@ impl Rasteriser for CpuRasteriser {
 
             let start = Instant::now();
             let clipped = &self.clipped;
-            let frame = Frame { job, geometry, projection: &projection, grid, vertices: &self.vertices, clipped };
+            let frame = Frame { job, geometry, vertices: &self.vertices, clipped };
             let (tiles, rows) = (&self.tiles, &self.rows);
             surface::for_each_tile(target, job.attachments, &grid, |index, surface| {
                 let thread = rayon::current_thread_index().unwrap_or(0);

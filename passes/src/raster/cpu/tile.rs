@@ -170,7 +170,9 @@ impl Tile {
         }
         for part in parts {
             let triangle = frame.triangle_of(*part);
-            while let Some((first, rest)) = large.split_first().filter(|(first, _)| frame.triangle_of(**first) < triangle) {
+            while let Some((first, rest)) =
+                large.split_first().filter(|(first, _)| frame.triangle_of(**first) < triangle)
+            {
                 self.draw(frame, *first, surface);
                 large = rest;
             }
