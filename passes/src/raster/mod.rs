@@ -1,0 +1,3 @@
+//! The rasterisers: the same G-buffers from the processor and from the GPU.
+
+pub mod gpu;
