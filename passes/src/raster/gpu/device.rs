@@ -23,6 +23,8 @@ pub(super) struct Gpu {
     pub queue: wgpu::Queue,
     pub limits: wgpu::Limits,
     pub adapter: AdapterSummary,
+    /// The largest buffer for data whose size depends on the scene or the frame, in bytes.
+    pub max_buffer_bytes: u64,
     faults: Arc<Faults>,
 }
 
@@ -71,17 +73,13 @@ impl Gpu {
         device.set_device_lost_callback(move |reason, message| {
             noted.note_lost(format!("the device was lost ({reason:?}) {message}"));
         });
-        Ok(Self { device, queue, limits, adapter: summary, faults })
+        let max_buffer_bytes = limits.max_buffer_size.min(MAX_BUFFER_BYTES);
+        Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, faults })
     }
 
     /// Whether the device can do `feature`.
     pub fn has(&self, feature: wgpu::Features) -> bool {
         self.device.features().contains(feature)
-    }
-
-    /// The largest buffer that may be created, in bytes.
-    pub fn max_buffer_bytes(&self) -> u64 {
-        self.limits.max_buffer_size.min(MAX_BUFFER_BYTES)
     }
 
     /// The first failure since the last call, as an error.

@@ -64,7 +64,7 @@ impl DrawList {
             let Some(shade) = job.shades.get(part.material as usize) else {
                 return Err(failure(&format!("the job has no shade for material {}", part.material)));
             };
-            let variant = Variant::new(job.attachments, geometry.has_normals, geometry.has_texcoords, shade);
+            let variant = Variant::new(job.attachments, geometry.has_normals, shade);
             if !variant.alpha_cut && shade.alpha_cutoff.is_some_and(|cutoff| shade.diffuse.w < cutoff) {
                 continue;
             }
@@ -148,6 +148,12 @@ impl DrawList {
             let first = 3 * (draw.first - chunk.first);
             pass.draw_indexed(first..first + 3 * draw.count, 0, 0..1);
         }
+    }
+
+    /// Number of draw calls.
+    #[cfg(test)]
+    pub fn len(&self) -> usize {
+        self.draws.len()
     }
 
     /// Triangles of all draws.

@@ -51,7 +51,6 @@ pub(super) struct DeviceGeometry {
     /// In the order of their triangles.
     pub parts: Vec<Part>,
     pub has_normals: bool,
-    pub has_texcoords: bool,
     /// Bytes of device memory.
     pub bytes: u64,
 }
@@ -59,24 +58,18 @@ pub(super) struct DeviceGeometry {
 impl DeviceGeometry {
     /// Uploads the attributes that the geometry has.
     pub fn upload(gpu: &Gpu, geometry: &Geometry) -> Result<Self, BackendError> {
-        Self::upload_with(gpu, geometry, gpu.max_buffer_bytes())
-    }
-
-    /// As [`Self::upload`], with no buffer above `max_bytes`.
-    pub fn upload_with(gpu: &Gpu, geometry: &Geometry, max_bytes: u64) -> Result<Self, BackendError> {
         let vertex_count = geometry.positions.len();
         for (name, count) in [("normals", geometry.normals.len()), ("texcoords", geometry.texcoords.len())] {
             if count != 0 && count != vertex_count {
                 return Err(failure(&format!("the scene has {vertex_count} positions and {count} {name}")));
             }
         }
-        let layout = Layout::new(geometry.triangles.len(), vertex_count, max_bytes)?;
+        let layout = Layout::new(geometry.triangles.len(), vertex_count, gpu.max_buffer_bytes)?;
         let mut this = Self {
             chunks: Vec::new(),
             vertices: Vec::new(),
             parts: parts(geometry, &layout),
             has_normals: !geometry.normals.is_empty(),
-            has_texcoords: !geometry.texcoords.is_empty(),
             bytes: 0,
         };
         if layout.shared_vertices && layout.chunks().len() > 0 {

@@ -7,9 +7,12 @@ mod adapter;
 mod device;
 mod draws;
 mod geometry;
+mod job;
 mod pipelines;
 mod shader;
 mod targets;
+#[cfg(test)]
+mod tests;
 mod textures;
 mod timer;
 
@@ -100,29 +103,6 @@ impl WgpuRasteriser {
     }
 }
 
-/// Whether `target` has what the job writes.
-fn check_target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), BackendError> {
-    let Rect { x, y, width, height } = job.viewport;
-    let inside = |start: u32, length: u32, size: u32| start.checked_add(length).is_some_and(|end| end <= size);
-    if !inside(x, width, target.width) || !inside(y, height, target.height) {
-        let (columns, rows) = (target.width, target.height);
-        return Err(failure(&format!("the viewport {:?} leaves the {columns} x {rows} target", job.viewport)));
-    }
-    let pixels = target.width as usize * target.height as usize;
-    let Attachments { color, position, normal, triangle } = job.attachments;
-    for (name, wanted, length) in [
-        ("color", color, target.color.len()),
-        ("position", position, target.position.len()),
-        ("normal", normal, target.normal.len()),
-        ("triangle", triangle, target.triangle.len()),
-    ] {
-        if wanted && length != pixels {
-            return Err(failure(&format!("the target's {name} attachment has {length} pixels, not {pixels}")));
-        }
-    }
-    Ok(())
-}
-
 impl Rasteriser for WgpuRasteriser {
     fn name(&self) -> &'static str {
         NAME
@@ -143,13 +123,14 @@ impl Rasteriser for WgpuRasteriser {
 
     fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError> {
         self.drawn = None;
-        check_target(job, target)?;
+        job::check_target(job, target)?;
+        job::check_scene(job)?;
         let uploaded = self.scene.as_mut().filter(|uploaded| std::ptr::eq(&*uploaded.scene, job.scene));
         let Some(Uploaded { geometry, textures, .. }) = uploaded else {
             return Err(failure("the job's scene was not uploaded"));
         };
-        if job.attachments == Attachments::default() || job.viewport.width == 0 || job.viewport.height == 0 {
-            self.drawn = Some((job.viewport, Attachments::default()));
+        if job::is_empty(job) {
+            self.drawn = Some((job.viewport, job.attachments));
             return Ok(DrawStats::default());
         }
         if job.attachments.triangle && !self.gpu.has(wgpu::Features::PRIMITIVE_INDEX) {
@@ -187,16 +168,15 @@ impl Rasteriser for WgpuRasteriser {
     }
 
     fn read_back(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<(), BackendError> {
-        check_target(job, target)?;
-        let nothing = job.attachments == Attachments::default() || job.viewport.width == 0 || job.viewport.height == 0;
-        if self.drawn.is_some() && nothing {
-            return Ok(());
+        job::check_target(job, target)?;
+        if self.drawn != Some((job.viewport, job.attachments)) {
+            return Err(failure("this job is not what was drawn last"));
         }
         match self.targets.last() {
-            Some(targets) if self.drawn == Some((job.viewport, job.attachments)) => {
+            Some(targets) if !job::is_empty(job) => {
                 targets.read_back(&self.gpu, &mut self.staging, job.viewport, target)
             }
-            _ => Err(failure("nothing was drawn that this job could read back")),
+            _ => Ok(()),
         }
     }
 }

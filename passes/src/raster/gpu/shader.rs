@@ -26,10 +26,10 @@ pub(super) struct Variant {
 }
 
 impl Variant {
-    /// The variant for a draw, given which vertex attributes the geometry has.
-    pub fn new(attachments: Attachments, has_normals: bool, has_texcoords: bool, shade: &Shade) -> Self {
+    /// The variant for a draw; a scene with textured materials has texture coordinates.
+    pub fn new(attachments: Attachments, has_normals: bool, shade: &Shade) -> Self {
         let Attachments { color, position, normal, triangle } = attachments;
-        let texture = has_texcoords && shade.texture.is_some();
+        let texture = shade.texture.is_some();
         let alpha_cut = texture && shade.alpha_cutoff.is_some();
         Self {
             color,
@@ -228,11 +228,14 @@ mod tests {
     fn a_variant_reads_only_what_its_attachments_need() {
         let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), alpha_cutoff: None };
         let only_triangle = Attachments { triangle: true, ..Attachments::default() };
-        let variant = Variant::new(only_triangle, true, true, &shade);
+        let variant = Variant::new(only_triangle, true, &shade);
         assert!(!variant.vertex_normal && !variant.textured && !variant.reads_material());
-        let cut = Variant::new(only_triangle, true, true, &Shade { alpha_cutoff: Some(0.5), ..shade });
+        let cut = Variant::new(only_triangle, true, &Shade { alpha_cutoff: Some(0.5), ..shade });
         assert!(cut.textured && cut.alpha_cut && cut.reads_material(), "holes are in every attachment");
-        let color = Variant::new(Attachments { color: true, ..Attachments::default() }, true, false, &shade);
-        assert!(color.vertex_normal && !color.textured, "no coordinates, no texture");
+        let only_color = Attachments { color: true, ..Attachments::default() };
+        let color = Variant::new(only_color, true, &shade);
+        assert!(color.vertex_normal && color.textured && !color.alpha_cut);
+        let plain = Variant::new(only_color, false, &Shade { texture: None, alpha_cutoff: Some(0.5), ..shade });
+        assert!(!plain.vertex_normal && !plain.textured && !plain.alpha_cut);
     }
 }

@@ -124,7 +124,7 @@ impl Targets {
         let present = |channel: &usize| self.channels[*channel].is_some();
         let total = (0..4).filter(present).map(|c| u64::from(pitches[c]) * u64::from(self.height)).sum::<u64>();
         let widest = u64::from(pitches[0]);
-        let capacity = total.min(STAGING_BYTES.min(gpu.max_buffer_bytes()).max(widest));
+        let capacity = total.min(STAGING_BYTES.min(gpu.max_buffer_bytes).max(widest));
         staging.reserve(gpu, capacity)?;
         for channel in (0..4).filter(present) {
             let pitch = pitches[channel];
