@@ -1,0 +1,162 @@
+//! Which devices there are, and which one is taken.
+
+use super::device::unsupported;
+use curitiba_pipeline::backend::BackendError;
+use std::fmt;
+
+/// Which adapters may be taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AdapterChoice {
+    /// Only hardware: a driver that computes on the processor is slower than the rasteriser of this crate that does.
+    RealGpu,
+    /// Hardware where there is some, else a software driver.
+    Any,
+}
+
+/// What an adapter is; the order is the order of preference.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum AdapterKind {
+    /// A GPU with its own memory.
+    Discrete,
+    /// A GPU that shares the processor's memory.
+    Integrated,
+    /// A GPU lent to a virtual machine.
+    Virtual,
+    /// The driver does not say.
+    Unknown,
+    /// No GPU: the driver computes on the processor.
+    Software,
+}
+
+impl fmt::Display for AdapterKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Discrete => "discrete GPU",
+            Self::Integrated => "integrated GPU",
+            Self::Virtual => "virtual GPU",
+            Self::Unknown => "unknown kind",
+            Self::Software => "software",
+        })
+    }
+}
+
+/// An adapter of this machine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AdapterSummary {
+    /// The device, as its driver names it.
+    pub name: String,
+    /// The driver and its version; may be empty.
+    pub driver: String,
+    /// `vulkan`, `metal` or `dx12`.
+    pub interface: &'static str,
+    /// What it is.
+    pub kind: AdapterKind,
+}
+
+impl AdapterSummary {
+    fn of(adapter: &wgpu::Adapter) -> Self {
+        let info = adapter.get_info();
+        let driver = [info.driver.as_str(), info.driver_info.as_str()];
+        Self {
+            name: info.name,
+            driver: driver.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" "),
+            interface: match info.backend {
+                wgpu::Backend::Vulkan => "vulkan",
+                wgpu::Backend::Metal => "metal",
+                wgpu::Backend::Dx12 => "dx12",
+                _ => "other",
+            },
+            kind: match info.device_type {
+                wgpu::DeviceType::DiscreteGpu => AdapterKind::Discrete,
+                wgpu::DeviceType::IntegratedGpu => AdapterKind::Integrated,
+                wgpu::DeviceType::VirtualGpu => AdapterKind::Virtual,
+                wgpu::DeviceType::Cpu => AdapterKind::Software,
+                wgpu::DeviceType::Other => AdapterKind::Unknown,
+            },
+        }
+    }
+}
+
+impl fmt::Display for AdapterSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({}, {}", self.name, self.kind, self.interface)?;
+        if !self.driver.is_empty() {
+            write!(f, ", {}", self.driver)?;
+        }
+        f.write_str(")")
+    }
+}
+
+/// Every adapter, the preferred one first. Empty where there is no driver.
+#[must_use]
+pub fn adapters() -> Vec<AdapterSummary> {
+    enumerate().into_iter().map(|(summary, _)| summary).collect()
+}
+
+/// The adapter that `choice` takes.
+pub(super) fn select(choice: AdapterChoice) -> Result<(AdapterSummary, wgpu::Adapter), BackendError> {
+    let mut all = enumerate();
+    let summaries: Vec<AdapterSummary> = all.iter().map(|(summary, _)| summary.clone()).collect();
+    let index = choose(&summaries, choice)?;
+    Ok(all.swap_remove(index))
+}
+
+/// The index of the adapter that `choice` takes among `adapters`, which are in order of preference.
+fn choose(adapters: &[AdapterSummary], choice: AdapterChoice) -> Result<usize, BackendError> {
+    match adapters.first() {
+        None => Err(unsupported(
+            "on this machine",
+            "no Vulkan, Metal or DirectX 12 driver offers a device: install the graphics driver, or",
+        )),
+        Some(best) if choice == AdapterChoice::RealGpu && best.kind == AdapterKind::Software => Err(unsupported(
+            "on a GPU of this machine",
+            &format!("the only device is {best}: `--raster wgpu` takes it all the same, and"),
+        )),
+        Some(_) => Ok(0),
+    }
+}
+
+/// `WGPU_BACKEND` narrows the interfaces, as in every program that uses wgpu. OpenGL is left out: its drivers often cannot
+/// render to 32-bit floats.
+fn enumerate() -> Vec<(AdapterSummary, wgpu::Adapter)> {
+    let supported = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
+    let backends = wgpu::Backends::from_env().unwrap_or(supported) & supported;
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = backends;
+    descriptor.flags = wgpu::InstanceFlags::from_env_or_default();
+    let instance = wgpu::Instance::new(descriptor);
+    let adapters = pollster::block_on(instance.enumerate_adapters(backends));
+    let mut all: Vec<_> = adapters.into_iter().map(|adapter| (AdapterSummary::of(&adapter), adapter)).collect();
+    // Stable: among equals the driver's own order counts.
+    all.sort_by_key(|(summary, _)| summary.kind);
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn adapter(kind: AdapterKind) -> AdapterSummary {
+        AdapterSummary { name: "X".to_owned(), driver: "1.0".to_owned(), interface: "vulkan", kind }
+    }
+
+    #[test]
+    fn a_software_adapter_is_taken_only_where_any_will_do() {
+        let software = [adapter(AdapterKind::Software)];
+        assert_eq!(choose(&software, AdapterChoice::Any).expect("taken"), 0);
+        let message = choose(&software, AdapterChoice::RealGpu).expect_err("refused").to_string();
+        assert!(message.contains("X (software, vulkan, 1.0)") && message.contains("--raster cpu"), "{message}");
+        for kind in [AdapterKind::Discrete, AdapterKind::Integrated, AdapterKind::Virtual, AdapterKind::Unknown] {
+            let both = [adapter(kind), adapter(AdapterKind::Software)];
+            assert_eq!(choose(&both, AdapterChoice::RealGpu).expect("hardware"), 0);
+        }
+    }
+
+    #[test]
+    fn without_adapters_the_message_says_what_to_do() {
+        for choice in [AdapterChoice::Any, AdapterChoice::RealGpu] {
+            let message = choose(&[], choice).expect_err("none").to_string();
+            assert!(message.contains("driver") && message.contains("`--raster cpu`"), "{message}");
+        }
+    }
+}

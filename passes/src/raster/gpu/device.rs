@@ -1,0 +1,206 @@
+//! The device, and how its failures become errors.
+//!
+//! wgpu reports most failures to a callback, whose default ends the program. Here the callbacks only note the first
+//! failure, and every operation ends by asking [`Gpu::check`] whether something was noted.
+
+use super::adapter::{AdapterChoice, AdapterSummary, select};
+use curitiba_pipeline::backend::BackendError;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The rasteriser's name.
+pub(super) const NAME: &str = "wgpu";
+
+/// Largest single buffer, whatever the device allows: Vulkan guarantees allocations of 1 GiB only.
+const MAX_BUFFER_BYTES: u64 = 1 << 30;
+/// How much is handed over at once in an upload; bounds the driver's staging memory.
+const UPLOAD_PIECE: usize = 32 << 20;
+
+/// A device and its queue.
+#[derive(Debug)]
+pub(super) struct Gpu {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub limits: wgpu::Limits,
+    pub adapter: AdapterSummary,
+    /// The largest buffer for data whose size depends on the scene or the frame, in bytes.
+    pub max_buffer_bytes: u64,
+    faults: Arc<Faults>,
+}
+
+/// The first failure since the last check. Once lost, a device stays lost.
+#[derive(Debug, Default)]
+struct Faults(Mutex<FaultLog>);
+
+#[derive(Debug, Default)]
+struct FaultLog {
+    first: Option<String>,
+    lost: Option<String>,
+}
+
+impl Faults {
+    fn with<R>(&self, access: impl FnOnce(&mut FaultLog) -> R) -> R {
+        access(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn note(&self, message: String) {
+        self.with(|log| log.first.get_or_insert(message).len());
+    }
+
+    fn note_lost(&self, message: String) {
+        self.with(|log| log.lost.get_or_insert(message).len());
+    }
+}
+
+impl Gpu {
+    /// Opens the device that `choice` takes, with all of its limits.
+    pub fn open(choice: AdapterChoice) -> Result<Self, BackendError> {
+        let (summary, adapter) = select(choice)?;
+        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PRIMITIVE_INDEX;
+        let limits = adapter.limits();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("curitiba"),
+            required_features: adapter.features() & wanted,
+            required_limits: limits.clone(),
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|error| unsupported(&format!("on {summary}"), &format!("the device does not open ({error}):")))?;
+        let faults = Arc::new(Faults::default());
+        let noted = Arc::clone(&faults);
+        device.on_uncaptured_error(Arc::new(move |error| noted.note(describe(&error))));
+        let noted = Arc::clone(&faults);
+        device.set_device_lost_callback(move |reason, message| {
+            noted.note_lost(format!("the device was lost ({reason:?}) {message}"));
+        });
+        let max_buffer_bytes = limits.max_buffer_size.min(MAX_BUFFER_BYTES);
+        Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, faults })
+    }
+
+    /// Whether the device can do `feature`.
+    pub fn has(&self, feature: wgpu::Features) -> bool {
+        self.device.features().contains(feature)
+    }
+
+    /// The first failure since the last call, as an error.
+    pub fn check(&self, doing: &str) -> Result<(), BackendError> {
+        let message = self.faults.with(|log| log.first.take().or_else(|| log.lost.clone()));
+        match message {
+            Some(message) => Err(failure(&format!("{doing} on {}: {message}", self.adapter))),
+            None => Ok(()),
+        }
+    }
+
+    /// Submits `commands` and waits until the device has done all it was given.
+    pub fn submit_and_wait(&self, commands: Option<wgpu::CommandBuffer>, doing: &str) -> Result<(), BackendError> {
+        self.queue.submit(commands);
+        self.check(doing)?;
+        // wgpu 30 panics where the driver reports a lost device while it is waited for (`Device::poll` calls
+        // `handle_error_fatal`); nothing is used after that but the message.
+        let waited = catch_unwind(AssertUnwindSafe(|| self.device.poll(wgpu::PollType::wait_indefinitely())));
+        match waited {
+            Ok(Ok(_)) => {}
+            Ok(Err(error)) => self.faults.note(error.to_string()),
+            Err(_) => self.faults.note_lost("the device was lost while it was waited for".to_owned()),
+        }
+        self.check(doing)
+    }
+
+    /// Maps `buffer`, submits `commands`, waits, and shows the first `bytes` bytes to `read`.
+    pub fn read_mapped(
+        &self,
+        buffer: &wgpu::Buffer,
+        bytes: u64,
+        commands: Option<wgpu::CommandBuffer>,
+        doing: &str,
+        read: impl FnOnce(&[u8]),
+    ) -> Result<(), BackendError> {
+        if commands.is_some() {
+            self.queue.submit(commands);
+            self.check(doing)?;
+        }
+        let slice = buffer.slice(..bytes);
+        let noted = Arc::clone(&self.faults);
+        slice.map_async(wgpu::MapMode::Read, move |result| {
+            if let Err(error) = result {
+                noted.note(format!("a buffer does not map: {error}"));
+            }
+        });
+        let waited = self.submit_and_wait(None, doing);
+        let result = waited.and_then(|()| match slice.get_mapped_range() {
+            Ok(view) => {
+                read(&view);
+                Ok(())
+            }
+            Err(error) => Err(failure(&format!("{doing} on {}: {error}", self.adapter))),
+        });
+        buffer.unmap();
+        // Unmapping a buffer that never became mapped is an error of its own; the first one is what matters.
+        let after = self.check(doing);
+        result.and(after)
+    }
+
+    /// A buffer that holds `bytes`.
+    pub fn upload_buffer(
+        &self,
+        label: &str,
+        usage: wgpu::BufferUsages,
+        bytes: &[u8],
+    ) -> Result<wgpu::Buffer, BackendError> {
+        let buffer = self.buffer(label, usage | wgpu::BufferUsages::COPY_DST, bytes.len() as u64)?;
+        for (index, piece) in bytes.chunks(UPLOAD_PIECE).enumerate() {
+            self.queue.write_buffer(&buffer, (index * UPLOAD_PIECE) as u64, piece);
+            self.submit_and_wait(None, label)?;
+        }
+        Ok(buffer)
+    }
+
+    /// An uninitialised buffer.
+    pub fn buffer(&self, label: &str, usage: wgpu::BufferUsages, size: u64) -> Result<wgpu::Buffer, BackendError> {
+        let descriptor = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        let buffer = self.device.create_buffer(&descriptor);
+        self.check(label)?;
+        Ok(buffer)
+    }
+}
+
+/// What a failure means to the user.
+fn describe(error: &wgpu::Error) -> String {
+    match error {
+        wgpu::Error::OutOfMemory { .. } => "the device is out of memory".to_owned(),
+        wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
+            description.trim_end().to_owned()
+        }
+    }
+}
+
+/// The device failed; ends with the remedy.
+pub(super) fn failure(message: &str) -> BackendError {
+    BackendError::Device { backend: NAME, message: format!("{message}; `--raster cpu` draws without a GPU") }
+}
+
+/// The device cannot do `what`; `why` is continued with the remedy.
+pub(super) fn unsupported(what: &str, why: &str) -> BackendError {
+    BackendError::Unsupported {
+        backend: NAME,
+        what: what.to_owned(),
+        why: format!("{why} `--raster cpu` draws without a GPU"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_fault_is_kept_and_a_lost_device_stays_lost() {
+        let faults = Faults::default();
+        faults.note("first".to_owned());
+        faults.note("second".to_owned());
+        faults.note_lost("lost".to_owned());
+        let take = || faults.with(|log| log.first.take().or_else(|| log.lost.clone()));
+        assert_eq!(take().as_deref(), Some("first"));
+        assert_eq!(take().as_deref(), Some("lost"));
+        assert_eq!(take().as_deref(), Some("lost"));
+    }
+}

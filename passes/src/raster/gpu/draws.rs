@@ -1,0 +1,176 @@
+//! The draw calls of a pass, and their uniforms.
+
+use super::device::{Gpu, failure};
+use super::geometry::DeviceGeometry;
+use super::pipelines::{Layouts, Pipelines, slots};
+use super::shader::{DrawUniform, FrameUniform, Variant};
+use super::textures::DeviceTextures;
+use curitiba_pipeline::backend::{BackendError, RasterJob};
+use std::num::NonZeroU64;
+
+/// One draw call.
+#[derive(Debug, Clone, Copy)]
+struct Draw {
+    variant: Variant,
+    /// What group 1 is bound to, where the variant has it.
+    texture: Option<u32>,
+    chunk: usize,
+    /// First triangle of the scene.
+    first: u32,
+    count: u32,
+    /// Where its uniforms are.
+    offset: u32,
+}
+
+/// The draw calls of the current pass. The buffers stay from frame to frame.
+#[derive(Debug)]
+pub(super) struct DrawList {
+    draws: Vec<Draw>,
+    /// `Draw` uniforms, `stride` bytes apart.
+    bytes: Vec<u8>,
+    /// What the device's buffer holds.
+    written: Vec<u8>,
+    stride: usize,
+    frame: wgpu::Buffer,
+    uniforms: wgpu::Buffer,
+    binding: wgpu::BindGroup,
+}
+
+impl DrawList {
+    pub fn new(gpu: &Gpu, layouts: &Layouts) -> Result<Self, BackendError> {
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let alignment = gpu.limits.min_uniform_buffer_offset_alignment as usize;
+        let stride = size_of::<DrawUniform>().next_multiple_of(alignment.max(1));
+        let frame = gpu.buffer("creation of the frame's uniforms", usage, size_of::<FrameUniform>() as u64)?;
+        let uniforms = gpu.buffer("creation of the uniforms", usage, 64 * stride as u64)?;
+        let binding = bind(gpu, layouts, &frame, &uniforms);
+        gpu.check("binding of the uniforms")?;
+        Ok(Self { draws: Vec::new(), bytes: Vec::new(), written: Vec::new(), stride, frame, uniforms, binding })
+    }
+
+    /// Lists the draws of a job, and hands their uniforms to the device.
+    pub fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        layouts: &Layouts,
+        pipelines: &mut Pipelines,
+        geometry: &DeviceGeometry,
+        textures: &mut DeviceTextures,
+        job: &RasterJob<'_>,
+    ) -> Result<(), BackendError> {
+        self.draws.clear();
+        self.bytes.clear();
+        for part in &geometry.parts {
+            let Some(shade) = job.shades.get(part.material as usize) else {
+                return Err(failure(&format!("the job has no shade for material {}", part.material)));
+            };
+            let variant = Variant::new(job.attachments, geometry.has_normals, shade);
+            if !variant.alpha_cut && shade.alpha_cutoff.is_some_and(|cutoff| shade.diffuse.w < cutoff) {
+                continue;
+            }
+            if let Some(last) = self.draws.last_mut() {
+                let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
+                if adjacent && last.variant == variant && !variant.reads_material() {
+                    last.count += part.count;
+                    continue;
+                }
+            }
+            pipelines.require(gpu, layouts, variant)?;
+            let texture = if variant.textured { shade.texture } else { None };
+            if let Some(texture) = texture {
+                textures.require(gpu, layouts, job.scene, texture)?;
+            }
+            let Ok(offset) = u32::try_from(self.bytes.len()) else {
+                return Err(failure("too many materials for one pass"));
+            };
+            self.bytes.extend_from_slice(bytemuck::bytes_of(&DrawUniform::new(shade, part.first)));
+            self.bytes.resize(offset as usize + self.stride, 0);
+            let (chunk, first, count) = (part.chunk, part.first, part.count);
+            self.draws.push(Draw { variant, texture, chunk, first, count, offset });
+        }
+        self.write(gpu, layouts, job)
+    }
+
+    fn write(&mut self, gpu: &Gpu, layouts: &Layouts, job: &RasterJob<'_>) -> Result<(), BackendError> {
+        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&FrameUniform::new(&job.view, job.sun)));
+        if self.bytes == self.written {
+            return gpu.check("upload of the uniforms");
+        }
+        self.written.clear();
+        if self.bytes.len() as u64 > self.uniforms.size() {
+            let size = (self.bytes.len() as u64).next_power_of_two().min(gpu.limits.max_buffer_size);
+            let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+            self.uniforms = gpu.buffer("creation of the uniforms", usage, size)?;
+            self.binding = bind(gpu, layouts, &self.frame, &self.uniforms);
+        }
+        gpu.queue.write_buffer(&self.uniforms, 0, &self.bytes);
+        gpu.check("upload of the uniforms")?;
+        self.written.extend_from_slice(&self.bytes);
+        Ok(())
+    }
+
+    /// Records the draws, in the order of their triangles.
+    pub fn record(
+        &self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipelines: &Pipelines,
+        geometry: &DeviceGeometry,
+        textures: &DeviceTextures,
+    ) {
+        let (mut bound_chunk, mut bound_variant, mut bound_texture) = (None, None, None);
+        for draw in &self.draws {
+            let chunk = &geometry.chunks[draw.chunk];
+            let new_variant = bound_variant != Some(draw.variant);
+            if new_variant {
+                let Some(pipeline) = pipelines.get(draw.variant) else { continue };
+                pass.set_pipeline(pipeline);
+                bound_variant = Some(draw.variant);
+            }
+            if new_variant || bound_chunk != Some(draw.chunk) {
+                let vertices = &geometry.vertices[chunk.vertices];
+                let (normals, texcoords) = slots(draw.variant);
+                pass.set_vertex_buffer(0, vertices.positions.slice(..));
+                for (slot, buffer) in [(normals, &vertices.normals), (texcoords, &vertices.texcoords)] {
+                    if let (Some(slot), Some(buffer)) = (slot, buffer) {
+                        pass.set_vertex_buffer(slot, buffer.slice(..));
+                    }
+                }
+                pass.set_index_buffer(chunk.indices.slice(..), wgpu::IndexFormat::Uint32);
+                bound_chunk = Some(draw.chunk);
+            }
+            pass.set_bind_group(0, &self.binding, &[draw.offset]);
+            if let Some(texture) = draw.texture
+                && (new_variant || bound_texture != Some(texture))
+            {
+                pass.set_bind_group(1, textures.binding(texture), &[]);
+                bound_texture = Some(texture);
+            }
+            let first = 3 * (draw.first - chunk.first);
+            pass.draw_indexed(first..first + 3 * draw.count, 0, 0..1);
+        }
+    }
+
+    /// Number of draw calls.
+    #[cfg(test)]
+    pub fn len(&self) -> usize {
+        self.draws.len()
+    }
+
+    /// Triangles of all draws.
+    pub fn triangles(&self) -> u64 {
+        self.draws.iter().map(|draw| u64::from(draw.count)).sum()
+    }
+}
+
+fn bind(gpu: &Gpu, layouts: &Layouts, frame: &wgpu::Buffer, uniforms: &wgpu::Buffer) -> wgpu::BindGroup {
+    let draw =
+        wgpu::BufferBinding { buffer: uniforms, offset: 0, size: NonZeroU64::new(size_of::<DrawUniform>() as u64) };
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("uniforms"),
+        layout: &layouts.uniforms,
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Buffer(draw) },
+        ],
+    })
+}

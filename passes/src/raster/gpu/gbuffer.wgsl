@@ -1,0 +1,155 @@
+// The G-buffer program: one text for all variants. Lines between `//#if NAME` and `//#endif` (with an optional
+// `//#else`) stay only in variants that define NAME; see `shader.rs`.
+//
+//   COLOR, POSITION, NORMAL, TRIANGLE   attachments that are written
+//   VERTEX_NORMAL                       the vertices carry normals, and something above reads them
+//   TEXTURED                            the material has a texture, and COLOR or ALPHA_CUT reads it
+//   ALPHA_CUT                           texels below the material's cutoff are no surface
+//#if TRIANGLE
+enable primitive_index;
+//#endif
+
+// What is the same for a whole pass.
+struct Frame {
+    // Depth is reversed: 1 at the near plane, 0 at the far plane.
+    clip_from_world: mat4x4<f32>,
+    // Unit vector towards the light in xyz; zero without a light.
+    to_light: vec4<f32>,
+    // Its colour; alpha is 1.
+    light_color: vec4<f32>,
+}
+
+// What is the same for a draw: triangles of one material.
+struct Draw {
+    diffuse: vec4<f32>,
+    emission: vec4<f32>,
+    // Id of the draw's first triangle, plus 1: the attachment is cleared to 0, which therefore means "no triangle".
+    first_triangle: u32,
+    alpha_cutoff: f32,
+}
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<uniform> draw: Draw;
+//#if TEXTURED
+@group(1) @binding(0) var material_texture: texture_2d<f32>;
+@group(1) @binding(1) var trilinear: sampler;
+//#endif
+
+struct Vertex {
+    @location(0) position: vec3<f32>,
+//#if VERTEX_NORMAL
+    @location(1) normal: vec3<f32>,
+//#endif
+//#if TEXTURED
+    @location(2) texcoord: vec2<f32>,
+//#endif
+}
+
+struct Varyings {
+    // Invariant: neighbouring materials use different variants, and their shared edges must coincide.
+    @builtin(position) @invariant clip: vec4<f32>,
+//#if POSITION
+    @location(0) world: vec3<f32>,
+//#endif
+//#if VERTEX_NORMAL
+    @location(1) normal: vec3<f32>,
+//#endif
+//#if TEXTURED
+    @location(2) texcoord: vec2<f32>,
+//#endif
+}
+
+struct Pixel {
+//#if COLOR
+    @location(0) color: vec4<f32>,
+//#endif
+//#if POSITION
+    @location(1) position: vec4<f32>,
+//#endif
+//#if NORMAL
+    @location(2) normal: vec4<f32>,
+//#endif
+//#if TRIANGLE
+    @location(3) triangle: u32,
+//#endif
+}
+
+@vertex
+fn vertex_main(vertex: Vertex) -> Varyings {
+    var out: Varyings;
+    out.clip = frame.clip_from_world * vec4<f32>(vertex.position, 1.0);
+//#if POSITION
+    out.world = vertex.position;
+//#endif
+//#if VERTEX_NORMAL
+    out.normal = vertex.normal;
+//#endif
+//#if TEXTURED
+    out.texcoord = vertex.texcoord;
+//#endif
+    return out;
+}
+
+//#if TEXTURED
+// `log2` of the longer footprint side in texels of level 0 (Vulkan 1.3, section 16.5.7); 0 where it is below 1.
+fn level_of_detail(texcoord: vec2<f32>) -> f32 {
+    let size = vec2<f32>(textureDimensions(material_texture, 0));
+    let along_x = dpdxFine(texcoord) * size;
+    let along_y = dpdyFine(texcoord) * size;
+    let footprint = max(dot(along_x, along_x), dot(along_y, along_y));
+    return select(0.0, 0.5 * log2(footprint), footprint > 1.0);
+}
+
+// The texture at `texcoord`, whose v = 0 is the bottom row. The level is chosen here and not by the driver, so that every
+// device chooses alike. The fractional part is taken first: large coordinates would lose the sub-texel position otherwise.
+fn sample_texture(texcoord: vec2<f32>) -> vec4<f32> {
+    let level = level_of_detail(texcoord);
+    let wrapped = fract(texcoord);
+    return textureSampleLevel(material_texture, trilinear, vec2<f32>(wrapped.x, 1.0 - wrapped.y), level);
+}
+//#endif
+
+@fragment
+fn fragment_main(
+    in: Varyings,
+//#if TRIANGLE
+    @builtin(primitive_index) primitive: u32,
+//#endif
+) -> Pixel {
+//#if TEXTURED
+    let texel = sample_texture(in.texcoord);
+//#if ALPHA_CUT
+    if texel.a * draw.diffuse.a < draw.alpha_cutoff {
+        discard;
+    }
+//#endif
+//#endif
+    var normal = vec3<f32>(0.0);
+    var cosine = 0.0;
+//#if VERTEX_NORMAL
+    let length_squared = dot(in.normal, in.normal);
+    if length_squared > 0.0 {
+        normal = in.normal / sqrt(length_squared);
+    }
+    cosine = max(dot(frame.to_light.xyz, normal), 0.0);
+//#endif
+    var out: Pixel;
+//#if COLOR
+    let lit = draw.diffuse * frame.light_color * cosine;
+//#if TEXTURED
+    out.color = (lit + draw.emission + 0.3) * texel;
+//#else
+    out.color = lit + 0.3 * draw.diffuse;
+//#endif
+//#endif
+//#if POSITION
+    out.position = vec4<f32>(in.world, cosine);
+//#endif
+//#if NORMAL
+    out.normal = vec4<f32>(normal, 0.0);
+//#endif
+//#if TRIANGLE
+    out.triangle = draw.first_triangle + primitive;
+//#endif
+    return out;
+}

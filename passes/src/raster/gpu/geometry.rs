@@ -1,0 +1,267 @@
+//! Geometry in device memory, in chunks that fit the device's largest buffer.
+
+use super::device::{Gpu, failure};
+use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::scene::Geometry;
+use glam::Vec3;
+use std::ops::Range;
+
+/// Bytes of one corner of a triangle in the index buffer, times three.
+const TRIANGLE_BYTES: u64 = size_of::<[u32; 3]>() as u64;
+/// Bytes of the widest vertex attribute.
+const ATTRIBUTE_BYTES: u64 = size_of::<Vec3>() as u64;
+
+/// A part of the triangles with one material, in one chunk: what one draw call draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Part {
+    /// Index into [`DeviceGeometry::chunks`].
+    pub chunk: usize,
+    /// Index of the material.
+    pub material: u32,
+    /// First triangle of the scene.
+    pub first: u32,
+    /// Number of triangles.
+    pub count: u32,
+}
+
+/// A run of triangles whose buffers are bound together.
+#[derive(Debug)]
+pub(super) struct Chunk {
+    /// First triangle of the scene.
+    pub first: u32,
+    /// Vertex indices, 32 bits each.
+    pub indices: wgpu::Buffer,
+    /// Index into [`DeviceGeometry::vertices`].
+    pub vertices: usize,
+}
+
+/// Vertex attributes, each in its own buffer so that a pass binds only those that it reads.
+#[derive(Debug)]
+pub(super) struct Vertices {
+    pub positions: wgpu::Buffer,
+    pub normals: Option<wgpu::Buffer>,
+    pub texcoords: Option<wgpu::Buffer>,
+}
+
+/// A scene's triangles in device memory.
+#[derive(Debug)]
+pub(super) struct DeviceGeometry {
+    pub chunks: Vec<Chunk>,
+    pub vertices: Vec<Vertices>,
+    /// In the order of their triangles.
+    pub parts: Vec<Part>,
+    pub has_normals: bool,
+    /// Bytes of device memory.
+    pub bytes: u64,
+}
+
+impl DeviceGeometry {
+    /// Uploads the attributes that the geometry has.
+    pub fn upload(gpu: &Gpu, geometry: &Geometry) -> Result<Self, BackendError> {
+        let vertex_count = geometry.positions.len();
+        for (name, count) in [("normals", geometry.normals.len()), ("texcoords", geometry.texcoords.len())] {
+            if count != 0 && count != vertex_count {
+                return Err(failure(&format!("the scene has {vertex_count} positions and {count} {name}")));
+            }
+        }
+        let layout = Layout::new(geometry.triangles.len(), vertex_count, gpu.max_buffer_bytes)?;
+        let mut this = Self {
+            chunks: Vec::new(),
+            vertices: Vec::new(),
+            parts: parts(geometry, &layout),
+            has_normals: !geometry.normals.is_empty(),
+            bytes: 0,
+        };
+        if layout.shared_vertices && layout.chunks().len() > 0 {
+            this.push_vertices(gpu, &geometry.positions, &geometry.normals, &geometry.texcoords)?;
+        }
+        let mut compactor = Compactor::default();
+        for range in layout.chunks() {
+            let triangles = &geometry.triangles[range.clone()];
+            let indices = if layout.shared_vertices {
+                this.push_indices(gpu, triangles)?
+            } else {
+                let local = compactor.compact(triangles, vertex_count);
+                let used = compactor.used();
+                let gather = |list: &[Vec3]| -> Vec<Vec3> {
+                    if list.is_empty() { Vec::new() } else { used.iter().map(|v| list[*v as usize]).collect() }
+                };
+                let texcoords: Vec<_> = match geometry.texcoords.is_empty() {
+                    true => Vec::new(),
+                    false => used.iter().map(|vertex| geometry.texcoords[*vertex as usize]).collect(),
+                };
+                this.push_vertices(gpu, &gather(&geometry.positions), &gather(&geometry.normals), &texcoords)?;
+                this.push_indices(gpu, &local)?
+            };
+            this.chunks.push(Chunk { first: range.start as u32, indices, vertices: this.vertices.len() - 1 });
+        }
+        Ok(this)
+    }
+
+    fn push_indices(&mut self, gpu: &Gpu, triangles: &[[u32; 3]]) -> Result<wgpu::Buffer, BackendError> {
+        let bytes = bytemuck::cast_slice(triangles);
+        self.bytes += bytes.len() as u64;
+        gpu.upload_buffer("upload of the triangles", wgpu::BufferUsages::INDEX, bytes)
+    }
+
+    fn push_vertices(
+        &mut self,
+        gpu: &Gpu,
+        positions: &[Vec3],
+        normals: &[Vec3],
+        texcoords: &[glam::Vec2],
+    ) -> Result<(), BackendError> {
+        let mut upload = |label: &str, bytes: &[u8]| {
+            self.bytes += bytes.len() as u64;
+            gpu.upload_buffer(label, wgpu::BufferUsages::VERTEX, bytes)
+        };
+        let mut optional = |label: &str, bytes: &[u8]| {
+            if bytes.is_empty() { Ok(None) } else { upload(label, bytes).map(Some) }
+        };
+        let normals = optional("upload of the normals", bytemuck::cast_slice(normals))?;
+        let texcoords = optional("upload of the texture coordinates", bytemuck::cast_slice(texcoords))?;
+        let positions = upload("upload of the positions", bytemuck::cast_slice(positions))?;
+        self.vertices.push(Vertices { positions, normals, texcoords });
+        Ok(())
+    }
+}
+
+/// How the triangles are cut into chunks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Layout {
+    triangles: usize,
+    per_chunk: usize,
+    /// Whether all chunks index the same vertices; otherwise each has a copy of those that it uses.
+    shared_vertices: bool,
+}
+
+impl Layout {
+    fn new(triangles: usize, vertices: usize, max_bytes: u64) -> Result<Self, BackendError> {
+        let shared_vertices = vertices as u64 * ATTRIBUTE_BYTES <= max_bytes;
+        // Without sharing, a chunk may use three vertices for each triangle.
+        let triangle_bytes = if shared_vertices { TRIANGLE_BYTES } else { 3 * ATTRIBUTE_BYTES };
+        let per_chunk = usize::try_from(max_bytes / triangle_bytes).unwrap_or(usize::MAX);
+        if per_chunk == 0 {
+            return Err(failure(&format!("buffers of at most {max_bytes} bytes cannot hold a triangle")));
+        }
+        Ok(Self { triangles, per_chunk, shared_vertices })
+    }
+
+    fn chunks(&self) -> impl ExactSizeIterator<Item = Range<usize>> + use<> {
+        let Self { triangles, per_chunk, .. } = *self;
+        let count = triangles.div_ceil(per_chunk);
+        (0..count).map(move |chunk| chunk * per_chunk..((chunk + 1) * per_chunk).min(triangles))
+    }
+}
+
+/// The batches, cut where chunks end.
+fn parts(geometry: &Geometry, layout: &Layout) -> Vec<Part> {
+    let mut parts = Vec::with_capacity(geometry.batches.len() + layout.chunks().len());
+    for batch in &geometry.batches {
+        let end = (batch.first as usize + batch.count as usize).min(layout.triangles);
+        let mut first = batch.first as usize;
+        while first < end {
+            let chunk = first / layout.per_chunk;
+            let stop = end.min((chunk + 1) * layout.per_chunk);
+            let count = (stop - first) as u32;
+            parts.push(Part { chunk, material: batch.material, first: first as u32, count });
+            first = stop;
+        }
+    }
+    parts
+}
+
+/// Renumbers the vertices of a chunk by first use.
+#[derive(Debug, Default)]
+struct Compactor {
+    /// New index of a vertex, or `u32::MAX`.
+    renumbered: Vec<u32>,
+    used: Vec<u32>,
+}
+
+impl Compactor {
+    /// The triangles with new indices; [`Self::used`] then lists the old ones.
+    fn compact(&mut self, triangles: &[[u32; 3]], vertex_count: usize) -> Vec<[u32; 3]> {
+        for vertex in self.used.drain(..) {
+            self.renumbered[vertex as usize] = u32::MAX;
+        }
+        self.renumbered.resize(vertex_count, u32::MAX);
+        let mut renumber = |vertex: u32| {
+            let new = &mut self.renumbered[vertex as usize];
+            if *new == u32::MAX {
+                *new = self.used.len() as u32;
+                self.used.push(vertex);
+            }
+            *new
+        };
+        triangles.iter().map(|triangle| triangle.map(&mut renumber)).collect()
+    }
+
+    fn used(&self) -> &[u32] {
+        &self.used
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use curitiba_pipeline::scene::Batch;
+
+    fn strip(triangles: u32) -> Geometry {
+        let batches = [(0, 0, 3), (1, 3, 1), (2, 4, triangles - 4)];
+        Geometry {
+            positions: (0..triangles + 2).map(|i| Vec3::new(i as f32, (i % 2) as f32, 0.0)).collect(),
+            triangles: (0..triangles).map(|i| [i, i + 1, i + 2]).collect(),
+            batches: batches.map(|(material, first, count)| Batch { material, first, count }).to_vec(),
+            ..Geometry::default()
+        }
+    }
+
+    #[test]
+    fn parts_cover_every_triangle_once_in_order_and_stay_within_their_chunk() {
+        let geometry = strip(100);
+        for max_bytes in [36, 37, 96, 120, 1200, 1224, 1 << 20] {
+            let layout = Layout::new(100, geometry.positions.len(), max_bytes).expect("room");
+            let mut next = 0;
+            for part in parts(&geometry, &layout) {
+                assert_eq!(part.first, next, "{max_bytes}");
+                assert!(part.count > 0);
+                assert_eq!(part.material, geometry.material_of(part.first));
+                assert_eq!(part.material, geometry.material_of(part.first + part.count - 1));
+                let chunk = layout.chunks().nth(part.chunk).expect("exists");
+                assert!(chunk.contains(&(part.first as usize)));
+                assert!(chunk.contains(&((part.first + part.count - 1) as usize)));
+                next += part.count;
+            }
+            assert_eq!(next, 100);
+        }
+    }
+
+    #[test]
+    fn no_chunk_exceeds_the_largest_buffer() {
+        for (triangles, vertices) in [(10_000_000, 5_000_000), (10_000_000, 30_000_000)] {
+            for max_bytes in [16 << 20, 256 << 20, 1 << 30] {
+                let layout = Layout::new(triangles, vertices, max_bytes).expect("room");
+                let largest = layout.chunks().map(|range| range.len() as u64).max().expect("chunks");
+                assert!(largest * 12 <= max_bytes);
+                let chunk_vertices = if layout.shared_vertices { vertices as u64 } else { 3 * largest };
+                assert!(chunk_vertices * 12 <= max_bytes);
+                assert_eq!(layout.chunks().map(|range| range.len()).sum::<usize>(), triangles);
+            }
+        }
+        assert!(Layout::new(1, 3, 35).is_err(), "one triangle needs 36 bytes");
+    }
+
+    #[test]
+    fn compacted_chunks_keep_every_corner() {
+        let geometry = strip(50);
+        let mut compactor = Compactor::default();
+        for triangles in geometry.triangles.chunks(7) {
+            let local = compactor.compact(triangles, geometry.positions.len());
+            assert_eq!(compactor.used().len(), triangles.len() + 2, "a strip shares its vertices");
+            for (new, old) in local.iter().zip(triangles) {
+                assert_eq!(new.map(|vertex| compactor.used()[vertex as usize]), *old);
+            }
+        }
+    }
+}

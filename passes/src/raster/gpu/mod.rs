@@ -1,0 +1,182 @@
+//! The rasteriser for GPUs, by way of wgpu: Vulkan, Metal and DirectX 12, without a window.
+//!
+//! Limits: one sample a pixel, opaque surfaces (or cut out by their alpha), one directional light. A frame is at most as
+//! large as the device's largest texture. Triangle ids need a device with primitive indices in its shaders.
+
+mod adapter;
+mod device;
+mod draws;
+mod geometry;
+mod job;
+mod pipelines;
+mod shader;
+mod targets;
+#[cfg(test)]
+mod tests;
+mod textures;
+mod timer;
+
+pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, adapters};
+
+use curitiba_pipeline::backend::{Attachments, BackendError, DrawStats, GBuffer, RasterJob, Rasteriser, Rect};
+use curitiba_pipeline::scene::RenderScene;
+use device::{Gpu, NAME, failure, unsupported};
+use draws::DrawList;
+use geometry::DeviceGeometry;
+use pipelines::{Layouts, Pipelines};
+use std::sync::Arc;
+use targets::{Staging, TargetCache};
+use textures::DeviceTextures;
+use timer::Timer;
+
+/// Draws on a GPU, or on a software driver that acts as one.
+#[derive(Debug)]
+pub struct WgpuRasteriser {
+    gpu: Gpu,
+    layouts: Layouts,
+    pipelines: Pipelines,
+    timer: Option<Timer>,
+    draws: DrawList,
+    scene: Option<Uploaded>,
+    targets: TargetCache,
+    staging: Staging,
+    /// What the attachments hold.
+    drawn: Option<(Rect, Attachments)>,
+}
+
+/// A scene in device memory.
+#[derive(Debug)]
+struct Uploaded {
+    scene: Arc<RenderScene>,
+    geometry: DeviceGeometry,
+    textures: DeviceTextures,
+}
+
+/// Device memory in use, bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct DeviceMemory {
+    /// Vertices and indices.
+    pub geometry: u64,
+    /// Textures with their mip levels.
+    pub textures: u64,
+    /// Attachments and depth buffers, those kept for other passes included.
+    pub attachments: u64,
+}
+
+impl WgpuRasteriser {
+    /// Opens the best device that `choice` allows.
+    ///
+    /// # Errors
+    /// If there is none or it does not open; the message says why, and what to do.
+    pub fn new(choice: AdapterChoice) -> Result<Self, BackendError> {
+        let gpu = Gpu::open(choice)?;
+        let layouts = Layouts::new(&gpu)?;
+        let timer = Timer::new(&gpu)?;
+        let draws = DrawList::new(&gpu, &layouts)?;
+        Ok(Self {
+            gpu,
+            layouts,
+            pipelines: Pipelines::default(),
+            timer,
+            draws,
+            scene: None,
+            targets: TargetCache::default(),
+            staging: Staging::default(),
+            drawn: None,
+        })
+    }
+
+    /// The device that draws.
+    #[must_use]
+    pub fn adapter(&self) -> &AdapterSummary {
+        &self.gpu.adapter
+    }
+
+    /// Device memory in use.
+    #[must_use]
+    pub fn memory(&self) -> DeviceMemory {
+        DeviceMemory {
+            geometry: self.scene.as_ref().map_or(0, |scene| scene.geometry.bytes),
+            textures: self.scene.as_ref().map_or(0, |scene| scene.textures.bytes),
+            attachments: self.targets.bytes(),
+        }
+    }
+}
+
+impl Rasteriser for WgpuRasteriser {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn device(&self) -> String {
+        self.gpu.adapter.to_string()
+    }
+
+    fn upload(&mut self, scene: &Arc<RenderScene>) -> Result<(), BackendError> {
+        // What is there goes first: both need not fit at once.
+        self.scene = None;
+        let geometry = DeviceGeometry::upload(&self.gpu, &scene.geometry)?;
+        let textures = DeviceTextures::upload(&self.gpu, &self.layouts, scene)?;
+        self.scene = Some(Uploaded { scene: Arc::clone(scene), geometry, textures });
+        Ok(())
+    }
+
+    fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError> {
+        self.drawn = None;
+        job::check_target(job, target)?;
+        job::check_scene(job)?;
+        let uploaded = self.scene.as_mut().filter(|uploaded| std::ptr::eq(&*uploaded.scene, job.scene));
+        let Some(Uploaded { geometry, textures, .. }) = uploaded else {
+            return Err(failure("the job's scene was not uploaded"));
+        };
+        if job::is_empty(job) {
+            self.drawn = Some((job.viewport, job.attachments));
+            return Ok(DrawStats::default());
+        }
+        if job.attachments.triangle && !self.gpu.has(wgpu::Features::PRIMITIVE_INDEX) {
+            let why = format!("{} has no primitive index in fragment shaders;", self.gpu.adapter);
+            return Err(unsupported("the triangle attachment", &why));
+        }
+        let targets = self.targets.require(&self.gpu, job.viewport, job.attachments)?;
+        self.draws.prepare(&self.gpu, &self.layouts, &mut self.pipelines, geometry, textures, job)?;
+        let descriptor = wgpu::CommandEncoderDescriptor { label: Some("draw") };
+        let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("gbuffer"),
+                color_attachments: &targets.color_attachments(job.clear_color),
+                depth_stencil_attachment: Some(targets.depth_attachment()),
+                timestamp_writes: self.timer.as_ref().map(Timer::writes),
+                occlusion_query_set: None,
+                multiview_mask: None,
+            });
+            self.draws.record(&mut pass, &self.pipelines, geometry, textures);
+        }
+        let device_time = match &self.timer {
+            Some(timer) => Some(timer.submit_and_wait(&self.gpu, encoder, "draw")?),
+            None => {
+                self.gpu.submit_and_wait(Some(encoder.finish()), "draw")?;
+                None
+            }
+        };
+        self.drawn = Some((job.viewport, job.attachments));
+        Ok(DrawStats { device_time, triangles: self.draws.triangles() })
+    }
+
+    fn needs_read_back(&self) -> bool {
+        true
+    }
+
+    fn read_back(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<(), BackendError> {
+        job::check_target(job, target)?;
+        if self.drawn != Some((job.viewport, job.attachments)) {
+            return Err(failure("this job is not what was drawn last"));
+        }
+        match self.targets.last() {
+            Some(targets) if !job::is_empty(job) => {
+                targets.read_back(&self.gpu, &mut self.staging, job.viewport, target)
+            }
+            _ => Ok(()),
+        }
+    }
+}

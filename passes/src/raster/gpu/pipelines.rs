@@ -1,0 +1,161 @@
+//! Bind group layouts, and one render pipeline for each variant of the shader.
+
+use super::device::Gpu;
+use super::shader::{DrawUniform, FrameUniform, Variant};
+use super::targets::{CHANNEL_FORMATS, DEPTH_FORMAT};
+use curitiba_pipeline::backend::BackendError;
+use std::collections::HashMap;
+use std::num::NonZeroU64;
+
+/// What all pipelines share.
+#[derive(Debug)]
+pub(super) struct Layouts {
+    /// Group 0: `Frame`, and `Draw` at a dynamic offset.
+    pub uniforms: wgpu::BindGroupLayout,
+    /// Group 1: a texture and the sampler.
+    pub texture: wgpu::BindGroupLayout,
+    /// Repeating coordinates, linear within a level and between two.
+    pub trilinear: wgpu::Sampler,
+    plain: wgpu::PipelineLayout,
+    textured: wgpu::PipelineLayout,
+}
+
+impl Layouts {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+        let device = &gpu.device;
+        let uniform = |binding, size: usize, has_dynamic_offset| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset,
+                min_binding_size: NonZeroU64::new(size as u64),
+            },
+            count: None,
+        };
+        let uniforms = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("uniforms"),
+            entries: &[uniform(0, size_of::<FrameUniform>(), false), uniform(1, size_of::<DrawUniform>(), true)],
+        });
+        let fragment = |binding, ty| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::FRAGMENT,
+            ty,
+            count: None,
+        };
+        let texture = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("texture"),
+            entries: &[
+                fragment(
+                    0,
+                    wgpu::BindingType::Texture {
+                        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+                        view_dimension: wgpu::TextureViewDimension::D2,
+                        multisampled: false,
+                    },
+                ),
+                fragment(1, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
+            ],
+        });
+        let trilinear = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("trilinear"),
+            address_mode_u: wgpu::AddressMode::Repeat,
+            address_mode_v: wgpu::AddressMode::Repeat,
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            ..Default::default()
+        });
+        let layout = |groups: &[Option<&wgpu::BindGroupLayout>]| {
+            let descriptor = wgpu::PipelineLayoutDescriptor {
+                label: Some("gbuffer"),
+                bind_group_layouts: groups,
+                immediate_size: 0,
+            };
+            device.create_pipeline_layout(&descriptor)
+        };
+        let plain = layout(&[Some(&uniforms)]);
+        let textured = layout(&[Some(&uniforms), Some(&texture)]);
+        gpu.check("creation of the layouts")?;
+        Ok(Self { uniforms, texture, trilinear, plain, textured })
+    }
+}
+
+/// The pipelines built so far.
+#[derive(Debug, Default)]
+pub(super) struct Pipelines(HashMap<Variant, wgpu::RenderPipeline>);
+
+impl Pipelines {
+    /// Builds the pipeline of a variant unless it is there already.
+    pub fn require(&mut self, gpu: &Gpu, layouts: &Layouts, variant: Variant) -> Result<(), BackendError> {
+        if !self.0.contains_key(&variant) {
+            let pipeline = build(gpu, layouts, variant);
+            gpu.check("building a pipeline")?;
+            self.0.insert(variant, pipeline);
+        }
+        Ok(())
+    }
+
+    /// The pipeline of a variant that was [required](Self::require).
+    pub fn get(&self, variant: Variant) -> Option<&wgpu::RenderPipeline> {
+        self.0.get(&variant)
+    }
+}
+
+/// Vertex buffer slots of normals and texture coordinates in a variant; positions have slot 0.
+pub(super) fn slots(variant: Variant) -> (Option<u32>, Option<u32>) {
+    let normals = variant.vertex_normal.then_some(1);
+    (normals, variant.textured.then_some(1 + u32::from(variant.vertex_normal)))
+}
+
+fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant) -> wgpu::RenderPipeline {
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some("gbuffer.wgsl"),
+        source: wgpu::ShaderSource::Wgsl(variant.source().into()),
+    });
+    const POSITIONS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
+    const NORMALS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
+    const TEXCOORDS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x2];
+    let buffer = |attributes: &'static [wgpu::VertexAttribute]| {
+        let array_stride = attributes.iter().map(|attribute| attribute.format.size()).sum();
+        Some(wgpu::VertexBufferLayout { array_stride, step_mode: wgpu::VertexStepMode::Vertex, attributes })
+    };
+    let mut buffers = vec![buffer(&POSITIONS)];
+    if variant.vertex_normal {
+        buffers.push(buffer(&NORMALS));
+    }
+    if variant.textured {
+        buffers.push(buffer(&TEXCOORDS));
+    }
+    let written = [variant.color, variant.position, variant.normal, variant.triangle];
+    let targets: [_; 4] =
+        std::array::from_fn(|channel| written[channel].then(|| wgpu::ColorTargetState::from(CHANNEL_FORMATS[channel])));
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("gbuffer"),
+        layout: Some(if variant.textured { &layouts.textured } else { &layouts.plain }),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex_main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &buffers,
+        },
+        primitive: wgpu::PrimitiveState { cull_mode: None, ..Default::default() },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(true),
+            // Depth is reversed. Of equal depths the first stays: the one with the lower triangle id.
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment_main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &targets,
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}

@@ -1,0 +1,241 @@
+//! The G-buffer shader's variants, and the uniforms that it reads.
+
+use curitiba_pipeline::backend::{Attachments, Shade, Sun, View};
+use glam::{Mat4, Vec4};
+
+/// The text that all variants are cut from.
+const TEXT: &str = include_str!("gbuffer.wgsl");
+
+/// What a variant of the shader computes. Code, vertex attributes and bindings of what is off do not exist in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct Variant {
+    /// Writes the colour.
+    pub color: bool,
+    /// Writes the position.
+    pub position: bool,
+    /// Writes the normal.
+    pub normal: bool,
+    /// Writes the triangle id.
+    pub triangle: bool,
+    /// Reads vertex normals.
+    pub vertex_normal: bool,
+    /// Reads the texture and its coordinates.
+    pub textured: bool,
+    /// Drops texels below the cutoff; implies `textured`.
+    pub alpha_cut: bool,
+}
+
+impl Variant {
+    /// The variant for a draw; a scene with textured materials has texture coordinates.
+    pub fn new(attachments: Attachments, has_normals: bool, shade: &Shade) -> Self {
+        let Attachments { color, position, normal, triangle } = attachments;
+        let texture = shade.texture.is_some();
+        let alpha_cut = texture && shade.alpha_cutoff.is_some();
+        Self {
+            color,
+            position,
+            normal,
+            triangle,
+            vertex_normal: has_normals && (color || position || normal),
+            textured: (texture && color) || alpha_cut,
+            alpha_cut,
+        }
+    }
+
+    /// Whether the shader reads anything of the material; if not, draws of different materials can be joined.
+    pub fn reads_material(self) -> bool {
+        self.color || self.alpha_cut
+    }
+
+    fn defines(self, name: &str) -> Option<bool> {
+        Some(match name {
+            "COLOR" => self.color,
+            "POSITION" => self.position,
+            "NORMAL" => self.normal,
+            "TRIANGLE" => self.triangle,
+            "VERTEX_NORMAL" => self.vertex_normal,
+            "TEXTURED" => self.textured,
+            "ALPHA_CUT" => self.alpha_cut,
+            _ => return None,
+        })
+    }
+
+    /// The variant's WGSL.
+    ///
+    /// # Panics
+    /// If the directives of the text are malformed; a test cuts every variant.
+    pub fn source(self) -> String {
+        let mut source = String::with_capacity(TEXT.len());
+        // One entry for each open `//#if`: whether its lines are kept.
+        let mut open: Vec<bool> = Vec::new();
+        for line in TEXT.lines() {
+            if let Some(name) = line.strip_prefix("//#if ") {
+                open.push(self.defines(name).unwrap_or_else(|| panic!("gbuffer.wgsl: unknown name {name}")));
+            } else if line == "//#else" {
+                let last = open.last_mut().expect("gbuffer.wgsl: #else without #if");
+                *last = !*last;
+            } else if line == "//#endif" {
+                open.pop().expect("gbuffer.wgsl: #endif without #if");
+            } else {
+                assert!(!line.starts_with("//#"), "gbuffer.wgsl: unknown directive {line}");
+                if open.iter().all(|kept| *kept) {
+                    source.push_str(line);
+                }
+                // Lines that are cut stay as empty ones: messages of the compiler then count lines as the file does.
+            }
+            source.push('\n');
+        }
+        assert!(open.is_empty(), "gbuffer.wgsl: #if without #endif");
+        source
+    }
+}
+
+/// `Frame` of the shader.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct FrameUniform {
+    clip_from_world: Mat4,
+    to_light: Vec4,
+    light_color: Vec4,
+}
+
+impl FrameUniform {
+    pub fn new(view: &View, sun: Option<Sun>) -> Self {
+        let (to_light, light_color) =
+            sun.map_or((Vec4::ZERO, Vec4::ZERO), |sun| ((-sun.direction).extend(0.0), sun.color.extend(1.0)));
+        Self { clip_from_world: view.clip_from_world, to_light, light_color }
+    }
+}
+
+/// `Draw` of the shader.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct DrawUniform {
+    diffuse: Vec4,
+    emission: Vec4,
+    first_triangle: u32,
+    alpha_cutoff: f32,
+    padding: [u32; 2],
+}
+
+impl DrawUniform {
+    /// `first_triangle` is an id; the shader gets it plus 1.
+    pub fn new(shade: &Shade, first_triangle: u32) -> Self {
+        Self {
+            diffuse: shade.diffuse,
+            emission: shade.emission,
+            first_triangle: first_triangle.wrapping_add(1),
+            alpha_cutoff: shade.alpha_cutoff.unwrap_or(0.0),
+            padding: [0; 2],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::mem::{offset_of, size_of};
+    use wgpu::naga;
+
+    /// Every combination that [`Variant::new`] can give, and the others with `alpha_cut` implying `textured`.
+    fn variants() -> impl Iterator<Item = Variant> {
+        (0_u32..128)
+            .map(|bits| {
+                let bit = |index: u32| bits >> index & 1 == 1;
+                Variant {
+                    color: bit(0),
+                    position: bit(1),
+                    normal: bit(2),
+                    triangle: bit(3),
+                    vertex_normal: bit(4),
+                    textured: bit(5),
+                    alpha_cut: bit(6),
+                }
+            })
+            .filter(|v| v.color || v.position || v.normal || v.triangle)
+            .filter(|v| v.textured || !v.alpha_cut)
+    }
+
+    fn validate(source: &str, capabilities: naga::valid::Capabilities) -> Result<naga::Module, String> {
+        let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
+            .validate(&module)
+            .map_err(|error| error.emit_to_string(source))?;
+        Ok(module)
+    }
+
+    #[test]
+    fn every_variant_parses_and_validates_and_needs_the_primitive_index_only_for_triangles() {
+        let mut count = 0;
+        for variant in variants() {
+            let capabilities = if variant.triangle {
+                naga::valid::Capabilities::PRIMITIVE_INDEX
+            } else {
+                naga::valid::Capabilities::empty()
+            };
+            let source = variant.source();
+            let module = validate(&source, capabilities).unwrap_or_else(|error| panic!("{variant:?}\n{error}"));
+            let names: Vec<&str> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
+            assert_eq!(names, ["vertex_main", "fragment_main"], "{variant:?}");
+            assert_eq!(source.contains("textureSampleLevel"), variant.textured, "{variant:?}");
+            assert_eq!(source.contains("discard;"), variant.alpha_cut, "{variant:?}");
+            count += 1;
+        }
+        // 15 sets of attachments, with and without normals; untextured, textured, cut.
+        assert_eq!(count, 15 * 2 * 3);
+    }
+
+    #[test]
+    fn an_invalid_shader_is_found_out() {
+        let variant = variants().find(|variant| variant.triangle).expect("one");
+        let source = variant.source();
+        assert!(validate(&source, naga::valid::Capabilities::empty()).is_err(), "the capability is needed");
+        let broken = source.replace("out.triangle = draw.first_triangle", "out.triangle = draw.alpha_cutoff");
+        assert_ne!(broken, source);
+        assert!(validate(&broken, naga::valid::Capabilities::PRIMITIVE_INDEX).is_err(), "f32 + u32");
+    }
+
+    /// Offsets of the members of a struct of the shader, and its size.
+    fn layout(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
+        let (_, ty) =
+            module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).expect("the shader has the struct");
+        let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
+        let offsets = members.iter().map(|m| (m.name.clone().expect("named"), m.offset as usize)).collect();
+        (offsets, *span as usize)
+    }
+
+    #[test]
+    fn uniforms_lie_as_the_shader_reads_them() {
+        let variant = variants().find(|v| v.color && v.alpha_cut).expect("one");
+        let module = validate(&variant.source(), naga::valid::Capabilities::all()).expect("valid");
+        let named = |list: &[(&str, usize)]| list.iter().map(|(n, o)| ((*n).to_owned(), *o)).collect::<Vec<_>>();
+        let frame = named(&[
+            ("clip_from_world", offset_of!(FrameUniform, clip_from_world)),
+            ("to_light", offset_of!(FrameUniform, to_light)),
+            ("light_color", offset_of!(FrameUniform, light_color)),
+        ]);
+        assert_eq!(layout(&module, "Frame"), (frame, size_of::<FrameUniform>()));
+        let draw = named(&[
+            ("diffuse", offset_of!(DrawUniform, diffuse)),
+            ("emission", offset_of!(DrawUniform, emission)),
+            ("first_triangle", offset_of!(DrawUniform, first_triangle)),
+            ("alpha_cutoff", offset_of!(DrawUniform, alpha_cutoff)),
+        ]);
+        assert_eq!(layout(&module, "Draw"), (draw, size_of::<DrawUniform>()));
+    }
+
+    #[test]
+    fn a_variant_reads_only_what_its_attachments_need() {
+        let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), alpha_cutoff: None };
+        let only_triangle = Attachments { triangle: true, ..Attachments::default() };
+        let variant = Variant::new(only_triangle, true, &shade);
+        assert!(!variant.vertex_normal && !variant.textured && !variant.reads_material());
+        let cut = Variant::new(only_triangle, true, &Shade { alpha_cutoff: Some(0.5), ..shade });
+        assert!(cut.textured && cut.alpha_cut && cut.reads_material(), "holes are in every attachment");
+        let only_color = Attachments { color: true, ..Attachments::default() };
+        let color = Variant::new(only_color, true, &shade);
+        assert!(color.vertex_normal && color.textured && !color.alpha_cut);
+        let plain = Variant::new(only_color, false, &Shade { texture: None, alpha_cutoff: Some(0.5), ..shade });
+        assert!(!plain.vertex_normal && !plain.textured && !plain.alpha_cut);
+    }
+}

@@ -1,0 +1,287 @@
+//! Attachments in device memory, and the way back to the host.
+
+use super::device::{Gpu, unsupported};
+use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, Rect};
+use glam::Vec4;
+use rayon::prelude::*;
+
+/// Formats of colour, position, normal and triangle id, in the order of the shader's locations.
+pub(super) const CHANNEL_FORMATS: [wgpu::TextureFormat; 4] = [
+    wgpu::TextureFormat::Rgba32Float,
+    wgpu::TextureFormat::Rgba32Float,
+    wgpu::TextureFormat::Rgba32Float,
+    wgpu::TextureFormat::R32Uint,
+];
+const TEXEL_BYTES: [u32; 4] = [16, 16, 16, 4];
+const TRIANGLE: usize = 3;
+/// The depth buffer's format.
+pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// How many sets of attachments are kept for passes of other sizes or with other attachments.
+const KEPT: usize = 4;
+/// Largest buffer for reading back; larger frames come in several pieces.
+const STAGING_BYTES: u64 = 256 << 20;
+
+fn wanted(attachments: Attachments) -> [bool; 4] {
+    let Attachments { color, position, normal, triangle } = attachments;
+    [color, position, normal, triangle]
+}
+
+/// One attachment.
+#[derive(Debug)]
+struct Channel {
+    texture: wgpu::Texture,
+    view: wgpu::TextureView,
+}
+
+/// The attachments of a pass; they have the size of its viewport.
+#[derive(Debug)]
+pub(super) struct Targets {
+    width: u32,
+    height: u32,
+    attachments: Attachments,
+    channels: [Option<Channel>; 4],
+    depth: wgpu::TextureView,
+    /// Bytes of device memory, the depth buffer included.
+    bytes: u64,
+}
+
+impl Targets {
+    fn new(gpu: &Gpu, width: u32, height: u32, attachments: Attachments) -> Result<Self, BackendError> {
+        let wanted = wanted(attachments);
+        let pixel_bytes: u32 = (0..4).filter(|c| wanted[*c]).map(|c| TEXEL_BYTES[c]).sum();
+        let limits = &gpu.limits;
+        if pixel_bytes > limits.max_color_attachment_bytes_per_sample {
+            let most = limits.max_color_attachment_bytes_per_sample;
+            let why = format!("{} writes {most} bytes a pixel at most;", gpu.adapter);
+            return Err(unsupported(&format!("attachments of {pixel_bytes} bytes a pixel"), &why));
+        }
+        let largest = limits.max_texture_dimension_2d;
+        if width.max(height) > largest {
+            let why = format!("{} draws {largest} x {largest} pixels at most;", gpu.adapter);
+            return Err(unsupported(&format!("a frame of {width} x {height} pixels"), &why));
+        }
+        let create = |label, format, usage| {
+            let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | usage,
+                view_formats: &[],
+            });
+            gpu.check("creation of the attachments")?;
+            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+            Ok::<_, BackendError>(Channel { texture, view })
+        };
+        let mut channels = [const { None }; 4];
+        for (index, label) in ["color", "position", "normal", "triangle"].into_iter().enumerate() {
+            if wanted[index] {
+                channels[index] = Some(create(label, CHANNEL_FORMATS[index], wgpu::TextureUsages::COPY_SRC)?);
+            }
+        }
+        let depth = create("depth", DEPTH_FORMAT, wgpu::TextureUsages::empty())?.view;
+        let bytes = u64::from(width) * u64::from(height) * u64::from(pixel_bytes + 4);
+        gpu.check("creation of the attachments")?;
+        Ok(Self { width, height, attachments, channels, depth, bytes })
+    }
+
+    /// What the render pass writes, cleared first: triangle ids to 0, which is "none" until [`Self::read_back`].
+    pub fn color_attachments(&self, clear_color: Vec4) -> [Option<wgpu::RenderPassColorAttachment<'_>>; 4] {
+        let [r, g, b, a] = clear_color.as_dvec4().to_array();
+        let clears =
+            [wgpu::Color { r, g, b, a }, wgpu::Color::TRANSPARENT, wgpu::Color::TRANSPARENT, wgpu::Color::TRANSPARENT];
+        std::array::from_fn(|index| {
+            self.channels[index].as_ref().map(|channel| wgpu::RenderPassColorAttachment {
+                view: &channel.view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(clears[index]), store: wgpu::StoreOp::Store },
+            })
+        })
+    }
+
+    /// The depth buffer, cleared to the far plane and not kept.
+    pub fn depth_attachment(&self) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+        wgpu::RenderPassDepthStencilAttachment {
+            view: &self.depth,
+            depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+            stencil_ops: None,
+        }
+    }
+
+    /// Copies the attachments into the viewport's part of `target`, whose channels are allocated.
+    pub fn read_back(
+        &self,
+        gpu: &Gpu,
+        staging: &mut Staging,
+        viewport: Rect,
+        target: &mut GBuffer,
+    ) -> Result<(), BackendError> {
+        let pitches =
+            TEXEL_BYTES.map(|bytes| (bytes * self.width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT));
+        let present = |channel: &usize| self.channels[*channel].is_some();
+        let total = (0..4).filter(present).map(|c| u64::from(pitches[c]) * u64::from(self.height)).sum::<u64>();
+        let widest = u64::from(pitches[0]);
+        let capacity = total.min(STAGING_BYTES.min(gpu.max_buffer_bytes).max(widest));
+        staging.reserve(gpu, capacity)?;
+        for channel in (0..4).filter(present) {
+            let pitch = pitches[channel];
+            let mut row = 0;
+            while row < self.height {
+                let fit = (capacity - staging.used) / u64::from(pitch);
+                let rows = u32::try_from(fit).unwrap_or(u32::MAX).min(self.height - row);
+                if rows == 0 {
+                    self.flush(gpu, staging, viewport, target)?;
+                    continue;
+                }
+                staging.bands.push(Band { channel, row, rows, pitch, offset: staging.used });
+                staging.used += u64::from(rows) * u64::from(pitch);
+                row += rows;
+            }
+        }
+        self.flush(gpu, staging, viewport, target)
+    }
+
+    /// Copies the bands that are waiting.
+    fn flush(
+        &self,
+        gpu: &Gpu,
+        staging: &mut Staging,
+        viewport: Rect,
+        target: &mut GBuffer,
+    ) -> Result<(), BackendError> {
+        let Some(buffer) = &staging.buffer else { return Ok(()) };
+        let mut encoder =
+            gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read back") });
+        for band in &staging.bands {
+            let Some(channel) = &self.channels[band.channel] else { continue };
+            let source = wgpu::TexelCopyTextureInfo {
+                texture: &channel.texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: band.row, z: 0 },
+                aspect: wgpu::TextureAspect::All,
+            };
+            let layout = wgpu::TexelCopyBufferLayout {
+                offset: band.offset,
+                bytes_per_row: Some(band.pitch),
+                rows_per_image: None,
+            };
+            let size = wgpu::Extent3d { width: self.width, height: band.rows, depth_or_array_layers: 1 };
+            encoder.copy_texture_to_buffer(source, wgpu::TexelCopyBufferInfo { buffer, layout }, size);
+        }
+        gpu.read_mapped(buffer, staging.used, Some(encoder.finish()), "read-back", |bytes| {
+            for band in &staging.bands {
+                band.copy_to(bytes, viewport, target);
+            }
+        })?;
+        staging.bands.clear();
+        staging.used = 0;
+        Ok(())
+    }
+}
+
+/// Host-visible memory that attachments pass through, kept between frames.
+#[derive(Debug, Default)]
+pub(super) struct Staging {
+    buffer: Option<wgpu::Buffer>,
+    /// Copies that wait to be made, and the bytes that they fill.
+    bands: Vec<Band>,
+    used: u64,
+}
+
+impl Staging {
+    fn reserve(&mut self, gpu: &Gpu, bytes: u64) -> Result<(), BackendError> {
+        self.bands.clear();
+        self.used = 0;
+        if self.buffer.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
+            self.buffer = None;
+            let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+            self.buffer = Some(gpu.buffer("creation of the read-back buffer", usage, bytes)?);
+        }
+        Ok(())
+    }
+}
+
+/// Rows of an attachment in the staging buffer.
+#[derive(Debug, Clone, Copy)]
+struct Band {
+    channel: usize,
+    row: u32,
+    rows: u32,
+    pitch: u32,
+    offset: u64,
+}
+
+impl Band {
+    fn copy_to(&self, bytes: &[u8], viewport: Rect, target: &mut GBuffer) {
+        let length = self.rows as usize * self.pitch as usize;
+        let source = &bytes[self.offset as usize..][..length];
+        let first_row = (viewport.y + self.row) as usize;
+        let (image_width, x, width) = (target.width as usize, viewport.x as usize, viewport.width as usize);
+        let rows = source.par_chunks_exact(self.pitch as usize);
+        if self.channel == TRIANGLE {
+            let lines = target.triangle[first_row * image_width..].par_chunks_exact_mut(image_width);
+            lines.zip(rows).for_each(|(line, row)| {
+                for (id, stored) in line[x..x + width].iter_mut().zip(row.as_chunks().0) {
+                    *id = u32::from_ne_bytes(*stored).wrapping_sub(1);
+                }
+            });
+        } else {
+            let image = [&mut target.color, &mut target.position, &mut target.normal];
+            let [color, position, normal] = image;
+            let image = match self.channel {
+                0 => color,
+                1 => position,
+                _ => normal,
+            };
+            let lines = image[first_row * image_width..].par_chunks_exact_mut(image_width);
+            lines.zip(rows).for_each(|(line, row)| {
+                let line: &mut [u8] = bytemuck::cast_slice_mut(&mut line[x..x + width]);
+                line.copy_from_slice(&row[..line.len()]);
+            });
+        }
+    }
+}
+
+/// Sets of attachments, kept between frames; the one used last is last.
+#[derive(Debug, Default)]
+pub(super) struct TargetCache(Vec<Targets>);
+
+impl TargetCache {
+    /// The attachments of a pass.
+    pub fn require(&mut self, gpu: &Gpu, viewport: Rect, attachments: Attachments) -> Result<&Targets, BackendError> {
+        let Rect { width, height, .. } = viewport;
+        let fits = |t: &Targets| t.width == width && t.height == height && t.attachments == attachments;
+        let targets = match self.0.iter().position(fits) {
+            Some(index) => self.0.remove(index),
+            None => {
+                if self.0.len() == KEPT {
+                    self.0.remove(0);
+                }
+                match Targets::new(gpu, width, height, attachments) {
+                    // The others may be what fills the memory.
+                    Err(BackendError::Device { .. }) if !self.0.is_empty() => {
+                        self.0.clear();
+                        gpu.submit_and_wait(None, "release of attachments")?;
+                        Targets::new(gpu, width, height, attachments)?
+                    }
+                    result => result?,
+                }
+            }
+        };
+        self.0.push(targets);
+        Ok(&self.0[self.0.len() - 1])
+    }
+
+    /// The attachments of the last pass.
+    pub fn last(&self) -> Option<&Targets> {
+        self.0.last()
+    }
+
+    /// Bytes of device memory.
+    pub fn bytes(&self) -> u64 {
+        self.0.iter().map(|targets| targets.bytes).sum()
+    }
+}

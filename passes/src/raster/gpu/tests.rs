@@ -1,0 +1,154 @@
+//! What can only be seen from inside: small buffers, and devices that fail.
+
+use super::*;
+use curitiba_pipeline::backend::{NO_TRIANGLE, Shade, View};
+use curitiba_pipeline::scene::{Batch, Geometry};
+use glam::{Mat4, Vec3, Vec4};
+
+const SIZE: u32 = 97;
+
+/// A rasteriser, or `None` (and a line that says why) where this machine has no device.
+fn rasteriser() -> Option<WgpuRasteriser> {
+    match WgpuRasteriser::new(AdapterChoice::Any) {
+        Ok(rasteriser) => Some(rasteriser),
+        Err(error) => {
+            assert!(std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_none_or(|value| value != "1"), "{error}");
+            eprintln!("skipped: {error}");
+            None
+        }
+    }
+}
+
+/// A grid of squares, each of two triangles, over the whole viewport; its right half has another material.
+fn squares(side: u32) -> Arc<RenderScene> {
+    let at = |x: u32, y: u32| Vec3::new(x as f32, y as f32, 0.0) * (2.0 / side as f32) - Vec3::new(1.0, 1.0, -0.5);
+    let positions: Vec<Vec3> = (0..=side).flat_map(|y| (0..=side).map(move |x| at(x, y))).collect();
+    let square = |x: u32, y: u32| {
+        let [a, b] = [y * (side + 1) + x, (y + 1) * (side + 1) + x];
+        [[a, a + 1, b], [b, a + 1, b + 1]]
+    };
+    let half = |columns: std::ops::Range<u32>| {
+        columns.flat_map(move |x| (0..side).flat_map(move |y| square(x, y))).collect::<Vec<_>>()
+    };
+    let (left, right) = (half(0..side / 2), half(side / 2..side));
+    let batches = vec![
+        Batch { material: 0, first: 0, count: left.len() as u32 },
+        Batch { material: 1, first: left.len() as u32, count: right.len() as u32 },
+    ];
+    let normals = vec![Vec3::Z; positions.len()];
+    let geometry = Geometry { positions, normals, triangles: [left, right].concat(), batches, ..Geometry::default() };
+    Arc::new(RenderScene { geometry, ..RenderScene::default() })
+}
+
+fn shades() -> [Shade; 2] {
+    [Vec4::new(0.5, 0.25, 1.0, 1.0), Vec4::new(1.0, 0.75, 0.5, 1.0)].map(|diffuse| Shade {
+        diffuse,
+        emission: Vec4::ZERO,
+        texture: None,
+        alpha_cutoff: None,
+    })
+}
+
+const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
+
+fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<'a> {
+    RasterJob {
+        scene,
+        program: curitiba_pipeline::programs::RasterProgram::Deferred,
+        view: View { clip_from_world: Mat4::IDENTITY, eye: Vec3::ZERO },
+        sun: None,
+        shades,
+        viewport: Rect { x: 0, y: 0, width: SIZE, height: SIZE },
+        clear_color: Vec4::ONE,
+        attachments: ALL,
+    }
+}
+
+fn render(rasteriser: &mut WgpuRasteriser, scene: &Arc<RenderScene>) -> Result<GBuffer, BackendError> {
+    let shades = shades();
+    let job = job(scene, &shades);
+    let mut target = GBuffer::new(SIZE, SIZE, ALL);
+    rasteriser.upload(scene)?;
+    rasteriser.draw(&job, &mut target)?;
+    rasteriser.read_back(&job, &mut target)?;
+    Ok(target)
+}
+
+#[test]
+fn small_buffers_cut_uploads_and_read_backs_into_pieces_and_change_nothing() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let scene = squares(12);
+    let whole = render(&mut rasteriser, &scene).expect("draws");
+    assert!(whole.triangle.iter().all(|id| *id != NO_TRIANGLE), "the squares cover everything");
+    let chunks = |rasteriser: &WgpuRasteriser| {
+        let geometry = &rasteriser.scene.as_ref().expect("uploaded").geometry;
+        (geometry.chunks.len(), geometry.vertices.len())
+    };
+    assert_eq!(chunks(&rasteriser), (1, 1));
+    // 169 vertices of 12 bytes fit, 288 triangles do not.
+    rasteriser.gpu.max_buffer_bytes = 2100;
+    assert_eq!(render(&mut rasteriser, &scene).expect("draws"), whole);
+    assert_eq!(chunks(&rasteriser), (2, 1));
+    // The vertices do not fit either; a row of pixels of 97 * 16 bytes, rounded up, is read back at a time.
+    rasteriser.gpu.max_buffer_bytes = 500;
+    rasteriser.staging = Staging::default();
+    assert_eq!(render(&mut rasteriser, &scene).expect("draws"), whole);
+    assert_eq!(chunks(&rasteriser), (23, 23), "13 triangles of 36 bytes each");
+}
+
+#[test]
+fn a_destroyed_device_gives_errors() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let scene = squares(4);
+    render(&mut rasteriser, &scene).expect("draws");
+    rasteriser.gpu.device.destroy();
+    let shades = shades();
+    let job = job(&scene, &shades);
+    let mut target = GBuffer::new(SIZE, SIZE, ALL);
+    for error in [
+        rasteriser.read_back(&job, &mut target).expect_err("nothing to read"),
+        rasteriser.draw(&job, &mut target).expect_err("no device"),
+        rasteriser.draw(&job, &mut target).expect_err("still none"),
+        rasteriser.upload(&scene).expect_err("no device"),
+    ] {
+        let message = error.to_string();
+        assert!(message.contains("`--raster cpu`"), "{message}");
+    }
+}
+
+#[test]
+fn a_buffer_that_is_too_large_is_an_error_and_the_device_goes_on() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let gpu = &rasteriser.gpu;
+    let size = gpu.limits.max_buffer_size + 4;
+    let error = gpu.buffer("test buffer", wgpu::BufferUsages::VERTEX, size).expect_err("too large");
+    assert!(error.to_string().contains("test buffer"), "{error}");
+    render(&mut rasteriser, &squares(4)).expect("draws");
+}
+
+#[test]
+fn attachments_beyond_the_device_are_refused_with_the_numbers() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    rasteriser.gpu.limits.max_color_attachment_bytes_per_sample = 32;
+    let message = render(&mut rasteriser, &squares(4)).expect_err("52 > 32").to_string();
+    assert!(message.contains("52 bytes") && message.contains("32 bytes"), "{message}");
+    rasteriser.gpu.limits.max_color_attachment_bytes_per_sample = 52;
+    rasteriser.gpu.limits.max_texture_dimension_2d = SIZE - 1;
+    let message = render(&mut rasteriser, &squares(4)).expect_err("97 > 96").to_string();
+    assert!(message.contains("97 x 97") && message.contains("96 x 96"), "{message}");
+    rasteriser.gpu.limits.max_texture_dimension_2d = SIZE;
+    render(&mut rasteriser, &squares(4)).expect("now it fits");
+}
+
+#[test]
+fn draws_join_where_no_attachment_depends_on_the_material() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let (scene, shades) = (squares(4), shades());
+    let mut target = GBuffer::new(SIZE, SIZE, ALL);
+    rasteriser.upload(&scene).expect("uploads");
+    for (color, draws) in [(true, 2), (false, 1)] {
+        let job = RasterJob { attachments: Attachments { color, ..ALL }, ..job(&scene, &shades) };
+        let stats = rasteriser.draw(&job, &mut target).expect("draws");
+        assert_eq!((rasteriser.draws.len(), stats.triangles), (draws, 32));
+    }
+}

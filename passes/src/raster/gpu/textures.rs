@@ -1,0 +1,106 @@
+//! Textures in device memory.
+
+use super::device::{Gpu, failure};
+use super::pipelines::Layouts;
+use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::scene::texture::Texture;
+
+/// The textures of a scene that something has read so far, by their index there.
+#[derive(Debug, Default)]
+pub(super) struct DeviceTextures {
+    bindings: Vec<Option<wgpu::BindGroup>>,
+    /// Bytes of device memory.
+    pub bytes: u64,
+}
+
+impl DeviceTextures {
+    /// Uploads the textures of the materials that some triangle has.
+    pub fn upload(gpu: &Gpu, layouts: &Layouts, scene: &RenderScene) -> Result<Self, BackendError> {
+        let mut this = Self { bindings: vec![None; scene.textures.len()], bytes: 0 };
+        if !scene.geometry.texcoords.is_empty() {
+            for batch in &scene.geometry.batches {
+                let material = scene.materials.get(batch.material as usize);
+                if let Some(texture) = material.and_then(|material| material.texture) {
+                    this.require(gpu, layouts, scene, texture)?;
+                }
+            }
+        }
+        Ok(this)
+    }
+
+    /// Uploads a texture unless it is there already: the shades of a job may name another than the scene's materials do.
+    pub fn require(
+        &mut self,
+        gpu: &Gpu,
+        layouts: &Layouts,
+        scene: &RenderScene,
+        index: u32,
+    ) -> Result<(), BackendError> {
+        let (Some(texture), Some(binding)) =
+            (scene.textures.get(index as usize), self.bindings.get_mut(index as usize))
+        else {
+            return Err(failure(&format!("the scene has no texture {index}")));
+        };
+        if binding.is_none() {
+            *binding = Some(upload(gpu, layouts, texture)?);
+            self.bytes += texture.levels.iter().map(|level| 4 * level.texels.len() as u64).sum::<u64>();
+        }
+        Ok(())
+    }
+
+    /// The bind group of a texture that was [required](Self::require).
+    pub fn binding(&self, index: u32) -> Option<&wgpu::BindGroup> {
+        self.bindings.get(index as usize)?.as_ref()
+    }
+}
+
+fn upload(gpu: &Gpu, layouts: &Layouts, source: &Texture) -> Result<wgpu::BindGroup, BackendError> {
+    let (width, height) = (source.levels[0].width, source.levels[0].height);
+    let largest = gpu.limits.max_texture_dimension_2d;
+    if width.max(height) > largest {
+        let name = &source.name;
+        return Err(failure(&format!(
+            "texture {name} has {width} x {height} texels, {} takes {largest} x {largest} at most",
+            gpu.adapter
+        )));
+    }
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(&source.name),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: source.levels.len() as u32,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        // Texels are used as stored, so there is no sRGB decoding.
+        format: wgpu::TextureFormat::Rgba8Unorm,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let doing = format!("upload of texture {}", source.name);
+    gpu.check(&doing)?;
+    for (mip_level, level) in (0..).zip(&source.levels) {
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo {
+                texture: &texture,
+                mip_level,
+                origin: wgpu::Origin3d::ZERO,
+                aspect: wgpu::TextureAspect::All,
+            },
+            bytemuck::cast_slice(&level.texels),
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * level.width), rows_per_image: None },
+            wgpu::Extent3d { width: level.width, height: level.height, depth_or_array_layers: 1 },
+        );
+    }
+    gpu.submit_and_wait(None, &doing)?;
+    let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+    let binding = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some(&source.name),
+        layout: &layouts.texture,
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
+            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&layouts.trilinear) },
+        ],
+    });
+    gpu.check(&doing)?;
+    Ok(binding)
+}
