@@ -334,21 +334,3 @@ pub enum QuadSource {
         factor: ChannelRef,
     },
 }
-
-impl Project {
-    /// Index of the pipeline of that name, or of the default one.
-    ///
-    /// # Errors
-    /// The valid names, if there is none.
-    pub fn pipeline(&self, name: Option<&str>) -> Result<usize, String> {
-        let _ = name;
-        Ok(self.default_pipeline)
-    }
-    /// Index of the camera of that name.
-    ///
-    /// # Errors
-    /// The valid names, if there is none.
-    pub fn camera(&self, name: &str) -> Result<usize, String> {
-        self.cameras.iter().position(|c| c.name == name).ok_or_else(|| name.to_owned())
-    }
-}
