@@ -1,3 +1,6 @@
 //! What the steps of a plan do: rasterisers, the ray tracer, and one module per effect.
 
+pub mod cpu;
+pub mod effects;
+pub mod sampling;
 pub mod trace;
