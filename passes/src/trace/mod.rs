@@ -1,8 +1,34 @@
-//! The tracer seam: effects see rays, hits and [`Tracer`], and nothing of the acceleration structure.
+//! The tracer seam, and the tracers of the processor: effects see rays, hits and [`Tracer`], and nothing of the
+//! acceleration structure.
+//!
+//! * [`Bvh`] is the fast one: watertight (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1),
+//!   2013), with conservative box tests.
+//! * [`BruteForce`] is the reference that tests compare with.
+//! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
+
+mod block;
+mod brute;
+mod build;
+mod bvh;
+mod dispatch;
+mod gather;
+mod lanes;
+mod node;
+mod offset;
+mod query;
+
+pub use brute::BruteForce;
+pub use bvh::{Bvh, Quality};
+pub use dispatch::Lanes;
+pub use offset::SurfacePoint;
 
 use glam::Vec3;
 
 /// A ray and the open interval of distances in which it meets surfaces.
+///
+/// The interval is open on both sides: a surface exactly at `t_min` or at `t_max` is not hit. In particular a ray whose
+/// origin lies exactly on a triangle does not hit it at distance 0. Rays with a component that is not finite, without a
+/// direction, or with an empty interval miss everything.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Origin, world.
@@ -15,7 +41,7 @@ pub struct Ray {
     pub t_max: f32,
 }
 
-/// Where a ray meets a triangle.
+/// Where a ray meets a triangle. Both sides of a triangle are hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Distance along the ray.
@@ -30,16 +56,20 @@ pub struct Hit {
 
 /// What effects ask of a scene.
 ///
-/// Each query takes a closure that is shown every candidate hit in no particular order and says whether there really is
-/// a surface: it is how alpha-cut textures and glass that shadow rays pass work. A candidate may be shown more than once.
+/// Each query takes a closure that says whether there really is a surface at a candidate hit: it is how alpha-cut
+/// textures and glass that shadow rays pass work. It is shown candidates **on triangles of transparent materials only**
+/// (what is transparent is said when the tracer is built), in no particular order, some perhaps more than once and not
+/// all of them; hits on other triangles are accepted without asking.
 pub trait Tracer: Sync {
-    /// The nearest accepted hit.
+    /// The nearest accepted hit; of several at the same distance, the one with the lowest triangle id.
     fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit>;
 
     /// Whether any accepted hit exists; the order of the search is free.
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool;
 
     /// How many of `directions` are not blocked within `t_max` of `origin`: many rays from one origin.
+    ///
+    /// The result is that of asking [`Self::occluded`] for each direction.
     fn count_open(
         &self,
         origin: Vec3,

@@ -1,0 +1,202 @@
+//! Ray programs on the processor: tiles of pixels over rayon's global pool.
+
+mod check;
+
+use crate::effects::{
+    AlphaTested, Coverage, Opaque, Pass, Pixel, Workspace, combined, deferred_shadows, reflection, refraction, ssao,
+};
+use crate::sampling::{HemisphereSampler, square_root};
+use crate::trace::{Bvh, Quality, Tracer};
+use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::scene::{Geometry, RenderScene};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+const NAME: &str = "cpu";
+
+/// Pixels a side of a tile: the unit of parallel work, small enough that its rays meet the same nodes.
+const TILE: usize = 16;
+
+/// The structure and what building it takes besides, as [`Bvh`] documents them.
+const BYTES_PER_TRIANGLE: u64 = 375;
+
+/// The ray backend of the processor. Results do not depend on the number of threads.
+#[derive(Default)]
+pub struct CpuRays {
+    built: Option<(Arc<RenderScene>, Bvh)>,
+}
+
+impl CpuRays {
+    /// A backend with nothing built.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+impl RayBackend for CpuRays {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn device(&self) -> String {
+        let threads = rayon::current_num_threads();
+        format!("{threads} thread{}", if threads == 1 { "" } else { "s" })
+    }
+
+    fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
+        Ok(())
+    }
+
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        // The old structure is released first: two would not always fit.
+        self.built = None;
+        let bvh = Bvh::build(&scene.geometry, filtered, Quality::default());
+        let stats = BuildStats { bytes: bvh.bytes() as u64, nodes: bvh.node_count() as u64 };
+        self.built = Some((Arc::clone(scene), bvh));
+        Ok(stats)
+    }
+
+    fn bytes_per_triangle(&self) -> u64 {
+        BYTES_PER_TRIANGLE
+    }
+
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        if job.program == RayProgram::Dummy {
+            check::images(job, output)?;
+            output.pixels.copy_from_slice(job.color);
+            return Ok(RayStats::default());
+        }
+        match &self.built {
+            Some((scene, bvh)) if std::ptr::eq(&raw const **scene, job.scene) => trace(bvh, job, output, progress),
+            _ if !may_trace(job) => trace(&empty(), job, output, progress),
+            _ => Err(check::missing(job, "its scene's acceleration structure was not built")),
+        }
+    }
+}
+
+fn empty() -> Bvh {
+    Bvh::build(&Geometry::default(), &[], Quality::default())
+}
+
+/// Whether a job can trace any ray: where it cannot, the executor builds no structure.
+fn may_trace(job: &RayJob<'_>) -> bool {
+    match job.program {
+        RayProgram::Dummy => false,
+        RayProgram::DeferredShadows | RayProgram::Final => true,
+        RayProgram::Ssao => job.params.samples > 0,
+        RayProgram::Reflection | RayProgram::Refraction => {
+            job.fidelity == Fidelity::Thesis || job.glass.contains(&true)
+        }
+    }
+}
+
+/// Runs a program other than `dummy` on any tracer of the job's scene.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] if the job lacks what the program reads; says what.
+pub fn trace<T: Tracer>(
+    tracer: &T,
+    job: &RayJob<'_>,
+    output: &mut Image,
+    progress: &Progress,
+) -> Result<RayStats, BackendError> {
+    check::images(job, output)?;
+    check::scene(job)?;
+    let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
+    let rays = if cut {
+        let coverage = AlphaTested { scene: job.scene, shades: job.shades };
+        run_program(&new_pass(job, tracer, coverage)?, output, progress)
+    } else {
+        run_program(&new_pass(job, tracer, Opaque)?, output, progress)
+    };
+    Ok(RayStats { rays, device_time: None })
+}
+
+fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result<Pass<'a, T, C>, BackendError> {
+    let samples = if job.program.info().params.contains(&"samples") { job.params.samples } else { 0 };
+    let wrong = |why: String| check::missing(job, &why);
+    let (occlusion, strata) = match job.fidelity {
+        _ if samples == 0 => (None, 0),
+        Fidelity::Corrected => (Some(HemisphereSampler::new(job.params.sampler, samples).map_err(wrong)?), 0),
+        Fidelity::Thesis => (None, square_root(samples).map_err(wrong)?),
+    };
+    let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
+    Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata })
+}
+
+fn run_program<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, output: &mut Image, progress: &Progress) -> RayCounts {
+    use Fidelity::{Corrected, Thesis};
+    let output = (output, progress);
+    match (pass.job.program, pass.job.fidelity) {
+        (RayProgram::Dummy, _) => unreachable!("dummy traces nothing"),
+        (RayProgram::DeferredShadows, Thesis) => each_pixel(output, |p, w| deferred_shadows::thesis::pixel(pass, p, w)),
+        (RayProgram::DeferredShadows, Corrected) => {
+            each_pixel(output, |p, w| deferred_shadows::corrected::pixel(pass, p, w))
+        }
+        (RayProgram::Reflection, Thesis) => each_pixel(output, |p, w| reflection::thesis::pixel(pass, p, w)),
+        (RayProgram::Reflection, Corrected) => each_pixel(output, |p, w| reflection::corrected::pixel(pass, p, w)),
+        (RayProgram::Refraction, Thesis) => each_pixel(output, |p, w| refraction::thesis::pixel(pass, p, w)),
+        (RayProgram::Refraction, Corrected) => each_pixel(output, |p, w| refraction::corrected::pixel(pass, p, w)),
+        (RayProgram::Ssao, Thesis) => each_pixel(output, |p, w| ssao::thesis::pixel(pass, p, w)),
+        (RayProgram::Ssao, Corrected) => each_pixel(output, |p, w| ssao::corrected::pixel(pass, p, w)),
+        (RayProgram::Final, Thesis) => each_pixel(output, |p, w| combined::thesis::pixel(pass, p, w)),
+        (RayProgram::Final, Corrected) => each_pixel(output, |p, w| combined::corrected::pixel(pass, p, w)),
+    }
+}
+
+/// The part of an image that one task writes.
+struct Tile<'o> {
+    x: usize,
+    y: usize,
+    rows: Vec<&'o mut [[f32; 4]]>,
+}
+
+fn tiles(image: &mut Image) -> Vec<Tile<'_>> {
+    let width = (image.width as usize).max(1);
+    let across = width.div_ceil(TILE);
+    let mut tiles = Vec::with_capacity(across * image.pixels.len().div_ceil(width * TILE));
+    for (band, pixels) in image.pixels.chunks_mut(width * TILE).enumerate() {
+        let first = tiles.len();
+        tiles.extend((0..across).map(|column| Tile { x: column * TILE, y: band * TILE, rows: Vec::new() }));
+        for row in pixels.chunks_mut(width) {
+            for (tile, part) in tiles[first..].iter_mut().zip(row.chunks_mut(TILE)) {
+                tile.rows.push(part);
+            }
+        }
+    }
+    tiles
+}
+
+fn each_pixel(
+    (output, progress): (&mut Image, &Progress),
+    pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
+) -> RayCounts {
+    let width = output.width as usize;
+    let tiles = tiles(output);
+    progress.start(tiles.len() as u64);
+    tiles
+        .into_par_iter()
+        .map_init(Workspace::default, |work, tile| {
+            work.rays = RayCounts::default();
+            for (down, row) in tile.rows.into_iter().enumerate() {
+                for (right, out) in row.iter_mut().enumerate() {
+                    let (x, y) = (tile.x + right, tile.y + down);
+                    *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);
+                }
+            }
+            progress.advance(1);
+            work.rays
+        })
+        .reduce(RayCounts::default, |mut sum, rays| {
+            sum += rays;
+            sum
+        })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,37 @@
+//! As the report's `final.cu`.
+
+use crate::effects::occlusion::SHADOWED;
+use crate::effects::optix::{self, face_forward};
+use crate::effects::refraction::thesis::glass_pixel;
+use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
+use crate::trace::{Hit, Ray, Tracer};
+use glam::{Vec3, Vec4};
+
+/// Glass (by its mask) or the shadowed colour, occluded; alpha 1.
+pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
+    let color = pass.job.color[pixel.index];
+    let position = pass.position(pixel).truncate();
+    let color = if optix::is_glass_mask(color) {
+        glass_pixel(pass, pixel, work, &shade)
+    } else {
+        Vec4::from_array(color).truncate() * light_share(pass, position, work)
+    };
+    let open = pass.thesis_occlusion(position, pass.normal(pixel), work, |hit| !pass.passes_light(hit));
+    opaque(color * open)
+}
+
+/// A shadow ray: `any_hit_shadow_glass` dims the payload, but `miss_shadow` sets it to 1, so glass takes nothing away.
+fn light_share<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, position: Vec3, work: &mut Workspace) -> f32 {
+    work.rays.shadow += 1;
+    if pass.thesis_sees_light(position, |hit| !pass.passes_light(hit)) { 1.0 } else { SHADOWED }
+}
+
+/// `closest_hit`. It hands `faceforward` the ray's direction where the other programs hand it the opposite: the normal
+/// looks away from the viewer, for the light and for the occlusion hemisphere.
+fn shade<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, ray: &Ray, hit: &Hit, work: &mut Workspace) -> Vec3 {
+    let (geometric, shading) = pass.thesis_normals(hit);
+    let normal = face_forward(shading, ray.direction, geometric);
+    let position = optix::position(ray, hit);
+    let color = pass.lit_color(hit, normal) * light_share(pass, position, work);
+    color * pass.thesis_occlusion(position, normal, work, |hit| !pass.passes_light(hit))
+}

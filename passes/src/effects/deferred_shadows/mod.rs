@@ -1,0 +1,10 @@
+//! `deferredShadows`: the hard shadow of a directional light, 0.5 in shadow and 1 in light.
+//!
+//! One shadow ray for each pixel whose light cosine (the position's `w`) is above 0; the others are 1, for they are dark
+//! already.
+
+pub mod corrected;
+pub mod thesis;
+
+#[cfg(test)]
+mod tests;

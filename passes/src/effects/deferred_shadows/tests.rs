@@ -1,0 +1,152 @@
+use crate::effects::testing::{Shot, World, grid};
+use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
+use curitiba_pipeline::programs::{RayParams, RayProgram};
+use glam::{Mat3, Vec3};
+
+const EYE: Vec3 = Vec3::new(0.3, 9.0, 4.0);
+
+fn shadows(shot: &Shot<'_>, fidelity: Fidelity) -> (Vec<[f32; 4]>, u64) {
+    let (pixels, rays) = shot.run(RayProgram::DeferredShadows, fidelity, RayParams::default());
+    assert_eq!(rays.total(), rays.shadow);
+    (pixels, rays.shadow)
+}
+
+/// A floor and, one unit above, a roof over `x < 0` that ends far away; light falls towards +x at 45 degrees.
+fn half_plane() -> World {
+    let mut world = World::lit_along(Vec3::new(1.0, -1.0, 0.0));
+    let paint = world.paint(Vec3::splat(0.5));
+    world.quad(paint, Vec3::ZERO, Vec3::Z * 20.0, Vec3::X * 20.0);
+    world.quad(paint, Vec3::new(-10.0, 1.0, 0.0), Vec3::X * 10.0, Vec3::NEG_Z * 20.0);
+    world
+}
+
+#[test]
+fn a_half_plane_casts_a_hard_shadow_with_a_straight_edge() {
+    let world = half_plane();
+    // Seen from below the roof and from outside, so that both sides of the edge at x = 1 are visible.
+    let targets: Vec<Vec3> = grid(40, Vec3::new(1.5, 0.0, 0.0), Vec3::X * 1.4, Vec3::Z * 3.0).collect();
+    let shot = Shot::of(&world, EYE, targets.iter().copied());
+    for fidelity in [Corrected, Thesis] {
+        let (pixels, rays) = shadows(&shot, fidelity);
+        assert_eq!(rays, 1600, "one ray a pixel");
+        let mut shadowed = 0;
+        for (pixel, position) in pixels.iter().zip(&shot.position) {
+            assert!(position[1].abs() < 1e-4, "the floor is seen");
+            let expected = if position[0] < 1.0 { 0.5 } else { 1.0 };
+            assert_eq!(pixel[..3], [expected; 3], "{fidelity:?} at {position:?}");
+            shadowed += usize::from(expected == 0.5);
+        }
+        assert!((200..1400).contains(&shadowed), "both sides are tested: {shadowed}");
+    }
+}
+
+#[test]
+fn only_thesis_writes_the_value_into_alpha() {
+    let world = half_plane();
+    let shot = Shot::of(&world, EYE, [Vec3::new(0.5, 0.0, 0.0)]);
+    assert_eq!(shadows(&shot, Corrected).0, [[0.5, 0.5, 0.5, 1.0]]);
+    assert_eq!(shadows(&shot, Thesis).0, [[0.5; 4]]);
+}
+
+#[test]
+fn background_and_unlit_pixels_are_one_and_trace_nothing() {
+    let mut world = half_plane();
+    // Light from below: every cosine is 0.
+    world.sun.as_mut().expect("a sun").direction = Vec3::new(0.0, 1.0, 0.0);
+    let shot = Shot::of(&world, EYE, [Vec3::new(0.5, 0.0, 0.0), EYE + Vec3::Y]);
+    for fidelity in [Corrected, Thesis] {
+        assert_eq!(shadows(&shot, fidelity), (vec![[1.0; 4]; 2], 0));
+    }
+}
+
+#[test]
+fn a_triangle_turned_away_from_the_light_is_in_its_own_shadow_without_a_ray() {
+    let mut world = World::lit_along(Vec3::new(1.0, -0.05, 0.0));
+    let paint = world.paint(Vec3::splat(0.5));
+    // Tilted away from the light by less than its vertex normals are bent towards it.
+    world.quad(paint, Vec3::ZERO, Vec3::Z, Vec3::new(1.0, -0.2, 0.0));
+    world.bend_normals(Vec3::new(-0.3, 1.0, 0.0));
+    let shot = Shot::of(&world, EYE, [Vec3::new(0.1, -0.02, 0.1)]);
+    assert!(shot.position[0][3] > 0.1, "the shading normal sees the light");
+    assert_eq!(shadows(&shot, Corrected), (vec![[0.5, 0.5, 0.5, 1.0]], 0));
+    // The ray as written starts on the wrong side, and meets nothing.
+    assert_eq!(shadows(&shot, Thesis), (vec![[1.0; 4]], 1));
+}
+
+#[test]
+fn the_side_is_that_of_the_vertex_normals_where_there_are_any() {
+    // A floor seen from below whose normals look up, to the light: lit from above.
+    let mut world = World::lit_along(Vec3::new(0.2, -1.0, 0.0));
+    let paint = world.paint(Vec3::splat(0.5));
+    world.quad(paint, Vec3::ZERO, Vec3::X, Vec3::Z);
+    world.bend_normals(Vec3::Y);
+    let below = Vec3::new(0.0, -3.0, 0.0);
+    let shot = Shot::of(&world, below, [Vec3::new(0.1, 0.0, 0.1)]);
+    assert_eq!(shadows(&shot, Corrected), (vec![[1.0; 4]], 1));
+    // Without normals the side is the viewer's.
+    let mut bare = world.scene.clone();
+    bare.geometry.normals.clear();
+    let mut job = shot.job(RayProgram::DeferredShadows, Corrected, RayParams::default());
+    job.scene = &bare;
+    let (pixels, rays) = shot.run_on(&world.brute_force(), &job);
+    assert_eq!((pixels, rays.shadow), (vec![[0.5, 0.5, 0.5, 1.0]], 0));
+}
+
+#[test]
+fn light_passes_where_a_texture_is_cut_out_in_corrected_only() {
+    let mut world = World::lit_along(Vec3::NEG_Y);
+    let paint = world.paint(Vec3::splat(0.5));
+    let leaves = world.picture([[255, 255, 255, 255], [255, 255, 255, 0]], Some(0.5));
+    world.quad(paint, Vec3::ZERO, Vec3::Z * 2.0, Vec3::X * 2.0);
+    // Opaque around u = 1/4 (x = -0.5), cut out around u = 3/4 (x = 0.5).
+    world.quad(leaves, Vec3::Y, Vec3::X, Vec3::Z);
+    let points = [Vec3::new(-0.5, 0.0, 0.3), Vec3::new(0.5, 0.0, 0.3), Vec3::new(1.5, 0.0, 0.3)];
+    let shot = Shot::of(&world, Vec3::new(0.0, 0.5, 8.0), points);
+    let values = |fidelity| shadows(&shot, fidelity).0.iter().map(|pixel| pixel[0]).collect::<Vec<_>>();
+    assert_eq!(values(Corrected), [0.5, 1.0, 1.0]);
+    assert_eq!(values(Thesis), [0.5, 0.5, 1.0]);
+}
+
+/// Rounds to the 11 binary digits of a 16-bit float.
+fn half_precision(value: f32) -> f32 {
+    f32::from_bits((value.to_bits() + 0x1000) & !0x1fff)
+}
+
+#[test]
+fn stored_positions_of_low_precision_shadow_themselves_in_thesis_only() {
+    let mut world = World::lit_along(Vec3::new(0.6, -0.7, 0.2));
+    let paint = world.paint(Vec3::splat(0.5));
+    world.quad(paint, Vec3::new(0.0, -30.0, -500.0), Vec3::X * 300.0, Vec3::new(0.0, 80.0, -300.0));
+    let targets = grid(30, Vec3::new(0.0, -30.0, -500.0), Vec3::X * 100.0, Vec3::new(0.0, 26.0, -100.0));
+    let mut shot = Shot::of(&world, Vec3::ZERO, targets);
+    for position in &mut shot.position {
+        let [x, y, z, w] = *position;
+        *position = [half_precision(x), half_precision(y), half_precision(z), w];
+    }
+    let dark = |fidelity| shadows(&shot, fidelity).0.iter().filter(|pixel| pixel[0] != 1.0).count();
+    assert_eq!(dark(Corrected), 0, "the position is put back onto its triangle");
+    assert!(dark(Thesis) > 300, "{}", dark(Thesis));
+}
+
+#[test]
+fn a_lit_plane_does_not_shadow_itself_at_any_scale_and_place() {
+    let rotation = Mat3::from_axis_angle(Vec3::new(0.3, 1.0, -0.7).normalize(), 1.1);
+    for scale in [1e-3, 1.0, 1e3] {
+        for distance in [0.0, 1.0, 1e3] {
+            let mut world = World::lit_along(Vec3::new(0.3, -0.4, 0.7));
+            let paint = world.paint(Vec3::splat(0.5));
+            world.quad(paint, Vec3::ZERO, Vec3::Z, Vec3::X);
+            let offset = Vec3::new(0.7, -0.3, 0.6) * distance * scale;
+            world.transform(rotation, scale, offset);
+            let place = |p: Vec3| rotation * p * scale + offset;
+            let targets = grid(20, Vec3::ZERO, Vec3::X * 0.9, Vec3::Z * 0.9).map(place);
+            let shot = Shot::of(&world, place(Vec3::new(0.2, 3.0, 0.5)), targets);
+            assert!(shot.position.iter().all(|position| position[3] > 0.1));
+            let dark = |fidelity| shadows(&shot, fidelity).0.iter().filter(|pixel| pixel[0] != 1.0).count();
+            assert_eq!(dark(Corrected), 0, "scale {scale}, distance {distance}");
+            if scale * distance >= 1e6 {
+                assert!(dark(Thesis) > 50, "the fixed distance is below the rounding here: {}", dark(Thesis));
+            }
+        }
+    }
+}

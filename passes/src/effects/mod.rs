@@ -1,0 +1,125 @@
+//! The six ray programs, one folder each, generic over [`Tracer`].
+//!
+//! A program is a function of a pixel. Each exists twice: `thesis` follows the report's device code to the letter,
+//! `corrected` mends the differences that are numbered below and in `docs/fidelity.md`.
+//!
+//! | # | `thesis` | `corrected` |
+//! |---|---|---|
+//! | 1 | the refraction discriminant serves as transmittance, below 0 at grazing angles | exact unpolarised Fresnel |
+//! | 2 | glass seen in or through glass loses its refracted colour | both colours are blended |
+//! | 3 | `final`: a miss resets what glass took from the light | 0.9 for each glass surface crossed |
+//! | 4 | noise from the sine of the position | a counter-based hash |
+//! | 5 | rays start at the stored position, hits nearer than 1e-4 (1e-3) are skipped | rays start off the exact triangle, by its rounding error |
+//! | 6 | `final`: occlusion darkens glass pixels | glass has none of its own |
+//! | 7 | background pixels trace rays | they are left alone |
+//! | 8 | a surface's side follows its winding (`final`: the wrong one) or the shading normal | the geometric normal decides, whatever the winding |
+//! | 9 | a pixel is glass if its colour is the mask (x > 0, 0, z > 0, 0); its normal is used as stored | if its triangle's material is; its normal is turned to the viewer |
+//! | 10 | textures' alpha is ignored | rays pass where a material is cut out |
+//! | 11 | the occlusion hemisphere lies where the normal points | on the viewer's side; directions below the triangle are blocked, without a ray |
+//! | 12 | shadows and `ssao` write their value into the alpha too | alpha is 1 |
+//!
+//! Where the printed code leaves a choice, this is what `thesis` does:
+//! - `reflection` declares `MAX_DEPTH` and reads `MAXDEPTH`; both are the parameter `depth`.
+//! - `reflection` does not dim secondary bounces; `refraction` and `final` do, by 0.99, but not at total reflection. Both
+//!   fidelities keep the first; `corrected` dims every secondary bounce of the other two alike.
+//! - `refraction` and `final` trace a refracted ray at secondary glass and drop its colour. Its rays are not traced here:
+//!   the picture is the same, the ray count lower than the report's. Whether refraction is possible still decides the 0.99.
+//! - `final` never sets the payload's value before its first shadow ray. Every ray ends in an opaque hit (0.5) or a miss
+//!   (1), which set it, so nothing undefined is seen.
+//! - Noise below 0 puts occlusion samples of the first stratum outside the square; their directions are not numbers. Such
+//!   a ray meets nothing and counts as open. So does each ray of a background pixel, whose normal is 0.
+//! - `ssao` divides by 0 for 0 samples; here they switch it off, as in `final`.
+
+pub mod combined;
+pub mod deferred_shadows;
+pub mod dummy;
+mod material;
+mod occlusion;
+mod optics;
+mod optix;
+pub mod reflection;
+pub mod refraction;
+pub mod ssao;
+mod surface;
+
+pub use material::{AlphaTested, Coverage, Opaque};
+pub use optics::{Interface, fresnel};
+
+use crate::sampling::HemisphereSampler;
+use crate::trace::{Hit, Tracer};
+use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob};
+use glam::{Vec3, Vec4};
+
+/// What the pixels of one pass have in common. The job's slices were checked against its sizes.
+#[derive(Debug)]
+pub struct Pass<'a, T, C> {
+    /// The job.
+    pub job: &'a RayJob<'a>,
+    /// Its scene's acceleration structure.
+    pub tracer: &'a T,
+    /// Where its triangles are cut out.
+    pub coverage: C,
+    /// Unit vector towards the light; 0 where the program does not read it.
+    pub to_light: Vec3,
+    /// The light's colour; 0 where the program does not read it.
+    pub light_color: Vec3,
+    /// Occlusion directions in `corrected`; `None` switches occlusion off.
+    pub occlusion: Option<HemisphereSampler>,
+    /// Strata a side in `thesis`; 0 switches occlusion off.
+    pub strata: u32,
+}
+
+/// A pixel of the pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pixel {
+    /// Column.
+    pub x: u32,
+    /// Row from the top.
+    pub y: u32,
+    /// `y * width + x`.
+    pub index: usize,
+}
+
+/// Buffers that a worker keeps from pixel to pixel, and its counts.
+#[derive(Debug, Default)]
+pub struct Workspace {
+    /// Rays traced.
+    pub rays: RayCounts,
+    directions: Vec<Vec3>,
+    crossings: Vec<f32>,
+}
+
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    fn position(&self, pixel: Pixel) -> Vec4 {
+        Vec4::from_array(self.job.position[pixel.index])
+    }
+
+    fn normal(&self, pixel: Pixel) -> Vec3 {
+        Vec4::from_array(self.job.normal[pixel.index]).truncate()
+    }
+
+    fn triangle(&self, pixel: Pixel) -> Option<u32> {
+        Some(self.job.triangle[pixel.index]).filter(|triangle| *triangle != NO_TRIANGLE)
+    }
+
+    fn is_glass(&self, triangle: u32) -> bool {
+        self.job.glass[self.job.scene.geometry.material_of(triangle) as usize]
+    }
+
+    /// Whether a hit stops light: covered, and not glass that shadow rays pass.
+    fn stops_light(&self, hit: &Hit) -> bool {
+        !self.passes_light(hit) && self.coverage.covers(hit)
+    }
+
+    fn passes_light(&self, hit: &Hit) -> bool {
+        self.job.shadow_glass[self.job.scene.geometry.material_of(hit.triangle) as usize]
+    }
+}
+
+/// A colour with alpha 1.
+fn opaque(color: Vec3) -> [f32; 4] {
+    color.extend(1.0).to_array()
+}
+
+#[cfg(test)]
+mod testing;

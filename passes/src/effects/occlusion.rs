@@ -1,0 +1,110 @@
+//! Ambient occlusion and light: the rays that only ask whether something is in the way.
+
+use super::surface::Surface;
+use super::{Coverage, Pass, Workspace, optix};
+use crate::sampling::sine_noise;
+use crate::trace::{Hit, Ray, Tracer};
+use glam::Vec3;
+
+/// What light keeps behind an opaque surface.
+pub const SHADOWED: f32 = 0.5;
+/// What light keeps at each glass surface that it crosses.
+const THROUGH_GLASS: f32 = 0.9;
+
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    /// Ambient occlusion of a surface: the share of its cosine-weighted hemisphere that is open within the radius, to the
+    /// power of the intensity. 1 where occlusion is off.
+    ///
+    /// The hemisphere is the shading normal's. Its part below the triangle is inside the object: blocked, without a ray.
+    pub(super) fn occlusion(
+        &self,
+        surface: &Surface,
+        key: u32,
+        work: &mut Workspace,
+        stops: impl FnMut(&Hit) -> bool,
+    ) -> f32 {
+        let Some(sampler) = &self.occlusion else { return 1.0 };
+        sampler.directions(key, surface.normal, &mut work.directions);
+        work.directions.retain(|direction| direction.dot(surface.facing) > 0.0);
+        work.rays.occlusion += work.directions.len() as u64;
+        let origin = surface.origin(surface.facing);
+        let open = self.tracer.count_open(origin, 0.0, self.job.params.radius, &work.directions, stops);
+        (open as f32 / sampler.samples() as f32).powf(self.job.params.intensity)
+    }
+
+    /// The same as the report computes it.
+    pub(super) fn thesis_occlusion(
+        &self,
+        position: Vec3,
+        normal: Vec3,
+        work: &mut Workspace,
+        stops: impl FnMut(&Hit) -> bool,
+    ) -> f32 {
+        if self.strata == 0 {
+            return 1.0;
+        }
+        sine_noise::directions(position, normal, self.strata, &mut work.directions);
+        let samples = work.directions.len();
+        work.directions.retain(|direction| direction.is_finite() && position.is_finite());
+        let traced = work.directions.len();
+        work.rays.occlusion += traced as u64;
+        let radius = self.job.params.radius;
+        let open = self.tracer.count_open(position, optix::EPSILON, radius, &work.directions, stops) as usize;
+        let open = open + (samples - traced);
+        (open as f32 / samples as f32).powf(self.job.params.intensity)
+    }
+
+    /// Whether nothing lies between an origin off its surface and the light.
+    pub(super) fn sees_light(&self, origin: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
+        !self.tracer.occluded(&self.light_ray(origin), stops)
+    }
+
+    /// What reaches a surface of the light in `final`: [`SHADOWED`] where the side of normal `facing` is turned away or
+    /// something opaque is in the way, else 0.9 for each glass surface on the way.
+    pub(super) fn light_share(&self, surface: &Surface, facing: Vec3, work: &mut Workspace) -> f32 {
+        if facing.dot(self.to_light) <= 0.0 {
+            return SHADOWED;
+        }
+        work.rays.shadow += 1;
+        let ray = self.light_ray(surface.origin(self.to_light));
+        let crossings = &mut work.crossings;
+        crossings.clear();
+        let blocked = self.tracer.occluded(&ray, |hit| {
+            if !self.coverage.covers(hit) {
+                return false;
+            }
+            let glass = self.passes_light(hit);
+            if glass {
+                crossings.push(hit.t);
+            }
+            !glass
+        });
+        if blocked { SHADOWED } else { THROUGH_GLASS.powi(distinct(crossings) as i32) }
+    }
+
+    fn light_ray(&self, origin: Vec3) -> Ray {
+        Ray { origin, direction: self.to_light, t_min: 0.0, t_max: f32::INFINITY }
+    }
+}
+
+/// How many surfaces these hit distances belong to. A tracer may show a hit twice, and a ray through the edge between two
+/// triangles meets both: distances no farther apart than the rounding of their computation are one surface.
+fn distinct(distances: &mut [f32]) -> usize {
+    const ROUNDING: f32 = 8.0 * f32::EPSILON;
+    distances.sort_unstable_by(f32::total_cmp);
+    let steps = distances.windows(2).filter(|pair| pair[1] - pair[0] > ROUNDING * pair[1]).count();
+    steps + usize::from(!distances.is_empty())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::distinct;
+
+    #[test]
+    fn surfaces_are_counted_once() {
+        assert_eq!(distinct(&mut []), 0);
+        assert_eq!(distinct(&mut [2.0]), 1);
+        assert_eq!(distinct(&mut [2.0, 2.0, 2.000_000_2]), 1);
+        assert_eq!(distinct(&mut [3.0, 2.0, 3.0, 2.001]), 3);
+    }
+}

@@ -1,0 +1,154 @@
+//! Smooth dielectric interfaces.
+
+use glam::Vec3;
+
+/// Mirrors the direction `i` at a surface with unit normal `n`, whichever way `n` points.
+pub fn reflect(i: Vec3, n: Vec3) -> Vec3 {
+    i - 2.0 * n * n.dot(i)
+}
+
+/// What an interface does with unpolarised light.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Interface {
+    /// Share reflected, 0..=1; the rest is refracted.
+    pub reflectance: f32,
+    /// Cosine of the refracted direction with the inward normal; 0 at total reflection.
+    pub cos_refracted: f32,
+}
+
+/// Fresnel's equations for light that meets an interface at an angle of cosine `cos` (clamped to 0..=1), where `index` is
+/// the index of the far side over that of the near side (above 0).
+///
+/// Total reflection, possible for `index < 1` only, is a reflectance of exactly 1. Evaluated in double precision: next to
+/// the critical angle the square root magnifies a rounding error of the discriminant.
+#[must_use]
+pub fn fresnel(cos: f32, index: f32) -> Interface {
+    let (cos, index) = (f64::from(cos.clamp(0.0, 1.0)), f64::from(index));
+    // index² cos²(refracted), by Snell's law.
+    let discriminant = index * index - 1.0 + cos * cos;
+    if discriminant <= 0.0 {
+        return Interface { reflectance: 1.0, cos_refracted: 0.0 };
+    }
+    let cos_refracted = discriminant.sqrt() / index;
+    let perpendicular = (cos - index * cos_refracted) / (cos + index * cos_refracted);
+    let parallel = (index * cos - cos_refracted) / (index * cos + cos_refracted);
+    let reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel);
+    Interface { reflectance: reflectance as f32, cos_refracted: cos_refracted as f32 }
+}
+
+impl Interface {
+    /// The refracted unit direction of `i`, a unit direction against the unit normal `n`; `index` as for [`fresnel`].
+    /// `None` at total reflection.
+    pub fn refract(&self, i: Vec3, n: Vec3, index: f32) -> Option<Vec3> {
+        if self.reflectance >= 1.0 {
+            return None;
+        }
+        let along = i - n * n.dot(i);
+        (along / index - n * self.cos_refracted).try_normalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INDICES: [f32; 4] = [1.1, 1.33, 1.5, 2.42];
+
+    /// The other textbook form, from both angles (Hecht, Optics, section 4.6), in double precision.
+    fn reflectance_by_angles(angle: f64, index: f64) -> f64 {
+        let sine = angle.sin() / index;
+        if sine >= 1.0 {
+            return 1.0;
+        }
+        let refracted = sine.asin();
+        let perpendicular = (angle - refracted).sin() / (angle + refracted).sin();
+        let parallel = (angle - refracted).tan() / (angle + refracted).tan();
+        0.5 * (perpendicular * perpendicular + parallel * parallel)
+    }
+
+    #[test]
+    fn reflectance_at_normal_incidence_is_the_closed_form() {
+        for index in INDICES {
+            let expected = ((index - 1.0) / (index + 1.0)).powi(2);
+            for index in [index, 1.0 / index] {
+                assert!((fresnel(1.0, index).reflectance - expected).abs() < 1e-7, "{index}");
+            }
+        }
+        assert!((fresnel(1.0, 1.1).reflectance - 0.002_268).abs() < 1e-6);
+        assert!((fresnel(1.0, 1.5).reflectance - 0.04).abs() < 1e-7);
+    }
+
+    #[test]
+    fn parallel_light_is_not_reflected_at_brewsters_angle() {
+        for index in INDICES {
+            let index = f64::from(index);
+            let brewster = index.atan();
+            // Half of the perpendicular part remains: ((index² - 1) / (index² + 1))² / 2.
+            let expected = 0.5 * ((index * index - 1.0) / (index * index + 1.0)).powi(2);
+            let reflectance = fresnel(brewster.cos() as f32, index as f32).reflectance;
+            assert!((f64::from(reflectance) - expected).abs() < 1e-6, "{index}: {reflectance} {expected}");
+        }
+    }
+
+    #[test]
+    fn grazing_light_is_reflected_wholly() {
+        for index in INDICES {
+            assert_eq!(fresnel(0.0, index).reflectance, 1.0);
+            assert_eq!(fresnel(-0.1, index).reflectance, 1.0);
+        }
+    }
+
+    #[test]
+    fn fresnel_agrees_with_double_precision_both_ways() {
+        for index in INDICES {
+            for relative in [index, 1.0 / index] {
+                for tenth in 1..900 {
+                    let cos = (f64::from(tenth) * 0.1).to_radians().cos() as f32;
+                    let expected = reflectance_by_angles(f64::from(cos).acos(), f64::from(relative));
+                    let found = f64::from(fresnel(cos, relative).reflectance);
+                    assert!((found - expected).abs() < 1e-5, "{relative} {tenth}: {found} {expected}");
+                }
+            }
+        }
+        assert!((reflectance_by_angles(1.0, 1.5) - reflectance_by_angles(1.0, 1.1)).abs() > 0.05, "control");
+    }
+
+    #[test]
+    fn total_reflection_starts_at_the_critical_angle() {
+        for (index, critical) in [(1.1f64, 65.380f64), (1.33, 48.754), (1.5, 41.810), (2.42, 24.408)] {
+            let relative = (1.0 / index) as f32;
+            let at = |degrees: f64| fresnel(degrees.to_radians().cos() as f32, relative);
+            assert!(at(critical - 0.01).reflectance < 1.0, "{index}");
+            assert_eq!(at(critical + 0.01), Interface { reflectance: 1.0, cos_refracted: 0.0 }, "{index}");
+        }
+    }
+
+    #[test]
+    fn refracted_directions_obey_snell() {
+        let normal = Vec3::new(2.0, -1.0, 3.0).normalize();
+        let tangent = normal.any_orthonormal_vector();
+        for index in INDICES.into_iter().chain(INDICES.map(|index| 1.0 / index)) {
+            for degree in 0..90 {
+                let (sin, cos) = (degree as f32).to_radians().sin_cos();
+                let incoming = tangent * sin - normal * cos;
+                let interface = fresnel(cos, index);
+                let Some(refracted) = interface.refract(incoming, normal, index) else {
+                    assert!(sin / index > 1.0 - 1e-6, "{index} {degree}");
+                    continue;
+                };
+                assert!((refracted.length() - 1.0).abs() < 1e-6);
+                assert!((refracted.dot(tangent) * index - sin).abs() < 2e-6, "{index} {degree}");
+                assert!(refracted.dot(normal) < 0.0);
+                assert!(refracted.dot(normal.cross(tangent)).abs() < 1e-6, "stays in the plane of incidence");
+            }
+        }
+    }
+
+    #[test]
+    fn mirrored_directions_keep_the_angle() {
+        let (i, n) = (Vec3::new(1.0, -2.0, 0.5).normalize(), Vec3::new(0.1, 1.0, 0.2).normalize());
+        let mirrored = reflect(i, n);
+        assert!((mirrored.dot(n) + i.dot(n)).abs() < 1e-6 && (mirrored - reflect(i, -n)).length() < 1e-6);
+        assert!((mirrored.cross(n) - i.cross(n)).length() < 1e-6);
+    }
+}

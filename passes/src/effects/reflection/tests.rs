@@ -1,0 +1,151 @@
+use crate::effects::testing::{BACKGROUND, Shot, World, assert_close, grid};
+use curitiba_pipeline::programs::Fidelity::{Corrected, Thesis};
+use curitiba_pipeline::programs::{RayParams, RayProgram};
+use glam::{Vec2, Vec3};
+
+const PROGRAM: RayProgram = RayProgram::Reflection;
+
+#[test]
+fn a_mirror_shows_the_lit_colour_of_what_lies_in_front() {
+    let mut world = World::lit_along(Vec3::new(0.2, -0.3, 1.0));
+    let glass = world.glass();
+    let red = world.paint(Vec3::new(0.9, 0.2, 0.1));
+    // The mirror at z = 0 looks to +z; the wall at z = 10, behind the eye, looks back at it.
+    world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
+    world.quad(red, Vec3::new(0.0, 0.0, 10.0), Vec3::X * 50.0, Vec3::NEG_Y * 50.0);
+    let eye = Vec3::new(0.5, 0.2, 4.0);
+    let shot = Shot::of(&world, eye, grid(5, Vec3::ZERO, Vec3::X * 0.9, Vec3::Y * 0.9));
+    // The wall's normal is -z; the light travels towards +z and so meets its front.
+    let to_light = -world.sun.expect("a sun").direction;
+    let expected = world.lit(red, to_light.dot(Vec3::NEG_Z));
+    for fidelity in [Corrected, Thesis] {
+        let (pixels, rays) = shot.run(PROGRAM, fidelity, RayParams::default());
+        assert_eq!((rays.reflected, rays.total()), (25, 25));
+        for (i, pixel) in pixels.iter().enumerate() {
+            assert_close(*pixel, expected, 1e-6, format!("{fidelity:?} pixel {i}"));
+            assert_eq!(pixel[3], 1.0);
+        }
+    }
+}
+
+#[test]
+fn a_mirror_shows_the_texture_where_the_mirrored_ray_meets_it() {
+    let mut world = World::lit_along(Vec3::NEG_Z);
+    let glass = world.glass();
+    let picture = world.picture([[255, 0, 0, 255], [0, 0, 255, 255]], None);
+    world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
+    world.quad(picture, Vec3::new(0.0, 0.0, 6.0), Vec3::X * 5.0, Vec3::NEG_Y * 5.0);
+    let eye = Vec3::new(0.1, 0.0, 3.0);
+    let targets = [Vec3::new(-0.6, 0.1, 0.0), Vec3::new(0.2, -0.3, 0.0), Vec3::new(0.7, 0.5, 0.0)];
+    let shot = Shot::of(&world, eye, targets);
+    let (pixels, _) = shot.run(PROGRAM, Corrected, RayParams::default());
+    for (target, pixel) in targets.iter().zip(pixels) {
+        // Mirrored at z = 0 and followed to z = 6.
+        let direction = (*target - eye) * Vec3::new(1.0, 1.0, -1.0);
+        let met = *target + direction * (6.0 / direction.z);
+        let u = 0.5 + met.x / 10.0;
+        let texel = world.scene.textures[0].sample(Vec2::new(u, 0.5), 0.0).truncate();
+        // The wall is turned away from the light: ambient light only.
+        assert_close(pixel, 0.3 * texel, 2e-6, target);
+    }
+    assert!((world.scene.textures[0].sample(Vec2::new(0.4, 0.5), 0.0).x - 0.5).abs() > 0.05, "texels are blended");
+}
+
+#[test]
+fn pixels_that_show_no_glass_keep_their_colour_and_trace_nothing() {
+    let mut world = World::lit_along(Vec3::NEG_Y);
+    let paint = world.paint(Vec3::splat(0.7));
+    world.quad(paint, Vec3::ZERO, Vec3::Z, Vec3::X);
+    let mut shot = Shot::of(&world, Vec3::Y, [Vec3::ZERO, Vec3::Y * 2.0]);
+    shot.color[0] = [0.4, 0.3, 0.2, 0.6];
+    for fidelity in [Corrected, Thesis] {
+        let (pixels, rays) = shot.run(PROGRAM, fidelity, RayParams::default());
+        assert_eq!((pixels, rays.total()), (vec![[0.4, 0.3, 0.2, 0.6], BACKGROUND], 0));
+    }
+}
+
+/// Two facing mirrors, one unit apart, up to x = 10, and a wall at x = 10.
+fn corridor() -> (World, u32) {
+    let mut world = World::lit_along(Vec3::X);
+    let glass = world.glass();
+    let paint = world.paint(Vec3::new(0.2, 0.5, 0.8));
+    world.quad(glass, Vec3::ZERO, Vec3::X * 10.0, Vec3::Y * 10.0);
+    world.quad(glass, Vec3::Z, Vec3::NEG_X * 10.0, Vec3::Y * 10.0);
+    world.quad(paint, Vec3::new(10.0, 0.0, 0.5), Vec3::Y * 10.0, Vec3::NEG_Z);
+    (world, paint)
+}
+
+#[test]
+fn bounces_beyond_the_depth_are_black() {
+    let (world, paint) = corridor();
+    let eye = Vec3::new(0.0, 0.0, 0.5);
+    for (slope, bounces) in [(0.3, 2), (0.55, 5), (0.75, 7), (0.95, 9)] {
+        // Unfolded, the ray climbs 10 * slope and crosses that many mirrors, from half the height; the first is the pixel.
+        assert_eq!((10.0f32 * slope + 0.5) as u32 - 1, bounces);
+        let shot = Shot::of(&world, eye, [eye + Vec3::new(1.0, 0.0, slope)]);
+        assert_eq!(shot.color[0], [1.0, 0.0, 1.0, 0.0], "a mirror is seen");
+        for depth in 0..=12 {
+            let params = RayParams { depth, ..RayParams::default() };
+            for fidelity in [Corrected, Thesis] {
+                let (pixels, rays) = shot.run(PROGRAM, fidelity, params);
+                let seen = bounces <= depth;
+                let expected = if seen { world.lit(paint, 0.0) } else { Vec3::ZERO };
+                // The wall's lit side looks away from the light: ambient light only, not dimmed by the bounces.
+                assert_close(pixels[0], expected, 1e-6, format!("{fidelity:?} {bounces} bounces, depth {depth}"));
+                assert_eq!(rays.reflected, u64::from(bounces.min(depth)) + 1);
+            }
+        }
+    }
+}
+
+#[test]
+fn rays_that_leave_the_scene_are_black() {
+    let mut world = World::lit_along(Vec3::NEG_Z);
+    let glass = world.glass();
+    world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
+    let shot = Shot::of(&world, Vec3::Z, [Vec3::new(0.1, 0.2, 0.0)]);
+    for fidelity in [Corrected, Thesis] {
+        assert_eq!(shot.run(PROGRAM, fidelity, RayParams::default()).0, [[0.0, 0.0, 0.0, 1.0]]);
+    }
+}
+
+#[test]
+fn glass_is_known_by_its_mask_in_thesis_and_by_its_material_in_corrected() {
+    let (world, _) = corridor();
+    let eye = Vec3::new(0.0, 0.0, 0.5);
+    let mut shot = Shot::of(&world, eye, [eye + Vec3::new(1.0, 0.0, 0.3), Vec3::new(10.0, 0.0, 0.5)]);
+    // The mask on the wall, and none on the mirror.
+    shot.color = vec![[0.2, 0.3, 0.4, 1.0], [1.0, 0.0, 1.0, 0.0]];
+    let (corrected, _) = shot.run(PROGRAM, Corrected, RayParams::default());
+    let (thesis, _) = shot.run(PROGRAM, Thesis, RayParams::default());
+    assert_eq!(thesis[0], shot.color[0]);
+    assert_eq!(corrected[1], shot.color[1]);
+    assert_ne!(corrected[0], shot.color[0]);
+    assert_eq!(thesis[1], [0.0, 0.0, 0.0, 1.0], "the wall mirrors a ray out of the corridor");
+}
+
+#[test]
+fn the_winding_of_what_is_seen_decides_its_side_in_thesis_only() {
+    let color = |flipped: bool, fidelity| {
+        let mut world = World::lit_along(Vec3::Z);
+        let glass = world.glass();
+        let paint = world.paint(Vec3::splat(0.5));
+        world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
+        world.quad(paint, Vec3::new(0.0, 0.0, 6.0), Vec3::X * 5.0, Vec3::NEG_Y * 5.0);
+        if flipped {
+            // Swaps two corners of each triangle of the wall, and leaves its normals.
+            world.scene.geometry.triangles[2..].iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
+        let lit = world.lit(paint, 1.0);
+        let shot = Shot::of(&world, Vec3::Z * 3.0, [Vec3::new(0.1, 0.2, 0.0)]);
+        (shot.run(PROGRAM, fidelity, RayParams::default()).0[0], lit)
+    };
+    for flipped in [false, true] {
+        let (found, lit) = color(flipped, Corrected);
+        assert_close(found, lit, 1e-6, "corrected");
+    }
+    let (found, lit) = color(false, Thesis);
+    assert_close(found, lit, 1e-6, "thesis");
+    let (found, _) = color(true, Thesis);
+    assert_close(found, Vec3::splat(0.15), 1e-6, "thesis: ambient light only");
+}

@@ -1,0 +1,66 @@
+//! With exact Fresnel weights and both colours blended at every bounce; `final` shares the glass.
+
+use crate::effects::optics::{fresnel, reflect};
+use crate::effects::optix::BOUNCE;
+use crate::effects::surface::Surface;
+use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
+use crate::sampling::hash::path_key;
+use crate::trace::{Hit, Tracer};
+use glam::Vec3;
+
+/// The blended colour of a glass pixel, else the colour as it is.
+pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
+    let Some(triangle) = pass.triangle(pixel).filter(|triangle| pass.is_glass(*triangle)) else {
+        return pass.job.color[pixel.index];
+    };
+    let (surface, view) = pass.surface_at(pixel, triangle, pass.normal(pixel));
+    let shade = |hit: &Hit, surface: &Surface, _: u32, _: &mut Workspace| pass.lit_color(hit, surface.normal);
+    opaque(Glass { pass, shade }.blend(&surface, view, 0, 0, work))
+}
+
+/// The recursion over glass; `shade` gives the colour of everything else, given the key of the bounce path.
+pub(in crate::effects) struct Glass<'p, 'a, T, C, F> {
+    pub pass: &'p Pass<'a, T, C>,
+    pub shade: F,
+}
+
+/// The two branches of a split ray, as they enter the key of a path.
+const REFLECTED: u32 = 0;
+const REFRACTED: u32 = 1;
+
+impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3> Glass<'_, '_, T, C, F> {
+    /// What glass shows in direction `view` after `bounces` glass hits: reflected and refracted colours by their Fresnel
+    /// weights. A branch of weight 0 is not traced.
+    pub fn blend(&self, surface: &Surface, view: Vec3, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {
+        let index = self.pass.job.params.index;
+        let normal = surface.interface_normal(view);
+        let interface = fresnel(-normal.dot(view), index);
+        let mut color = Vec3::ZERO;
+        if interface.reflectance > 0.0 {
+            work.rays.reflected += 1;
+            let direction = reflect(view, normal);
+            let radiance = self.radiance(surface, direction, bounces, path_key(key, REFLECTED), work);
+            color += interface.reflectance * radiance;
+        }
+        if let Some(direction) = interface.refract(view, normal, index) {
+            work.rays.refracted += 1;
+            let radiance = self.radiance(surface, direction, bounces, path_key(key, REFRACTED), work);
+            color += (1.0 - interface.reflectance) * radiance;
+        }
+        color
+    }
+
+    fn radiance(&self, from: &Surface, direction: Vec3, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {
+        let (ray, Some(hit)) = self.pass.closest(from.origin(direction), direction) else { return Vec3::ZERO };
+        let glass = self.pass.is_glass(hit.triangle);
+        if glass && bounces >= self.pass.job.params.depth {
+            return Vec3::ZERO;
+        }
+        let surface = self.pass.surface_hit(&ray, &hit);
+        if glass {
+            BOUNCE * self.blend(&surface, direction, bounces + 1, key, work)
+        } else {
+            (self.shade)(&hit, &surface, key, work)
+        }
+    }
+}

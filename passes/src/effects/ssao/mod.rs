@@ -1,0 +1,9 @@
+//! `ssao`: ambient occlusion, the open share of the cosine-weighted hemisphere to the power of `intensity`.
+//!
+//! Traced, not screen-space, whatever its name. Everything occludes, glass included.
+
+pub mod corrected;
+pub mod thesis;
+
+#[cfg(test)]
+mod tests;

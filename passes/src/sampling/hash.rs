@@ -1,0 +1,52 @@
+//! Counter-based hashes of the PCG family: four integers in, four out, no state.
+
+/// The counter that [`dimensions`] takes for the scrambling seeds of a point set; above every sample number.
+pub const SCRAMBLE: u32 = u32::MAX;
+
+const PIXEL: u32 = 0;
+const PATH: u32 = 1;
+const DIMENSIONS: u32 = 2;
+
+/// The hash `pcg4d` (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3), listing in section 4):
+/// a permutation of 128-bit values.
+#[must_use]
+pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
+    let [mut x, mut y, mut z, mut w] = v.map(|v| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+    let mut mix = |shift: bool| {
+        x = x.wrapping_add(y.wrapping_mul(w));
+        y = y.wrapping_add(z.wrapping_mul(x));
+        z = z.wrapping_add(x.wrapping_mul(y));
+        w = w.wrapping_add(y.wrapping_mul(z));
+        if shift {
+            [x, y, z, w] = [x, y, z, w].map(|v| v ^ (v >> 16));
+        }
+    };
+    mix(true);
+    mix(false);
+    [x, y, z, w]
+}
+
+/// The key of a pixel: everything random at it derives from this.
+#[must_use]
+pub fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
+    pcg4d([x, y, seed, PIXEL])[3]
+}
+
+/// The key of what a ray that left along `branch` meets: each bounce path has its own numbers.
+#[must_use]
+pub fn path_key(key: u32, branch: u32) -> u32 {
+    pcg4d([key, branch, 0, PATH])[3]
+}
+
+/// Two independent numbers for a key and a counter, one a dimension.
+#[must_use]
+pub fn dimensions(key: u32, counter: u32) -> [u32; 2] {
+    let [_, _, x, y] = pcg4d([key, counter, 0, DIMENSIONS]);
+    [x, y]
+}
+
+/// The 24 high bits as a number in [0, 1); exact.
+#[must_use]
+pub fn unit(bits: u32) -> f32 {
+    (bits >> 8) as f32 * (1.0 / 16_777_216.0)
+}

@@ -1,0 +1,73 @@
+//! Directions of a hemisphere from points of the unit square.
+
+use glam::{Vec2, Vec3};
+use std::f32::consts::FRAC_PI_4;
+
+/// Three perpendicular unit vectors, the third one given.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Basis {
+    /// First tangent.
+    pub tangent: Vec3,
+    /// Second tangent.
+    pub bitangent: Vec3,
+    /// The given unit vector.
+    pub normal: Vec3,
+}
+
+impl Basis {
+    /// A right-handed basis around a unit vector, without a singular direction.
+    ///
+    /// Duff, Burgess, Christensen, Hery, Kensler, Liani and Villemin 2017, "Building an Orthonormal Basis, Revisited",
+    /// JCGT 6(1), listing 3.
+    #[must_use]
+    pub fn around(normal: Vec3) -> Self {
+        let Vec3 { x, y, z } = normal;
+        let sign = 1f32.copysign(z);
+        let a = -1.0 / (sign + z);
+        let b = x * y * a;
+        Self {
+            tangent: Vec3::new(1.0 + sign * x * x * a, sign * b, -sign * x),
+            bitangent: Vec3::new(b, sign + y * y * a, -y),
+            normal,
+        }
+    }
+
+    /// A vector given by its coordinates in this basis.
+    #[must_use]
+    pub fn to_world(&self, v: Vec3) -> Vec3 {
+        self.tangent * v.x + self.bitangent * v.y + self.normal * v.z
+    }
+}
+
+/// Maps the unit square to the unit disk, keeping areas and, nearly, neighbourhoods: concentric squares become concentric
+/// circles (Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square", JGT 2(3)).
+#[must_use]
+pub fn concentric_disk(point: Vec2) -> Vec2 {
+    let Vec2 { x, y } = 2.0 * point - Vec2::ONE;
+    if x.abs() > y.abs() {
+        let (sin, cos) = sin_cos_eighth(FRAC_PI_4 * (y / x));
+        Vec2::new(x * cos, x * sin)
+    } else if y != 0.0 {
+        let (sin, cos) = sin_cos_eighth(FRAC_PI_4 * (x / y));
+        Vec2::new(y * sin, y * cos)
+    } else {
+        Vec2::ZERO
+    }
+}
+
+/// A cosine-distributed direction around z: the point of the hemisphere above the disk's point (Malley's method).
+#[must_use]
+pub fn cosine(point: Vec2) -> Vec3 {
+    let disk = concentric_disk(point);
+    disk.extend((1.0 - disk.length_squared()).max(0.0).sqrt())
+}
+
+/// Sine and cosine for angles up to π/4, by the Cephes library's polynomials for single precision (error below 1e-7).
+///
+/// The standard library's differ in the last bit from platform to platform.
+fn sin_cos_eighth(angle: f32) -> (f32, f32) {
+    let square = angle * angle;
+    let sin = ((-1.951_529_6e-4 * square + 8.332_161e-3) * square - 1.666_665_5e-1) * square * angle + angle;
+    let cos = ((2.443_315_7e-5 * square - 1.388_731_6e-3) * square + 4.166_664_6e-2) * square * square;
+    (sin, cos - 0.5 * square + 1.0)
+}

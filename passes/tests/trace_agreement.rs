@@ -1,0 +1,221 @@
+//! The tree against brute force in `f64`, and against itself: instruction sets, bundles, ties, transparent materials.
+
+mod trace_scenes;
+
+use curitiba_passes::trace::{BruteForce, Bvh, Hit, Lanes, Quality, Ray, Tracer};
+use curitiba_pipeline::scene::Geometry;
+use glam::{DVec3, Vec3};
+use trace_scenes::{Random, geometry, quads, ray, soup, terrain};
+
+const NONE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted without asking");
+
+fn scenes() -> Vec<(&'static str, Geometry)> {
+    let mut random = Random::new(1);
+    let mut twice = soup(300, 0.3, &mut random);
+    twice.extend(twice.clone());
+    let far: Vec<_> = soup(800, 0.2, &mut random).iter().map(|t| t.map(|p| p * 5.0 + Vec3::splat(1000.0))).collect();
+    vec![
+        ("soup", geometry(&[(0, soup(2000, 0.1, &mut random))])),
+        ("large triangles", geometry(&[(0, soup(300, 1.0, &mut random))])),
+        ("terrain", geometry(&[(0, terrain(40))])),
+        ("axis-aligned quads", geometry(&[(0, quads(200, &mut random))])),
+        ("every triangle twice", geometry(&[(0, twice)])),
+        ("far from the origin", geometry(&[(0, far)])),
+    ]
+}
+
+fn rays(geometry: &Geometry, count: usize, random: &mut Random) -> Vec<Ray> {
+    let (low, high) =
+        geometry.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), &p| (l.min(p), h.max(p)));
+    let (center, half) = ((low + high) / 2.0, (high - low) / 2.0);
+    (0..count)
+        .map(|index| {
+            let origin = center + random.cube() * half * 1.5;
+            let target = center + random.cube() * half;
+            let direction = if index % 3 == 0 { random.direction() } else { (target - origin).normalize_or(Vec3::X) };
+            let t_max = if index % 4 == 0 { half.length() * random.unit() } else { f32::INFINITY };
+            let t_min = if index % 5 == 0 { half.length() * random.unit() * 0.2 } else { 0.0 };
+            Ray { origin, direction, t_min, t_max }
+        })
+        .collect()
+}
+
+/// Whether rounding may decide about this ray: it passes within a relative 1e-4 of an edge, or meets the end of its
+/// interval, or a triangle edge-on.
+fn delicate(geometry: &Geometry, ray: &Ray) -> bool {
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    (0..geometry.triangles.len()).any(|triangle| {
+        let [a, b, c] = geometry.corners(triangle as u32).map(|corner| corner.as_dvec3());
+        let normal = (b - a).cross(c - a);
+        let slope = normal.normalize_or_zero().dot(direction).abs();
+        let t = (a - origin).dot(normal) / normal.dot(direction);
+        let point = origin + t * direction;
+        let weight = |p: DVec3, q: DVec3| (q - p).cross(point - p).dot(normal) / normal.length_squared();
+        let least = weight(a, b).min(weight(b, c)).min(weight(c, a));
+        let size = t.abs().max(1.0) * 1.0e-4;
+        let at_end = (t - f64::from(ray.t_min)).abs() < size || (t - f64::from(ray.t_max)).abs() < size;
+        least.abs() < 1.0e-3 || least > -1.0e-3 && (at_end || slope < 1.0e-3)
+    })
+}
+
+/// Rays on which two tracers differ although rounding does not decide.
+fn disagreements(geometry: &Geometry, rays: &[Ray], ours: &Bvh, truth: &BruteForce) -> usize {
+    let mut different = 0;
+    for ray in rays {
+        let (a, b) = (ours.closest(ray, NONE), truth.closest(ray, NONE));
+        let same = match (a, b) {
+            (None, None) => true,
+            (Some(a), Some(b)) => {
+                let scale = (ray.origin.abs().max_element() + b.t) * 4.0e-6;
+                let exact_t = {
+                    let [p, q, r] = geometry.corners(a.triangle).map(|corner| corner.as_dvec3());
+                    let normal = (q - p).cross(r - p);
+                    (p - ray.origin.as_dvec3()).dot(normal) / normal.dot(ray.direction.as_dvec3())
+                };
+                (a.t - b.t).abs() <= scale + b.t * 1e-5 && (f64::from(a.t) - exact_t).abs() <= f64::from(scale) * 4.0
+            }
+            _ => false,
+        };
+        let occluded = ours.occluded(ray, NONE) == a.is_some();
+        if !(same && occluded) && !delicate(geometry, ray) {
+            different += 1;
+        }
+    }
+    different
+}
+
+#[test]
+fn hits_and_distances_agree_with_brute_force() {
+    for (name, geometry) in scenes() {
+        let rays = rays(&geometry, 3000, &mut Random::new(2));
+        let truth = BruteForce::new(&geometry, &[]);
+        for quality in [Quality::Fast, Quality::Balanced, Quality::Slow] {
+            let bvh = Bvh::build(&geometry, &[], quality);
+            assert_eq!(disagreements(&geometry, &rays, &bvh, &truth), 0, "{name}, {quality:?}");
+        }
+        let decided = rays.iter().filter(|ray| !delicate(&geometry, ray)).count();
+        assert!(decided > rays.len() / 10, "{name}: {decided} rays say something");
+    }
+}
+
+#[test]
+fn a_missing_triangle_is_noticed_by_the_comparison() {
+    for (name, geometry) in scenes() {
+        let rays = rays(&geometry, 3000, &mut Random::new(2));
+        let truth = BruteForce::new(&geometry, &[]);
+        let seen =
+            rays.iter().filter(|ray| !delicate(&geometry, ray)).find_map(|ray| truth.closest(ray, NONE)).unwrap();
+        let mut without = geometry.clone();
+        let twin = without.corners(seen.triangle);
+        for triangle in 0..without.triangles.len() {
+            if without.corners(triangle as u32) == twin {
+                without.triangles[triangle] = [u32::MAX; 3];
+            }
+        }
+        let bvh = Bvh::build(&without, &[], Quality::Balanced);
+        assert!(disagreements(&geometry, &rays, &bvh, &truth) > 0, "{name}");
+    }
+}
+
+#[test]
+fn results_do_not_depend_on_the_tree_or_the_instruction_set() {
+    for (name, geometry) in scenes() {
+        let rays = rays(&geometry, 5000, &mut Random::new(3));
+        let results = |bvh: Bvh| -> Vec<(Option<Hit>, bool)> {
+            rays.iter().map(|ray| (bvh.closest(ray, NONE), bvh.occluded(ray, NONE))).collect()
+        };
+        let expected = results(Bvh::build(&geometry, &[], Quality::Balanced).with_lanes(Lanes::Portable).unwrap());
+        for quality in [Quality::Fast, Quality::Balanced, Quality::Slow] {
+            for lanes in [Lanes::Portable, Lanes::Avx2, Lanes::Avx512] {
+                match Bvh::build(&geometry, &[], quality).with_lanes(lanes) {
+                    Some(bvh) => assert!(results(bvh) == expected, "{name}, {quality:?}, {lanes:?}"),
+                    None => println!("skipped: this processor lacks {lanes:?}"),
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn of_equal_distances_the_lowest_triangle_wins() {
+    let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    for count in [1, 2, 7, 100, 3000] {
+        let bvh = Bvh::build(&geometry(&[(0, vec![triangle; count])]), &[], Quality::Balanced);
+        let hit = bvh.closest(&ray(Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Z), NONE).unwrap();
+        assert_eq!((hit.triangle, hit.t), (0, 1.0), "{count}");
+        assert!((hit.u - 0.2).abs() < 1e-6 && (hit.v - 0.3).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn hits_at_the_ends_of_the_interval_do_not_count() {
+    let scene =
+        geometry(&[(0, vec![[Vec3::new(-1.0, -1.0, 0.0), Vec3::new(3.0, -1.0, 0.0), Vec3::new(-1.0, 3.0, 0.0)]])]);
+    let bvh = Bvh::build(&scene, &[], Quality::Balanced);
+    let truth = BruteForce::new(&scene, &[]);
+    let up = 1.0 + f32::EPSILON;
+    let down = 1.0 - f32::EPSILON;
+    for (t_min, t_max, hit) in [(0.0, 1.0, false), (0.0, up, true), (1.0, 9.0, false), (down, 9.0, true)] {
+        let ray = Ray { origin: Vec3::Z, direction: Vec3::NEG_Z, t_min, t_max };
+        assert_eq!(bvh.closest(&ray, NONE).is_some(), hit, "{t_min} {t_max}");
+        assert_eq!(bvh.occluded(&ray, NONE), hit, "{t_min} {t_max}");
+        assert_eq!(truth.occluded(&ray, NONE), hit, "{t_min} {t_max}");
+    }
+    let on_it = ray(Vec3::ZERO, Vec3::new(0.6, 0.0, 0.8));
+    assert!(!bvh.occluded(&on_it, NONE) && bvh.closest(&on_it, NONE).is_none());
+}
+
+#[test]
+fn only_transparent_triangles_are_shown_to_the_closure_and_the_nearest_accepted_is_kept() {
+    let mut random = Random::new(4);
+    let scene = geometry(&[
+        (2, soup(400, 0.4, &mut random)),
+        (0, soup(400, 0.4, &mut random)),
+        (1, soup(400, 0.4, &mut random)),
+    ]);
+    let transparent = [false, true];
+    let bvh = Bvh::build(&scene, &transparent, Quality::Balanced);
+    let truth = BruteForce::new(&scene, &transparent);
+    let (mut asked, mut refused_nearest) = (0, 0);
+    for ray in rays(&scene, 2000, &mut random) {
+        let keep = |hit: &Hit| hit.triangle % 3 == 0;
+        let mut accept = |hit: &Hit| {
+            assert_eq!(scene.material_of(hit.triangle), 1);
+            asked += 1;
+            keep(hit)
+        };
+        let ours = bvh.closest(&ray, &mut accept);
+        let occluded = bvh.occluded(&ray, &mut accept);
+        assert_eq!(ours.is_some(), occluded);
+        if delicate(&scene, &ray) {
+            continue;
+        }
+        let expected = truth.closest(&ray, keep);
+        assert_eq!(ours.map(|hit| hit.triangle), expected.map(|hit| hit.triangle));
+        refused_nearest += usize::from(truth.closest(&ray, |_| true).map(|h| h.triangle) != ours.map(|h| h.triangle));
+    }
+    assert!(asked > 1000 && refused_nearest > 100, "{asked} {refused_nearest}");
+}
+
+#[test]
+fn a_bundle_counts_what_its_rays_count() {
+    for (name, geometry) in scenes() {
+        let bvh = Bvh::build(&geometry, &[], Quality::Balanced);
+        let mut random = Random::new(5);
+        let mut partly = 0;
+        for t_max in [0.01, 0.1, 0.5, 3.0, 50.0, f32::INFINITY] {
+            for _ in 0..400 {
+                let triangle = random.below(geometry.triangles.len()) as u32;
+                let corners = geometry.corners(triangle);
+                let origin = (corners[0] + corners[1] + corners[2]) / 3.0 + random.cube() * 0.02;
+                let normal = random.direction();
+                let directions: Vec<Vec3> = (0..16).map(|_| random.cosine(normal)).collect();
+                let open = bvh.count_open(origin, 0.0, t_max, &directions, NONE);
+                let rays = directions.iter().map(|&direction| Ray { origin, direction, t_min: 0.0, t_max });
+                assert_eq!(open as usize, rays.filter(|ray| !bvh.occluded(ray, NONE)).count(), "{name} {t_max}");
+                partly += usize::from(open > 0 && open < 16);
+            }
+        }
+        assert!(partly > 50, "{name}: {partly}");
+    }
+}
