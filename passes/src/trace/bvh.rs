@@ -107,6 +107,12 @@ impl Bvh {
         self.lanes.lanes()
     }
 
+    /// Number of nodes.
+    #[must_use]
+    pub fn node_count(&self) -> usize {
+        self.nodes.len()
+    }
+
     /// Memory of nodes and triangles, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
