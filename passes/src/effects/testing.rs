@@ -3,6 +3,7 @@
 use crate::cpu;
 use crate::trace::{BruteForce, Ray, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob, Shade, Sun};
+use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::texture::Texture;
@@ -206,7 +207,7 @@ impl<'w> Shot<'w> {
     pub fn run_on(&self, tracer: &impl Tracer, job: &RayJob<'_>) -> (Vec<[f32; 4]>, RayCounts) {
         // What no program would write.
         let mut output = Image::filled(job.width, job.height, [f32::NAN; 4]);
-        let stats = cpu::trace(tracer, job, &mut output).expect("a complete job");
+        let stats = cpu::trace(tracer, job, &mut output, &Progress::default()).expect("a complete job");
         (output.pixels, stats.rays)
     }
 }
