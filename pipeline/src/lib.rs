@@ -11,3 +11,4 @@ pub mod image;
 pub mod programs;
 pub mod project;
 pub mod scene;
+pub mod square;
