@@ -14,3 +14,4 @@ pub mod plan;
 pub mod programs;
 pub mod project;
 pub mod scene;
+pub mod square;

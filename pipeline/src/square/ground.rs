@@ -1,0 +1,309 @@
+//! The paving: fields of setts between bands of slabs, and rings of both around the fountain.
+//!
+//! The paving is a list of patches. A patch is drawn either as one flat piece with the joints painted on, or stone by
+//! stone, each with its own tilt and bevelled edges over a bed of earth.
+
+use super::FOUNTAIN;
+use super::math::{cos_sin, hash, hash01};
+use super::mesh::{Builder, Frame};
+use super::surface::Surface;
+use glam::{Vec2, Vec3};
+
+/// Depth of the bed below the stones' tops, metres.
+const BED: f32 = 0.03;
+/// Side of a field of setts with its band, metres.
+const FIELD: f32 = 7.5;
+/// Width of a band of slabs, metres.
+const BAND: f32 = 0.8;
+/// The fields around the fountain that the rings replace reach this far from its centre, metres.
+const HALF: f32 = 2.0 * FIELD;
+/// Where single stones are worth building: what the camera sees from nearby (x and z from, to; metres).
+const STONES: [Vec2; 2] = [Vec2::new(-6.0, -31.0), Vec2::new(48.5, 33.5)];
+
+/// How much of the paving is built stone by stone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Paving {
+    /// One polygon a patch.
+    Flat,
+    /// Slabs are stones.
+    Slabs,
+    /// Slabs and setts are stones with flat tops.
+    Stones,
+    /// Slabs and setts are stones with domed tops.
+    Domed,
+}
+
+impl Paving {
+    pub(super) const ALL: [Paving; 4] = [Self::Flat, Self::Slabs, Self::Stones, Self::Domed];
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Shape {
+    /// Corners in the plane, anticlockwise seen from above when y is up (x, z).
+    Rectangle { min: Vec2, max: Vec2 },
+    /// Between two radii and two angles (in turns) around the fountain.
+    Ring { radii: [f32; 2], turns: [f32; 2] },
+    /// Between a circle and the square that holds the rings, over two angles.
+    Spandrel { radius: f32, turns: [f32; 2] },
+}
+
+impl Shape {
+    /// The point at fractions `(s, t)` of the patch.
+    fn at(self, s: f32, t: f32) -> Vec2 {
+        match self {
+            Self::Rectangle { min, max } => min + (max - min) * Vec2::new(s, t),
+            Self::Ring { radii, turns } => FOUNTAIN + direction(turns, t) * (radii[0] + (radii[1] - radii[0]) * s),
+            Self::Spandrel { radius, turns } => {
+                let out = direction(turns, t);
+                let edge = out * (HALF / out.abs().max_element());
+                FOUNTAIN + (out * radius).lerp(edge, s)
+            }
+        }
+    }
+}
+
+fn direction(turns: [f32; 2], t: f32) -> Vec2 {
+    // An eighth is met exactly, so that corners of neighbouring patches agree.
+    let turn = turns[0] + (turns[1] - turns[0]) * t;
+    let (cos, sin) = cos_sin(f64::from(turn));
+    Vec2::new(cos as f32, sin as f32)
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Patch {
+    shape: Shape,
+    surface: Surface,
+    /// Stones along `s` and `t`.
+    stones: [u32; 2],
+    /// Pieces along `s` and `t` when flat: curved sides need several.
+    pieces: [u32; 2],
+    /// Turns the texture of every other field.
+    turned: bool,
+    near: bool,
+}
+
+impl Patch {
+    fn triangles(&self, paving: Paving) -> usize {
+        let stones = self.stones[0] as usize * self.stones[1] as usize;
+        let slab = self.surface == Surface::Slabs;
+        match paving {
+            Paving::Slabs if slab && self.near => stones * 10,
+            Paving::Stones if self.near => stones * 10,
+            Paving::Domed if self.near => stones * 20,
+            _ => (self.pieces[0] * self.pieces[1] * 2) as usize,
+        }
+    }
+}
+
+fn patches(coarse: bool) -> Vec<Patch> {
+    let mut patches = Vec::new();
+    let mut rectangle = |min: Vec2, max: Vec2, surface: Surface, turned: bool| {
+        let size = max - min;
+        let center = (min + max) / 2.0;
+        let stone = if surface == Surface::Slabs { Vec2::new(0.8, 1.2) } else { Vec2::splat(0.125) };
+        let stone = if size.x > size.y { Vec2::new(stone.y, stone.x) } else { stone };
+        let stones = (size / stone).round().max(Vec2::ONE);
+        let near = center.cmpge(STONES[0]).all() && center.cmple(STONES[1]).all();
+        patches.push(Patch {
+            shape: Shape::Rectangle { min, max },
+            surface,
+            stones: [stones.x as u32, stones.y as u32],
+            pieces: [1, 1],
+            turned,
+            near,
+        });
+    };
+    let step = if coarse { 2 } else { 1 };
+    for column in (-4..8i32).step_by(step) {
+        for row in (-4..8i32).step_by(step) {
+            if (0..4).contains(&column) && (0..4).contains(&row) {
+                continue;
+            }
+            let min = FOUNTAIN - Vec2::splat(HALF) + Vec2::new(column as f32, row as f32) * FIELD;
+            let max = min + Vec2::splat(FIELD * step as f32);
+            rectangle(min, Vec2::new(max.x, min.y + BAND), Surface::Slabs, true);
+            rectangle(Vec2::new(min.x, min.y + BAND), Vec2::new(min.x + BAND, max.y), Surface::Slabs, false);
+            let turned = hash(column as u32, row as u32, 3).is_multiple_of(2);
+            rectangle(min + Vec2::splat(BAND), max, Surface::Setts, turned);
+        }
+    }
+    // Rings from the fountain's steps outwards: width, surface, width of a stone.
+    let rings = [
+        (6.0, 6.9, Surface::Slabs, 0.9),
+        (6.9, 9.2, Surface::Setts, 0.125),
+        (9.2, 9.8, Surface::Slabs, 0.6),
+        (9.8, 12.4, Surface::Setts, 0.125),
+        (12.4, 13.2, Surface::Slabs, 0.8),
+    ];
+    let sectors = 8;
+    for sector in 0..sectors {
+        let turns = [sector as f32 / sectors as f32, (sector + 1) as f32 / sectors as f32];
+        let pieces = if coarse { 2 } else { 6 };
+        for &(inner, outer, surface, stone) in &rings {
+            let arc = (inner + outer) / 2.0 * std::f32::consts::TAU / sectors as f32;
+            let along = if surface == Surface::Slabs { 1.1 } else { stone };
+            patches.push(Patch {
+                shape: Shape::Ring { radii: [inner, outer], turns },
+                surface,
+                stones: [((outer - inner) / stone).round().max(1.0) as u32, (arc / along).round() as u32],
+                pieces: [1, pieces],
+                turned: false,
+                near: true,
+            });
+        }
+        patches.push(Patch {
+            shape: Shape::Spandrel { radius: 13.2, turns },
+            surface: Surface::Setts,
+            stones: [32, 92],
+            pieces: [1, pieces],
+            turned: false,
+            near: true,
+        });
+    }
+    patches
+}
+
+/// Triangles that [`build`] makes.
+pub(super) fn triangles(paving: Paving, coarse: bool) -> usize {
+    patches(coarse).iter().map(|patch| patch.triangles(paving)).sum()
+}
+
+/// Builds the paving and the earth around and under it.
+pub(super) fn build(paving: Paving, coarse: bool) -> Builder {
+    let mut builder = Builder::default();
+    let earth = Frame::upright(Vec3::new(FOUNTAIN.x, -BED, FOUNTAIN.y));
+    let wide = 420.0;
+    let corner = |x: f32, z: f32| Vec3::new(x * wide, 0.0, z * wide);
+    let corners = [corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
+    builder.polygon(Surface::Garden, &earth, &corners);
+    for (index, patch) in patches(coarse).iter().enumerate() {
+        let slab = patch.surface == Surface::Slabs;
+        match paving {
+            Paving::Slabs if slab && patch.near => stones(&mut builder, patch, index as u32, false),
+            Paving::Stones if patch.near => stones(&mut builder, patch, index as u32, false),
+            Paving::Domed if patch.near => stones(&mut builder, patch, index as u32, true),
+            _ => flat(&mut builder, patch),
+        }
+    }
+    builder
+}
+
+/// World texture coordinates in metres, turned by a quarter where asked.
+fn metres(at: Vec2, turned: bool) -> Vec2 {
+    if turned { Vec2::new(at.y + 1.7, at.x) } else { at }
+}
+
+fn flat(builder: &mut Builder, patch: &Patch) {
+    let [columns, rows] = patch.pieces;
+    // `t` first: x to the right and z towards the viewer make y point up only in this order.
+    builder.grid(patch.surface, rows, columns, |row, column| {
+        let (s, t) = (column as f32 / columns as f32, row as f32 / rows as f32);
+        let at = patch.shape.at(s, t);
+        let metres = match patch.shape {
+            Shape::Rectangle { .. } => metres(at, patch.turned),
+            // Joints follow the circle: a whole number of repeats around.
+            Shape::Ring { radii, turns } => {
+                let turn = turns[0] + (turns[1] - turns[0]) * t;
+                let repeats = (radii[1] * std::f32::consts::TAU / patch.surface.metres()).round();
+                let across = if patch.surface == Surface::Slabs { 0.8 / (radii[1] - radii[0]) } else { 1.0 };
+                Vec2::new(turn * repeats * patch.surface.metres(), s * (radii[1] - radii[0]) * across)
+            }
+            Shape::Spandrel { .. } => at,
+        };
+        (Vec3::new(at.x, 0.0, at.y), Vec3::Y, metres)
+    });
+}
+
+/// One bevelled block a stone. The joint is wide enough to see and narrower than the stone's bevel.
+fn stones(builder: &mut Builder, patch: &Patch, seed: u32, domed: bool) {
+    let [columns, rows] = patch.stones;
+    let (joint, bevel, uneven) =
+        if patch.surface == Surface::Slabs { (0.006, 0.008, 0.004) } else { (0.007, 0.012, 0.007) };
+    let count = columns as usize * rows as usize;
+    builder.reserve(patch.surface, count * if domed { 13 } else { 20 }, count * if domed { 20 } else { 10 });
+    for row in 0..rows {
+        for column in 0..columns {
+            let corner = |right: u32, up: u32| {
+                // Joints wander a little; neighbours share the corner.
+                let (c, r) = (column + right, row + up);
+                let inner = c > 0 && c < columns && r > 0 && r < rows;
+                let wander = if inner { 0.12 } else { 0.0 };
+                let (dc, dr) = (hash01(c, r, seed) - 0.5, hash01(c, r, seed ^ 0x55) - 0.5);
+                let s = (c as f32 + wander * dc) / columns as f32;
+                let t = (r as f32 + wander * dr) / rows as f32;
+                patch.shape.at(s, t)
+            };
+            let corners = [corner(0, 0), corner(0, 1), corner(1, 1), corner(1, 0)];
+            let id = hash(column, row, seed.wrapping_mul(31));
+            stone(builder, patch, corners, [joint, bevel, uneven], id, domed);
+        }
+    }
+}
+
+/// `size` is the joint's half width, the bevel and the unevenness, metres.
+fn stone(builder: &mut Builder, patch: &Patch, corners: [Vec2; 4], size: [f32; 3], id: u32, domed: bool) {
+    let [joint, bevel, uneven] = size;
+    let center = (corners[0] + corners[1] + corners[2] + corners[3]) / 4.0;
+    // Half the stone along `s` and `t`; corners are inset along both.
+    let along = ((corners[3] + corners[2] - corners[0] - corners[1]) / 4.0).normalize_or(Vec2::X);
+    let across = ((corners[1] + corners[2] - corners[0] - corners[3]) / 4.0).normalize_or(Vec2::Y);
+    let inset = |by: f32| -> [Vec2; 4] {
+        let ways = [along + across, along - across, -along - across, across - along];
+        std::array::from_fn(|index| corners[index] + ways[index] * by)
+    };
+    let tilt = Vec2::new(hash01(id, 1, 0) - 0.5, hash01(id, 2, 0) - 0.5) * 2.0 * uneven;
+    let lift = (hash01(id, 3, 0) - 1.0) * uneven;
+    let extent = (corners[2] - corners[0]).abs().max(Vec2::splat(0.05));
+    let top_at = |at: Vec2| {
+        let slope = (at - center) / extent * tilt;
+        Vec3::new(at.x, lift + slope.x + slope.y, at.y)
+    };
+    // Each stone shows its own part of a plain picture.
+    let shift = Vec2::new(hash01(id, 4, 0), hash01(id, 5, 0)) * 4.0;
+    let metres = |at: Vec2| if patch.surface == Surface::Slabs { at } else { at * 0.15 + shift };
+    let surface = Surface::Granite;
+    let lower = inset(joint);
+    let upper = inset(joint + bevel);
+    let bottom = lower.map(|at| Vec3::new(at.x, -BED, at.y));
+    let top = upper.map(top_at);
+    let flat = (top[1] - top[0]).cross(top[3] - top[0]).normalize_or(Vec3::Y);
+    if domed {
+        let crown = top_at(center) + Vec3::Y * uneven;
+        let middle = builder.vertex(crown, flat, metres(center), surface);
+        let ring: [u32; 4] = std::array::from_fn(|index| {
+            let out = Vec3::new(upper[index].x - center.x, 0.0, upper[index].y - center.y).normalize_or(Vec3::X);
+            builder.vertex(top[index], (flat + out * 0.2).normalize(), metres(upper[index]), surface)
+        });
+        for index in 0..4 {
+            builder.triangle(surface, [middle, ring[index], ring[(index + 1) % 4]]);
+        }
+        let below: [u32; 4] = std::array::from_fn(|index| {
+            let out = Vec3::new(upper[index].x - center.x, 0.0, upper[index].y - center.y).normalize_or(Vec3::X);
+            builder.vertex(bottom[index], (out + Vec3::Y * 0.3).normalize(), metres(lower[index]), surface)
+        });
+        // A course between the bottom and the top rounds the shoulder.
+        let shoulder = inset(joint + 0.3 * bevel);
+        let waist: [u32; 4] = std::array::from_fn(|index| {
+            let out = Vec3::new(upper[index].x - center.x, 0.0, upper[index].y - center.y).normalize_or(Vec3::X);
+            let at = shoulder[index];
+            let position = Vec3::new(at.x, top[index].y - 0.7 * bevel, at.y);
+            builder.vertex(position, (out + Vec3::Y).normalize(), metres(at), surface)
+        });
+        for index in 0..4 {
+            let next = (index + 1) % 4;
+            builder.quad(surface, [waist[index], waist[next], ring[next], ring[index]]);
+            builder.quad(surface, [below[index], below[next], waist[next], waist[index]]);
+        }
+        return;
+    }
+    let ring = std::array::from_fn(|index| builder.vertex(top[index], flat, metres(upper[index]), surface));
+    builder.quad(surface, ring);
+    for index in 0..4 {
+        let next = (index + 1) % 4;
+        let side = [bottom[index], bottom[next], top[next], top[index]];
+        let normal = (side[1] - side[0]).cross(side[3] - side[0]).normalize_or(Vec3::Y);
+        let shades = [lower[index], lower[next], upper[next], upper[index]];
+        let quad = std::array::from_fn(|corner| builder.vertex(side[corner], normal, metres(shades[corner]), surface));
+        builder.quad(surface, quad);
+    }
+}
