@@ -59,26 +59,20 @@ impl Loader {
     }
 
     fn scene(&mut self, element: &Element) {
+        const KNOWN: [&str; 4] = ["name", "type", "param", "filename"];
         self.stray_text(element);
         self.expect_children(element, &["file", "folder", "geometry", "translate", "rotate", "scale"]);
         let mut files = Vec::new();
         let mut whole = true;
         for attribute in &element.attributes {
-            let name = attribute.name.to_ascii_lowercase();
-            if name.starts_with("scale") || name.starts_with("trans") || name.starts_with("rot") {
-                self.report.error_help(attribute.name_span, format!("`{}` of a scene is not supported", name), || {
-                    "place the objects in the scene file".to_owned()
-                });
+            let (written, name) = (&attribute.name, attribute.name.to_ascii_lowercase());
+            if ["scale", "trans", "rot"].iter().any(|start| name.starts_with(start)) {
+                let message = format!("`{written}` of a scene is not supported");
+                self.report.error_help(attribute.name_span, message, || "place objects in the scene file".to_owned());
                 whole = false;
-            }
-        }
-        let known = ["name", "type", "param", "filename"];
-        for attribute in &element.attributes {
-            let name = attribute.name.to_ascii_lowercase();
-            let reported = ["scale", "trans", "rot"].iter().any(|start| name.starts_with(start));
-            if !reported && !known.contains(&name.as_str()) {
-                let message = format!("attribute `{}` of <{}> is not known: it is ignored", name, element.name);
-                self.report.warning(attribute.name_span, message, || Some(suggest(&name, known)));
+            } else if !KNOWN.contains(&name.as_str()) {
+                let message = format!("attribute `{written}` of <{}> is not known: it is ignored", element.name);
+                self.report.warning(attribute.name_span, message, || Some(suggest(written, KNOWN)));
             }
         }
         if let Some(path) = element.attribute("filename") {
@@ -86,7 +80,8 @@ impl Loader {
         }
         for child in &element.children {
             if child.is(&["file"]) {
-                self.expect(child, &[], &["name"]);
+                self.expect_children(child, &[]);
+                self.expect_attributes(child, &["name"]);
                 match self.reference(child) {
                     Some(path) => whole &= self.scene_file(child, path, &mut files).is_some(),
                     None => whole = false,

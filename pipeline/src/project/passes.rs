@@ -11,6 +11,10 @@ use crate::programs::PARAMS;
 /// Classes of passes.
 const CLASSES: [&str; 4] = ["default", "optix", "rt", "quad"];
 
+fn is_class(name: &str) -> bool {
+    CLASSES.iter().any(|class| name.eq_ignore_ascii_case(class))
+}
+
 /// The pass being read.
 pub(super) struct PassContext<'e> {
     pub element: &'e Element,
@@ -82,7 +86,9 @@ impl Loader {
         let Some(element) = self.single(context.element, &["renderTarget"]) else { return Some(None) };
         let target = self.find_target(element);
         let at = Self::span_or(element.attribute("name"), element);
-        if let Some(target) = target
+        // A pass of a class that is not run may well write depth only.
+        let runs = context.element.attribute("class").is_some_and(|class| is_class(&class.text));
+        if let Some(target) = target.filter(|_| runs)
             && self.libraries.targets[target].channels.is_empty()
         {
             let message = format!("the render target `{}` has no colour channel", self.libraries.targets[target].name);
