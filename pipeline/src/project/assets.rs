@@ -4,7 +4,7 @@ use super::dom::{Element, Value};
 use super::loader::Loader;
 use super::report::{Span, suggest};
 use super::values::MAX_SIDE;
-use super::{Camera, Light, SceneDecl, SceneFile, Viewport, file};
+use super::{Camera, Light, SceneDecl, SceneFile, Viewport};
 use glam::{Vec3, Vec4};
 
 /// Engine elements and attributes that change nothing that is rendered here: they are read over.
@@ -105,7 +105,7 @@ impl Loader {
     }
 
     fn scene_file(&mut self, element: &Element, path: &Value, files: &mut Vec<SceneFile>) -> Option<()> {
-        let path = file::resolve(&mut self.report, &self.folder, path)?;
+        let path = self.folder.resolve(&mut self.report, path)?;
         files.push(SceneFile { path, place: self.place(element) });
         Some(())
     }
@@ -151,7 +151,16 @@ impl Loader {
     /// Origin and size. What is missing is the whole window; a missing height follows from `ratio`.
     fn rectangle(&mut self, element: &Element) -> Option<([f32; 2], [f32; 2])> {
         let geometry = self.single(element, &["geometry", "origin"]);
-        let sizes = self.single(element, &["geometry", "size"]);
+        let sizes = match geometry.filter(|geometry| geometry.is(&["geometry"])) {
+            Some(geometry) => {
+                for size in element.children_named(&["size"]) {
+                    let message = format!("<{}> contradicts <{}> of line {}", size.name, geometry.name, geometry.line);
+                    self.report.error(size.span, message);
+                }
+                Some(geometry)
+            }
+            None => self.single(element, &["size"]),
+        };
         for part in geometry.into_iter().chain(sizes.filter(|size| size.is(&["size"]))) {
             let valid: &[&str] = if part.is(&["geometry"]) {
                 &["x", "y", "width", "height"]

@@ -7,12 +7,25 @@ use super::order::Facts;
 use super::report::{Names, Span, shown, suggest};
 use super::{ChannelRef, ColorMap, MaterialPattern, Pass, PassKind, Pipeline};
 use crate::programs::PARAMS;
+use std::rc::Rc;
 
 /// Classes of passes.
 const CLASSES: [&str; 4] = ["default", "optix", "rt", "quad"];
 
 fn is_class(name: &str) -> bool {
     CLASSES.iter().any(|class| name.eq_ignore_ascii_case(class))
+}
+
+/// An entry of `<materialMaps>`.
+pub(super) struct MaterialMap {
+    /// Which materials are replaced.
+    pub to: MaterialPattern,
+    /// Index of the library of the new one.
+    pub library: usize,
+    /// The new one.
+    pub material: Rc<LibraryMaterial>,
+    /// Where it is named.
+    pub at: Span,
 }
 
 /// The pass being read.
@@ -206,8 +219,8 @@ impl Loader {
         }
     }
 
-    /// The `<map>` elements of `<materialMaps>`: which materials, which library material, and its library.
-    pub fn material_maps(&mut self, pass: &Element) -> Option<Vec<(MaterialPattern, usize, LibraryMaterial, Span)>> {
+    /// The `<map>` elements of `<materialMaps>`: with what each maps.
+    pub fn material_maps(&mut self, pass: &Element) -> Option<Vec<MaterialMap>> {
         let mut maps = Some(Vec::new());
         for list in pass.children_named(&["materialMaps"]) {
             self.expect(list, &["map"], &[]);
@@ -218,7 +231,7 @@ impl Loader {
                 let material = library.zip(name).and_then(|(library, name)| self.find_material(library, name));
                 let at = Self::span_or(name, map);
                 maps = maps.zip(pattern.zip(material)).map(|(mut maps, (pattern, (library, material)))| {
-                    maps.push((pattern, library, material, at));
+                    maps.push(MaterialMap { to: pattern, library, material, at });
                     maps
                 });
             }
@@ -227,12 +240,8 @@ impl Loader {
     }
 
     /// The colours of `<materialMaps>`: whole materials are replaced.
-    pub fn mapped_colors(
-        &mut self,
-        maps: &[(MaterialPattern, usize, LibraryMaterial, Span)],
-        colors: &mut Vec<ColorMap>,
-    ) {
-        for (to, _, material, at) in maps {
+    pub fn mapped_colors(&mut self, maps: &[MaterialMap], colors: &mut Vec<ColorMap>) {
+        for MaterialMap { to, material, at, .. } in maps {
             if !material.textures.is_empty() {
                 let message = format!("material `{}` is drawn without its textures", shown(&material.name));
                 self.report.warning(*at, message, || Some("only scene files bring textures".to_owned()));
@@ -251,7 +260,7 @@ impl Loader {
         &mut self,
         pass: &Element,
         colors: &mut Vec<ColorMap>,
-    ) -> Option<Vec<(usize, LibraryMaterial, Span)>> {
+    ) -> Option<Vec<(usize, Rc<LibraryMaterial>, Span)>> {
         const UNREAD: &[&str] = &["textures", "imageTextures", "buffers", "state"];
         let mut shaders = Some(Vec::new());
         for list in pass.children_named(&["injectionMaps"]) {
@@ -288,7 +297,7 @@ impl Loader {
     }
 
     /// The material that `fromMaterial` and `fromLibrary` name.
-    pub fn source_material(&mut self, element: &Element) -> Option<(usize, LibraryMaterial)> {
+    pub fn source_material(&mut self, element: &Element) -> Option<(usize, Rc<LibraryMaterial>)> {
         let (name, library) = (self.required(element, "fromMaterial"), self.required(element, "fromLibrary"));
         self.find_material(library?, name?)
     }

@@ -352,8 +352,9 @@ impl Loader {
                 let message = format!("a second {} for rays `{}`", kind.shown(), ray.shown());
                 self.report.error(proc.span, message);
                 whole = false;
+            } else {
+                slots.push(slot);
             }
-            slots.push(slot);
         }
         for required in info.procs.iter().filter(|proc| proc.required) {
             if !procs.iter().any(|given| given.proc.text == required.proc && is(given, required.kind, required.ray)) {

@@ -1,6 +1,6 @@
 //! Every error of assets, libraries and pipelines, each with its place.
 
-use crate::support::{Files, LIBRARY, RASTER, bad, errors, good, line, one_error, project, with};
+use crate::support::{Files, LIBRARY, RASTER, bad, errors, good, line, one_error, place, project, with};
 use curitiba_pipeline::diagnostic::Severity;
 
 /// The shared project with one text replaced; `@` in `new` marks where the error stands.
@@ -9,13 +9,14 @@ fn wrong(old: &str, new: &str, message: &str, help: &str) {
     one_error(&with(&project(RASTER), old, new), message, help);
 }
 
-/// The same in the library. The place is given outright.
+/// The same in the library: `new` marks the place with `@` too.
 #[track_caller]
-fn wrong_library(old: &str, new: &str, expected: &[&str]) {
+fn wrong_library(old: &str, new: &str, message: &str) {
     let files = Files::new(project(RASTER));
-    files.write("lib.mlib", with(LIBRARY, old, new));
+    let marked = with(LIBRARY, old, new);
+    files.write("lib.mlib", marked.replacen('@', "", 1));
     let problems = files.load().expect_err("it must not load");
-    assert_eq!(errors(&problems), expected, "\n{problems}");
+    assert_eq!(errors(&problems), [format!("lib.mlib:{}: {message}", place(&marked, "@"))], "\n{problems}");
 }
 
 #[test]
@@ -49,22 +50,21 @@ fn viewports_must_have_a_size() {
     wrong("width=\"1\" height=\"1\"", "width=\"1\" height=\"@-1\"", "height -1 is out of range", "above 0");
     wrong("width=\"1\" height=\"1\"", "width=\"1\" height=\"@65537\"", "height 65537 is out of range", "65536");
     wrong("<geometry x=\"0\"", "<geometry x=\"@-1\"", "x -1 is out of range", "from 0");
-    let twice = "<geometry x=\"0\" y=\"0\" width=\"1\" height=\"1\" />@<geometry/>";
+    let twice = "<geometry x=\"0\" y=\"0\" width=\"1\" height=\"1\" /><geometry/>";
     let old = "<geometry x=\"0\" y=\"0\" width=\"1\" height=\"1\" />";
-    let problems = bad(with(&project(RASTER), old, &twice.replace('@', "")));
-    assert!(
-        errors(&problems)[0].starts_with("project.xml:4:83: <geometry> contradicts <geometry> of line 4"),
-        "{problems}"
-    );
+    let text = with(&project(RASTER), old, twice);
+    let problems = bad(&text);
+    let at = place(&text, "<geometry/>");
+    assert_eq!(errors(&problems), [format!("project.xml:{at}: <geometry> contradicts <geometry> of line 4")]);
 }
 
 #[test]
 fn cameras_must_see_something() {
-    let lens = |fov: &str, near: &str, far: &str| format!("<perspective fov={fov} near={near} far={far} /><view");
-    wrong("<view", &lens("@180", "1", "2"), "a field of view of 180 degrees", "below 180");
-    wrong("<view", &lens("@0", "1", "2"), "a field of view of 0 degrees", "above 0");
-    wrong("<view", &lens("60", "@0", "2"), "a near distance of 0", "above 0");
-    wrong("<view", &lens("60", "2", "@2"), "the far distance 2 is not beyond the near one, 2", "above 2");
+    let lens = |fov: &str, near: &str, far: &str| format!("<perspective fov={fov} near={near} far={far} /><view x");
+    wrong("<view x", &lens("@180", "1", "2"), "a field of view of 180 degrees", "below 180");
+    wrong("<view x", &lens("@0", "1", "2"), "a field of view of 0 degrees", "above 0");
+    wrong("<view x", &lens("60", "@0", "2"), "a near distance of 0", "above 0");
+    wrong("<view x", &lens("60", "2", "@2"), "the far distance 2 is not beyond the near one, 2", "above 2");
     wrong("<view x=\"0\" y=\"0\" z=\"-2\" />", "@<view x=0 y=0 z=0 />", "<view> has no direction: its length is 0", "");
     let up = "@<up x=0 y=0 z=3 /></camera>";
     wrong("</camera>", up, "the camera's up vector is parallel to its view", "");
@@ -111,15 +111,15 @@ fn scenes_must_name_files_that_other_machines_have() {
 
 #[test]
 fn names_must_be_there_and_differ() {
-    wrong("<scene name=\"Main\">", "@<scene>", "<scene> lacks `name`", "name=");
+    wrong("<light name=\"Lamp\">", "@<light>", "<light> lacks `name`", "name=");
     let twice = "<light name=\"@Sun\"><direction x=0 y=1 z=0 /></light></lights>";
     wrong("</lights>", twice, "a second light is named `Sun`", "project.xml:7:14");
     let second = "<pipeline name=\"@main\"><pass class=\"default\" name=\"a\"><scenes><scene>Main</scene></scenes><camera>Eye</camera></pass></pipeline></pipelines>";
-    wrong("</pipelines>", second, "a second pipeline is named `main`", "project.xml:11:");
+    wrong("</pipelines>", second, "a second pipeline is named `main`", "project.xml:12:28");
     one_error(
         &project(&[RASTER, &with(RASTER, "name=\"gbuffer\"", "name=\"@gbuffer\"")].concat()),
         "a second pass of this pipeline is named `gbuffer`",
-        "project.xml:12:29",
+        "project.xml:13:29",
     );
 }
 
@@ -127,7 +127,7 @@ fn names_must_be_there_and_differ() {
 fn only_one_pipeline_is_the_default() {
     let text = project(RASTER).replace("defaultCamera", "default=\"true\" defaultCamera");
     let second = "<pipeline name=\"b\" default=\"@true\"><pass class=\"default\" name=\"a\"><scenes><scene>Main</scene></scenes><camera>Eye</camera></pass></pipeline></pipelines>";
-    one_error(&with(&text, "</pipelines>", second), "a second pipeline is the default one", "project.xml:11:46");
+    one_error(&with(&text, "</pipelines>", second), "a second pipeline is the default one", "project.xml:12:43");
     wrong("defaultCamera", "default=@maybe defaultCamera", "`maybe` is neither true nor false", "true, false");
 }
 
@@ -142,14 +142,14 @@ fn pipelines_must_have_passes() {
 fn libraries_must_be_there_once() {
     let missing = bad(with(&project(RASTER), "lib.mlib", "libs.mlib"));
     assert_eq!(errors(&missing).len(), 1, "names of a library that is missing are not reported: {missing}");
-    assert!(errors(&missing)[0].starts_with("project.xml:9:30: cannot read "), "{missing}");
+    assert!(errors(&missing)[0].starts_with("project.xml:10:31: cannot read "), "{missing}");
 
     let files = Files::new(with(&project(RASTER), "</materialLibs>", "<mlib filename=\"./lib.mlib\"/></materialLibs>"));
     let project_twice = files.load().unwrap_or_else(|problems| panic!("{problems}"));
     let warning = &project_twice.problems.0[0];
     assert_eq!(warning.severity, Severity::Warning);
     assert!(
-        line(warning).starts_with("project.xml:9:58: ")
+        line(warning).starts_with("project.xml:10:59: ")
             && warning.message.ends_with("is listed twice: it is read once")
     );
 
@@ -164,23 +164,26 @@ fn libraries_must_be_there_once() {
 }
 
 #[test]
-fn render_targets_must_be_sound() {
+fn render_targets_and_materials_must_be_sound() {
+    let size = "<size width=\"64\" height=\"32\" />";
+    wrong_library(size, "<size width=@65537 height=1 />", "`65537` is not a number of pixels");
+    wrong_library(size, "<size width=1 height=@0 />", "`0` is not a number of pixels");
     wrong_library(
-        "width=\"64\" height=\"32\"",
-        "width=\"65537\" height=\"32\"",
-        &["lib.mlib:5:16: `65537` is not a number of pixels"],
+        "<rendertarget name=\"gbuffer\">\n\t\t\t<size width=\"64\" height=\"32\" />",
+        "@<rendertarget name=\"gbuffer\">",
+        "the render target has no size",
     );
-    wrong_library("<size width=\"64\" height=\"32\" />", "", &["lib.mlib:4:3: the render target has no size"]);
-    wrong_library("RGBA16F", "RGB16F", &["lib.mlib:9:41: `RGB16F` is not a format"]);
-    wrong_library("name=\"rays\"", "name=\"gbuffer\"", &["lib.mlib:12:23: a second render target is named `gbuffer`"]);
-    wrong_library("name=\"tiny\"", "name=\"pos\"", &["lib.mlib:22:18: a second texture is named `pos`"]);
-    wrong_library("<name>deferred</name>", "<name>defered</name>", &["lib.mlib:39:43: there is no shader `defered`"]);
+    wrong_library("RGBA16F", "@RGB16F", "`RGB16F` is not a format");
+    wrong_library("name=\"rays\"", "name=\"@gbuffer\"", "a second render target is named `gbuffer`");
+    wrong_library("name=\"tiny\"", "name=\"@pos\"", "a second texture is named `pos`");
+    wrong_library("<name>deferred</name>", "<name>@defered</name>", "there is no shader `defered`");
     wrong_library(
         "texture unit=\"0\" name=\"color\"",
-        "texture unit=\"-1\" name=\"color\"",
-        &["lib.mlib:45:28: `-1` is not a texture unit"],
+        "texture unit=\"@-1\" name=\"color\"",
+        "`-1` is not a texture unit",
     );
-    wrong_library("<diffuse r=\"1\"", "<diffuse r=\"x\"", &["lib.mlib:41:46: `x` is not a number"]);
+    wrong_library("<diffuse r=\"1\"", "<diffuse r=\"@x\"", "`x` is not a number");
+    wrong_library("<material name=\"glass\">", "<material name=\"@plain\">", "a second material is named `plain`");
 }
 
 #[test]
@@ -203,8 +206,8 @@ fn unknown_elements_and_attributes_of_assets_are_warned_about() {
     assert_eq!(
         said,
         [
-            "project.xml:5:67: <vew> in <camera> is not known: it is ignored",
-            "project.xml:5:79: attribute `fast` of <view> is not known: it is ignored",
+            format!("project.xml:{}: <vew> in <camera> is not known: it is ignored", place(&text, "<vew")),
+            format!("project.xml:{}: attribute `fast` of <view> is not known: it is ignored", place(&text, "fast")),
         ]
     );
 }

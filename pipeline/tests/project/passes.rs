@@ -110,7 +110,7 @@ fn attributes_of_passes_must_be_known() {
         "`class`",
     );
     let axis = good(&project(&with(RASTER, "name=\"gbuffer\"", "name=\"gbuffer\" axis=5")));
-    assert_eq!(line(&axis.problems.0[0]), "project.xml:12:38: coordinate axes are not drawn");
+    assert_eq!(line(&axis.problems.0[0]), "project.xml:13:38: coordinate axes are not drawn");
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn lights_must_suit_the_program() {
 fn several_lights_are_warned_about_and_the_first_shines() {
     let two = with(SHADOWS, "<light>Sun</light>", "<light>Sun</light><light>Lamp</light>");
     let problems = good(&project(&[RASTER, &two].concat())).problems;
-    assert_eq!(line(&problems.0[0]), "project.xml:16:75: pass `shadows` has several lights: the first one shines");
+    assert_eq!(line(&problems.0[0]), "project.xml:17:73: pass `shadows` has several lights: the first one shines");
     assert_eq!(problems.0[0].severity, Severity::Warning);
 }
 
@@ -256,8 +256,8 @@ fn what_is_handed_over_and_never_read_is_noted() {
     assert_eq!(
         said,
         [
-            "project.xml:21:69: program `deferredShadows` does not read the vertex attribute `normal`",
-            "project.xml:25:26: program `deferredShadows` does not read `color_buffer`",
+            "project.xml:22:69: program `deferredShadows` does not read the vertex attribute `normal`",
+            "project.xml:26:26: program `deferredShadows` does not read `color_buffer`",
         ]
     );
 }
@@ -311,8 +311,8 @@ fn quads_must_show_one_thing() {
     assert_eq!(
         errors(&problems),
         [
-            "lib.mlib:50:35: `crate` is not a channel of a render target: only those can be read",
-            "lib.mlib:50:67: `depth` is a depth buffer: only colour channels can be read",
+            "lib.mlib:51:38: `crate` is not a channel of a render target: only those can be read",
+            "lib.mlib:51:71: `depth` is a depth buffer: only colour channels can be read",
         ]
     );
 }
@@ -321,7 +321,7 @@ fn quads_must_show_one_thing() {
 fn passes_read_what_earlier_ones_wrote() {
     let swapped = with(SHADOWS, "Lib::pos", "@Lib::pos");
     let message = "pass `shadows` reads `Lib::pos`, which no earlier pass writes";
-    one_error(&project(&[&swapped, RASTER].concat()), message, "the later pass `gbuffer` of 22:1 writes it");
+    one_error(&project(&[&swapped, RASTER].concat()), message, "the later pass `gbuffer` of 24:1 writes it");
     let never = SHOW.replace("\"result\"", "\"@tiny\"");
     one_error(
         &project(&[RASTER, &never].concat()),
@@ -350,5 +350,5 @@ fn the_output_of_a_pass_that_is_not_run_is_not_missed() {
 fn the_inputs_and_the_output_of_a_ray_pass_have_one_size() {
     let text = with(&with(SHADOWS, "name=\"rays\"", "name=\"small\""), "Lib::pos", "@Lib::pos");
     let message = "pass `shadows` reads `Lib::pos` of 64 x 32 and writes a target of 8 x 8";
-    one_error(&project(&[RASTER, &text].concat()), message, "16:21");
+    one_error(&project(&[RASTER, &text].concat()), message, "17:21");
 }

@@ -65,7 +65,7 @@ pub const LIBRARY: &str = r#"<?xml version="1.0" ?>
 </materiallib>
 "#;
 
-/// Assets that projects of tests share. The line of `<assets>` is 2.
+/// Assets that projects of tests share.
 pub const ASSETS: &str = r#"<assets>
 <scenes><scene name="Main"><file>box.obj</file></scene></scenes>
 <viewports><viewport name="View"><geometry x="0" y="0" width="1" height="1" /></viewport></viewports>
@@ -153,7 +153,7 @@ pub const FINAL: &str = r#"<pass class="rt" name="final"><scenes><scene name="Ma
 pub const SHOW: &str = r#"<pass class="quad" name="show"><texture name="result" fromLibrary="Lib" /></pass>
 "#;
 
-/// A project of the shared assets and these passes. The line of the first pass is 12.
+/// A project of the shared assets and these passes. The line of the first pass is 13.
 pub fn project(passes: &str) -> String {
     format!(
         "<project name=\"p\">\n{ASSETS}<pipelines><pipeline name=\"main\" defaultCamera=\"Eye\">\n{passes}</pipeline></pipelines></project>\n"
@@ -222,16 +222,20 @@ pub fn errors(problems: &Problems) -> Vec<String> {
     problems.0.iter().filter(|problem| problem.severity == Severity::Error).map(line).collect()
 }
 
+/// `line:column` of where `needle` first stands in a text.
+#[track_caller]
+pub fn place(text: &str, needle: &str) -> String {
+    let before = &text[..text.find(needle).unwrap_or_else(|| panic!("`{needle}` is not in the text"))];
+    let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+    format!("{}:{column}", before.matches('\n').count() + 1)
+}
+
 /// Asserts that a project has exactly this error, at the text that `at` marks: `line:column` is where `@` stands.
 #[track_caller]
 pub fn one_error(marked: &str, message: &str, help: &str) {
-    let offset = marked.find('@').expect("the place is marked by @");
-    let text = marked.replacen('@', "", 1);
-    let problems = bad(&text);
-    let before = &text[..offset];
-    let at_line = before.matches('\n').count() + 1;
-    let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
-    assert_eq!(errors(&problems), [format!("project.xml:{at_line}:{column}: {message}")], "\n{problems}");
+    let at = place(marked, "@");
+    let problems = bad(marked.replacen('@', "", 1));
+    assert_eq!(errors(&problems), [format!("project.xml:{at}: {message}")], "\n{problems}");
     let problem = problems.0.iter().find(|problem| problem.severity == Severity::Error).expect("an error");
     let said = problem.help.as_deref().unwrap_or_default();
     assert!(said.contains(help), "the help lacks `{help}`: {said}");
