@@ -39,7 +39,11 @@ impl Loader {
             programs.push(self.shader_program(context, *library, material, *at, RASTER_PROGRAMS, "raster"));
         }
         let programs: Option<Vec<RasterProgram>> = programs.into_iter().collect();
-        let program = programs?.first().copied().unwrap_or(RASTER_PROGRAMS[0].program);
+        let programs = programs?;
+        let program = programs.first().copied().unwrap_or(RASTER_PROGRAMS[0].program);
+        if programs.iter().any(|other| *other != program) {
+            self.report.error(element.span, format!("pass `{}` mixes raster programs", shown(&context.name)));
+        }
         let (light, _, _) = (light?, maps?, injected?);
         if !self.need_direction(light, RASTER_PROGRAMS[0].stem) {
             return None;

@@ -186,6 +186,21 @@ fn materials_that_rays_meet_run_programs_of_the_pass() {
 }
 
 #[test]
+fn a_material_among_glass_cannot_be_made_opaque_again() {
+    let opaque = FINAL.replace("<rtMap to=\"Window\"><rtProgram type=\"Closest_Hit\" ray=\"Phong\" file=\"final.ptx\" proc=\"closest_hit_glass\"/>", "<rtMap to=\"Wall\"><rtProgram type=\"Closest_Hit\" ray=\"Phong\" file=\"final.ptx\" proc=\"@closest_hit\"/>");
+    let all = with(&opaque, "curitiba_material_lib:Vidro", "*");
+    let message = "an earlier map gives this material glass, not `closest_hit`";
+    one_error(&project(&[RASTER, &all].concat()), message, "instead of *");
+    good(&project(&[RASTER, &opaque.replace('@', "")].concat()));
+}
+
+#[test]
+fn built_in_materials_are_listed() {
+    let maps = "</injectionMaps><materialMaps><map fromMaterial=\"*\" toLibrary=\"__nau_material_lib\" toMaterial=\"@__Blck\"/></materialMaps>";
+    wrong_raster("</injectionMaps>", maps, "there is no material `__Blck`", "did you mean `__Black`?");
+}
+
+#[test]
 fn a_program_that_reads_what_the_project_does_not_hand_it_is_an_error() {
     let lacks = |what: &str| format!("program `final` reads {what}, which the pass does not hand it");
     let drop = |element: &str, container: &str| {
