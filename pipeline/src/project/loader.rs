@@ -41,6 +41,7 @@ impl<T> Declared<T> {
 
     /// All of them; call it only where there was no error.
     fn finish(self) -> Vec<T> {
+        debug_assert!(self.items.iter().all(Option::is_some), "what could not be read has an error");
         self.items.into_iter().flatten().collect()
     }
 }

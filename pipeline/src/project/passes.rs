@@ -62,6 +62,10 @@ impl Loader {
             self.report.error(element.span, "the pipeline has no <pass>");
         }
         self.check_order(&facts);
+        debug_assert!(
+            self.report.has_errors() || passes.len() == facts.len(),
+            "a pass that could not be read has an error"
+        );
         let name = element.attribute("name").map_or_else(String::new, |name| name.text.clone());
         Pipeline { name, camera: default_camera.flatten(), passes }
     }
