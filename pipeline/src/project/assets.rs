@@ -4,7 +4,7 @@ use super::dom::{Element, Value};
 use super::loader::Loader;
 use super::report::{Span, suggest};
 use super::values::MAX_SIDE;
-use super::{Camera, Light, SceneDecl, SceneFile, Viewport, file};
+use super::{Camera, Light, SceneDecl, SceneFile, Viewport};
 use glam::{Vec3, Vec4};
 
 /// Engine elements and attributes that change nothing that is rendered here: they are read over.
@@ -59,26 +59,20 @@ impl Loader {
     }
 
     fn scene(&mut self, element: &Element) {
+        const KNOWN: [&str; 4] = ["name", "type", "param", "filename"];
         self.stray_text(element);
         self.expect_children(element, &["file", "folder", "geometry", "translate", "rotate", "scale"]);
         let mut files = Vec::new();
         let mut whole = true;
         for attribute in &element.attributes {
-            let name = attribute.name.to_ascii_lowercase();
-            if name.starts_with("scale") || name.starts_with("trans") || name.starts_with("rot") {
-                self.report.error_help(attribute.name_span, format!("`{}` of a scene is not supported", name), || {
-                    "place the objects in the scene file".to_owned()
-                });
+            let (written, name) = (&attribute.name, attribute.name.to_ascii_lowercase());
+            if ["scale", "trans", "rot"].iter().any(|start| name.starts_with(start)) {
+                let message = format!("`{written}` of a scene is not supported");
+                self.report.error_help(attribute.name_span, message, || "place objects in the scene file".to_owned());
                 whole = false;
-            }
-        }
-        let known = ["name", "type", "param", "filename"];
-        for attribute in &element.attributes {
-            let name = attribute.name.to_ascii_lowercase();
-            let reported = ["scale", "trans", "rot"].iter().any(|start| name.starts_with(start));
-            if !reported && !known.contains(&name.as_str()) {
-                let message = format!("attribute `{}` of <{}> is not known: it is ignored", name, element.name);
-                self.report.warning(attribute.name_span, message, || Some(suggest(&name, known)));
+            } else if !KNOWN.contains(&name.as_str()) {
+                let message = format!("attribute `{written}` of <{}> is not known: it is ignored", element.name);
+                self.report.warning(attribute.name_span, message, || Some(suggest(written, KNOWN)));
             }
         }
         if let Some(path) = element.attribute("filename") {
@@ -86,7 +80,8 @@ impl Loader {
         }
         for child in &element.children {
             if child.is(&["file"]) {
-                self.expect(child, &[], &["name"]);
+                self.expect_children(child, &[]);
+                self.expect_attributes(child, &["name"]);
                 match self.reference(child) {
                     Some(path) => whole &= self.scene_file(child, path, &mut files).is_some(),
                     None => whole = false,
@@ -110,7 +105,7 @@ impl Loader {
     }
 
     fn scene_file(&mut self, element: &Element, path: &Value, files: &mut Vec<SceneFile>) -> Option<()> {
-        let path = file::resolve(&mut self.report, &self.folder, path)?;
+        let path = self.folder.resolve(&mut self.report, path)?;
         files.push(SceneFile { path, place: self.place(element) });
         Some(())
     }
@@ -156,7 +151,16 @@ impl Loader {
     /// Origin and size. What is missing is the whole window; a missing height follows from `ratio`.
     fn rectangle(&mut self, element: &Element) -> Option<([f32; 2], [f32; 2])> {
         let geometry = self.single(element, &["geometry", "origin"]);
-        let sizes = self.single(element, &["geometry", "size"]);
+        let sizes = match geometry.filter(|geometry| geometry.is(&["geometry"])) {
+            Some(geometry) => {
+                for size in element.children_named(&["size"]) {
+                    let message = format!("<{}> contradicts <{}> of line {}", size.name, geometry.name, geometry.line);
+                    self.report.error(size.span, message);
+                }
+                Some(geometry)
+            }
+            None => self.single(element, &["size"]),
+        };
         for part in geometry.into_iter().chain(sizes.filter(|size| size.is(&["size"]))) {
             let valid: &[&str] = if part.is(&["geometry"]) {
                 &["x", "y", "width", "height"]

@@ -100,6 +100,8 @@ struct Parser<'a> {
     root: Option<Element>,
     elements: usize,
     all_attributes: usize,
+    /// Whether text outside the root has been noted: once is enough.
+    stray_noted: bool,
     /// Line, column and offset of the last element met.
     cursor: (u32, u32, usize),
 }
@@ -115,6 +117,7 @@ pub(super) fn parse(report: &mut Report, file: u32) -> Option<Element> {
         root: None,
         elements: 0,
         all_attributes: 0,
+        stray_noted: false,
         cursor: (1, 1, 0),
     };
     let whole = parser.read();
@@ -198,6 +201,9 @@ impl Parser<'_> {
             }
             return true;
         }
+        if self.open.is_empty() {
+            return self.push_text(raw, start, end);
+        }
         let text = self.unescape(raw, start);
         self.push_text(&text, start, end)
     }
@@ -207,7 +213,10 @@ impl Parser<'_> {
         let first = start + (raw.len() - raw.trim_start().len());
         let last = start + raw.trim_end().len();
         let Some(open) = self.open.last_mut() else {
-            self.report.note(self.span(first, last), format!("stray text `{}` is ignored", shown(text.trim())));
+            if !self.stray_noted {
+                self.stray_noted = true;
+                self.report.note(self.span(first, last), format!("stray text `{}` is ignored", shown(text.trim())));
+            }
             return true;
         };
         open.text.push_str(text);

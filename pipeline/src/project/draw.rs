@@ -5,8 +5,9 @@ use super::library::LibraryMaterial;
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::{Span, shown, suggest};
-use super::{MaterialPattern, QuadPass, QuadSource, RasterPass};
+use super::{QuadPass, QuadSource, RasterPass};
 use crate::programs::{QUAD_PROGRAMS, QuadProgram, RASTER_PROGRAMS, RasterProgram, ShaderInfo};
+use std::rc::Rc;
 
 /// Channels that a raster pass writes: colour, position, normal.
 const RASTER_CHANNELS: usize = 3;
@@ -30,16 +31,19 @@ impl Loader {
         let (mut colors, mut programs) = (Vec::new(), Vec::new());
         let maps = self.material_maps(element);
         self.mapped_colors(maps.as_deref().unwrap_or_default(), &mut colors);
-        for (_, library, material, at) in maps.iter().flatten().filter(|(_, _, material, _)| material.shader.is_some())
-        {
-            programs.push(self.shader_program(context, *library, material, *at, RASTER_PROGRAMS, "raster"));
+        for map in maps.iter().flatten().filter(|map| map.material.shader.is_some()) {
+            programs.push(self.shader_program(context, map.library, &map.material, map.at, RASTER_PROGRAMS, "raster"));
         }
         let injected = self.injection_maps(element, &mut colors);
         for (library, material, at) in injected.iter().flatten() {
             programs.push(self.shader_program(context, *library, material, *at, RASTER_PROGRAMS, "raster"));
         }
         let programs: Option<Vec<RasterProgram>> = programs.into_iter().collect();
-        let program = programs?.first().copied().unwrap_or(RASTER_PROGRAMS[0].program);
+        let programs = programs?;
+        let program = programs.first().copied().unwrap_or(RASTER_PROGRAMS[0].program);
+        if programs.iter().any(|other| *other != program) {
+            self.report.error(element.span, format!("pass `{}` mixes raster programs", shown(&context.name)));
+        }
         let (light, _, _) = (light?, maps?, injected?);
         if !self.need_direction(light, RASTER_PROGRAMS[0].stem) {
             return None;
@@ -137,18 +141,16 @@ impl Loader {
     }
 
     /// The material that `<materialMaps>` gives the quad.
-    fn quad_map(&mut self, context: &PassContext<'_>) -> Option<(usize, LibraryMaterial, Span)> {
+    fn quad_map(&mut self, context: &PassContext<'_>) -> Option<(usize, Rc<LibraryMaterial>, Span)> {
         let mut maps = self.material_maps(context.element)?;
-        let quad = |pattern: &MaterialPattern| pattern.matches(QUAD_MATERIAL);
-        let index = maps.iter().position(|(pattern, ..)| quad(pattern));
-        let Some(index) = index else {
+        let Some(index) = maps.iter().position(|map| map.to.matches(QUAD_MATERIAL)) else {
             let message = format!("quad pass `{}` maps no material of `{QUAD_MATERIAL}`", shown(&context.name));
-            let at = maps.first().map_or(context.element.span, |(.., at)| *at);
+            let at = maps.first().map_or(context.element.span, |map| map.at);
             self.report.error_help(at, message, || format!("valid: fromMaterial=\"{QUAD_MATERIAL}\""));
             return None;
         };
-        let (_, library, material, at) = maps.swap_remove(index);
-        Some((library, material, at))
+        let map = maps.swap_remove(index);
+        Some((map.library, map.material, map.at))
     }
 
     /// The channel bound to a texture unit of a material.

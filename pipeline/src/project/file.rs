@@ -71,37 +71,82 @@ fn undecodable(bytes: &[u8]) -> Option<(usize, String, &'static str)> {
     }
 }
 
-/// The file that `value` names, relative to `folder`; it need not exist. `None` if the path can be valid nowhere.
-///
-/// Backslashes are slashes. A path that a printed page wrapped is joined again. Where only the letters' case of an
-/// existing file differs, that file is meant, and a note says so.
-pub(super) fn resolve(report: &mut Report, folder: &Path, value: &Value) -> Option<PathBuf> {
-    let mut nominal = None;
-    for text in std::iter::once(&value.text).chain(&value.joined) {
-        let text = text.replace('\\', "/");
-        let bytes = text.as_bytes();
-        if text.is_empty() {
-            report.error(value.span, "this path is empty");
-            return None;
-        }
-        if bytes.len() >= 2 && bytes[0].is_ascii_alphabetic() && bytes[1] == b':' || text.starts_with("//") {
-            report.error_help(value.span, format!("`{}` is a path of one Windows machine", value.shown()), || {
-                "valid: a path relative to this file".to_owned()
-            });
-            return None;
-        }
-        let path = tidy(folder, &text);
-        if path.exists() {
-            return Some(path);
-        }
-        nominal = Some(path);
+/// The folder to which a project's paths are relative.
+pub(super) struct Folder {
+    folder: PathBuf,
+    /// How often a file was looked for in any letters' case.
+    lookups: u32,
+}
+
+impl Folder {
+    /// The folder of a project file.
+    pub fn of(project: &Path) -> Self {
+        Self { folder: project.parent().unwrap_or(Path::new("")).to_owned(), lookups: 0 }
     }
-    let nominal = nominal?;
-    let Some(actual) = any_case(folder, &value.joined.as_ref().unwrap_or(&value.text).replace('\\', "/")) else {
-        return Some(nominal);
-    };
-    report.note(value.span, format!("`{}` stands for {}", value.shown(), actual.display()));
-    Some(actual)
+
+    /// The file that `value` names, relative to the folder; it need not exist. `None` if the path can be valid nowhere.
+    ///
+    /// Backslashes are slashes. A path that a printed page wrapped is joined again. Where only the letters' case of an
+    /// existing file differs, that file is meant, and a note says so.
+    pub fn resolve(&mut self, report: &mut Report, value: &Value) -> Option<PathBuf> {
+        let mut nominal = None;
+        for text in std::iter::once(&value.text).chain(&value.joined) {
+            let text = text.replace('\\', "/");
+            let bytes = text.as_bytes();
+            if text.is_empty() {
+                report.error(value.span, "this path is empty");
+                return None;
+            }
+            if bytes.len() >= 2 && bytes[0].is_ascii_alphabetic() && bytes[1] == b':' || text.starts_with("//") {
+                report.error_help(value.span, format!("`{}` is a path of one Windows machine", value.shown()), || {
+                    "valid: a path relative to this file".to_owned()
+                });
+                return None;
+            }
+            let path = tidy(&self.folder, &text);
+            if path.exists() {
+                return Some(path);
+            }
+            nominal = Some(path);
+        }
+        let nominal = nominal?;
+        let Some(actual) = self.any_case(&value.joined.as_ref().unwrap_or(&value.text).replace('\\', "/")) else {
+            return Some(nominal);
+        };
+        report.note(value.span, format!("`{}` stands for {}", value.shown(), actual.display()));
+        Some(actual)
+    }
+
+    /// An existing path that differs from the folder's `text` in letters' case only.
+    fn any_case(&mut self, text: &str) -> Option<PathBuf> {
+        /// Entries of a folder that are looked at.
+        const MOST: usize = 10_000;
+        /// Paths that are looked for: a project that names thousands of missing files must not search for each.
+        const MOST_LOOKUPS: u32 = 64;
+        self.lookups += 1;
+        if text.starts_with('/') || self.lookups > MOST_LOOKUPS {
+            return None;
+        }
+        let mut path = self.folder.clone();
+        for part in text.split('/').filter(|part| !matches!(*part, "" | ".")) {
+            let next = path.join(part);
+            if next.exists() {
+                path = next;
+                continue;
+            }
+            let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+            let lower = part.to_lowercase();
+            let mut alike: Vec<_> = std::fs::read_dir(here)
+                .ok()?
+                .take(MOST)
+                .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+                .filter(|name| name.to_lowercase() == lower)
+                .collect();
+            alike.sort_unstable();
+            path.push(alike.first()?);
+        }
+        Some(path)
+    }
 }
 
 /// `folder/text` without empty and `.` components; `..` is kept, for it may follow a link.
@@ -112,34 +157,6 @@ fn tidy(folder: &Path, text: &str) -> PathBuf {
     }
     path.extend(text.split('/').filter(|part| !matches!(*part, "" | ".")));
     path
-}
-
-/// An existing path that differs from `folder/text` in letters' case only.
-fn any_case(folder: &Path, text: &str) -> Option<PathBuf> {
-    /// Entries of a folder that are looked at.
-    const MOST: usize = 10_000;
-    if text.starts_with('/') {
-        return None;
-    }
-    let mut path = folder.to_owned();
-    for part in text.split('/').filter(|part| !matches!(*part, "" | ".")) {
-        let next = path.join(part);
-        if next.exists() {
-            path = next;
-            continue;
-        }
-        let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
-        let lower = part.to_lowercase();
-        let mut alike: Vec<_> = std::fs::read_dir(here)
-            .ok()?
-            .take(MOST)
-            .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-            .filter(|name| name.to_lowercase() == lower)
-            .collect();
-        alike.sort_unstable();
-        path.push(alike.first()?);
-    }
-    Some(path)
 }
 
 /// The stem of a program or shader file: `final` of `optix\final.ptx`, whatever the folder and the extension.

@@ -110,8 +110,9 @@ impl Loader {
                 if given.contains(name) {
                     self.report.error(variable.span, format!("`{name}` is handed over twice"));
                     whole = false;
+                } else {
+                    given.push(name);
                 }
-                given.push(name);
                 whole &= item.is(&["attribute"]) || self.origin_valid(item, name, program);
             }
         }

@@ -7,12 +7,16 @@ use super::{Channel, ChannelRef, RenderTarget, file};
 use crate::image::PixelFormat;
 use glam::Vec4;
 use std::path::PathBuf;
+use std::rc::Rc;
 
 /// Names of a library's root element.
 pub(super) const ROOT: &[&str] = &["materialLib", "mlib"];
 
 /// Most libraries of a project.
 const MAX_LIBRARIES: usize = 64;
+
+/// Most colour channels of a render target.
+const MAX_CHANNELS: usize = 32;
 
 /// Names of the built-in library.
 const BUILT_IN: [&str; 2] = ["curitiba_material_lib", "__nau_material_lib"];
@@ -85,7 +89,7 @@ pub(super) struct Library {
     shader_names: Names,
     pub shaders: Vec<Shader>,
     material_names: Names,
-    materials: Vec<Option<LibraryMaterial>>,
+    materials: Vec<Option<Rc<LibraryMaterial>>>,
 }
 
 impl Library {
@@ -108,13 +112,13 @@ impl Library {
         for (name, diffuse, emission) in BUILT_IN_MATERIALS {
             let opaque = |[r, g, b]: [f32; 3]| Vec4::new(r, g, b, 1.0);
             library.material_names.declare_built_in(name);
-            library.materials.push(Some(LibraryMaterial {
+            library.materials.push(Some(Rc::new(LibraryMaterial {
                 name: (*name).to_owned(),
                 diffuse: opaque(*diffuse),
                 emission: opaque(*emission),
                 shader: None,
                 textures: Vec::new(),
-            }));
+            })));
         }
         library
     }
@@ -161,7 +165,7 @@ impl Loader {
 
     fn read_library(&mut self, element: &Element) -> Option<()> {
         let value = self.required(element, "filename")?;
-        let path = file::resolve(&mut self.report, &self.folder, value)?;
+        let path = self.folder.resolve(&mut self.report, value)?;
         let same = std::fs::canonicalize(&path).unwrap_or_else(|_| path.clone());
         if self.libraries.files.contains(&same) {
             self.report.warning(value.span, format!("{} is listed twice: it is read once", path.display()), || None);
@@ -255,6 +259,11 @@ impl Loader {
                     _ => whole = false,
                 }
             }
+        }
+        if let Some(beyond) = declared.get(MAX_CHANNELS) {
+            self.report.error(beyond.span, format!("more than {MAX_CHANNELS} colour channels"));
+            declared.truncate(MAX_CHANNELS);
+            whole = false;
         }
         let target_name = self.required(element, "name");
         let target = match (size, target_name) {
@@ -350,7 +359,7 @@ impl Loader {
                 textures: textures?,
             })
         })();
-        library.materials.push(material);
+        library.materials.push(material.map(Rc::new));
     }
 
     /// `<texture unit="0" name="…"/>`.
@@ -393,7 +402,7 @@ impl Loader {
     }
 
     /// A material of a library: `name` in the library `from`.
-    pub fn find_material(&mut self, from: &Value, name: &Value) -> Option<(usize, LibraryMaterial)> {
+    pub fn find_material(&mut self, from: &Value, name: &Value) -> Option<(usize, Rc<LibraryMaterial>)> {
         let library = self.find_library(from)?;
         let index = self.libraries.list[library].material_names.resolve(&mut self.report, &name.text, name.span)?;
         Some((library, self.libraries.list[library].materials[index].clone()?))

@@ -6,13 +6,12 @@ use super::report::{Names, Report, Span};
 use super::{Camera, Light, Pipeline, Project, SceneDecl, Viewport, file};
 use crate::diagnostic::Problems;
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What is known while a project is read.
 pub(super) struct Loader {
     pub report: Report,
-    /// The project's folder.
-    pub folder: PathBuf,
+    pub folder: file::Folder,
     /// Numbers that have names.
     pub constants: HashMap<String, f32>,
     pub libraries: Libraries,
@@ -42,6 +41,7 @@ impl<T> Declared<T> {
 
     /// All of them; call it only where there was no error.
     fn finish(self) -> Vec<T> {
+        debug_assert!(self.items.iter().all(Option::is_some), "what could not be read has an error");
         self.items.into_iter().flatten().collect()
     }
 }
@@ -51,10 +51,9 @@ const DEFAULT_WINDOW: [u32; 2] = [1024, 1024];
 
 /// Loads a project; see [`super::load`].
 pub(super) fn load(path: &Path) -> Result<Project, Problems> {
-    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     let mut loader = Loader {
         report: Report::default(),
-        folder,
+        folder: file::Folder::of(path),
         constants: HashMap::new(),
         libraries: Libraries::new(),
         scenes: Declared::new("scene"),

@@ -19,6 +19,9 @@
 //! | program of a `default` pass | the first of [`RASTER_PROGRAMS`](crate::programs::RASTER_PROGRAMS) |
 //! | colours of a library material | diffuse 0.8, emission 0 |
 //!
+//! The library `curitiba_material_lib` (today `__nau_material_lib`) is built in: `__Black`, `__White`, `__Grey`, `__Red`,
+//! `__Green`, `__Blue`, and `__Emission White`, `Red`, `Green`, `Blue`, `Yellow`.
+//!
 //! Files are bounded (16 MiB, 64 levels of elements, 65,536 elements), and so is what is reported.
 
 mod assets;

@@ -7,9 +7,26 @@ use super::order::Facts;
 use super::report::{Names, Span, shown, suggest};
 use super::{ChannelRef, ColorMap, MaterialPattern, Pass, PassKind, Pipeline};
 use crate::programs::PARAMS;
+use std::rc::Rc;
 
 /// Classes of passes.
 const CLASSES: [&str; 4] = ["default", "optix", "rt", "quad"];
+
+fn is_class(name: &str) -> bool {
+    CLASSES.iter().any(|class| name.eq_ignore_ascii_case(class))
+}
+
+/// An entry of `<materialMaps>`.
+pub(super) struct MaterialMap {
+    /// Which materials are replaced.
+    pub to: MaterialPattern,
+    /// Index of the library of the new one.
+    pub library: usize,
+    /// The new one.
+    pub material: Rc<LibraryMaterial>,
+    /// Where it is named.
+    pub at: Span,
+}
 
 /// The pass being read.
 pub(super) struct PassContext<'e> {
@@ -45,6 +62,10 @@ impl Loader {
             self.report.error(element.span, "the pipeline has no <pass>");
         }
         self.check_order(&facts);
+        debug_assert!(
+            self.report.has_errors() || passes.len() == facts.len(),
+            "a pass that could not be read has an error"
+        );
         let name = element.attribute("name").map_or_else(String::new, |name| name.text.clone());
         Pipeline { name, camera: default_camera.flatten(), passes }
     }
@@ -82,7 +103,9 @@ impl Loader {
         let Some(element) = self.single(context.element, &["renderTarget"]) else { return Some(None) };
         let target = self.find_target(element);
         let at = Self::span_or(element.attribute("name"), element);
-        if let Some(target) = target
+        // A pass of a class that is not run may well write depth only.
+        let runs = context.element.attribute("class").is_some_and(|class| is_class(&class.text));
+        if let Some(target) = target.filter(|_| runs)
             && self.libraries.targets[target].channels.is_empty()
         {
             let message = format!("the render target `{}` has no colour channel", self.libraries.targets[target].name);
@@ -200,8 +223,8 @@ impl Loader {
         }
     }
 
-    /// The `<map>` elements of `<materialMaps>`: which materials, which library material, and its library.
-    pub fn material_maps(&mut self, pass: &Element) -> Option<Vec<(MaterialPattern, usize, LibraryMaterial, Span)>> {
+    /// The `<map>` elements of `<materialMaps>`: with what each maps.
+    pub fn material_maps(&mut self, pass: &Element) -> Option<Vec<MaterialMap>> {
         let mut maps = Some(Vec::new());
         for list in pass.children_named(&["materialMaps"]) {
             self.expect(list, &["map"], &[]);
@@ -212,7 +235,7 @@ impl Loader {
                 let material = library.zip(name).and_then(|(library, name)| self.find_material(library, name));
                 let at = Self::span_or(name, map);
                 maps = maps.zip(pattern.zip(material)).map(|(mut maps, (pattern, (library, material)))| {
-                    maps.push((pattern, library, material, at));
+                    maps.push(MaterialMap { to: pattern, library, material, at });
                     maps
                 });
             }
@@ -221,12 +244,8 @@ impl Loader {
     }
 
     /// The colours of `<materialMaps>`: whole materials are replaced.
-    pub fn mapped_colors(
-        &mut self,
-        maps: &[(MaterialPattern, usize, LibraryMaterial, Span)],
-        colors: &mut Vec<ColorMap>,
-    ) {
-        for (to, _, material, at) in maps {
+    pub fn mapped_colors(&mut self, maps: &[MaterialMap], colors: &mut Vec<ColorMap>) {
+        for MaterialMap { to, material, at, .. } in maps {
             if !material.textures.is_empty() {
                 let message = format!("material `{}` is drawn without its textures", shown(&material.name));
                 self.report.warning(*at, message, || Some("only scene files bring textures".to_owned()));
@@ -245,7 +264,7 @@ impl Loader {
         &mut self,
         pass: &Element,
         colors: &mut Vec<ColorMap>,
-    ) -> Option<Vec<(usize, LibraryMaterial, Span)>> {
+    ) -> Option<Vec<(usize, Rc<LibraryMaterial>, Span)>> {
         const UNREAD: &[&str] = &["textures", "imageTextures", "buffers", "state"];
         let mut shaders = Some(Vec::new());
         for list in pass.children_named(&["injectionMaps"]) {
@@ -282,7 +301,7 @@ impl Loader {
     }
 
     /// The material that `fromMaterial` and `fromLibrary` name.
-    pub fn source_material(&mut self, element: &Element) -> Option<(usize, LibraryMaterial)> {
+    pub fn source_material(&mut self, element: &Element) -> Option<(usize, Rc<LibraryMaterial>)> {
         let (name, library) = (self.required(element, "fromMaterial"), self.required(element, "fromLibrary"));
         self.find_material(library?, name?)
     }

@@ -352,8 +352,9 @@ impl Loader {
                 let message = format!("a second {} for rays `{}`", kind.shown(), ray.shown());
                 self.report.error(proc.span, message);
                 whole = false;
+            } else {
+                slots.push(slot);
             }
-            slots.push(slot);
         }
         for required in info.procs.iter().filter(|proc| proc.required) {
             if !procs.iter().any(|given| given.proc.text == required.proc && is(given, required.kind, required.ray)) {
@@ -395,12 +396,19 @@ impl Loader {
                     whole = false;
                     continue;
                 };
-                for Proc { proc, .. } in procs {
-                    match proc.text.as_str() {
-                        GLASS => glass.push(pattern.clone()),
-                        SHADOW_GLASS => shadow_glass.push(pattern.clone()),
-                        // The same as the default material's.
-                        _ => {}
+                for Proc { kind, proc, .. } in procs {
+                    let any_hit = kind.text.eq_ignore_ascii_case("Any_Hit");
+                    let list = if any_hit { &mut shadow_glass } else { &mut glass };
+                    if [GLASS, SHADOW_GLASS].contains(&proc.text.as_str()) {
+                        list.push(pattern.clone());
+                    } else if !kind.text.eq_ignore_ascii_case("Miss")
+                        && list.iter().any(|earlier| *earlier == MaterialPattern::All || *earlier == pattern)
+                    {
+                        // Lists of glass have no exceptions.
+                        let message = format!("an earlier map gives this material glass, not `{}`", proc.shown());
+                        self.report
+                            .error_help(proc.span, message, || "name each glass material instead of *".to_owned());
+                        whole = false;
                     }
                 }
             }

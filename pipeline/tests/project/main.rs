@@ -1,0 +1,8 @@
+//! Projects and material libraries: what loads, and what is said of what does not.
+
+mod dialects;
+mod errors;
+mod passes;
+mod real;
+mod robust;
+mod support;
