@@ -21,8 +21,7 @@ mod write;
 
 use super::error::SceneError;
 use super::load::Context;
-use super::{Scene, TextureSource};
-use std::path::Path;
+use super::{Scene, TextureSource, image_has_alpha};
 pub use write::write_cbo;
 
 /// What "no texture" is called in a material.
@@ -70,20 +69,10 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     })
 }
 
-/// Whether an image file has an alpha channel, from its header alone.
-fn has_alpha(path: &Path) -> bool {
-    use image::ImageDecoder as _;
-    image::ImageReader::open(path)
-        .and_then(image::ImageReader::with_guessed_format)
-        .ok()
-        .and_then(|reader| reader.into_decoder().ok())
-        .is_some_and(|decoder| decoder.color_type().has_alpha())
-}
-
 /// Whether reading the file that is written for `source` would give its material an alpha cutoff.
 fn source_has_alpha(source: &TextureSource) -> bool {
     match source {
-        TextureSource::File(path) => has_alpha(path),
+        TextureSource::File(path) => image_has_alpha(path),
         TextureSource::Masked { .. } => true,
         TextureSource::Embedded { bytes, .. } => {
             image::load_from_memory(bytes).is_ok_and(|image| image.color().has_alpha())

@@ -3,8 +3,8 @@
 use super::super::bytes::{Reader, f32_at};
 use super::super::error::SceneError;
 use super::super::load::{Context, MaterialTable, add_texture, texture_file};
-use super::super::{Group, Material, Mesh, Object, Scene, TextureSource};
-use super::{ALPHA_CUTOFF, Layout, NO_TEXTURE, NULL_OBJECT, OCTREE_SCENE, has_alpha};
+use super::super::{Group, Material, Mesh, Object, Scene, TextureSource, image_has_alpha};
+use super::{ALPHA_CUTOFF, Layout, NO_TEXTURE, NULL_OBJECT, OCTREE_SCENE};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 
@@ -89,7 +89,7 @@ impl Parser<'_, '_, '_> {
         if self.context.needs.textures && !unit0.is_empty() && unit0 != NO_TEXTURE {
             let path = texture_file(self.context, unit0, &mut self.scene.warnings, &material.name);
             if let Some(path) = path {
-                material.alpha_cutoff = has_alpha(&path).then_some(ALPHA_CUTOFF);
+                material.alpha_cutoff = image_has_alpha(&path).then_some(ALPHA_CUTOFF);
                 material.texture = Some(add_texture(&mut self.scene.textures, TextureSource::File(path)));
             }
         }

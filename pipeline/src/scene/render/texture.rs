@@ -163,3 +163,8 @@ pub(in crate::scene) fn encoded(source: &TextureSource) -> Result<(Vec<u8>, &'st
     pixels(source)?.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string())?;
     Ok((png.into_inner(), "png"))
 }
+
+/// Whether an image file has an alpha channel, from its header alone; `false` where it cannot be read.
+pub(in crate::scene) fn image_has_alpha(path: &Path) -> bool {
+    open(path).and_then(|bytes| decoder(bytes, Some(path))).is_ok_and(|decoder| decoder.color_type().has_alpha())
+}
