@@ -98,13 +98,13 @@ fn node_transforms_multiply_and_meshes_are_shared() {
     let (mut json, binary) = square();
     json["scenes"] = json!([{"nodes": [2, 1]}]);
     json["nodes"] = json!([
-        {"mesh": 0, "scale": [-2.0, 1.0, 1.0], "rotation": [0.0, 0.0, 0.70710678, 0.70710678]},
+        {"mesh": 0, "scale": [-2.0, 1.0, 1.0], "rotation": [0.0, 0.0, 1.0, 1.0]},
         {"mesh": 0, "matrix": [1.0,0.0,0.0,0.0, 0.0,1.0,0.0,0.0, 0.0,0.0,1.0,0.0, 7.0,8.0,9.0,1.0]},
         {"translation": [0.0, 0.0, 5.0], "children": [0]}
     ]);
     let scene = read(&json, &binary).unwrap();
     assert_eq!((scene.meshes.len(), scene.objects.len()), (1, 2));
-    // Scaled by -2 along x, turned by 90° about z, moved along z.
+    // Scaled by -2 along x, turned by 90° about z (the quaternion is made unit length), moved along z.
     let point = scene.objects[0].transform.transform_point3(Vec3::X);
     assert!(point.distance(Vec3::new(0.0, -2.0, 5.0)) < 1e-5, "{point}");
     assert_eq!(scene.objects[1].transform, Mat4::from_translation(Vec3::new(7.0, 8.0, 9.0)));

@@ -14,7 +14,6 @@ pub use cbo::{Layout, write_cbo};
 pub use error::{Place, SceneError};
 pub use load::{LoadOptions, LoadProgress, load};
 pub use render::BuildOptions;
-use render::texture::image_has_alpha;
 pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics};
 
 use crate::diagnostic::Warnings;

@@ -3,9 +3,10 @@
 //! `tobj` has a reader of its own, which panics on the legal `Kd 0.5` and refuses whole files for `d -halo 0.5`.
 
 use super::super::Material;
+use super::super::TextureSource;
 use super::super::error::SceneError;
 use super::super::load::{Context, MaterialTable, add_texture, texture_file};
-use super::super::{TextureSource, image_has_alpha};
+use super::super::render::texture::image_has_alpha;
 use super::lines::{Lines, number, split_word, text, words};
 use crate::diagnostic::Warnings;
 use glam::{Vec2, Vec3, Vec4};
