@@ -109,7 +109,7 @@ fn assets_have_their_known_triangles() {
     for folder in std::fs::read_dir(scenes.join("gltf")).expect("the folder gltf").filter_map(Result::ok) {
         for extension in ["glb", "gltf"] {
             for file in folder_files(&folder.path(), extension) {
-                let scene = load(&[file.clone()], &LoadOptions::default(), &|_| {}).unwrap();
+                let scene = load(std::slice::from_ref(&file), &LoadOptions::default(), &|_| {}).unwrap();
                 let triangles = scene_support::triangles(&scene);
                 assert!(triangles > 0, "{}", file.display());
                 check(&[file], triangles);
