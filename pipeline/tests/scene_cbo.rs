@@ -2,7 +2,7 @@
 
 mod scene_support;
 
-use curitiba_pipeline::scene::{Layout, LoadOptions, Needs, load, write_cbo};
+use curitiba_pipeline::scene::{Layout, LoadOptions, Material, Needs, TextureSource, load, write_cbo};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
 
@@ -159,7 +159,7 @@ fn a_texture_is_found_by_its_windows_path_and_a_missing_one_is_a_warning() {
     let bytes = bytes.material(Layout::Cbo2014, "Nada", "..\\nada.png").raw(&tail.0);
     let scene = load_one(&folder.write("cenas/a.cbo", bytes.0)).unwrap();
     assert_eq!(scene.materials[0].texture, Some(0));
-    assert_eq!(scene.materials[0].alpha_cutoff, Some(0.5), "the image has an alpha channel");
+    assert_eq!(scene.materials[0].alpha_cutoff, None, "the material's alpha test is off");
     assert_eq!(scene.materials[1].texture, None);
     assert_eq!(count(&scene.warnings, "missing textures"), 1);
     assert_eq!(count(&scene.warnings, "texture paths with other letter case"), 1);
@@ -274,12 +274,51 @@ fn what_the_format_cannot_keep_is_counted() {
     let folder = Folder::new();
     let mut scene = load_one(&folder.write("a.cbo", object_list(Layout::Cbo2014).0)).unwrap();
     scene.materials[0].transmission = 1.0;
-    scene.materials[0].alpha_cutoff = Some(0.25);
     scene.objects[0].name = "日本".to_owned();
     let warnings = write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap();
     assert_eq!(count(&warnings, "materials with properties that the format lacks"), 1);
     assert_eq!(count(&warnings, "names with letters outside Latin-1"), 1);
     assert_eq!(load_one(&folder.path("b.cbo")).unwrap().objects[0].name, "??");
+}
+
+#[test]
+fn the_alpha_test_is_kept_by_the_2014_layout_and_counted_as_lost_by_todays() {
+    let folder = Folder::new();
+    let mut scene = load_one(&folder.write("a.cbo", object_list(Layout::Cbo2014).0)).unwrap();
+    scene.textures = vec![TextureSource::File(folder.png("grade.png", 1, 1, [0; 4]))];
+    scene.materials[0].texture = Some(0);
+    scene.materials[0].alpha_cutoff = Some(0.25);
+    let warnings = write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap();
+    assert!(warnings.is_empty(), "{:?}", warnings.groups());
+    assert_eq!(load_one(&folder.path("b.cbo")).unwrap().materials[0].alpha_cutoff, Some(0.25));
+    let warnings = write_cbo(&scene, &folder.path("b.nbo"), Layout::NboToday).unwrap();
+    assert_eq!(count(&warnings, "materials with properties that the format lacks"), 1);
+    assert_eq!(load_one(&folder.path("b.nbo")).unwrap().materials[0].alpha_cutoff, None);
+}
+
+#[cfg(unix)]
+#[test]
+fn written_files_have_the_permissions_of_any_new_file() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = Folder::new();
+    let path = folder.write("a.cbo", object_list(Layout::Cbo2014).0);
+    let scene = load_one(&path).unwrap();
+    write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap();
+    let mode = |path: &std::path::Path| std::fs::metadata(path).unwrap().permissions().mode();
+    assert_eq!(mode(&folder.path("b.cbo")), mode(&path));
+}
+
+#[test]
+fn numbers_of_materials_that_are_not_finite_are_replaced_and_counted() {
+    let folder = Folder::new();
+    let mut bytes = object_list(Layout::NboToday).0;
+    // Past the count and the name "Pedra": the red of the ambient colour.
+    let red = 4 + 4 + 5 + 1;
+    bytes[red..red + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let scene = load_one(&folder.write("a.nbo", bytes)).unwrap();
+    assert_eq!(scene.materials[0].ambient, Material::default().ambient);
+    assert_eq!(scene.materials[0].diffuse, Vec4::new(0.5, 0.6, 0.7, 0.8));
+    assert_eq!(count(&scene.warnings, "materials with numbers that are not finite"), 1);
 }
 
 #[test]

@@ -91,11 +91,6 @@ impl Budget {
     pub(crate) fn give_back(&mut self, bytes: u64) {
         self.used = self.used.saturating_sub(bytes);
     }
-
-    /// What may still be taken.
-    pub(crate) fn left(&self) -> u64 {
-        self.limit - self.used
-    }
 }
 
 struct Mebibytes(u64);

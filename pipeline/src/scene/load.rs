@@ -161,6 +161,14 @@ fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     let mut materials = Vec::with_capacity(other.materials.len());
     for mut material in other.materials {
         material.texture = material.texture.map(|texture| textures[texture as usize]);
+        if replace_non_finite(&mut material) {
+            scene.warnings.add(
+                file,
+                "materials with numbers that are not finite",
+                "those of a light grey one serve",
+                || format!("`{}`", material.name),
+            );
+        }
         let known = by_name.get(&material.name).copied();
         materials.push(known.unwrap_or(scene.materials.len() as u32));
         match known {
@@ -187,6 +195,37 @@ fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     }
     scene.meshes.append(&mut other.meshes);
     scene.objects.append(&mut other.objects);
+}
+
+/// Whether any number was replaced. An infinite index of refraction, attenuation distance or cutoff has a meaning.
+fn replace_non_finite(material: &mut Material) -> bool {
+    let defaults = Material::default();
+    let mut replaced = false;
+    let mut mend = |bad: bool| {
+        replaced |= bad;
+        bad
+    };
+    for (color, default) in [
+        (&mut material.diffuse, defaults.diffuse),
+        (&mut material.ambient, defaults.ambient),
+        (&mut material.specular, defaults.specular),
+        (&mut material.emission, defaults.emission),
+    ] {
+        if mend(!color.is_finite()) {
+            *color = default;
+        }
+    }
+    if mend(!material.attenuation_color.is_finite()) {
+        material.attenuation_color = defaults.attenuation_color;
+    }
+    for (value, default) in
+        [(&mut material.shininess, defaults.shininess), (&mut material.thickness, defaults.thickness)]
+    {
+        if mend(!value.is_finite()) {
+            *value = default;
+        }
+    }
+    replaced
 }
 
 /// The index of a texture source, shared with an equal one that is there already.

@@ -18,6 +18,7 @@ pub struct Level {
 
 impl Level {
     /// A texel with repeating coordinates, in 0..=1.
+    #[inline]
     fn texel(&self, x: i64, y: i64) -> Vec4 {
         let x = x.rem_euclid(i64::from(self.width)) as usize;
         let y = y.rem_euclid(i64::from(self.height)) as usize;
@@ -27,6 +28,7 @@ impl Level {
 
     /// Bilinear filtering at `uv`. Non-finite coordinates read the first texel.
     #[must_use]
+    #[inline]
     pub fn sample(&self, uv: Vec2) -> Vec4 {
         if !uv.is_finite() {
             return self.texel(0, 0);
@@ -70,6 +72,7 @@ impl Texture {
 
     /// Trilinear filtering at a level of detail; `lod <= 0` reads level 0.
     #[must_use]
+    #[inline]
     pub fn sample(&self, uv: Vec2, lod: f32) -> Vec4 {
         let last = self.levels.len() - 1;
         let lod = lod.clamp(0.0, last as f32);
@@ -82,6 +85,7 @@ impl Texture {
     /// Level of detail for the derivatives of the texture coordinates along the screen's x and y (in pixels):
     /// `log2` of the longer footprint side in texels of level 0 (Vulkan 1.3, section 16.5.7).
     #[must_use]
+    #[inline]
     pub fn lod(&self, duv_dx: Vec2, duv_dy: Vec2) -> f32 {
         let size = Vec2::new(self.levels[0].width as f32, self.levels[0].height as f32);
         let footprint = (duv_dx * size).length_squared().max((duv_dy * size).length_squared());

@@ -13,16 +13,15 @@
 //! octree_object := str name, f32[6] bounds, [2014] str transform_class, mat4, str renderable, vertices, str material, indices
 //! ```
 //! A `str` is a `u32` length, that many Latin-1 bytes and a NUL; a `mat4` is 16 `f32`, column by column. The extension
-//! does not tell the layout. Neither layout keeps transmission, refraction or an alpha cutoff: a texture whose image has
-//! an alpha channel is cut at one half.
+//! does not tell the layout. Neither layout keeps transmission or refraction. Of the 2014 layout's render states the
+//! alpha test is read and written, as [`Material::alpha_cutoff`](super::Material::alpha_cutoff); today's has no states.
 
 mod read;
 mod write;
 
+use super::Scene;
 use super::error::SceneError;
 use super::load::Context;
-use super::{Scene, TextureSource};
-use std::path::Path;
 pub use write::write_cbo;
 
 /// What "no texture" is called in a material.
@@ -31,8 +30,20 @@ const NO_TEXTURE: &str = "<no texture>";
 const OCTREE_SCENE: &str = "OctreeByMatScene";
 /// The renderable of an object without geometry.
 const NULL_OBJECT: &str = "NULLOBJECT";
-/// The alpha cutoff of a material whose texture has an alpha channel.
-const ALPHA_CUTOFF: f32 = 0.5;
+
+/// Where the alpha test stands in the lists of a 2014 render state, and OpenGL's names of its comparisons.
+mod alpha_test {
+    /// In the bools: whether it is on.
+    pub(super) const ENABLED: usize = 2;
+    /// In the enums: the comparison.
+    pub(super) const FUNCTION: usize = 8;
+    /// In the floats: what the texture's alpha is compared with.
+    pub(super) const VALUE: usize = 3;
+    /// `GL_GREATER`.
+    pub(super) const GREATER: i32 = 0x204;
+    /// `GL_GEQUAL`.
+    pub(super) const GREATER_OR_EQUAL: i32 = 0x206;
+}
 
 /// Which engine's files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,25 +79,4 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
         let failure = if second.reached > first.reached { second } else { first };
         failure.error.help("neither the 2014 layout nor today's reads this file to its end; is it cut off or damaged?")
     })
-}
-
-/// Whether an image file has an alpha channel, from its header alone.
-fn has_alpha(path: &Path) -> bool {
-    use image::ImageDecoder as _;
-    image::ImageReader::open(path)
-        .and_then(image::ImageReader::with_guessed_format)
-        .ok()
-        .and_then(|reader| reader.into_decoder().ok())
-        .is_some_and(|decoder| decoder.color_type().has_alpha())
-}
-
-/// Whether reading the file that is written for `source` would give its material an alpha cutoff.
-fn source_has_alpha(source: &TextureSource) -> bool {
-    match source {
-        TextureSource::File(path) => has_alpha(path),
-        TextureSource::Masked { .. } => true,
-        TextureSource::Embedded { bytes, .. } => {
-            image::load_from_memory(bytes).is_ok_and(|image| image.color().has_alpha())
-        }
-    }
 }

@@ -4,7 +4,7 @@ use super::super::bytes::{Reader, f32_at};
 use super::super::error::SceneError;
 use super::super::load::{Context, MaterialTable, add_texture, texture_file};
 use super::super::{Group, Material, Mesh, Object, Scene, TextureSource};
-use super::{ALPHA_CUTOFF, Layout, NO_TEXTURE, NULL_OBJECT, OCTREE_SCENE, has_alpha};
+use super::{Layout, NO_TEXTURE, NULL_OBJECT, OCTREE_SCENE, alpha_test};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 
@@ -81,15 +81,13 @@ impl Parser<'_, '_, '_> {
         for texture in &mut textures {
             *texture = self.reader.string("a texture's path")?;
         }
-        if self.layout.is_2014() {
-            self.state()?;
-        }
+        let alpha_cutoff = if self.layout.is_2014() { self.state()? } else { None };
         let mut material = Material { name, ambient, specular, diffuse, emission, shininess, ..Material::default() };
         let [unit0, ..] = &textures;
         if self.context.needs.textures && !unit0.is_empty() && unit0 != NO_TEXTURE {
             let path = texture_file(self.context, unit0, &mut self.scene.warnings, &material.name);
             if let Some(path) = path {
-                material.alpha_cutoff = has_alpha(&path).then_some(ALPHA_CUTOFF);
+                material.alpha_cutoff = alpha_cutoff;
                 material.texture = Some(add_texture(&mut self.scene.textures, TextureSource::File(path)));
             }
         }
@@ -105,8 +103,9 @@ impl Parser<'_, '_, '_> {
         Ok(())
     }
 
-    /// Shaders and render state of a 2014 material: fixed by the render path here, so skipped.
-    fn state(&mut self) -> Result<(), SceneError> {
+    /// Shaders and render state of a 2014 material. The render path decides about all of it but the alpha test, whose
+    /// cutoff is returned.
+    fn state(&mut self) -> Result<Option<f32>, SceneError> {
         for what in
             ["a program's name", "a vertex shader's name", "a geometry shader's name", "a fragment shader's name"]
         {
@@ -119,12 +118,18 @@ impl Parser<'_, '_, '_> {
                 .help("valid: 0 shader values"));
         }
         self.reader.string("a state's name")?;
-        // Bools, enums, ints, floats, vectors, and quadruples of bools.
-        for size in [1, 4, 4, 4, 16, 4] {
+        let mut values = |size| {
             let count = self.reader.count("a state's value count")?;
-            self.reader.block(count, size, "a state's values")?;
-        }
-        Ok(())
+            self.reader.block(count, size, "a state's values")
+        };
+        let (bools, enums, _ints, floats) = (values(1)?, values(4)?, values(4)?, values(4)?);
+        let (_vectors, _bool4s) = (values(16)?, values(4)?);
+        let word = |list: &[u8], index: usize| list.as_chunks().0.get(index).copied();
+        let enabled = bools.get(alpha_test::ENABLED).is_some_and(|enabled| *enabled != 0);
+        let function = word(enums, alpha_test::FUNCTION).map(i32::from_le_bytes);
+        let keeps_opaque = matches!(function, Some(alpha_test::GREATER | alpha_test::GREATER_OR_EQUAL));
+        let cutoff = word(floats, alpha_test::VALUE).map(f32::from_le_bytes);
+        Ok(cutoff.filter(|cutoff| enabled && keeps_opaque && cutoff.is_finite()))
     }
 
     fn transform(&mut self) -> Result<Mat4, SceneError> {

@@ -2,7 +2,7 @@
 
 use super::super::error::SceneError;
 use super::super::{Material, Mesh, Object, Scene, TextureSource};
-use super::{ALPHA_CUTOFF, Layout, NO_TEXTURE, NULL_OBJECT, source_has_alpha};
+use super::{Layout, NO_TEXTURE, NULL_OBJECT, alpha_test};
 use crate::diagnostic::Warnings;
 use crate::paths::relative_to;
 use glam::Vec3;
@@ -22,17 +22,20 @@ const STATE_BOOL4S: [u8; 4] = [1; 4];
 ///
 /// Meshes are shared by the objects that place them. Texture paths are stored relative to the file; images that are
 /// embedded in the scene's files or put together from two are written beside it, as `NAME.texture0.png`. The warnings
-/// returned count what the format cannot keep: transmission, refraction, absorption, alpha cutoffs, letters outside
-/// Latin-1.
+/// returned count what the format cannot keep: transmission, refraction, absorption, alpha cutoffs (today's layout only),
+/// letters outside Latin-1.
 ///
 /// # Errors
 /// If a count does not fit the format, an image cannot be put together, or the file cannot be written.
+///
+/// # Panics
+/// If an index of the scene (of a mesh, material or texture) leads nowhere; [`super::super::load`] makes no such scene.
 pub fn write_cbo(scene: &Scene, path: &Path, layout: Layout) -> Result<Warnings, SceneError> {
     let failed = |error: std::io::Error| SceneError::file(path, format!("cannot be written: {error}"));
     let mut warnings = Warnings::default();
     let textures = texture_paths(scene, path, &mut warnings)?;
     let folder = folder_of(path);
-    let temporary = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    let temporary = temporary_file(folder).map_err(failed)?;
     let renderables = unique_names(&scene.meshes);
     let out = BufWriter::new(temporary);
     let mut writer = SceneWriter { out, path, layout, scene, textures, renderables, warnings: &mut warnings };
@@ -40,6 +43,15 @@ pub fn write_cbo(scene: &Scene, path: &Path, layout: Layout) -> Result<Warnings,
     let temporary = writer.out.into_inner().map_err(|error| failed(error.into_error()))?;
     temporary.persist(path).map_err(|error| failed(error.error))?;
     Ok(warnings)
+}
+
+/// A file that becomes the wanted one when it is complete. It may be read by all whom the user's settings allow, like
+/// any other new file; temporary files are private otherwise.
+fn temporary_file(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -80,7 +92,7 @@ fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<
         let name = format!("{stem}.texture{index}.{extension}");
         let failed =
             |error: std::io::Error| SceneError::file(&folder.join(&name), format!("cannot be written: {error}"));
-        let mut temporary = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+        let mut temporary = temporary_file(folder).map_err(failed)?;
         temporary.write_all(&bytes).map_err(failed)?;
         temporary.persist(folder.join(&name)).map_err(|error| failed(error.error))?;
         warnings.add(path, "textures written beside the file", "the file names them", || name.clone());
@@ -136,16 +148,22 @@ impl SceneWriter<'_> {
             }
             self.count(0)?;
             self.string("")?;
-            self.count(STATE_BOOLS.len())?;
-            self.out.write_all(&STATE_BOOLS)?;
-            for values in [&STATE_ENUMS[..], &STATE_INTS[..]] {
+            let (mut bools, mut enums, mut floats) = (STATE_BOOLS, STATE_ENUMS, STATE_FLOATS);
+            if let Some(cutoff) = material.alpha_cutoff {
+                bools[alpha_test::ENABLED] = 1;
+                enums[alpha_test::FUNCTION] = alpha_test::GREATER_OR_EQUAL;
+                floats[alpha_test::VALUE] = cutoff;
+            }
+            self.count(bools.len())?;
+            self.out.write_all(&bools)?;
+            for values in [&enums[..], &STATE_INTS[..]] {
                 self.count(values.len())?;
                 for value in values {
                     self.out.write_all(&value.to_le_bytes())?;
                 }
             }
-            self.count(STATE_FLOATS.len())?;
-            self.floats(&STATE_FLOATS)?;
+            self.count(floats.len())?;
+            self.floats(&floats)?;
             self.count(STATE_VECTORS.len() / 4)?;
             self.floats(&STATE_VECTORS)?;
             self.count(STATE_BOOL4S.len() / 4)?;
@@ -169,9 +187,7 @@ impl SceneWriter<'_> {
         {
             lost.push("absorption");
         }
-        let source = material.texture.map(|texture| &self.scene.textures[texture as usize]);
-        let cutoff_read_back = source.filter(|source| source_has_alpha(source)).map(|_| ALPHA_CUTOFF);
-        if material.alpha_cutoff != cutoff_read_back {
+        if material.alpha_cutoff.is_some() && !self.layout.is_2014() {
             lost.push("alpha cutoff");
         }
         if !lost.is_empty() {

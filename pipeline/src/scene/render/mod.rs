@@ -52,7 +52,10 @@ impl RenderScene {
     ///   its material has none.
     ///
     /// # Errors
-    /// If the geometry has more than 2^32 - 1 vertices or triangles, or more memory is needed than allowed.
+    /// If the geometry has more than 2^32 - 2 vertices or triangles, or more memory is needed than allowed.
+    ///
+    /// # Panics
+    /// If an index of the scene (of a mesh, material or texture) leads nowhere; [`super::load`] makes no such scene.
     pub fn build(scene: Scene, options: &BuildOptions) -> Result<(RenderScene, Warnings), SceneError> {
         let files = FilesOfObjects::new(&scene);
         let mut warnings = Warnings::default();

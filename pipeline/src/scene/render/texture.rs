@@ -35,7 +35,7 @@ pub(super) fn decode_used(
             budget.take(file, &format!("the texels of {}", source.name()), bytes)?;
         }
     }
-    // A decoder may need its own buffer, of at most 16 bytes a texel, besides.
+    // What decoders need besides, while they run, is bounded by `limits`.
     let decoded: Vec<Option<Result<Texture, String>>> = sources
         .par_iter()
         .zip(sizes)
@@ -89,7 +89,8 @@ fn within_limits((width, height): (u32, u32)) -> Result<(u32, u32), String> {
 fn decode(source: &TextureSource) -> Result<Texture, String> {
     let image = pixels(source)?;
     let (width, height) = image.dimensions();
-    let texels = image.pixels().map(|pixel| pixel.0).collect();
+    // Four bytes a texel either way; the copy is only made where the decoder's list has room left over.
+    let texels = bytemuck::try_cast_vec(image.into_raw()).unwrap_or_else(|(_, bytes)| bytes.as_chunks().0.to_vec());
     Ok(Texture::new(source.name(), width, height, texels))
 }
 
@@ -106,16 +107,18 @@ fn pixels(source: &TextureSource) -> Result<RgbaImage, String> {
     }
 }
 
-/// Puts the mask's red channel in the image's alpha; masks of another size are read at the nearest texel.
+/// Puts the mask in the image's alpha: its own alpha where it is transparent anywhere, its red channel otherwise. Masks
+/// of another size are read at the nearest texel.
 fn mask_alpha(image: &mut RgbaImage, mask: &RgbaImage) {
+    let channel = if mask.pixels().any(|pixel| pixel.0[3] < u8::MAX) { 3 } else { 0 };
     let (width, height) = image.dimensions();
     let nearest = |at: u32, side: u32, mask_side: u32| {
         let texel = (2 * u64::from(at) + 1) * u64::from(mask_side) / (2 * u64::from(side));
         texel.min(u64::from(mask_side) - 1) as u32
     };
     for (x, y, pixel) in image.enumerate_pixels_mut() {
-        let [red, ..] = mask.get_pixel(nearest(x, width, mask.width()), nearest(y, height, mask.height())).0;
-        pixel.0[3] = red;
+        let texel = mask.get_pixel(nearest(x, width, mask.width()), nearest(y, height, mask.height()));
+        pixel.0[3] = texel.0[channel];
     }
 }
 
@@ -135,19 +138,25 @@ fn decoder<'a, R: BufRead + Seek + 'a>(
         .or_else(by_name)
         .ok_or("the image format is not known; valid: PNG, JPEG, TGA, TIFF, BMP, DDS")?;
     let mut reader = ImageReader::with_format(reader.into_inner(), format);
-    let mut limits = image::Limits::no_limits();
-    // The side is checked by `size`, which can say so better; this bounds what a decoder allocates by itself.
-    limits.max_alloc = Some(u64::from(MAX_SIDE) * u64::from(MAX_SIDE) * 16);
-    reader.limits(limits);
+    reader.limits(limits(0));
     reader.into_decoder().map_err(|error| error.to_string())
+}
+
+/// What a decoder may allocate by itself: 16 bytes a texel (the widest format), and some for its tables. The sides are
+/// checked by [`within_limits`], which can say so better.
+fn limits(texels: u64) -> image::Limits {
+    let mut limits = image::Limits::no_limits();
+    limits.max_alloc = Some((64 << 20) + 16 * texels);
+    limits
 }
 
 /// All pixels as 8-bit RGBA; 16-bit and floating-point channels are reduced.
 fn read<'a, R: BufRead + Seek + 'a>(bytes: R, path: Option<&Path>) -> Result<RgbaImage, String> {
-    let decoder = decoder(bytes, path)?;
+    let mut decoder = decoder(bytes, path)?;
+    let (width, height) = within_limits(decoder.dimensions())?;
+    decoder.set_limits(limits(u64::from(width) * u64::from(height))).map_err(|error| error.to_string())?;
     let image = image::DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
-    let image = image.into_rgba8();
-    if image.width() == 0 || image.height() == 0 { Err("the image is empty".to_owned()) } else { Ok(image) }
+    Ok(image.into_rgba8())
 }
 
 /// The bytes and the extension of a file that holds the texture: an embedded image as it is, two files put together
@@ -162,4 +171,9 @@ pub(in crate::scene) fn encoded(source: &TextureSource) -> Result<(Vec<u8>, &'st
     let mut png = Cursor::new(Vec::new());
     pixels(source)?.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string())?;
     Ok((png.into_inner(), "png"))
+}
+
+/// Whether an image file has an alpha channel, from its header alone; `false` where it cannot be read.
+pub(in crate::scene) fn image_has_alpha(path: &Path) -> bool {
+    open(path).and_then(|bytes| decoder(bytes, Some(path))).is_ok_and(|decoder| decoder.color_type().has_alpha())
 }
