@@ -1,6 +1,7 @@
 use super::CpuRays;
 use crate::effects::testing::{Shot, World, grid};
 use crate::sampling::hash::{pcg4d, unit};
+use crate::trace::{Bvh, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayCounts, RayJob, Shade};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
@@ -210,5 +211,29 @@ fn the_backend_describes_itself() {
     assert!(backend.device().contains("thread"));
     for program in TRACING {
         assert!(backend.supports(program, Thesis).is_ok() && backend.supports(program, Corrected).is_ok());
+    }
+}
+
+#[test]
+fn rays_that_leave_planes_through_the_origin_do_not_meet_them() {
+    // Along the normal every coordinate is 0 and so is its rounding error; the triangle test's is not.
+    for (x, y) in [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X), (Vec3::new(1.0, 1.0, 0.0), Vec3::Z)] {
+        let mut world = World::lit_along(Vec3::NEG_Z);
+        let paint = world.paint(Vec3::ONE);
+        world.quad(paint, Vec3::ZERO, x * 30.0, y * 7.0);
+        let geometry = &world.scene.geometry;
+        let bvh = Bvh::build(geometry, &[], Quality::default());
+        let mut met = 0;
+        for i in 0..100_000u32 {
+            let [a, b, c, d] = pcg4d([i, 1, 0, 0]).map(|bits| 2.0 * unit(bits) - 1.0);
+            let near = x * 30.0 * a + y * 7.0 * b;
+            let point = SurfacePoint::snap(geometry, i % 2, near);
+            let direction = (x * c + y * d + point.normal * unit(pcg4d([i, 2, 0, 0])[0]).powi(3)).normalize();
+            if direction.dot(point.normal) > 0.0 {
+                let ray = Ray { origin: point.spawn(direction), direction, t_min: 0.0, t_max: f32::INFINITY };
+                met += usize::from(bvh.occluded(&ray, |_| true));
+            }
+        }
+        assert_eq!(met, 0, "{x} {y}");
     }
 }
