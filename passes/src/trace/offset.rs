@@ -25,8 +25,8 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// The point of a triangle nearest in its plane to a position that was interpolated, stored or reconstructed, and so
-    /// lies near the triangle but not on it.
+    /// The projection onto a triangle of a position that was interpolated, stored or reconstructed, and so lies near the
+    /// triangle but not on it; a projection outside the triangle is drawn in to its border.
     ///
     /// # Panics
     /// If there is no such triangle.
