@@ -122,4 +122,4 @@ fn opaque(color: Vec3) -> [f32; 4] {
 }
 
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;

@@ -1,7 +1,7 @@
 //! Blocks of up to eight triangles and the watertight test of one ray against all of them.
 
 use super::Hit;
-use super::lanes::{F8, LANES, Mask, NO_LANES, first_lane, without_first};
+use super::lanes::{F8, LANES, Mask, NO_LANES, Simd, first_lane, without_first};
 use super::query::Query;
 use glam::Vec3;
 
@@ -16,14 +16,6 @@ pub(super) struct Block {
     corners: [[F8; 3]; 3],
     /// Triangle ids, with [`TRANSPARENT`].
     ids: [u32; LANES],
-}
-
-/// What the triangle test leaves in lanes for the few triangles that pass.
-struct Sheared {
-    /// Edge functions.
-    edges: [F8; 3],
-    /// Sheared corners `[corner][x, y]` and the distance along the main axis.
-    corners: [[F8; 3]; 3],
 }
 
 impl Block {
@@ -52,34 +44,34 @@ impl Block {
 
     /// The lanes whose bounds meet a box.
     #[inline(always)]
-    pub(super) fn overlapping(&self, low: &[f32; 3], high: &[f32; 3]) -> Mask {
-        let [a, b, c] = &self.corners;
-        let mut outside = F8::splat(0.0);
+    pub(super) fn overlapping<S: Simd>(&self, simd: S, low: &[f32; 3], high: &[f32; 3]) -> Mask {
+        let zero = simd.splat(0.0);
+        // The product is 0, or NaN in unused lanes.
+        let mut outside = simd.mul(simd.load(&self.corners[0][0]), zero);
         for axis in 0..3 {
-            let least = a[axis].min_or(b[axis]).min_or(c[axis]);
-            let most = a[axis].max_or(b[axis]).max_or(c[axis]);
-            outside = (least - F8::splat(high[axis])).max_or(F8::splat(low[axis]) - most).max_or(outside);
+            let a = simd.load(&self.corners[0][axis]);
+            let b = simd.load(&self.corners[1][axis]);
+            let c = simd.load(&self.corners[2][axis]);
+            let above = simd.sub(simd.min_or(simd.min_or(a, b), c), simd.splat(high[axis]));
+            let below = simd.sub(simd.splat(low[axis]), simd.max_or(simd.max_or(a, b), c));
+            outside = simd.max_or(simd.max_or(above, below), outside);
         }
-        // The difference is 0, or NaN in unused lanes.
-        (outside + (a[0] - a[0])).at_most(F8::splat(0.0))
+        simd.at_most(outside, zero)
     }
 
-    /// The lanes whose triangle the whole line may meet, sign tests only.
+    /// One corner of all triangles as the ray sees it: sheared, and the distance along the main axis.
     #[inline(always)]
-    fn test(&self, query: &Query) -> (Mask, Sheared) {
+    fn shear<S: Simd>(&self, simd: S, query: &Query, corner: usize) -> [S::Vector; 3] {
         let [x, y, z] = query.axes;
-        let [shear_x, shear_y, _] = query.shear.map(F8::splat);
-        let origin = query.origin.map(F8::splat);
-        let sheared = self.corners.each_ref().map(|corner| {
-            let along = corner[z] - origin[z];
-            [corner[x] - origin[x] - shear_x * along, corner[y] - origin[y] - shear_y * along, along]
-        });
-        let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = sheared;
-        let edges = [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax];
-        let least = edges[0].min_or(edges[1]).min_or(edges[2]);
-        let most = edges[0].max_or(edges[1]).max_or(edges[2]);
-        let zero = F8::splat(0.0);
-        (zero.at_most(least) | most.at_most(zero), Sheared { edges, corners: sheared })
+        let position = &self.corners[corner];
+        let along = simd.sub(simd.load(&position[z]), simd.splat(query.origin[z]));
+        let across_x = simd.sub(simd.load(&position[x]), simd.splat(query.origin[x]));
+        let across_y = simd.sub(simd.load(&position[y]), simd.splat(query.origin[y]));
+        [
+            simd.sub(across_x, simd.mul(simd.splat(query.shear[0]), along)),
+            simd.sub(across_y, simd.mul(simd.splat(query.shear[1]), along)),
+            along,
+        ]
     }
 
     /// Shows `found` the hits of the block with `t_min < t <= t_limit`, and stops when it returns true.
@@ -87,17 +79,33 @@ impl Block {
     /// `found` gets the hit and whether its triangle is transparent, and returns whether to stop; `t_limit` is what it
     /// left. Returns whether it stopped.
     #[inline(always)]
-    pub(super) fn intersect(
+    pub(super) fn intersect<S: Simd>(
         &self,
+        simd: S,
         query: &Query,
         t_limit: &mut f32,
         mut found: impl FnMut(Hit, bool, &mut f32) -> bool,
     ) -> bool {
-        let (mut lanes, sheared) = self.test(query);
+        let a = self.shear(simd, query, 0);
+        let b = self.shear(simd, query, 1);
+        let c = self.shear(simd, query, 2);
+        let edge_a = simd.sub(simd.mul(c[0], b[1]), simd.mul(c[1], b[0]));
+        let edge_b = simd.sub(simd.mul(a[0], c[1]), simd.mul(a[1], c[0]));
+        let edge_c = simd.sub(simd.mul(b[0], a[1]), simd.mul(b[1], a[0]));
+        let least = simd.min_or(simd.min_or(edge_a, edge_b), edge_c);
+        let most = simd.max_or(simd.max_or(edge_a, edge_b), edge_c);
+        let zero = simd.splat(0.0);
+        // Where all have one sign, the line meets the triangle, or zeros have to be looked at more closely.
+        let mut lanes = simd.at_most(zero, least) | simd.at_most(most, zero);
+        if lanes == NO_LANES {
+            return false;
+        }
+        let edges = [simd.store(edge_a), simd.store(edge_b), simd.store(edge_c)];
         while lanes != NO_LANES {
             let lane = first_lane(lanes);
             lanes = without_first(lanes);
-            let Some((t, u, v)) = self.solve(query, &sheared, lane, *t_limit) else { continue };
+            let edges = [edges[0].0[lane], edges[1].0[lane], edges[2].0[lane]];
+            let Some((t, u, v)) = self.solve(query, lane, edges, *t_limit) else { continue };
             let id = self.ids[lane];
             let hit = Hit { t, triangle: id & !TRANSPARENT, u, v };
             if found(hit, id & TRANSPARENT != 0, t_limit) {
@@ -108,41 +116,55 @@ impl Block {
     }
 
     /// Distance and barycentric coordinates in one lane that passed the sign tests.
+    ///
+    /// The edge functions say whether the triangle is hit. The distance comes from its plane in `f64`: from sheared
+    /// corners it would have an error that grows with the triangle, and rays would hit the large walls they start from.
     #[inline(always)]
-    fn solve(&self, query: &Query, sheared: &Sheared, lane: usize, t_limit: f32) -> Option<(f32, f32, f32)> {
-        let [a, b, c] = sheared.edges.map(|edge| edge.0[lane]);
-        let along = [0, 1, 2].map(|corner| sheared.corners[corner][2].0[lane]);
-        let (t, u, v) = if a == 0.0 || b == 0.0 || c == 0.0 {
-            solve_exactly(sheared, lane, along, query.shear[2])?
-        } else {
-            let determinant = a + b + c;
-            let t = (a * along[0] + b * along[1] + c * along[2]) * query.shear[2] / determinant;
-            (t, b / determinant, c / determinant)
-        };
-        if !(t > query.t_min && t <= t_limit) {
+    fn solve(&self, query: &Query, lane: usize, [a, b, c]: [f32; 3], t_limit: f32) -> Option<(f32, f32, f32)> {
+        let corners = [self.corner(0, lane), self.corner(1, lane), self.corner(2, lane)];
+        let t = query.plane_distance(&corners);
+        if !(t > query.t_min && t <= t_limit) && t.is_finite() {
             return None;
         }
-        // A distance below the entry of the triangle's own bounds is a rounding error; without it, no box around the
-        // triangle can be entered beyond its hit, and culling by distance never depends on the tree.
-        let corners = [0, 1, 2].map(|corner| [0, 1, 2].map(|axis| self.corners[corner][axis].0[lane]));
-        let entry = query.entry(&corners);
-        Some((if t < entry { entry } else { t }, u, v))
+        let (u, v) = if a == 0.0 || b == 0.0 || c == 0.0 {
+            solve_exactly(query, &corners)?
+        } else {
+            let determinant = a + b + c;
+            (b / determinant, c / determinant)
+        };
+        // The distance is kept within the triangle's own bounds: seen edge-on, the plane may be met anywhere. So no box
+        // around the triangle is entered beyond its hit, and culling by distance does not depend on the tree.
+        let (enter, leave) = query.interval(&corners);
+        let t = if t < leave { t } else { leave };
+        let t = if t < enter { enter } else { t };
+        (t > query.t_min && t <= t_limit).then_some((t, u, v))
+    }
+
+    #[inline(always)]
+    fn corner(&self, corner: usize, lane: usize) -> [f32; 3] {
+        let [x, y, z] = &self.corners[corner];
+        [x.0[lane], y.0[lane], z.0[lane]]
     }
 }
 
-/// The edge functions in `f64`, where products of `f32` are exact and the sign of their difference is right: what makes
-/// shared edges and vertices watertight. A rounded difference of rounded products has the right sign unless it is zero.
+/// The barycentric coordinates of corners 1 and 2 by edge functions in `f64`, where products of `f32` are exact and the
+/// sign of their difference is right: what makes shared edges and vertices watertight. In `f32`, the rounded difference of
+/// rounded products has the right sign unless it is zero.
 #[cold]
 #[inline(never)]
-fn solve_exactly(sheared: &Sheared, lane: usize, along: [f32; 3], scale: f32) -> Option<(f32, f32, f32)> {
-    let [[ax, ay], [bx, by], [cx, cy]] =
-        [0, 1, 2].map(|corner| [0, 1].map(|axis| f64::from(sheared.corners[corner][axis].0[lane])));
+fn solve_exactly(query: &Query, corners: &[[f32; 3]; 3]) -> Option<(f32, f32)> {
+    let [x, y, z] = query.axes;
+    // The operations of `Block::shear`, with the same results.
+    let [[ax, ay], [bx, by], [cx, cy]] = corners.map(|position| {
+        let along = position[z] - query.origin[z];
+        let across_x = position[x] - query.origin[x] - query.shear[0] * along;
+        let across_y = position[y] - query.origin[y] - query.shear[1] * along;
+        [f64::from(across_x), f64::from(across_y)]
+    });
     let [a, b, c] = [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax];
     let determinant = a + b + c;
     if (a < 0.0 || b < 0.0 || c < 0.0) && (a > 0.0 || b > 0.0 || c > 0.0) || determinant == 0.0 {
         return None;
     }
-    let [az, bz, cz] = along.map(f64::from);
-    let t = (a * az + b * bz + c * cz) / determinant * f64::from(scale);
-    Some((t as f32, (b / determinant) as f32, (c / determinant) as f32))
+    Some(((b / determinant) as f32, (c / determinant) as f32))
 }

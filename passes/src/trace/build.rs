@@ -16,7 +16,7 @@ const FREE_DEPTH: usize = 24;
 /// Levels of nodes at most: 2³¹ triangles cut into 8 equal parts until 8 are left take 10 levels.
 pub(super) const MAX_DEPTH: usize = FREE_DEPTH + 11;
 /// Every node on the way down leaves at most 7 siblings on the stack.
-const _: () = assert!(MAX_DEPTH * (LANES - 1) < super::dispatch::STACK);
+const _: () = assert!(MAX_DEPTH * (LANES - 1) < super::stack::STACK);
 
 /// Costs of the surface area heuristic: opening a node and testing a block, each one vector test of eight.
 const NODE_COST: f32 = 1.0;

@@ -2,11 +2,12 @@
 
 use super::block::{Block, TRANSPARENT};
 use super::build::{self, Effort, Input};
-use super::dispatch::{Detected, Lanes, Stack, Work};
+use super::dispatch::{Detected, Lanes, Work};
 use super::gather::CountOpen;
-use super::lanes::{F8, NO_LANES, first_lane, without_first};
+use super::lanes::{NO_LANES, Simd, first_lane, without_first};
 use super::node::{Child, Node};
 use super::query::{Bounds, Query};
+use super::stack::Stack;
 use super::{Hit, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
@@ -147,11 +148,9 @@ struct Closest<'a, A> {
     accept: A,
 }
 
-impl<A: FnMut(&Hit) -> bool> Work for Closest<'_, A> {
-    type Output = Option<Hit>;
-
+impl<A: FnMut(&Hit) -> bool> Work<Option<Hit>> for Closest<'_, A> {
     #[inline(always)]
-    fn run(mut self) -> Option<Hit> {
+    fn run<S: Simd>(mut self, simd: S) -> Option<Hit> {
         let bvh = self.bvh;
         let query = Query::new(self.ray, &bvh.bounds)?;
         let mut best: Option<Hit> = None;
@@ -163,7 +162,7 @@ impl<A: FnMut(&Hit) -> bool> Work for Closest<'_, A> {
         }
         loop {
             if current.is_block() {
-                bvh.blocks[current.index()].intersect(&query, &mut limit, |hit, transparent, limit| {
+                bvh.blocks[current.index()].intersect(simd, &query, &mut limit, |hit, transparent, limit| {
                     let nearer = match &best {
                         None => hit.t < *limit,
                         Some(best) => hit.t < best.t || hit.t == best.t && hit.triangle < best.triangle,
@@ -174,7 +173,7 @@ impl<A: FnMut(&Hit) -> bool> Work for Closest<'_, A> {
                     }
                     false
                 });
-            } else if let Some(next) = visit_ordered(&bvh.nodes[current.index()], &query, limit, &mut stack) {
+            } else if let Some(next) = visit_ordered(simd, &bvh.nodes[current.index()], &query, limit, &mut stack) {
                 current = next;
                 continue;
             }
@@ -193,18 +192,18 @@ impl<A: FnMut(&Hit) -> bool> Work for Closest<'_, A> {
 ///
 /// An entry is the bits of the distance, which order as the distance does since it is not negative, above the child.
 #[inline(always)]
-fn visit_ordered(node: &Node, query: &Query, limit: f32, stack: &mut Stack) -> Option<Child> {
-    let (enter, leave) = query.slabs(&node.planes);
-    let mut lanes = enter.at_most(leave.min_or(F8::splat(limit)));
+fn visit_ordered<S: Simd>(simd: S, node: &Node, query: &Query, limit: f32, stack: &mut Stack) -> Option<Child> {
+    let (mut lanes, enter) = query.slabs(simd, &node.planes, limit);
     if lanes == NO_LANES {
         return None;
     }
-    let entry = |lane: usize| u64::from(enter.0[lane].to_bits()) << 32 | u64::from(node.children[lane].0);
     let first = first_lane(lanes);
     lanes = without_first(lanes);
     if lanes == NO_LANES {
         return Some(node.children[first]);
     }
+    let enter = simd.store(enter);
+    let entry = |lane: usize| u64::from(enter.0[lane].to_bits()) << 32 | u64::from(node.children[lane].0);
     let mut nearest = entry(first);
     let start = stack.len();
     while lanes != NO_LANES {
@@ -225,32 +224,36 @@ struct Occluded<'a, A> {
     accept: A,
 }
 
-impl<A: FnMut(&Hit) -> bool> Work for Occluded<'_, A> {
-    type Output = bool;
-
+impl<A: FnMut(&Hit) -> bool> Work<bool> for Occluded<'_, A> {
     #[inline(always)]
-    fn run(mut self) -> bool {
+    fn run<S: Simd>(mut self, simd: S) -> bool {
         match Query::new(self.ray, &self.bvh.bounds) {
-            Some(query) => occluded(self.bvh, &query, &mut self.accept),
+            Some(query) => occluded(simd, self.bvh, self.bvh.root, &query, &mut self.accept),
             None => false,
         }
     }
 }
 
-/// Whether a prepared ray hits anything that `accept` takes.
+/// Whether a prepared ray hits anything below `entry` that `accept` takes.
 #[inline(always)]
-pub(super) fn occluded(bvh: &Bvh, query: &Query, accept: &mut impl FnMut(&Hit) -> bool) -> bool {
+pub(super) fn occluded<S: Simd>(
+    simd: S,
+    bvh: &Bvh,
+    entry: Child,
+    query: &Query,
+    accept: &mut impl FnMut(&Hit) -> bool,
+) -> bool {
     let mut stack = Stack::new();
-    let mut current = bvh.root;
+    let mut current = entry;
     if current == Child::NONE {
         return false;
     }
     loop {
         if current.is_block() {
-            if blocked(&bvh.blocks[current.index()], query, accept) {
+            if blocked(simd, &bvh.blocks[current.index()], query, accept) {
                 return true;
             }
-        } else if let Some(next) = visit(&bvh.nodes[current.index()], query, &mut stack) {
+        } else if let Some(next) = visit(simd, &bvh.nodes[current.index()], query, &mut stack) {
             current = next;
             continue;
         }
@@ -263,16 +266,16 @@ pub(super) fn occluded(bvh: &Bvh, query: &Query, accept: &mut impl FnMut(&Hit) -
 
 /// Whether a triangle of the block stops the ray.
 #[inline(always)]
-pub(super) fn blocked(block: &Block, query: &Query, accept: &mut impl FnMut(&Hit) -> bool) -> bool {
+pub(super) fn blocked<S: Simd>(simd: S, block: &Block, query: &Query, accept: &mut impl FnMut(&Hit) -> bool) -> bool {
     let mut limit = query.t_max;
-    block.intersect(query, &mut limit, |hit, transparent, _| hit.t < query.t_max && (!transparent || accept(&hit)))
+    block
+        .intersect(simd, query, &mut limit, |hit, transparent, _| hit.t < query.t_max && (!transparent || accept(&hit)))
 }
 
 /// Pushes the children that the ray meets, and returns one of them instead of pushing it.
 #[inline(always)]
-fn visit(node: &Node, query: &Query, stack: &mut Stack) -> Option<Child> {
-    let (enter, leave) = query.slabs(&node.planes);
-    let mut lanes = enter.at_most(leave.min_or(F8::splat(query.t_max)));
+fn visit<S: Simd>(simd: S, node: &Node, query: &Query, stack: &mut Stack) -> Option<Child> {
+    let (mut lanes, _) = query.slabs(simd, &node.planes, query.t_max);
     if lanes == NO_LANES {
         return None;
     }

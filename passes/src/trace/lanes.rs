@@ -1,19 +1,15 @@
-//! Eight numbers at a time, written so that LLVM turns each operation into one vector instruction.
-//!
-//! Nothing here is fused or reassociated, so every instruction set gives the same bits.
-
-use std::ops::{Add, Mul, Sub};
+//! Eight numbers at a time. Nothing is fused or reassociated, so every instruction set gives the same bits.
 
 /// Triangles in a block and children of a node.
 pub(super) const LANES: usize = 8;
 
-/// Eight floats.
+/// Eight floats in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(32))]
 pub(super) struct F8(pub(super) [f32; LANES]);
 
-/// One byte a lane, lane 0 lowest; a byte is 1 where the condition holds.
-pub(super) type Mask = u64;
+/// One bit a lane, lane 0 lowest.
+pub(super) type Mask = u32;
 
 /// A mask without lanes.
 pub(super) const NO_LANES: Mask = 0;
@@ -21,7 +17,7 @@ pub(super) const NO_LANES: Mask = 0;
 /// The lowest lane of a mask that is not empty.
 #[inline(always)]
 pub(super) fn first_lane(mask: Mask) -> usize {
-    (mask.trailing_zeros() >> 3) as usize & (LANES - 1)
+    mask.trailing_zeros() as usize & (LANES - 1)
 }
 
 /// The mask without its lowest lane.
@@ -30,71 +26,82 @@ pub(super) fn without_first(mask: Mask) -> Mask {
     mask & mask.wrapping_sub(1)
 }
 
-/// The mask of a condition per lane.
+/// Eight floats in registers, and what an instruction set does with them.
+///
+/// A value of the implementing type is the proof that the processor has the instruction set. Functions that use it are
+/// `#[inline(always)]` up to the one that is compiled for the instruction set, and hand no vector to a closure.
+pub(super) trait Simd: Copy {
+    type Vector: Copy;
+    fn load(self, values: &F8) -> Self::Vector;
+    fn store(self, vector: Self::Vector) -> F8;
+    fn splat(self, value: f32) -> Self::Vector;
+    fn sub(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    fn mul(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a > b ? a : b`: `b` where either is NaN.
+    fn max_or(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a < b ? a : b`: `b` where either is NaN.
+    fn min_or(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// Where `a <= b`; not where either is NaN.
+    fn at_most(self, a: Self::Vector, b: Self::Vector) -> Mask;
+}
+
+/// Plain loops over arrays.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plain;
+
 #[inline(always)]
-pub(super) fn mask(condition: impl Fn(usize) -> bool) -> Mask {
-    let mut bytes = [0_u8; LANES];
-    for (lane, byte) in bytes.iter_mut().enumerate() {
-        *byte = u8::from(condition(lane));
+fn zip(a: F8, b: F8, operation: impl Fn(f32, f32) -> f32) -> F8 {
+    let mut result = a.0;
+    for (lane, value) in result.iter_mut().enumerate() {
+        *value = operation(a.0[lane], b.0[lane]);
     }
-    u64::from_le_bytes(bytes)
+    F8(result)
 }
 
-impl F8 {
-    /// The same number in every lane.
+impl Simd for Plain {
+    type Vector = F8;
+
     #[inline(always)]
-    pub(super) fn splat(value: f32) -> Self {
-        Self([value; LANES])
+    fn load(self, values: &F8) -> F8 {
+        *values
     }
 
     #[inline(always)]
-    fn zip(self, other: Self, operation: impl Fn(f32, f32) -> f32) -> Self {
-        let mut result = self.0;
-        for (lane, value) in result.iter_mut().enumerate() {
-            *value = operation(self.0[lane], other.0[lane]);
+    fn store(self, vector: F8) -> F8 {
+        vector
+    }
+
+    #[inline(always)]
+    fn splat(self, value: f32) -> F8 {
+        F8([value; LANES])
+    }
+
+    #[inline(always)]
+    fn sub(self, a: F8, b: F8) -> F8 {
+        zip(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn mul(self, a: F8, b: F8) -> F8 {
+        zip(a, b, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn max_or(self, a: F8, b: F8) -> F8 {
+        zip(a, b, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn min_or(self, a: F8, b: F8) -> F8 {
+        zip(a, b, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn at_most(self, a: F8, b: F8) -> Mask {
+        let mut mask = NO_LANES;
+        for lane in 0..LANES {
+            mask |= Mask::from(a.0[lane] <= b.0[lane]) << lane;
         }
-        Self(result)
-    }
-
-    /// The larger number; `other` where either is NaN (the semantics of the x86 instruction).
-    #[inline(always)]
-    pub(super) fn max_or(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a > b { a } else { b })
-    }
-
-    /// The smaller number; `other` where either is NaN (the semantics of the x86 instruction).
-    #[inline(always)]
-    pub(super) fn min_or(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a < b { a } else { b })
-    }
-
-    /// Where `self <= other`; false where either is NaN.
-    #[inline(always)]
-    pub(super) fn at_most(self, other: Self) -> Mask {
-        mask(|lane| self.0[lane] <= other.0[lane])
-    }
-}
-
-impl Add for F8 {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.zip(other, |a, b| a + b)
-    }
-}
-
-impl Sub for F8 {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.zip(other, |a, b| a - b)
-    }
-}
-
-impl Mul for F8 {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.zip(other, |a, b| a * b)
+        mask
     }
 }

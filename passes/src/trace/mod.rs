@@ -16,6 +16,9 @@ mod lanes;
 mod node;
 mod offset;
 mod query;
+mod stack;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 pub use brute::BruteForce;
 pub use bvh::{Bvh, Quality};

@@ -9,6 +9,10 @@ use glam::{DVec3, Vec3};
 /// combinations of scale and distance from the origin, 8 units left a few self-intersections and 16 none.
 const UNITS: f32 = 32.0;
 
+/// Units of rounding error of the triangle test for each unit of distance to the farthest corner, relative to [`UNITS`]: the
+/// test sees the corners from the ray's origin, so it errs even where the coordinates along the normal are exactly 0.
+const REACH: f64 = 0.5;
+
 /// A point on a triangle, with what is known of its error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
@@ -21,8 +25,8 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// The point of a triangle nearest in its plane to a position that was interpolated, stored or reconstructed, and so
-    /// lies near the triangle but not on it.
+    /// The projection onto a triangle of a position that was interpolated, stored or reconstructed, and so lies near the
+    /// triangle but not on it; a projection outside the triangle is drawn in to its border.
     ///
     /// # Panics
     /// If there is no such triangle.
@@ -56,13 +60,15 @@ impl SurfacePoint {
         let (e1, e2) = (b - a, c - a);
         let normal = e1.cross(e2).normalize_or_zero();
         let magnitude = a.abs() + (u * e1).abs() + (v * e2).abs();
-        let error = normal.abs().dot(magnitude) as f32 * UNIT_ROUNDOFF;
         let position: DVec3 = a + u * e1 + v * e2;
+        let reach = [a, b, c].map(|corner| (corner - position).abs().max_element()).into_iter().fold(0.0, f64::max);
+        let error = (normal.abs().dot(magnitude) + REACH * reach) as f32 * UNIT_ROUNDOFF;
         Self { position: position.as_vec3(), normal: normal.as_vec3(), error }
     }
 
     /// The origin of a ray that leaves in `direction`: off the plane to the side the ray leaves on, by 32 times
-    /// 2⁻²⁴ Σ |nᵢ| (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|), the error of the point along the normal.
+    /// 2⁻²⁴ (Σ |nᵢ| (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r / 2), where r is the largest coordinate distance to a corner: the errors of
+    /// the point along the normal and of the triangle test.
     ///
     /// There is no fixed distance in it: it scales with the scene. Surfaces nearer than the offset are not seen.
     #[must_use]

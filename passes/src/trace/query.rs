@@ -1,8 +1,8 @@
 //! What is computed once per ray: the shear of the triangle test and the padded slabs of the box test.
 
 use super::Ray;
-use super::lanes::F8;
-use glam::Vec3;
+use super::lanes::{F8, Mask, Simd};
+use glam::{DVec3, Vec3};
 
 /// Unit roundoff of `f32`.
 pub(super) const UNIT_ROUNDOFF: f32 = 1.0 / 16_777_216.0;
@@ -43,6 +43,7 @@ impl Bounds {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Query {
     pub(super) origin: [f32; 3],
+    direction: [f32; 3],
     /// The two other axes and the axis along which the direction is longest.
     pub(super) axes: [usize; 3],
     /// `d.x/d.z`, `d.y/d.z` and `1/d.z` in permuted axes.
@@ -61,77 +62,105 @@ impl Query {
     /// Prepares a ray; nothing if it cannot hit anything (not finite, no direction, an empty interval).
     #[inline(always)]
     pub(super) fn new(ray: &Ray, scene: &Bounds) -> Option<Self> {
-        if !(ray.origin.is_finite() && ray.direction.is_finite() && ray.t_min < ray.t_max && ray.t_max > 0.0) {
+        let zero_or_nan = (ray.origin * 0.0 + ray.direction * 0.0).element_sum();
+        if !(zero_or_nan == 0.0 && ray.t_min < ray.t_max && ray.t_max > 0.0) {
             return None;
         }
         // Components whose reciprocal would overflow count as zero, in both tests alike.
-        let direction = ray.direction.to_array().map(|d| if d.abs() < f32::MIN_POSITIVE { d * 0.0 } else { d });
-        let length = direction.map(f32::abs);
-        let z = if length[0] > length[1] {
-            if length[0] > length[2] { 0 } else { 2 }
-        } else if length[1] > length[2] {
-            1
-        } else {
-            2
-        };
-        if length[z] == 0.0 {
+        let flush = |d: f32| if d.abs() < f32::MIN_POSITIVE { d * 0.0 } else { d };
+        let direction = Vec3::new(flush(ray.direction.x), flush(ray.direction.y), flush(ray.direction.z));
+        let length = direction.abs();
+        let longest = length.max_element();
+        if longest == 0.0 {
             return None;
         }
-        let [x, y] = [[1, 2], [2, 0], [0, 1]][z];
-        let inverse = direction.map(|d| 1.0 / d);
+        let (x, y, z) = if length.x == longest {
+            (1, 2, 0)
+        } else if length.y == longest {
+            (2, 0, 1)
+        } else {
+            (0, 1, 2)
+        };
+        let inverse = direction.recip();
         let shear = [direction[x] / direction[z], direction[y] / direction[z], inverse[z]];
 
         // Finite, or the planes of unused lanes, which are infinite, would give NaN.
         let reach = (scene.low - ray.origin).abs().max((scene.high - ray.origin).abs()).min(Vec3::splat(1.0e30));
         let pad = (reach + Vec3::splat(reach[z])) * (8.0 * UNIT_ROUNDOFF) + ray.origin.abs() * (2.0 * UNIT_ROUNDOFF);
-        let toward = Vec3::from_array(inverse.map(|i| 1.0_f32.copysign(i))) * pad;
-        let backward = inverse.map(|i| usize::from(i.is_sign_negative()));
+        let toward = pad.copysign(inverse);
         // Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013: the far distance grows by twice the error of a slab, 6 u.
-        let far_inverse = inverse.map(|i| i * (1.0 + 8.0 * UNIT_ROUNDOFF));
+        let far_inverse = inverse * (1.0 + 8.0 * UNIT_ROUNDOFF);
+        let backward = |i: f32| usize::from(i.is_sign_negative());
         Some(Self {
             origin: ray.origin.to_array(),
+            direction: direction.to_array(),
             axes: [x, y, z],
             shear,
             // Adding zero turns -0 into 0: entry distances are compared by their bits.
             t_min: ray.t_min.max(0.0) + 0.0,
             t_max: ray.t_max,
-            backward,
+            backward: [backward(inverse.x), backward(inverse.y), backward(inverse.z)],
             near_origin: (ray.origin + toward).to_array(),
             far_origin: (ray.origin - toward).to_array(),
-            near_inverse: inverse,
-            far_inverse,
+            near_inverse: inverse.to_array(),
+            far_inverse: far_inverse.to_array(),
         })
     }
 
-    /// Where the ray enters and leaves eight boxes, given as planes `[low, high][axis]`; entering is never below `t_min`.
+    /// The lanes of boxes, given as planes `[low, high][axis]`, that the ray is in somewhere between `t_min` and
+    /// `t_limit`, and where it enters the boxes, which is never below `t_min`.
     ///
     /// A direction of zero along an axis gives infinite distances, or `0 * inf = NaN` for a plane through the padded
     /// origin, which the operand order of the comparisons drops: such a slab does not restrict the ray.
     #[inline(always)]
-    pub(super) fn slabs(&self, planes: &[[F8; 3]; 2]) -> (F8, F8) {
-        let mut enter = F8::splat(self.t_min);
-        let mut leave = F8::splat(f32::INFINITY);
+    pub(super) fn slabs<S: Simd>(&self, simd: S, planes: &[[F8; 3]; 2], t_limit: f32) -> (Mask, S::Vector) {
+        let [near_x, near_y, near_z] = [self.backward[0] & 1, self.backward[1] & 1, self.backward[2] & 1];
+        let mut enter = simd.splat(self.t_min);
+        enter = simd.max_or(self.near(simd, 0, &planes[near_x][0]), enter);
+        enter = simd.max_or(self.near(simd, 1, &planes[near_y][1]), enter);
+        enter = simd.max_or(self.near(simd, 2, &planes[near_z][2]), enter);
+        let mut leave = simd.splat(t_limit);
+        leave = simd.min_or(self.far(simd, 0, &planes[1 - near_x][0]), leave);
+        leave = simd.min_or(self.far(simd, 1, &planes[1 - near_y][1]), leave);
+        leave = simd.min_or(self.far(simd, 2, &planes[1 - near_z][2]), leave);
+        (simd.at_most(enter, leave), enter)
+    }
+
+    #[inline(always)]
+    fn near<S: Simd>(&self, simd: S, axis: usize, planes: &F8) -> S::Vector {
+        let from_origin = simd.sub(simd.load(planes), simd.splat(self.near_origin[axis]));
+        simd.mul(from_origin, simd.splat(self.near_inverse[axis]))
+    }
+
+    #[inline(always)]
+    fn far<S: Simd>(&self, simd: S, axis: usize, planes: &F8) -> S::Vector {
+        let from_origin = simd.sub(simd.load(planes), simd.splat(self.far_origin[axis]));
+        simd.mul(from_origin, simd.splat(self.far_inverse[axis]))
+    }
+
+    /// The interval in which [`Self::slabs`] says that the ray is in the bounds of a triangle, by the same operations, so
+    /// that the interval of a box around those bounds contains it.
+    #[inline(always)]
+    pub(super) fn interval(&self, [a, b, c]: &[[f32; 3]; 3]) -> (f32, f32) {
+        let (mut enter, mut leave) = (self.t_min, f32::INFINITY);
         for axis in 0..3 {
-            let side = self.backward[axis] & 1;
-            let near = (planes[side][axis] - F8::splat(self.near_origin[axis])) * F8::splat(self.near_inverse[axis]);
-            let far = (planes[1 - side][axis] - F8::splat(self.far_origin[axis])) * F8::splat(self.far_inverse[axis]);
-            enter = near.max_or(enter);
-            leave = far.min_or(leave);
+            let least = a[axis].min(b[axis]).min(c[axis]);
+            let most = a[axis].max(b[axis]).max(c[axis]);
+            let (near, far) = if self.backward[axis] == 0 { (least, most) } else { (most, least) };
+            let near = (near - self.near_origin[axis]) * self.near_inverse[axis];
+            let far = (far - self.far_origin[axis]) * self.far_inverse[axis];
+            enter = if near > enter { near } else { enter };
+            leave = if far < leave { far } else { leave };
         }
         (enter, leave)
     }
 
-    /// The distance at which [`Self::slabs`] says that the ray enters the bounds of a triangle: the same operations, so
-    /// that it is never below the entry of a box around those bounds.
+    /// Where the ray meets the plane of a triangle, computed in `f64`; not finite where it is parallel to it.
     #[inline(always)]
-    pub(super) fn entry(&self, corners: &[[f32; 3]; 3]) -> f32 {
-        let mut enter = self.t_min;
-        for axis in 0..3 {
-            let [a, b, c] = corners.map(|corner| corner[axis]);
-            let plane = if self.backward[axis] == 0 { a.min(b).min(c) } else { a.max(b).max(c) };
-            let near = (plane - self.near_origin[axis]) * self.near_inverse[axis];
-            enter = if near > enter { near } else { enter };
-        }
-        enter
+    pub(super) fn plane_distance(&self, [a, b, c]: &[[f32; 3]; 3]) -> f32 {
+        let point = |p: &[f32; 3]| DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
+        let a = point(a);
+        let normal = (point(b) - a).cross(point(c) - a);
+        (normal.dot(a - point(&self.origin)) / normal.dot(point(&self.direction))) as f32
     }
 }

@@ -16,23 +16,27 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let key = pixel_key(pixel.x, pixel.y, pass.job.seed);
     if pass.is_glass(triangle) {
         let shade = |hit: &Hit, surface: &Surface, key: u32, work: &mut Workspace| {
-            let color = pass.lit_color(hit, surface.normal);
-            if color == Vec3::ZERO { color } else { color * visibility(pass, surface, surface.facing, key, work) }
+            visible(pass, pass.lit_color(hit, surface.normal), surface, surface.facing, key, work)
         };
         return opaque(Glass { pass, shade }.blend(&surface, view, 0, key, work));
     }
     // The colour was lit by the stored normal, so the side that it looks to is the one to be shadowed.
     let lit_side = if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing };
-    opaque(Vec4::from_array(color).truncate() * visibility(pass, &surface, lit_side, key, work))
+    opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, lit_side, key, work))
 }
 
-/// Light share times ambient occlusion.
-fn visibility<T: Tracer, C: Coverage>(
+/// A colour times the light's share and ambient occlusion. Black stays black, without a ray.
+fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
+    color: Vec3,
     surface: &Surface,
     lit_side: Vec3,
     key: u32,
     work: &mut Workspace,
-) -> f32 {
-    pass.light_share(surface, lit_side, work) * pass.occlusion(surface, key, work, |hit| pass.stops_light(hit))
+) -> Vec3 {
+    if color == Vec3::ZERO {
+        return color;
+    }
+    let light = pass.light_share(surface, lit_side, work);
+    color * light * pass.occlusion(surface, key, work, |hit| pass.stops_light(hit))
 }

@@ -33,8 +33,14 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3>
     /// weights. A branch of weight 0 is not traced.
     pub fn blend(&self, surface: &Surface, view: Vec3, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {
         let index = self.pass.job.params.index;
-        let normal = surface.interface_normal(view);
-        let interface = fresnel(-normal.dot(view), index);
+        let split = |normal: Vec3| {
+            let interface = fresnel(-normal.dot(view), index);
+            (normal, interface, interface.refract(view, normal, index))
+        };
+        let bent = split(surface.interface_normal(view));
+        // Refracted back to the viewer's side, which a bent normal can do for an index below 1: the flat surface serves.
+        let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
+        let (normal, interface, refracted) = if returns { split(surface.facing) } else { bent };
         let mut color = Vec3::ZERO;
         if interface.reflectance > 0.0 {
             work.rays.reflected += 1;
@@ -42,7 +48,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3>
             let radiance = self.radiance(surface, direction, bounces, path_key(key, REFLECTED), work);
             color += interface.reflectance * radiance;
         }
-        if let Some(direction) = interface.refract(view, normal, index) {
+        if let Some(direction) = refracted {
             work.rays.refracted += 1;
             let radiance = self.radiance(surface, direction, bounces, path_key(key, REFRACTED), work);
             color += (1.0 - interface.reflectance) * radiance;

@@ -1,1 +1,314 @@
-//! Closed forms.
+use crate::effects::testing::{Shot, World, grid};
+use crate::trace::{Hit, Ray, Tracer};
+use curitiba_pipeline::backend::{GBuffer, RayCounts, RayJob};
+use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
+use curitiba_pipeline::programs::{RayParams, RayProgram, Sampler};
+use glam::{Mat3, Vec3};
+use std::f32::consts::PI;
+
+const LINEAR: RayParams = RayParams { intensity: 1.0, radius: 1.0, ..DEFAULTS };
+const DEFAULTS: RayParams =
+    RayParams { samples: 100, radius: 0.5, intensity: 1.6, index: 1.1, depth: 5, sampler: Sampler::Sobol };
+
+fn occlusion(shot: &Shot<'_>, fidelity: Fidelity, params: RayParams) -> (Vec<f32>, RayCounts) {
+    let (pixels, rays) = shot.run(RayProgram::Ssao, fidelity, params);
+    assert_eq!(rays.total(), rays.occlusion);
+    (pixels.iter().map(|pixel| pixel[0]).collect(), rays)
+}
+
+fn mean(values: &[f32]) -> f64 {
+    values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64
+}
+
+/// A floor in z = 0 seen from above, and the material it is made of.
+fn floor() -> (World, u32) {
+    let mut world = World::lit_along(Vec3::NEG_Z);
+    let paint = world.paint(Vec3::splat(0.5));
+    world.quad(paint, Vec3::ZERO, Vec3::X * 9.0, Vec3::Y * 9.0);
+    (world, paint)
+}
+
+const EYE: Vec3 = Vec3::new(0.2, 0.1, 0.9);
+
+#[test]
+fn the_defaults_here_are_the_programs_defaults() {
+    assert_eq!(DEFAULTS, RayParams::default());
+}
+
+#[test]
+fn a_plane_under_the_open_sky_is_exactly_open() {
+    let (world, _) = floor();
+    let shot = Shot::of(&world, EYE, grid(8, Vec3::ZERO, Vec3::X, Vec3::Y));
+    for sampler in [Sampler::Sobol, Sampler::Strata] {
+        let (values, rays) = occlusion(&shot, Corrected, RayParams { sampler, ..DEFAULTS });
+        assert_eq!(values, [1.0; 64]);
+        assert_eq!(rays.occlusion, 6400);
+    }
+}
+
+#[test]
+fn a_parallel_plane_blocks_all_but_the_flattest_directions() {
+    // At height h the plane is met within the radius where the cosine is above h / radius; the open share is its square.
+    for height in [0.25f32, 0.5, 0.75, 1.25] {
+        let (mut world, paint) = floor();
+        world.quad(paint, Vec3::Z * height, Vec3::X * 9.0, Vec3::NEG_Y * 9.0);
+        let eye = Vec3::new(0.2, 0.1, 0.2);
+        let shot = Shot::of(&world, eye, grid(30, Vec3::ZERO, Vec3::X * 0.5, Vec3::Y * 0.5));
+        let expected = f64::from(height.min(1.0)).powi(2);
+        for sampler in [Sampler::Sobol, Sampler::Strata] {
+            let (values, _) = occlusion(&shot, Corrected, RayParams { samples: 64, sampler, ..LINEAR });
+            assert!((mean(&values) - expected).abs() < 2e-3, "{height}: {} {expected}", mean(&values));
+        }
+    }
+}
+
+/// Openness at distance `c` (of the radius) from a perpendicular wall.
+fn beside_wall(c: f64) -> f64 {
+    1.0 - (c.acos() - c * (1.0 - c * c).sqrt()) / std::f64::consts::PI
+}
+
+/// A floor, and a wall at x = 0 that rises from it.
+fn wall() -> World {
+    let (mut world, paint) = floor();
+    world.quad(paint, Vec3::ZERO, Vec3::Y * 9.0, Vec3::Z * 9.0);
+    world
+}
+
+#[test]
+fn a_perpendicular_wall_gives_the_closed_form_at_every_distance() {
+    for (c, table) in
+        [(0.1, 0.563_556), (0.25, 0.657_481), (0.5, 0.804_499), (0.75, 0.927_853), (0.9, 0.981_307), (0.99, 0.999_401)]
+    {
+        let expected = beside_wall(c);
+        assert!((expected - table).abs() < 1e-4, "{c}: {expected}");
+        let world = wall();
+        let targets = (0..400).map(|i| Vec3::new(c as f32, -0.5 + i as f32 / 400.0, 0.0));
+        let shot = Shot::of(&world, Vec3::new(0.5, 0.1, 0.9), targets);
+        for sampler in [Sampler::Sobol, Sampler::Strata] {
+            let (values, _) = occlusion(&shot, Corrected, RayParams { samples: 64, sampler, ..LINEAR });
+            assert!((mean(&values) - expected).abs() < 4e-3, "{c}: {} {expected}", mean(&values));
+        }
+    }
+}
+
+#[test]
+fn the_error_beside_a_wall_is_that_of_the_best_known_samplers() {
+    let world = wall();
+    let targets = grid(100, Vec3::new(0.3, 0.0, 0.0), Vec3::X * 1e-6, Vec3::Y * 0.5);
+    let shot = Shot::of(&world, Vec3::new(0.5, 0.1, 0.9), targets).rows(100);
+    let expected = beside_wall(0.3);
+    // Independent samples have 0.116 here, and the polar map 0.051 and 0.0728.
+    for (sampler, limit) in [(Sampler::Sobol, 0.047), (Sampler::Strata, 0.055)] {
+        let (values, _) = occlusion(&shot, Corrected, RayParams { samples: 16, sampler, ..LINEAR });
+        let square = values.iter().map(|v| (f64::from(*v) - expected).powi(2)).sum::<f64>() / values.len() as f64;
+        let bias = mean(&values) - expected;
+        println!("{sampler:?}: RMSE {:.4}, bias {bias:.1e}", square.sqrt());
+        assert!(square.sqrt() <= limit, "{sampler:?}: RMSE {}", square.sqrt());
+        assert!(bias.abs() < 1e-3, "{sampler:?}: bias {bias}");
+    }
+}
+
+/// A sphere over a floor, without its tessellation.
+struct Sphere {
+    center: Vec3,
+    radius: f32,
+}
+
+impl Tracer for Sphere {
+    fn closest(&self, _: &Ray, _: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        unreachable!("occlusion only asks whether something is in the way")
+    }
+
+    fn occluded(&self, ray: &Ray, _: impl FnMut(&Hit) -> bool) -> bool {
+        let to = (self.center - ray.origin).as_dvec3();
+        let along = to.dot(ray.direction.as_dvec3());
+        along > 0.0 && to.length_squared() - along * along < f64::from(self.radius).powi(2)
+    }
+}
+
+#[test]
+fn a_sphere_takes_its_cosine_weighted_solid_angle() {
+    let (world, _) = floor();
+    for (radius, height, x, table) in
+        [(1.0f32, 2.0f32, 0.0f32, 0.75f32), (1.0, 1.5, 0.5, 0.620_527), (1.0, 1.5, 2.0, 0.904)]
+    {
+        let expected = 1.0 - radius * radius * height / (x * x + height * height).powf(1.5);
+        assert!((expected - table).abs() < 1e-4);
+        let sphere = Sphere { center: Vec3::new(-x, 0.0, height), radius };
+        let shot = Shot::of(&world, EYE, grid(30, Vec3::ZERO, Vec3::X * 1e-5, Vec3::Y * 1e-5));
+        let params = RayParams { samples: 64, radius: 1e6, ..LINEAR };
+        let (pixels, _) = shot.run_on(&sphere, &shot.job(RayProgram::Ssao, Corrected, params));
+        let values: Vec<f32> = pixels.iter().map(|pixel| pixel[0]).collect();
+        assert!((mean(&values) - f64::from(expected)).abs() < 2e-3, "{} {expected}", mean(&values));
+    }
+}
+
+#[test]
+fn intensity_is_the_exponent_and_zero_samples_switch_occlusion_off() {
+    let world = wall();
+    let shot = Shot::of(&world, EYE, [Vec3::new(0.3, 0.0, 0.0)]);
+    let (linear, _) = occlusion(&shot, Corrected, LINEAR);
+    assert!((0.5..0.9).contains(&linear[0]));
+    let (squared, _) = occlusion(&shot, Corrected, RayParams { intensity: 2.0, ..LINEAR });
+    assert!((squared[0] - linear[0] * linear[0]).abs() < 1e-6);
+    for fidelity in [Corrected, Thesis] {
+        let (off, rays) = occlusion(&shot, fidelity, RayParams { samples: 0, ..LINEAR });
+        assert_eq!((off, rays.total()), (vec![1.0], 0));
+    }
+}
+
+#[test]
+fn directions_below_the_triangle_are_blocked_without_a_ray() {
+    // A shading normal tilted by α leaves (1 + cos α) / 2 of its cosine-weighted hemisphere above the triangle.
+    let tilt = 50f32.to_radians();
+    let (mut world, _) = floor();
+    world.bend_normals(Vec3::new(tilt.sin(), 0.0, tilt.cos()));
+    let shot = Shot::of(&world, EYE, grid(30, Vec3::ZERO, Vec3::X, Vec3::Y));
+    let (values, rays) = occlusion(&shot, Corrected, RayParams { samples: 64, ..LINEAR });
+    let expected = f64::from((1.0 + tilt.cos()) / 2.0);
+    assert!((mean(&values) - expected).abs() < 2e-3, "{} {expected}", mean(&values));
+    assert_eq!(rays.occlusion, (mean(&values) * 900.0 * 64.0).round() as u64, "every traced ray is open here");
+    // As written they are traced from above the surface through it: nothing stops them.
+    let (thesis, rays) = occlusion(&shot, Thesis, RayParams { samples: 64, ..LINEAR });
+    assert!(mean(&thesis) > expected && rays.occlusion > 900 * 32);
+}
+
+#[test]
+fn the_hemisphere_is_on_the_viewers_side_in_corrected_only() {
+    // A floor whose normal looks down, over a cellar of height 0.1, seen from above.
+    let (mut world, paint) = floor();
+    world.bend_normals(Vec3::NEG_Z);
+    world.quad(paint, Vec3::Z * -0.1, Vec3::X * 9.0, Vec3::Y * 9.0);
+    let shot = Shot::of(&world, EYE, grid(4, Vec3::ZERO, Vec3::X, Vec3::Y));
+    assert_eq!(occlusion(&shot, Corrected, LINEAR).0, [1.0; 16]);
+    // 0.1 squared, were all of its directions inside the hemisphere.
+    assert!(mean(&occlusion(&shot, Thesis, LINEAR).0) < 0.3);
+}
+
+#[test]
+fn the_reports_noise_leaks_light_into_a_closed_box() {
+    let mut world = World::lit_along(Vec3::NEG_Z);
+    let paint = world.paint(Vec3::splat(0.5));
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        for side in [axis, -axis] {
+            let x = side.any_orthonormal_vector();
+            world.quad(paint, side * 0.05 + Vec3::new(0.3, 0.2, 0.1), x * 0.05, x.cross(side) * 0.05);
+        }
+    }
+    let inside = Vec3::new(0.3, 0.2, 0.1);
+    let shot = Shot::of(&world, inside, grid(10, inside - Vec3::Z * 0.05, Vec3::X * 0.04, Vec3::Y * 0.04));
+    let (values, rays) = occlusion(&shot, Corrected, RayParams { samples: 16, ..LINEAR });
+    assert_eq!((values, rays.occlusion), (vec![0.0; 100], 1600));
+    // Noise below 0 in the first of four rows of strata: its directions are not numbers, and count as open.
+    let (values, rays) = occlusion(&shot, Thesis, RayParams { samples: 16, ..LINEAR });
+    assert!((0.06..0.2).contains(&mean(&values)), "{}", mean(&values));
+    let untraced = 1600 - rays.occlusion;
+    assert_eq!(untraced, (mean(&values) * 1600.0).round() as u64);
+}
+
+#[test]
+fn background_is_one_and_traces_nothing() {
+    let (world, _) = floor();
+    let shot = Shot::of(&world, EYE, [EYE + Vec3::Z]);
+    for fidelity in [Corrected, Thesis] {
+        let (pixels, rays) = shot.run(RayProgram::Ssao, fidelity, DEFAULTS);
+        assert_eq!((pixels, rays.total()), (vec![[1.0; 4]], 0), "in thesis because no direction is a number");
+    }
+    // With a normal, as an engine may leave in cleared targets, the report's program traces from the origin.
+    let mut shot = Shot::of(&world, EYE, [EYE + Vec3::Z]);
+    shot.position = vec![[0.0, 0.0, -0.1, 0.0]];
+    shot.normal = vec![[0.0, 0.0, 1.0, 0.0]];
+    assert!(occlusion(&shot, Thesis, DEFAULTS).1.occlusion > 50);
+    assert_eq!(occlusion(&shot, Corrected, DEFAULTS), (vec![1.0], RayCounts::default()));
+}
+
+#[test]
+fn only_thesis_writes_the_value_into_alpha() {
+    let world = wall();
+    let shot = Shot::of(&world, EYE, [Vec3::new(0.3, 0.0, 0.0)]);
+    let thesis = shot.run(RayProgram::Ssao, Thesis, DEFAULTS).0[0];
+    assert!(thesis == [thesis[0]; 4] && thesis[0] < 1.0);
+    assert_eq!(shot.run(RayProgram::Ssao, Corrected, DEFAULTS).0[0][3], 1.0);
+}
+
+#[test]
+fn seeds_change_the_noise_and_nothing_else() {
+    let world = wall();
+    let shot = Shot::of(&world, Vec3::new(0.5, 0.1, 0.9), grid(20, Vec3::new(0.5, 0.0, 0.0), Vec3::X * 0.1, Vec3::Y));
+    let with_seed = |seed| {
+        let job = RayJob { seed, ..shot.job(RayProgram::Ssao, Corrected, RayParams { samples: 16, ..LINEAR }) };
+        shot.run_on(&world.brute_force(), &job).0.iter().map(|pixel| pixel[0]).collect::<Vec<_>>()
+    };
+    let (first, second) = (with_seed(1), with_seed(2));
+    assert_eq!(first, with_seed(1));
+    let differing = first.iter().zip(&second).filter(|(a, b)| a != b).count();
+    assert!(differing > 150, "{differing} of 400");
+    assert!((mean(&first) - mean(&second)).abs() < 0.01);
+}
+
+#[test]
+fn a_convex_body_does_not_occlude_itself_at_any_scale_and_place() {
+    let rotation = Mat3::from_axis_angle(Vec3::new(-0.5, 0.2, 0.9).normalize(), 2.3);
+    for scale in [1e-3f32, 1.0, 1e3] {
+        for distance in [0.0f32, 10.0] {
+            let mut world = World::lit_along(Vec3::NEG_Z);
+            let paint = world.paint(Vec3::splat(0.5));
+            sphere(&mut world, paint, 12);
+            let offset = Vec3::new(0.7, -0.3, 0.6) * distance * scale;
+            world.transform(rotation, scale, offset);
+            let place = |p: Vec3| rotation * p * scale + offset;
+            let targets = grid(16, Vec3::ZERO, Vec3::X * 0.6, Vec3::Y * 0.6).map(place);
+            let shot = Shot::of(&world, place(Vec3::new(0.2, 0.3, 5.0)), targets);
+            let params = RayParams { samples: 16, radius: 10.0 * scale, ..LINEAR };
+            let (values, rays) = occlusion(&shot, Corrected, params);
+            assert_eq!(values, [1.0; 256], "scale {scale}, distance {distance}");
+            assert_eq!(rays.occlusion, 256 * 16);
+        }
+    }
+}
+
+/// A unit sphere of flat triangles, each with its own normal.
+fn sphere(world: &mut World, material: u32, rings: u32) {
+    let at = |i: u32, j: u32| {
+        let (theta, phi) = (PI * i as f32 / rings as f32, PI * (j % (2 * rings)) as f32 / rings as f32);
+        Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+    };
+    for i in 0..rings {
+        for j in 0..2 * rings {
+            let corners = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            let mut add = |triangle: [Vec3; 3]| {
+                let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalize();
+                world.triangle(material, triangle, [normal; 3]);
+            };
+            if i + 1 < rings {
+                add([corners[0], corners[1], corners[2]]);
+            }
+            if i > 0 {
+                add([corners[0], corners[2], corners[3]]);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_raster_target_of_the_right_shape_is_what_jobs_read() {
+    // The G-buffer that rasterisers fill has the layout that jobs borrow.
+    let (world, _) = floor();
+    let shot = Shot::of(&world, EYE, [Vec3::ZERO]);
+    let buffer = GBuffer {
+        width: 1,
+        height: 1,
+        position: shot.position.clone(),
+        normal: shot.normal.clone(),
+        triangle: shot.triangle.clone(),
+        color: Vec::new(),
+    };
+    let job = RayJob {
+        position: &buffer.position,
+        normal: &buffer.normal,
+        color: &buffer.color,
+        triangle: &buffer.triangle,
+        ..shot.job(RayProgram::Ssao, Corrected, DEFAULTS)
+    };
+    assert_eq!(shot.run_on(&world.brute_force(), &job).0, [[1.0; 4]]);
+}
