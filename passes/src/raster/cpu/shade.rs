@@ -66,15 +66,13 @@ impl Default for Rows {
     }
 }
 
-/// Copies a value to the columns of a run, and to up to seven after it, which a later run overwrites.
+/// Copies a value to a column and the seven after it. Those that a run does not reach are overwritten by the next run.
 #[inline(always)]
-fn spread<T: Copy>(row: &mut [T; ROW], run: &Range<usize>, value: T) {
-    let mut column = run.start;
-    while column < run.end {
-        let lanes: &mut [T; LANES] = (&mut row[column..column + LANES]).try_into().expect("as many as lanes");
-        *lanes = [value; LANES];
-        column += LANES;
-    }
+fn spread<T: Copy>(row: &mut [T; ROW], column: usize, value: T) {
+    // The column is in the tile; saying so in arithmetic makes the bounds checks go away.
+    let column = column % TILE;
+    let lanes: &mut [T; LANES] = (&mut row[column..column + LANES]).try_into().expect("as many as lanes");
+    *lanes = [value; LANES];
 }
 
 /// Barycentric coordinates along a row of pixels, exact until they are divided.
@@ -264,25 +262,29 @@ impl Rows {
     fn gather(&mut self, frame: &Frame<'_>, wanted: Wanted, part: Part, run: Range<usize>, (left, y): (usize, usize)) {
         let geometry = frame.geometry;
         let placed = frame.place(part);
-        spread(&mut self.triangle, &run, placed.triangle);
         if !(wanted.position | wanted.normals | wanted.color) {
+            self.triangle[run].fill(placed.triangle);
             return;
         }
         let barycentric = Barycentric::new(&placed.corners, left as i32, y as i32);
-        for corner in 0..2 {
-            spread(&mut self.edges[corner], &run, barycentric.edges[corner]);
-            spread(&mut self.right[corner], &run, barycentric.right[corner]);
-        }
-        spread(&mut self.area, &run, barycentric.area);
-        spread(&mut self.scale, &run, barycentric.scale);
-        for corner in 0..3 {
-            spread(&mut self.inv_w[corner], &run, barycentric.inv_w[corner]);
+        let columns = || run.clone().step_by(LANES);
+        for column in columns() {
+            spread(&mut self.triangle, column, placed.triangle);
+            for corner in 0..2 {
+                spread(&mut self.edges[corner], column, barycentric.edges[corner]);
+                spread(&mut self.right[corner], column, barycentric.right[corner]);
+            }
+            spread(&mut self.area, column, barycentric.area);
+            spread(&mut self.scale, column, barycentric.scale);
+            for corner in 0..3 {
+                spread(&mut self.inv_w[corner], column, barycentric.inv_w[corner]);
+            }
         }
         if wanted.position {
-            spread_corners(&mut self.position, &run, attribute(frame, &placed, &geometry.positions));
+            spread_corners(&mut self.position, columns(), attribute(frame, &placed, &geometry.positions));
         }
         if wanted.normals {
-            spread_corners(&mut self.normal, &run, attribute(frame, &placed, &geometry.normals));
+            spread_corners(&mut self.normal, columns(), attribute(frame, &placed, &geometry.normals));
         }
         if wanted.color {
             if placed.triangle.wrapping_sub(self.batch.first) >= self.batch.count {
@@ -333,13 +335,13 @@ impl Rows {
         run: Range<usize>,
     ) {
         let unlit = if shade.texture.is_some() { shade.emission + AMBIENT } else { shade.diffuse * AMBIENT };
-        for component in 0..4 {
-            spread(&mut self.diffuse[component], &run, shade.diffuse[component]);
-            spread(&mut self.unlit[component], &run, unlit[component]);
-        }
-        if wanted.texture {
+        for column in run.clone().step_by(LANES) {
             for component in 0..4 {
-                spread(&mut self.texel[component], &run, 1.0);
+                spread(&mut self.diffuse[component], column, shade.diffuse[component]);
+                spread(&mut self.unlit[component], column, unlit[component]);
+                if wanted.texture {
+                    spread(&mut self.texel[component], column, 1.0);
+                }
             }
         }
         if let Some(texture) = shade.texture {
@@ -374,27 +376,28 @@ impl Rows {
     #[inline(always)]
     fn color(&mut self, frame: &Frame<'_>, wanted: Wanted) {
         let light_color = frame.job.sun.map_or(Vec4::ZERO, |sun| sun.color.extend(1.0)).to_array();
-        for component in 0..4 {
+        for (component, light_color) in light_color.into_iter().enumerate() {
             let (diffuse, color) = (&self.diffuse[component], &mut self.unlit[component]);
             for column in 0..TILE {
-                color[column] += diffuse[column] * light_color[component] * self.light[column];
+                color[column] += diffuse[column] * light_color * self.light[column];
             }
             if wanted.texture {
-                for column in 0..TILE {
-                    color[column] *= self.texel[component][column];
-                }
+                color.iter_mut().zip(&self.texel[component]).for_each(|(color, texel)| *color *= texel);
             }
         }
     }
 }
 
 #[inline(always)]
-fn spread_corners([first, second, third]: &mut [[Row; 3]; 3], run: &Range<usize>, [a, b, c]: [Vec3; 3]) {
-    let (ab, ac) = ((b - a).to_array(), (c - a).to_array());
-    for (component, value) in a.to_array().into_iter().enumerate() {
-        spread(&mut first[component], run, value);
-        spread(&mut second[component], run, ab[component]);
-        spread(&mut third[component], run, ac[component]);
+fn spread_corners(rows: &mut [[Row; 3]; 3], columns: impl Iterator<Item = usize>, [a, b, c]: [Vec3; 3]) {
+    let [first, second, third] = rows;
+    let (a, ab, ac) = (a.to_array(), (b - a).to_array(), (c - a).to_array());
+    for column in columns {
+        for component in 0..3 {
+            spread(&mut first[component], column, a[component]);
+            spread(&mut second[component], column, ab[component]);
+            spread(&mut third[component], column, ac[component]);
+        }
     }
 }
 
@@ -408,10 +411,19 @@ fn blend([first, second, third]: &mut [[Row; 3]; 3], u: &Row, v: &Row) {
     }
 }
 
+/// Writes a row; where no triangle is, the background.
 #[inline(always)]
-fn store(pixels: &mut [[f32; 4]], triangles: &[u32; ROW], [x, y, z, w]: [&Row; 4], background: [f32; 4]) {
-    for (column, pixel) in pixels.iter_mut().enumerate().take(TILE) {
-        let value = [x[column], y[column], z[column], w[column]];
-        *pixel = if triangles[column] == NO_TRIANGLE { background } else { value };
+fn store(pixels: &mut [[f32; 4]], triangles: &[u32; ROW], components: [&Row; 4], background: [f32; 4]) {
+    let mut output = [[0u32; TILE]; 4];
+    for component in 0..4 {
+        let (input, background) = (components[component], background[component].to_bits());
+        for column in 0..TILE {
+            let empty = if triangles[column] == NO_TRIANGLE { u32::MAX } else { 0 };
+            output[component][column] = (background & empty) | (input[column].to_bits() & !empty);
+        }
+    }
+    let [x, y, z, w] = output;
+    for ((((pixel, x), y), z), w) in pixels.iter_mut().zip(&x).zip(&y).zip(&z).zip(&w) {
+        *pixel = [f32::from_bits(*x), f32::from_bits(*y), f32::from_bits(*z), f32::from_bits(*w)];
     }
 }

@@ -20,7 +20,8 @@ const NARROW: i32 = 2 * LANES as i32;
 
 /// Depth and triangle of each pixel of a tile.
 pub(super) struct Tile {
-    depth: Box<[f32; TILE * STRIDE]>,
+    /// The bits of 32-bit floats that are not negative: they compare as the floats do.
+    depth: Box<[i32; TILE * STRIDE]>,
     parts: Box<[u32; TILE * STRIDE]>,
     /// By block: no pixel of it has less depth.
     floor: [f32; BLOCKS * BLOCKS],
@@ -30,7 +31,7 @@ pub(super) struct Tile {
 impl Default for Tile {
     fn default() -> Self {
         Self {
-            depth: Box::new([0.0; TILE * STRIDE]),
+            depth: Box::new([0; TILE * STRIDE]),
             parts: Box::new([Part::NONE.0; TILE * STRIDE]),
             floor: [0.0; BLOCKS * BLOCKS],
             empty: true,
@@ -94,7 +95,8 @@ impl Depth {
             z: (f64::from(v0.z) + across * f64::from(from_x) + down * f64::from(from_y)) as f32,
             dx: (across * f64::from(UNITS)) as f32,
             dy: (down * f64::from(UNITS)) as f32,
-            low: minimum(minimum(v0.z, v1.z), v2.z),
+            // Not -0, whose bits do not compare.
+            low: maximum(minimum(minimum(v0.z, v1.z), v2.z), 0.0),
             high: maximum(maximum(v0.z, v1.z), v2.z),
         }
     }
@@ -141,7 +143,7 @@ impl Tile {
     #[inline(always)]
     pub fn clear(&mut self) {
         if !self.empty {
-            self.depth.fill(0.0);
+            self.depth.fill(0);
             self.parts.fill(Part::NONE.0);
             self.floor.fill(0.0);
             self.empty = true;
@@ -243,19 +245,20 @@ impl Tile {
         depth: &Depth,
         part: u32,
     ) {
-        let stored: &mut [f32; LANES] = (&mut self.depth[offset..offset + LANES]).try_into().expect("as many as lanes");
+        let stored: &mut [i32; LANES] = (&mut self.depth[offset..offset + LANES]).try_into().expect("as many as lanes");
         let parts: &mut [u32; LANES] = (&mut self.parts[offset..offset + LANES]).try_into().expect("as many as lanes");
-        // All is read before anything is written: the compiler need not fear that they overlap.
+        // All is read before anything is written, and masks take the place of choices: so the compiler makes vectors of it.
         let (old_depth, old_parts) = (*stored, *parts);
-        let (mut new_depth, mut new_parts) = (old_depth, old_parts);
+        let (mut new_depth, mut new_parts) = ([0; LANES], [0; LANES]);
         for lane in 0..LANES {
             let inside = start[0].wrapping_add(across[0][lane])
                 | start[1].wrapping_add(across[1][lane])
                 | start[2].wrapping_add(across[2][lane]);
-            let z = depth.clamp(z + across_z[lane]);
-            let passes = (inside >= 0) & (z > old_depth[lane]);
-            new_depth[lane] = if passes { z } else { old_depth[lane] };
-            new_parts[lane] = if passes { part } else { old_parts[lane] };
+            let z = depth.clamp(z + across_z[lane]).to_bits() as i32;
+            // Negative where the pixel is outside an edge or not nearer than what is there.
+            let keep = (inside | z.wrapping_sub(old_depth[lane]).wrapping_sub(1)) >> 31;
+            new_depth[lane] = (old_depth[lane] & keep) | (z & !keep);
+            new_parts[lane] = (old_parts[lane] & keep as u32) | (part & !(keep as u32));
         }
         (*stored, *parts) = (new_depth, new_parts);
     }
@@ -299,14 +302,14 @@ impl Tile {
     #[inline(always)]
     fn raise_floor(&mut self, block: usize) {
         let first = block / BLOCKS * BLOCK * STRIDE + block % BLOCKS * BLOCK;
-        let mut lowest = [f32::INFINITY; LANES];
+        let mut lowest = [i32::MAX; LANES];
         for row in 0..BLOCK {
             let offset = first + row * STRIDE;
             for (lowest, depth) in lowest.iter_mut().zip(&self.depth[offset..offset + BLOCK]) {
-                *lowest = minimum(*depth, *lowest);
+                *lowest = (*depth).min(*lowest);
             }
         }
-        self.floor[block] = lowest.into_iter().fold(f32::INFINITY, minimum);
+        self.floor[block] = f32::from_bits(lowest.into_iter().fold(i32::MAX, i32::min) as u32);
     }
 
     /// Pixel by pixel, asking whether there is a surface at each that passes the depth test.
@@ -335,7 +338,7 @@ impl Tile {
                 }
                 let offset = y as usize * STRIDE + x as usize;
                 let lane = column as usize % LANES;
-                let z = depth.clamp(depth.at(column - lane as i32, row) + across[lane]);
+                let z = depth.clamp(depth.at(column - lane as i32, row) + across[lane]).to_bits() as i32;
                 if z > self.depth[offset]
                     && let Some(part) = part(x, y)
                 {
