@@ -79,7 +79,8 @@ fn triangles_that_share_edges_cover_each_pixel_exactly_once() {
                 for column in 0..cells {
                     let a = (row * (cells + 1) + column) as usize;
                     let (b, c, d) = (a + 1, a + cells as usize + 1, a + cells as usize + 2);
-                    let halves = if random.next() % 2 == 0 { [[a, b, c], [b, c, d]] } else { [[a, d, b], [a, d, c]] };
+                    let halves =
+                        if random.next().is_multiple_of(2) { [[a, b, c], [b, c, d]] } else { [[a, d, b], [a, d, c]] };
                     for half in halves {
                         let scene = common::triangles(&[half.map(|corner| corners[corner])]);
                         let asked = Attachments { triangle: true, ..Attachments::default() };

@@ -26,6 +26,9 @@ pub(super) struct Tile {
     /// By block: no pixel of it has less depth.
     floor: [f32; BLOCKS * BLOCKS],
     empty: bool,
+    /// 0 to 7. Read from memory: as constants the compiler folds them into single lanes, and takes the vectors apart.
+    lanes: [i32; LANES],
+    float_lanes: [f32; LANES],
 }
 
 impl Default for Tile {
@@ -35,6 +38,8 @@ impl Default for Tile {
             parts: Box::new([Part::NONE.0; TILE * STRIDE]),
             floor: [0.0; BLOCKS * BLOCKS],
             empty: true,
+            lanes: std::array::from_fn(|lane| lane as i32),
+            float_lanes: std::array::from_fn(|lane| lane as f32),
         }
     }
 }
@@ -107,12 +112,6 @@ impl Depth {
         (self.z + self.dy * row as f32) + self.dx * column as f32
     }
 
-    /// From a vector's first lane to each lane.
-    #[inline(always)]
-    fn across(&self) -> [f32; LANES] {
-        std::array::from_fn(|lane| self.dx * lane as f32)
-    }
-
     #[inline(always)]
     fn clamp(&self, z: f32) -> f32 {
         maximum(minimum(z, self.high), self.low)
@@ -139,6 +138,25 @@ fn maximum(a: f32, b: f32) -> f32 {
 }
 
 impl Tile {
+    /// Multiples of a step, one a lane.
+    #[inline(always)]
+    fn multiples(&self, step: i32) -> [i32; LANES] {
+        let mut multiples = [0; LANES];
+        for (multiple, lane) in multiples.iter_mut().zip(&self.lanes) {
+            *multiple = step.wrapping_mul(*lane);
+        }
+        multiples
+    }
+
+    #[inline(always)]
+    fn float_multiples(&self, step: f32) -> [f32; LANES] {
+        let mut multiples = [0.0; LANES];
+        for (multiple, lane) in multiples.iter_mut().zip(&self.float_lanes) {
+            *multiple = step * lane;
+        }
+        multiples
+    }
+
     /// Forgets what was drawn.
     #[inline(always)]
     pub fn clear(&mut self) {
@@ -219,8 +237,8 @@ impl Tile {
         let (x, y) = (bounds.x.0, bounds.y.0);
         let [e0, e1, e2] = edges(corners, x, y);
         let depth = Depth::new(corners, area, x, y);
-        let across = [lanes(e0.a), lanes(e1.a), lanes(e2.a)];
-        let across_z = depth.across();
+        let across = [self.multiples(e0.a), self.multiples(e1.a), self.multiples(e2.a)];
+        let across_z = self.float_multiples(depth.dx);
         for row in 0..=local.y.1 - local.y.0 {
             let mut column = 0;
             while column <= local.x.1 - local.x.0 {
@@ -271,8 +289,8 @@ impl Tile {
         let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);
         let edges = edges(corners, x, y);
         let depth = Depth::new(corners, area, x, y);
-        let across = edges.map(|edge| lanes(edge.a));
-        let across_z = depth.across();
+        let across = [self.multiples(edges[0].a), self.multiples(edges[1].a), self.multiples(edges[2].a)];
+        let across_z = self.float_multiples(depth.dx);
         // From a block's first pixel to the one that is farthest inside and the one that is farthest outside an edge.
         let inner = edges.map(|edge| (edge.a.max(0) + edge.b.max(0)) * (size - 1));
         let outer = edges.map(|edge| (edge.a.min(0) + edge.b.min(0)) * (size - 1));
@@ -329,7 +347,7 @@ impl Tile {
         let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);
         let edges = edges(corners, x, y);
         let depth = Depth::new(corners, area, x, y);
-        let across = depth.across();
+        let across = self.float_multiples(depth.dx);
         for y in local.y.0..=local.y.1 {
             for x in local.x.0..=local.x.1 {
                 let (column, row) = (x - first_column, y - first_row);
@@ -353,10 +371,4 @@ impl Tile {
 #[inline(always)]
 fn edges([a, b, c]: &Corners<'_>, x: i32, y: i32) -> [Edge; 3] {
     [Edge::new(a, b, x, y), Edge::new(b, c, x, y), Edge::new(c, a, x, y)]
-}
-
-/// Multiples of a step, one a lane.
-#[inline(always)]
-fn lanes(step: i32) -> [i32; LANES] {
-    std::array::from_fn(|lane| step.wrapping_mul(lane as i32))
 }
