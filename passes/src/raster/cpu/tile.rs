@@ -1,7 +1,7 @@
 //! Which triangle is seen at each pixel of a tile.
 
 use super::bins::{Bins, Bounds, doubled_area};
-use super::frame::{Frame, Part};
+use super::frame::{Corners, Frame, Part};
 use super::surface::{TILE, TileSurface};
 use super::vertex::{ScreenVertex, UNITS};
 
@@ -20,20 +20,26 @@ const NARROW: i32 = 2 * LANES as i32;
 
 /// Depth and triangle of each pixel of a tile.
 pub(super) struct Tile {
-    depth: Box<[f32; TILE * STRIDE]>,
+    /// The bits of 32-bit floats that are not negative: they compare as the floats do.
+    depth: Box<[i32; TILE * STRIDE]>,
     parts: Box<[u32; TILE * STRIDE]>,
     /// By block: no pixel of it has less depth.
     floor: [f32; BLOCKS * BLOCKS],
     empty: bool,
+    /// 0 to 7. Read from memory: as constants the compiler folds them into single lanes, and takes the vectors apart.
+    lanes: [i32; LANES],
+    float_lanes: [f32; LANES],
 }
 
 impl Default for Tile {
     fn default() -> Self {
         Self {
-            depth: Box::new([0.0; TILE * STRIDE]),
+            depth: Box::new([0; TILE * STRIDE]),
             parts: Box::new([Part::NONE.0; TILE * STRIDE]),
             floor: [0.0; BLOCKS * BLOCKS],
             empty: true,
+            lanes: std::array::from_fn(|lane| lane as i32),
+            float_lanes: std::array::from_fn(|lane| lane as f32),
         }
     }
 }
@@ -84,7 +90,7 @@ struct Depth {
 
 impl Depth {
     #[inline(always)]
-    fn new([v0, v1, v2]: &[ScreenVertex; 3], area: i64, x: i32, y: i32) -> Self {
+    fn new([v0, v1, v2]: &Corners<'_>, area: i64, x: i32, y: i32) -> Self {
         let scale = 1.0 / area as f64;
         let (dz1, dz2) = (f64::from(v1.z) - f64::from(v0.z), f64::from(v2.z) - f64::from(v0.z));
         let across = (f64::from(v2.y - v0.y) * dz1 - f64::from(v1.y - v0.y) * dz2) * scale;
@@ -94,7 +100,8 @@ impl Depth {
             z: (f64::from(v0.z) + across * f64::from(from_x) + down * f64::from(from_y)) as f32,
             dx: (across * f64::from(UNITS)) as f32,
             dy: (down * f64::from(UNITS)) as f32,
-            low: minimum(minimum(v0.z, v1.z), v2.z),
+            // Not -0, whose bits do not compare.
+            low: maximum(minimum(minimum(v0.z, v1.z), v2.z), 0.0),
             high: maximum(maximum(v0.z, v1.z), v2.z),
         }
     }
@@ -103,12 +110,6 @@ impl Depth {
     #[inline(always)]
     fn at(&self, column: i32, row: i32) -> f32 {
         (self.z + self.dy * row as f32) + self.dx * column as f32
-    }
-
-    /// From a vector's first lane to each lane.
-    #[inline(always)]
-    fn across(&self) -> [f32; LANES] {
-        std::array::from_fn(|lane| self.dx * lane as f32)
     }
 
     #[inline(always)]
@@ -137,11 +138,30 @@ fn maximum(a: f32, b: f32) -> f32 {
 }
 
 impl Tile {
+    /// Multiples of a step, one a lane.
+    #[inline(always)]
+    fn multiples(&self, step: i32) -> [i32; LANES] {
+        let mut multiples = [0; LANES];
+        for (multiple, lane) in multiples.iter_mut().zip(&self.lanes) {
+            *multiple = step.wrapping_mul(*lane);
+        }
+        multiples
+    }
+
+    #[inline(always)]
+    fn float_multiples(&self, step: f32) -> [f32; LANES] {
+        let mut multiples = [0.0; LANES];
+        for (multiple, lane) in multiples.iter_mut().zip(&self.float_lanes) {
+            *multiple = step * lane;
+        }
+        multiples
+    }
+
     /// Forgets what was drawn.
     #[inline(always)]
     pub fn clear(&mut self) {
         if !self.empty {
-            self.depth.fill(0.0);
+            self.depth.fill(0);
             self.parts.fill(Part::NONE.0);
             self.floor.fill(0.0);
             self.empty = true;
@@ -213,12 +233,12 @@ impl Tile {
 
     /// Row by row, in vectors that start at the left of the bounds.
     #[inline(always)]
-    fn draw_narrow(&mut self, corners: &[ScreenVertex; 3], area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
+    fn draw_narrow(&mut self, corners: &Corners<'_>, area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
         let (x, y) = (bounds.x.0, bounds.y.0);
         let [e0, e1, e2] = edges(corners, x, y);
         let depth = Depth::new(corners, area, x, y);
-        let across = [lanes(e0.a), lanes(e1.a), lanes(e2.a)];
-        let across_z = depth.across();
+        let across = [self.multiples(e0.a), self.multiples(e1.a), self.multiples(e2.a)];
+        let across_z = self.float_multiples(depth.dx);
         for row in 0..=local.y.1 - local.y.0 {
             let mut column = 0;
             while column <= local.x.1 - local.x.0 {
@@ -243,29 +263,34 @@ impl Tile {
         depth: &Depth,
         part: u32,
     ) {
-        let stored: &mut [f32; LANES] = (&mut self.depth[offset..offset + LANES]).try_into().expect("as many as lanes");
+        let stored: &mut [i32; LANES] = (&mut self.depth[offset..offset + LANES]).try_into().expect("as many as lanes");
         let parts: &mut [u32; LANES] = (&mut self.parts[offset..offset + LANES]).try_into().expect("as many as lanes");
+        // All is read before anything is written, and masks take the place of choices: so the compiler makes vectors of it.
+        let (old_depth, old_parts) = (*stored, *parts);
+        let (mut new_depth, mut new_parts) = ([0; LANES], [0; LANES]);
         for lane in 0..LANES {
             let inside = start[0].wrapping_add(across[0][lane])
                 | start[1].wrapping_add(across[1][lane])
                 | start[2].wrapping_add(across[2][lane]);
-            let z = depth.clamp(z + across_z[lane]);
-            let passes = (inside >= 0) & (z > stored[lane]);
-            stored[lane] = if passes { z } else { stored[lane] };
-            parts[lane] = if passes { part } else { parts[lane] };
+            let z = depth.clamp(z + across_z[lane]).to_bits() as i32;
+            // Negative where the pixel is outside an edge or not nearer than what is there.
+            let keep = (inside | z.wrapping_sub(old_depth[lane]).wrapping_sub(1)) >> 31;
+            new_depth[lane] = (old_depth[lane] & keep) | (z & !keep);
+            new_parts[lane] = (old_parts[lane] & keep as u32) | (part & !(keep as u32));
         }
+        (*stored, *parts) = (new_depth, new_parts);
     }
 
     /// Block by block; blocks outside an edge or behind what is drawn are skipped.
     #[inline(always)]
-    fn draw_blocks(&mut self, corners: &[ScreenVertex; 3], area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
+    fn draw_blocks(&mut self, corners: &Corners<'_>, area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
         let size = BLOCK as i32;
         let (first_column, first_row) = (local.x.0 & -size, local.y.0 & -size);
         let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);
         let edges = edges(corners, x, y);
         let depth = Depth::new(corners, area, x, y);
-        let across = edges.map(|edge| lanes(edge.a));
-        let across_z = depth.across();
+        let across = [self.multiples(edges[0].a), self.multiples(edges[1].a), self.multiples(edges[2].a)];
+        let across_z = self.float_multiples(depth.dx);
         // From a block's first pixel to the one that is farthest inside and the one that is farthest outside an edge.
         let inner = edges.map(|edge| (edge.a.max(0) + edge.b.max(0)) * (size - 1));
         let outer = edges.map(|edge| (edge.a.min(0) + edge.b.min(0)) * (size - 1));
@@ -295,21 +320,21 @@ impl Tile {
     #[inline(always)]
     fn raise_floor(&mut self, block: usize) {
         let first = block / BLOCKS * BLOCK * STRIDE + block % BLOCKS * BLOCK;
-        let mut lowest = [f32::INFINITY; LANES];
+        let mut lowest = [i32::MAX; LANES];
         for row in 0..BLOCK {
             let offset = first + row * STRIDE;
             for (lowest, depth) in lowest.iter_mut().zip(&self.depth[offset..offset + BLOCK]) {
-                *lowest = minimum(*depth, *lowest);
+                *lowest = (*depth).min(*lowest);
             }
         }
-        self.floor[block] = lowest.into_iter().fold(f32::INFINITY, minimum);
+        self.floor[block] = f32::from_bits(lowest.into_iter().fold(i32::MAX, i32::min) as u32);
     }
 
     /// Pixel by pixel, asking whether there is a surface at each that passes the depth test.
     #[inline(always)]
     fn draw_rows(
         &mut self,
-        corners: &[ScreenVertex; 3],
+        corners: &Corners<'_>,
         area: i64,
         bounds: &Bounds,
         local: &Bounds,
@@ -322,7 +347,7 @@ impl Tile {
         let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);
         let edges = edges(corners, x, y);
         let depth = Depth::new(corners, area, x, y);
-        let across = depth.across();
+        let across = self.float_multiples(depth.dx);
         for y in local.y.0..=local.y.1 {
             for x in local.x.0..=local.x.1 {
                 let (column, row) = (x - first_column, y - first_row);
@@ -331,7 +356,7 @@ impl Tile {
                 }
                 let offset = y as usize * STRIDE + x as usize;
                 let lane = column as usize % LANES;
-                let z = depth.clamp(depth.at(column - lane as i32, row) + across[lane]);
+                let z = depth.clamp(depth.at(column - lane as i32, row) + across[lane]).to_bits() as i32;
                 if z > self.depth[offset]
                     && let Some(part) = part(x, y)
                 {
@@ -344,12 +369,6 @@ impl Tile {
 }
 
 #[inline(always)]
-fn edges([a, b, c]: &[ScreenVertex; 3], x: i32, y: i32) -> [Edge; 3] {
+fn edges([a, b, c]: &Corners<'_>, x: i32, y: i32) -> [Edge; 3] {
     [Edge::new(a, b, x, y), Edge::new(b, c, x, y), Edge::new(c, a, x, y)]
-}
-
-/// Multiples of a step, one a lane.
-#[inline(always)]
-fn lanes(step: i32) -> [i32; LANES] {
-    std::array::from_fn(|lane| step.wrapping_mul(lane as i32))
 }
