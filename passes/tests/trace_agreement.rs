@@ -77,7 +77,8 @@ fn disagreements(geometry: &Geometry, rays: &[Ray], ours: &Bvh, truth: &BruteFor
             _ => false,
         };
         let occluded = ours.occluded(ray, NONE) == a.is_some();
-        if !(same && occluded) && !delicate(geometry, ray) {
+        let agree = same && occluded;
+        if !agree && !delicate(geometry, ray) {
             different += 1;
         }
     }
@@ -178,7 +179,7 @@ fn only_transparent_triangles_are_shown_to_the_closure_and_the_nearest_accepted_
     let truth = BruteForce::new(&scene, &transparent);
     let (mut asked, mut refused_nearest) = (0, 0);
     for ray in rays(&scene, 2000, &mut random) {
-        let keep = |hit: &Hit| hit.triangle % 3 == 0;
+        let keep = |hit: &Hit| hit.triangle.is_multiple_of(3);
         let mut accept = |hit: &Hit| {
             assert_eq!(scene.material_of(hit.triangle), 1);
             asked += 1;

@@ -44,7 +44,7 @@ impl Quality {
 ///   distance, is a function of the ray, the triangle and the bounds of the scene; of equal distances the lowest id wins.
 /// * Triangles with a corner that is not finite, or with an index out of range, are left out. Degenerate triangles are
 ///   kept and never hit. Coordinates above 10¹⁸ overflow the triangle test and are missed.
-/// * Memory is [`Self::bytes`], about 75 bytes a triangle; building takes about 300 more for a while.
+/// * Memory is [`Self::bytes`], 75 to 90 bytes a triangle; building takes about 300 more for a while.
 pub struct Bvh {
     pub(super) nodes: Vec<Node>,
     pub(super) blocks: Vec<Block>,

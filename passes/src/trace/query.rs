@@ -164,3 +164,113 @@ impl Query {
         (normal.dot(a - point(&self.origin)) / normal.dot(point(&self.direction))) as f32
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::lanes::Plain;
+    use crate::trace::node::{Child, Node};
+
+    fn random(state: &mut u64) -> f32 {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 40) as f32 / 16_777_216.0
+    }
+
+    /// Whether the ray meets the box, in `f64`, where the differences of `f32` and their products with reciprocals have
+    /// errors far below those of interest; touching counts.
+    fn meets(ray: &Ray, bounds: &Bounds) -> bool {
+        let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
+        for axis in 0..3 {
+            let (o, d) = (f64::from(ray.origin[axis]), f64::from(ray.direction[axis]));
+            let (low, high) = (f64::from(bounds.low[axis]) - o, f64::from(bounds.high[axis]) - o);
+            if d == 0.0 {
+                if low > 0.0 || high < 0.0 {
+                    return false;
+                }
+            } else {
+                enter = enter.max((low / d).min(high / d));
+                leave = leave.min((low / d).max(high / d));
+            }
+        }
+        enter <= leave
+    }
+
+    const LANE: usize = 5;
+
+    /// The planes of one box, in one lane of a node.
+    fn planes(bounds: &Bounds) -> [[F8; 3]; 2] {
+        let mut node = Node::EMPTY;
+        node.set(LANE, *bounds, Child::NONE);
+        node.planes
+    }
+
+    /// The test that this one replaces.
+    fn plain(ray: &Ray, bounds: &Bounds) -> bool {
+        let (low, high) = ((bounds.low - ray.origin) / ray.direction, (bounds.high - ray.origin) / ray.direction);
+        low.min(high).max_element().max(0.0) <= low.max(high).min_element()
+    }
+
+    #[test]
+    fn no_ray_at_a_corner_or_an_edge_of_a_box_misses_it() {
+        let mut state = 1;
+        let (mut meeting, mut missed, mut missed_by_plain, mut passed, mut total) = (0, 0, 0, 0, 0);
+        for center in [0.0, 100.0, 1.0e4] {
+            for index in 0..500_000 {
+                let mut point = || Vec3::new(random(&mut state), random(&mut state), random(&mut state));
+                let middle = point() * 2.0 - 1.0 + center;
+                let mut bounds = Bounds::of(&[middle, middle + point() * 0.02, middle - point() * 0.02]);
+                if index % 3 == 0 {
+                    bounds.high[index % 9 / 3] = bounds.low[index % 9 / 3];
+                }
+                let side = point();
+                let mut target = Vec3::select(side.cmplt(Vec3::splat(0.5)), bounds.low, bounds.high);
+                if index % 2 == 0 {
+                    target[index % 3] = bounds.low[index % 3].midpoint(bounds.high[index % 3]);
+                }
+                let mut origin = Vec3::splat(center) + (point() * 2.0 - 1.0) * 3.0;
+                // Some rays along one axis or within a plane of the box, with zeros of both signs.
+                let zeros = if index % 5 == 0 { 1 + index % 2 } else { 0 };
+                for axis in 0..zeros {
+                    origin[axis] = target[axis];
+                }
+                let mut direction = (target - origin).normalize_or_zero();
+                for axis in 0..zeros {
+                    direction[axis] = [0.0, -0.0, 1e-40, -1e-40][index % 4];
+                }
+                if direction.abs().max_element() < 0.1 {
+                    continue;
+                }
+                let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+                let planes = planes(&bounds);
+                let query = Query::new(&ray, &bounds).unwrap();
+                let (lanes, _) = query.slabs(Plain, &planes, ray.t_max);
+                assert_eq!(lanes & !(1 << LANE), 0, "an empty lane was met");
+                total += 1;
+                passed += usize::from(lanes != 0);
+                if meets(&ray, &bounds) {
+                    meeting += 1;
+                    missed += usize::from(lanes == 0);
+                    missed_by_plain += usize::from(!plain(&ray, &bounds));
+                }
+            }
+        }
+        assert!(meeting > 500_000, "{meeting}");
+        assert_eq!(missed, 0, "of {meeting}");
+        assert!(missed_by_plain > meeting / 1000, "{missed_by_plain} of {meeting}");
+        assert!(passed > meeting && passed <= total);
+    }
+
+    #[test]
+    fn boxes_that_are_clearly_missed_are_missed() {
+        let bounds = Bounds { low: Vec3::splat(-1.0), high: Vec3::splat(1.0) };
+        let planes = planes(&bounds);
+        for direction in [Vec3::X, Vec3::new(0.8, 0.6, 0.0), Vec3::new(0.6, -0.0, 0.8)] {
+            let ray = |origin| Ray { origin, direction, t_min: 0.0, t_max: 100.0 };
+            let lanes = |ray: Ray, limit| Query::new(&ray, &bounds).unwrap().slabs(Plain, &planes, limit).0;
+            assert_eq!(lanes(ray(-5.0 * direction), 100.0), 1 << LANE);
+            assert_eq!(lanes(ray(-5.0 * direction), 3.0), 0, "beyond the limit");
+            assert_eq!(lanes(ray(5.0 * direction), 100.0), 0, "behind");
+            assert_eq!(lanes(ray(-5.0 * direction + Vec3::new(0.0, 1.001, 0.0) * 3.0), 100.0), 0, "beside");
+        }
+    }
+}
