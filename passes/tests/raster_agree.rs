@@ -1,13 +1,15 @@
 //! The two rasterisers draw the same G-buffers.
 
+mod common;
 mod scenes;
 #[path = "scenes/gpu.rs"]
 mod support;
 
+use common::ALL;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect};
 use glam::{DVec2, Vec3, Vec4};
-use scenes::{ALL, Setup, cut_out, grazing, marked, soup, terrain};
+use scenes::{Setup, cut_out, grazing, hills, marked, soup};
 use support::rasteriser;
 
 /// Largest distance of positions (in distances from the eye), normals, cosines and untextured colours, besides [`slack`].
@@ -53,7 +55,7 @@ struct Agreement {
     position: usize,
     normal: usize,
     cosine: usize,
-    /// Counted among all pixels.
+    /// Counted where both show the same triangle or none.
     color: usize,
     /// Beyond the tolerance, but for the slack.
     excused_positions: usize,
@@ -78,19 +80,23 @@ impl Agreement {
             if known {
                 let normals = geometry.triangles[id_a as usize].map(|vertex| geometry.normals[vertex as usize]);
                 let slack = slack(job, id_a);
-                (slack_position, slack_normal) = (slack * spread(geometry.corners(id_a)), slack * spread(normals));
+                let corners = geometry.corners(id_a);
+                // Interpolation in 32-bit floats leaves some units in the last place of the corners.
+                let largest = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
+                slack_position = slack * spread(corners) + 16.0 * f32::EPSILON * largest;
+                slack_normal = slack * spread(normals);
                 let textured = job.shades[geometry.material_of(id_a) as usize].texture.is_some();
                 color_tolerance = slack_normal + if textured { TEXTURED_TOLERANCE } else { TOLERANCE };
             }
             let [color_a, color_b] = [a, b].map(|buffer| Vec4::from(buffer.color[pixel]));
             let difference = (color_a - color_b).abs().max_element();
-            // Negated here and below, so that NaN counts as a difference.
-            this.color += usize::from(!(difference <= color_tolerance));
             if id_a != id_b {
                 let coverage = id_a == NO_TRIANGLE || id_b == NO_TRIANGLE;
                 *(if coverage { &mut this.coverage } else { &mut this.triangle }) += 1;
                 continue;
             }
+            // Negated here and below, so that NaN counts as a difference.
+            this.color += usize::from(!(difference <= color_tolerance));
             if id_a == NO_TRIANGLE {
                 continue;
             }
@@ -114,21 +120,35 @@ impl Agreement {
         this
     }
 
-    /// What is demanded of two rasterisers, or which of it fails.
-    fn verdict(&self) -> Result<(), &'static str> {
-        let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
+    /// What of the demands fails.
+    fn verdict(&self, allowed: Allowed) -> Result<(), &'static str> {
+        let above = |count: usize, of: usize, share: f64| count as f64 > share * of as f64;
         match self {
             _ if self.same * 10 < self.pixels => Err("fewer than 10 % of the pixels show the same triangle"),
-            _ if share(self.coverage, self.pixels) > 1e-4 => Err("coverage"),
-            _ if share(self.triangle, self.pixels) > 1e-3 => Err("triangle"),
-            _ if self.position > 0 || share(self.excused_positions, self.same) > 1e-3 => Err("position"),
-            _ if self.normal > 0 => Err("normal"),
-            _ if self.cosine > 0 => Err("cosine"),
-            _ if share(self.color, self.pixels) > 1e-3 => Err("color"),
+            _ if above(self.coverage, self.pixels, allowed.coverage) => Err("coverage"),
+            _ if above(self.triangle, self.pixels, allowed.triangle) => Err("triangle"),
+            _ if above(self.position, self.same, allowed.vector) => Err("position"),
+            _ if above(self.normal, self.same, allowed.vector) => Err("normal"),
+            _ if above(self.cosine, self.same, allowed.vector) => Err("cosine"),
+            _ if above(self.color, self.pixels, allowed.color) => Err("color"),
             _ => Ok(()),
         }
     }
 }
+
+/// Largest shares of pixels that may differ.
+#[derive(Debug, Clone, Copy)]
+struct Allowed {
+    coverage: f64,
+    triangle: f64,
+    vector: f64,
+    color: f64,
+}
+
+const STRICT: Allowed = Allowed { coverage: 1e-4, triangle: 2e-3, vector: 0.0, color: 1e-3 };
+/// For needles far thinner than a pixel, of which each loses or gains pixels all along its length where a corner rounds
+/// differently, and whose planes of attributes devices compute from areas that nearly vanish.
+const NEEDLES: Allowed = Allowed { coverage: 1e-3, triangle: 5e-3, vector: 1e-3, color: 1e-3 };
 
 fn render(rasteriser: &mut dyn Rasteriser, setup: &Setup, job: &RasterJob<'_>, width: u32, height: u32) -> GBuffer {
     let mut target = marked(width, height, job.attachments);
@@ -140,10 +160,13 @@ fn render(rasteriser: &mut dyn Rasteriser, setup: &Setup, job: &RasterJob<'_>, w
     target
 }
 
-fn setups() -> [Setup; 5] {
-    let seeds = [1, 2].map(|seed| soup(3000, seed));
-    let [first, second] = seeds;
-    [terrain(160), first, second, grazing(), cut_out()]
+fn setups() -> Vec<(Setup, Allowed)> {
+    let scenes = [hills(160), hills(16), grazing(), cut_out()];
+    let kinds = [0, 2, 3, 4, 5, 6];
+    // Triangles below a pixel and needles must be many, or they cover nothing.
+    let soups = kinds.map(|kind| soup(kind, if kind == 2 { 20_000 } else { 3000 }));
+    let strict = scenes.into_iter().chain(soups).map(|setup| (setup, STRICT));
+    strict.chain([(soup(1, 20_000), NEEDLES)]).collect()
 }
 
 const WIDTH: u32 = 500;
@@ -153,7 +176,7 @@ const HEIGHT: u32 = 375;
 fn the_two_rasterisers_draw_the_same() {
     let Some(mut gpu) = rasteriser() else { return };
     let mut failed = Vec::new();
-    for setup in setups() {
+    for (setup, allowed) in setups() {
         let job = setup.job(WIDTH, HEIGHT, ALL);
         let [a, b] = [
             render(&mut CpuRasteriser::new(), &setup, &job, WIDTH, HEIGHT),
@@ -161,7 +184,7 @@ fn the_two_rasterisers_draw_the_same() {
         ];
         let agreement = Agreement::of(&job, &a, &b);
         println!("{}: {agreement:?}", setup.name);
-        failed.extend(agreement.verdict().err().map(|what| (setup.name, what)));
+        failed.extend(agreement.verdict(allowed).err().map(|what| (setup.name, what)));
     }
     assert!(failed.is_empty(), "{failed:?}");
 }
@@ -169,7 +192,7 @@ fn the_two_rasterisers_draw_the_same() {
 #[test]
 fn a_camera_that_is_shifted_is_found_out_in_every_scene() {
     let Some(mut gpu) = rasteriser() else { return };
-    for setup in setups() {
+    for (setup, allowed) in setups() {
         let job = setup.job(WIDTH, HEIGHT, ALL);
         let a = render(&mut CpuRasteriser::new(), &setup, &job, WIDTH, HEIGHT);
         let shift = Vec3::new(0.01, 0.0, 0.0);
@@ -177,7 +200,7 @@ fn a_camera_that_is_shifted_is_found_out_in_every_scene() {
         let job = shifted.job(WIDTH, HEIGHT, ALL);
         let b = render(&mut gpu, &shifted, &job, WIDTH, HEIGHT);
         let agreement = Agreement::of(&job, &a, &b);
-        assert!(agreement.verdict().is_err(), "{}: {agreement:?}", shifted.name);
+        assert!(agreement.verdict(allowed).is_err(), "{}: {agreement:?}", shifted.name);
     }
 }
 
@@ -189,17 +212,17 @@ fn one_wrong_attachment_is_found_out() {
     let verdict = |spoil: &dyn Fn(&mut GBuffer)| {
         let mut bad = good.clone();
         spoil(&mut bad);
-        Agreement::of(&job, &good, &bad).verdict()
+        Agreement::of(&job, &good, &bad).verdict(STRICT)
     };
     assert_eq!(verdict(&|_| {}), Ok(()));
     let (covered, _) = good.triangle.iter().enumerate().find(|(_, id)| **id != NO_TRIANGLE).expect("one is covered");
     assert_eq!(verdict(&|bad| bad.position[covered][1] += 0.1), Err("position"));
     assert_eq!(verdict(&|bad| bad.position[covered][3] = f32::NAN), Err("cosine"));
     assert_eq!(verdict(&|bad| bad.normal[covered][0] += 0.001), Err("normal"));
-    let some = 0..good.triangle.len() / 500;
+    let some = 0..good.triangle.len() / 300;
     assert_eq!(verdict(&|bad| bad.color[some.clone()].fill([f32::NAN; 4])), Err("color"));
     let few: Vec<usize> =
-        (0..good.triangle.len()).filter(|pixel| good.triangle[*pixel] != NO_TRIANGLE).take(400).collect();
+        (0..good.triangle.len()).filter(|pixel| good.triangle[*pixel] != NO_TRIANGLE).take(800).collect();
     assert_eq!(verdict(&|bad| few[..30].iter().for_each(|pixel| bad.triangle[*pixel] = NO_TRIANGLE)), Err("coverage"));
     assert_eq!(verdict(&|bad| few.iter().for_each(|pixel| bad.triangle[*pixel] ^= 1)), Err("triangle"));
 }
@@ -207,13 +230,13 @@ fn one_wrong_attachment_is_found_out() {
 #[test]
 fn both_leave_what_is_outside_of_the_viewport() {
     let Some(mut gpu) = rasteriser() else { return };
-    let setup = terrain(40);
+    let setup = hills(40);
     let viewport = Rect { x: 37, y: 11, width: 70, height: 60 };
     let job = RasterJob { viewport, ..setup.job(70, 60, ALL) };
     let [a, b] = [render(&mut CpuRasteriser::new(), &setup, &job, 150, 90), render(&mut gpu, &setup, &job, 150, 90)];
     let agreement = Agreement::of(&job, &a, &b);
     // What is marked counts as one triangle; of it and the drawn part, everything must agree.
-    assert_eq!(agreement.verdict(), Ok(()), "{agreement:?}");
+    assert_eq!(agreement.verdict(STRICT), Ok(()), "{agreement:?}");
     let marks = |buffer: &GBuffer| buffer.triangle.iter().filter(|id| **id == 0xdead_beef).count();
     assert_eq!((marks(&a), marks(&b)), (150 * 90 - 70 * 60, 150 * 90 - 70 * 60));
 }

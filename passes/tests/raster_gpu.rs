@@ -1,14 +1,16 @@
 //! What the wgpu rasteriser promises beyond its pictures.
 
+mod common;
 mod scenes;
 #[path = "scenes/gpu.rs"]
 mod support;
 
+use common::ALL;
 use curitiba_passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
 use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect};
 use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
 use glam::{Vec3, Vec4};
-use scenes::{ALL, Setup, marked, plain, terrain};
+use scenes::{Setup, hills, marked, plain};
 use std::sync::Arc;
 use support::rasteriser;
 
@@ -33,7 +35,7 @@ fn attachments_not_asked_for_are_neither_created_nor_change_the_others() {
     if rasteriser().is_none() {
         return;
     }
-    let setup = terrain(20);
+    let setup = hills(20);
     let (width, height) = (75, 40);
     let mut full = None;
     // The full set comes first: it is what the others are compared with.
@@ -63,7 +65,7 @@ fn attachments_not_asked_for_are_neither_created_nor_change_the_others() {
 #[test]
 fn attachments_stay_between_frames_and_follow_the_size() {
     let Some(mut rasteriser) = rasteriser() else { return };
-    let setup = terrain(20);
+    let setup = hills(20);
     rasteriser.upload(&setup.scene).expect("uploads");
     let first = render(&mut rasteriser, &setup.job(64, 64, ALL), 64, 64);
     let memory = rasteriser.memory();
@@ -80,7 +82,7 @@ fn attachments_stay_between_frames_and_follow_the_size() {
 #[test]
 fn only_what_the_scene_has_is_uploaded() {
     let Some(mut rasteriser) = rasteriser() else { return };
-    let setup = terrain(20);
+    let setup = hills(20);
     rasteriser.upload(&setup.scene).expect("uploads");
     let (vertices, triangles) = (21 * 21, 2 * 20 * 20);
     assert_eq!(rasteriser.memory().geometry, 24 * vertices + 12 * triangles);
@@ -119,7 +121,7 @@ fn textures_are_uploaded_when_a_material_or_a_shade_reads_them() {
 #[test]
 fn only_the_viewport_is_cleared_and_drawn() {
     let Some(mut rasteriser) = rasteriser() else { return };
-    let setup = terrain(20);
+    let setup = hills(20);
     rasteriser.upload(&setup.scene).expect("uploads");
     let (width, height) = (150, 90);
     let viewport = Rect { x: 37, y: 11, width: 70, height: 60 };
@@ -184,7 +186,7 @@ fn of_equal_depths_the_lower_triangle_stays() {
 #[test]
 fn an_empty_scene_clears() {
     let Some(mut rasteriser) = rasteriser() else { return };
-    let setup = Setup { scene: Arc::new(RenderScene::default()), shades: Vec::new(), ..terrain(2) };
+    let setup = Setup { scene: Arc::new(RenderScene::default()), shades: Vec::new(), ..hills(2) };
     rasteriser.upload(&setup.scene).expect("uploads");
     let job = setup.job(20, 10, ALL);
     let mut expected = GBuffer::new(20, 10, ALL);
@@ -195,7 +197,7 @@ fn an_empty_scene_clears() {
 #[test]
 fn jobs_that_do_not_fit_their_scene_or_target_are_errors() {
     let Some(mut rasteriser) = rasteriser() else { return };
-    let setup = terrain(4);
+    let setup = hills(4);
     let job = setup.job(64, 64, ALL);
     let mut target = GBuffer::new(64, 64, ALL);
     let message = rasteriser.draw(&job, &mut target).expect_err("nothing uploaded").to_string();

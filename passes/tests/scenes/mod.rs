@@ -1,15 +1,13 @@
-//! Generated scenes for tests and benches of the rasterisers.
+//! Generated scenes with several materials, for what concerns both rasterisers.
 #![allow(dead_code, reason = "each test and bench uses a part")]
 
+use crate::common::perspective;
 use curitiba_pipeline::backend::{Attachments, GBuffer, RasterJob, Rect, Shade, Sun, View};
 use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use std::sync::Arc;
-
-/// All attachments.
-pub const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
 
 /// A scene and how it is looked at.
 pub struct Setup {
@@ -46,40 +44,6 @@ impl Setup {
     }
 }
 
-/// Reversed depth: 1 at `near`, 0 at `far`; `fov` is the vertical angle in radians.
-pub fn perspective(fov: f32, aspect: f32, near: f32, far: f32) -> Mat4 {
-    let scale = 1.0 / (0.5 * fov).tan();
-    let depth = near / (far - near);
-    Mat4::from_cols(
-        Vec4::new(scale / aspect, 0.0, 0.0, 0.0),
-        Vec4::new(0.0, scale, 0.0, 0.0),
-        Vec4::new(0.0, 0.0, depth, -1.0),
-        Vec4::new(0.0, 0.0, depth * far, 0.0),
-    )
-}
-
-/// A sequence of random numbers (splitmix64).
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// In -1..1.
-    pub fn signed(&mut self) -> f32 {
-        (self.bits() >> 40) as f32 / (1 << 23) as f32 - 1.0
-    }
-
-    pub fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.signed(), self.signed(), self.signed())
-    }
-}
-
 pub fn sun() -> Option<Sun> {
     Some(Sun { direction: Vec3::new(-0.4, -1.0, -0.3).normalize(), color: Vec3::new(1.0, 0.95, 0.8) })
 }
@@ -89,7 +53,7 @@ pub fn plain(diffuse: [f32; 3]) -> Shade {
 }
 
 /// Hills of `2 * side * side` triangles in four materials, seen from above one corner.
-pub fn terrain(side: u32) -> Setup {
+pub fn hills(side: u32) -> Setup {
     let height = |x: f32, z: f32| {
         2.0 * (0.31 * x).sin() * (0.27 * z).cos()
             + 0.7 * (1.3 * x + 0.4).sin() * (1.7 * z).sin()
@@ -125,7 +89,7 @@ pub fn terrain(side: u32) -> Setup {
         ..Geometry::default()
     };
     Setup {
-        name: "terrain",
+        name: "hills",
         scene: Arc::new(RenderScene { geometry, ..RenderScene::default() }),
         shades: vec![plain([0.8, 0.3, 0.2]), plain([0.2, 0.7, 0.3]), plain([0.3, 0.4, 0.9]), plain([0.7, 0.7, 0.6])],
         eye: Vec3::new(16.0, 9.0, 18.0),
@@ -136,29 +100,14 @@ pub fn terrain(side: u32) -> Setup {
     }
 }
 
-/// Random triangles all around the camera, large ones among them: many cross the near plane or the camera's plane.
-pub fn soup(triangles: u32, seed: u64) -> Setup {
-    let mut random = Random(seed);
-    let mut geometry = Geometry::default();
-    for triangle in 0..triangles {
-        let center = 6.0 * random.vector();
-        let size = if triangle % 10 == 0 { 6.0 } else { 1.0 };
-        let corners: [Vec3; 3] = std::array::from_fn(|_| center + size * random.vector());
-        let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Y);
-        let first = geometry.positions.len() as u32;
-        geometry.positions.extend(corners);
-        geometry.normals.extend((0..3).map(|_| (face + 0.3 * random.vector()).normalize()));
-        geometry.triangles.push([first, first + 1, first + 2]);
-    }
-    let half = triangles / 2;
-    geometry.batches =
-        vec![Batch { material: 0, first: 0, count: half }, Batch { material: 1, first: half, count: triangles - half }];
+/// The triangles of [`common::soup`](crate::common::soup), and its camera.
+pub fn soup(kind: u32, count: usize) -> Setup {
     Setup {
         name: "soup",
-        scene: Arc::new(RenderScene { geometry, ..RenderScene::default() }),
-        shades: vec![plain([0.9, 0.5, 0.1]), plain([0.2, 0.4, 0.8])],
-        eye: Vec3::new(0.1, 0.2, 0.3),
-        target: Vec3::new(1.0, 0.7, -2.0),
+        scene: Arc::new(crate::common::soup(kind, count, 1)),
+        shades: vec![plain([0.9, 0.5, 0.1])],
+        eye: Vec3::ZERO,
+        target: -Vec3::Z,
         near: 0.1,
         far: 100.0,
         sun: sun(),

@@ -1,0 +1,111 @@
+//! Clipping of the few triangles that reach behind the eye, past the far plane or far off the screen.
+
+use super::vertex::{Projection, ScreenVertex};
+use glam::Vec3;
+
+/// A part of a clipped triangle.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ClippedTriangle {
+    /// Corners on the screen.
+    pub corners: [ScreenVertex; 3],
+    /// Barycentric coordinates of the corners in the whole triangle, of its corners 1 and 2.
+    pub weights: [[f32; 2]; 3],
+    /// The whole triangle.
+    pub triangle: u32,
+}
+
+/// Parts of one triangle: six planes make at most nine corners of three.
+pub(super) const MAX_PARTS: usize = 7;
+const MAX_CORNERS: usize = MAX_PARTS + 2;
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Corner {
+    clip: [f64; 4],
+    weights: [f64; 2],
+}
+
+impl Corner {
+    /// The point of the edge from `inside` to `outside` at the plane with these signed distances.
+    ///
+    /// Always from the inside outwards, so that two triangles get the same point on the edge that they share.
+    fn between(inside: &Self, outside: &Self, inner: f64, outer: f64) -> Self {
+        let t = inner / (inner - outer);
+        Self {
+            clip: std::array::from_fn(|i| inside.clip[i] + t * (outside.clip[i] - inside.clip[i])),
+            weights: std::array::from_fn(|i| inside.weights[i] + t * (outside.weights[i] - inside.weights[i])),
+        }
+    }
+}
+
+#[derive(Default)]
+struct Polygon {
+    corners: [Corner; MAX_CORNERS],
+    len: usize,
+}
+
+impl Polygon {
+    /// A convex polygon gains at most one corner per plane; should rounding ever make a sliver cross a plane more often,
+    /// what has no room is left out.
+    fn push(&mut self, corner: Corner) {
+        if let Some(free) = self.corners.get_mut(self.len) {
+            *free = corner;
+            self.len += 1;
+        }
+    }
+
+    /// Sutherland and Hodgman, "Reentrant polygon clipping" (1974), for one plane.
+    fn clipped(&self, distance: impl Fn(&[f64; 4]) -> f64) -> Self {
+        let mut output = Self::default();
+        for i in 0..self.len {
+            let (from, to) = (&self.corners[i], &self.corners[(i + 1) % self.len]);
+            let (start, end) = (distance(&from.clip), distance(&to.clip));
+            if start >= 0.0 {
+                output.push(*from);
+            }
+            if (start >= 0.0) != (end >= 0.0) {
+                output.push(if start >= 0.0 {
+                    Corner::between(from, to, start, end)
+                } else {
+                    Corner::between(to, from, end, start)
+                });
+            }
+        }
+        output
+    }
+}
+
+/// Gives `emit` the parts of a triangle between the near and the far plane, and near enough to the viewport.
+pub(super) fn clip(
+    projection: &Projection,
+    triangle: u32,
+    positions: [Vec3; 3],
+    mut emit: impl FnMut(ClippedTriangle),
+) {
+    let clip = positions.map(|position| projection.clip(position));
+    if clip.iter().flatten().any(|value| !value.is_finite()) {
+        return;
+    }
+    let mut polygon = Polygon::default();
+    for (corner, weights) in clip.into_iter().zip([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) {
+        polygon.push(Corner { clip: corner.map(f64::from), weights });
+    }
+    let [guard_x, guard_y] = projection.guard.map(f64::from);
+    polygon = polygon.clipped(|[_, _, z, w]| w - z);
+    polygon = polygon.clipped(|[_, _, z, _]| *z);
+    polygon = polygon.clipped(|[x, _, _, w]| guard_x * w - x);
+    polygon = polygon.clipped(|[x, _, _, w]| guard_x * w + x);
+    polygon = polygon.clipped(|[_, y, _, w]| guard_y * w - y);
+    polygon = polygon.clipped(|[_, y, _, w]| guard_y * w + y);
+    for second in 2..polygon.len {
+        let corners = [&polygon.corners[0], &polygon.corners[second - 1], &polygon.corners[second]];
+        let clip = corners.map(|corner| corner.clip.map(|value| value as f32));
+        // A corner in the eye itself has no direction; a polygon with one has no area on the screen.
+        if clip.iter().all(|corner| corner[3] >= f32::MIN_POSITIVE) {
+            emit(ClippedTriangle {
+                corners: clip.map(|corner| projection.screen(corner)),
+                weights: corners.map(|corner| corner.weights.map(|weight| weight as f32)),
+                triangle,
+            });
+        }
+    }
+}

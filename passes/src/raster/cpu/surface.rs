@@ -1,0 +1,150 @@
+//! Hands the pixels of a G-buffer out by tiles, so that tiles can be drawn by several threads.
+#![allow(unsafe_code, reason = "rectangles of one image are disjoint, which slices cannot express")]
+
+use curitiba_pipeline::backend::{Attachments, GBuffer, Rect};
+use rayon::prelude::*;
+use std::marker::PhantomData;
+
+/// Sides of a tile, in pixels.
+pub(super) const TILE: usize = 64;
+
+/// A viewport cut into tiles, row by row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Grid {
+    /// The viewport, in pixels of the target.
+    pub viewport: Rect,
+    /// Tiles a row.
+    pub columns: usize,
+    /// Rows of tiles.
+    pub rows: usize,
+}
+
+impl Grid {
+    pub fn new(viewport: Rect) -> Self {
+        let tiles = |pixels: u32| (pixels as usize).div_ceil(TILE);
+        Self { viewport, columns: tiles(viewport.width), rows: tiles(viewport.height) }
+    }
+
+    /// Number of tiles.
+    pub fn len(&self) -> usize {
+        self.columns * self.rows
+    }
+}
+
+/// The attachments of one tile, to be written.
+pub(super) struct TileSurface<'a> {
+    /// Left column of the tile, from the viewport's left.
+    pub x: usize,
+    /// Top row of the tile, from the viewport's top.
+    pub y: usize,
+    /// Pixels a row, at most [`TILE`].
+    pub width: usize,
+    /// Rows, at most [`TILE`].
+    pub height: usize,
+    color: Option<Plane<'a, [f32; 4]>>,
+    position: Option<Plane<'a, [f32; 4]>>,
+    normal: Option<Plane<'a, [f32; 4]>>,
+    triangle: Option<Plane<'a, u32>>,
+}
+
+macro_rules! row_accessors {
+    ($($name:ident: $pixel:ty),*) => {
+        $(
+            /// The tile's part of one row of this attachment; `None` if it was not asked for.
+            #[inline(always)]
+            pub fn $name(&mut self, row: usize) -> Option<&mut [$pixel]> {
+                assert!(row < self.height);
+                let plane = self.$name.as_mut()?;
+                // SAFETY: `row` is in the tile, and the tile is in the attachment (`for_each_tile` checks both).
+                Some(unsafe { plane.row(row, self.width) })
+            }
+        )*
+    };
+}
+
+impl TileSurface<'_> {
+    row_accessors!(color: [f32; 4], position: [f32; 4], normal: [f32; 4], triangle: u32);
+}
+
+/// One attachment, seen from the top left pixel of a tile.
+struct Plane<'a, T> {
+    first: *mut T,
+    stride: usize,
+    pixels: PhantomData<&'a mut [T]>,
+}
+
+impl<T> Plane<'_, T> {
+    /// # Safety
+    /// The row and its width must be inside the tile.
+    #[inline(always)]
+    unsafe fn row(&mut self, row: usize, width: usize) -> &mut [T] {
+        // SAFETY: the tile's pixels are inside the attachment and no other tile has them, so this borrow of `self`,
+        // the only surface of the tile, is their only one.
+        unsafe { std::slice::from_raw_parts_mut(self.first.add(row * self.stride), width) }
+    }
+}
+
+/// An attachment that all threads may take their tiles from.
+struct Shared<T> {
+    pixels: *mut T,
+    stride: usize,
+}
+
+// SAFETY: the pointer is only used through `tile`, and its callers give each tile to one thread.
+unsafe impl<T: Send> Sync for Shared<T> {}
+
+impl<T> Shared<T> {
+    fn new(pixels: &mut Vec<T>, target: (usize, usize), wanted: bool) -> Option<Self> {
+        wanted.then(|| {
+            assert_eq!(pixels.len(), target.0 * target.1, "an attachment has the wrong size");
+            Self { pixels: pixels.as_mut_ptr(), stride: target.0 }
+        })
+    }
+
+    /// # Safety
+    /// The pixel must be in the attachment, and each tile may be taken once at a time.
+    unsafe fn tile<'a>(&self, x: usize, y: usize) -> Plane<'a, T> {
+        // SAFETY: the pixel is in the attachment.
+        Plane { first: unsafe { self.pixels.add(y * self.stride + x) }, stride: self.stride, pixels: PhantomData }
+    }
+}
+
+/// Calls `draw` with every tile of the grid, on all threads of the current pool.
+///
+/// # Panics
+/// If the viewport is not inside the target or an attachment asked for has another size.
+pub(super) fn for_each_tile(
+    target: &mut GBuffer,
+    attachments: Attachments,
+    grid: &Grid,
+    draw: impl Fn(usize, TileSurface<'_>) + Sync,
+) {
+    let size = (target.width as usize, target.height as usize);
+    let Rect { x, y, width, height } = grid.viewport;
+    let (left, top, width, height) = (x as usize, y as usize, width as usize, height as usize);
+    assert!(left + width <= size.0 && top + height <= size.1, "the viewport is outside the target");
+    let color = Shared::new(&mut target.color, size, attachments.color);
+    let position = Shared::new(&mut target.position, size, attachments.position);
+    let normal = Shared::new(&mut target.normal, size, attachments.normal);
+    let triangle = Shared::new(&mut target.triangle, size, attachments.triangle);
+    let all = (color, position, normal, triangle);
+    let all = &all;
+    (0..grid.len()).into_par_iter().with_max_len(1).for_each(|index| {
+        let (x, y) = (index % grid.columns * TILE, index / grid.columns * TILE);
+        // SAFETY: (x, y) is in the viewport, which is in the target (asserted above); each index is visited once and
+        // the tiles of different indices are disjoint. `target` is borrowed for the whole call.
+        let surface = unsafe {
+            TileSurface {
+                x,
+                y,
+                width: TILE.min(width - x),
+                height: TILE.min(height - y),
+                color: all.0.as_ref().map(|plane| plane.tile(left + x, top + y)),
+                position: all.1.as_ref().map(|plane| plane.tile(left + x, top + y)),
+                normal: all.2.as_ref().map(|plane| plane.tile(left + x, top + y)),
+                triangle: all.3.as_ref().map(|plane| plane.tile(left + x, top + y)),
+            }
+        };
+        draw(index, surface);
+    });
+}

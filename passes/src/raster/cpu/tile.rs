@@ -1,0 +1,355 @@
+//! Which triangle is seen at each pixel of a tile.
+
+use super::bins::{Bins, Bounds, doubled_area};
+use super::frame::{Frame, Part};
+use super::surface::{TILE, TileSurface};
+use super::vertex::{ScreenVertex, UNITS};
+
+/// Lanes of a vector.
+pub(super) const LANES: usize = 8;
+
+/// Floats from one row of a tile's buffers to the next: vectors that start in the last columns reach beyond the tile.
+const STRIDE: usize = TILE + LANES;
+
+/// Sides of the blocks that large triangles are drawn by.
+const BLOCK: usize = LANES;
+const BLOCKS: usize = TILE / BLOCK;
+
+/// Triangles with a wider bounding box are drawn block by block.
+const NARROW: i32 = 2 * LANES as i32;
+
+/// Depth and triangle of each pixel of a tile.
+pub(super) struct Tile {
+    depth: Box<[f32; TILE * STRIDE]>,
+    parts: Box<[u32; TILE * STRIDE]>,
+    /// By block: no pixel of it has less depth.
+    floor: [f32; BLOCKS * BLOCKS],
+    empty: bool,
+}
+
+impl Default for Tile {
+    fn default() -> Self {
+        Self {
+            depth: Box::new([0.0; TILE * STRIDE]),
+            parts: Box::new([Part::NONE.0; TILE * STRIDE]),
+            floor: [0.0; BLOCKS * BLOCKS],
+            empty: true,
+        }
+    }
+}
+
+/// An edge function over pixels: `a * column + b * row + c >= 0` inside, and on the edge if it is a top or left one.
+///
+/// In units of 1/256 pixel it is `E = 256 (a column + b row) + C`, all integers; with `c = floor(C / 256)` its sign is kept.
+/// `|a|, |b| <= 7_340_032` and columns and rows below 72, so `|a column + b row| < 2^30`; clamping `c` to `±2^30` keeps
+/// the sign too and the sum in 32 bits.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    a: i32,
+    b: i32,
+    c: i32,
+}
+
+impl Edge {
+    /// From one corner to the next, clockwise; columns and rows count from pixel (x, y).
+    #[inline(always)]
+    fn new(from: &ScreenVertex, to: &ScreenVertex, x: i32, y: i32) -> Self {
+        const LIMIT: i64 = 1 << 30;
+        let (a, b) = (from.y - to.y, to.x - from.x);
+        // A left edge goes up, a top edge to the right.
+        let closed = a > 0 || (a == 0 && b > 0);
+        let (dx, dy) = (x * UNITS + UNITS / 2 - from.x, y * UNITS + UNITS / 2 - from.y);
+        let value = i64::from(a) * i64::from(dx) + i64::from(b) * i64::from(dy) - i64::from(!closed);
+        Self { a, b, c: (value >> UNITS.trailing_zeros()).clamp(-LIMIT, LIMIT) as i32 }
+    }
+
+    #[inline(always)]
+    fn at(&self, column: i32, row: i32) -> i32 {
+        self.c.wrapping_add(self.a.wrapping_mul(column)).wrapping_add(self.b.wrapping_mul(row))
+    }
+}
+
+/// Depth over pixels: `((z + dy * row) + dx * column) + dx * lane`, kept within the corners' depths, where `column` is that of
+/// a vector's first lane.
+///
+/// Rounding is monotone, so over a block the largest computed depth is at one of its corners, exactly.
+#[derive(Debug, Clone, Copy)]
+struct Depth {
+    z: f32,
+    dx: f32,
+    dy: f32,
+    low: f32,
+    high: f32,
+}
+
+impl Depth {
+    #[inline(always)]
+    fn new([v0, v1, v2]: &[ScreenVertex; 3], area: i64, x: i32, y: i32) -> Self {
+        let scale = 1.0 / area as f64;
+        let (dz1, dz2) = (f64::from(v1.z) - f64::from(v0.z), f64::from(v2.z) - f64::from(v0.z));
+        let across = (f64::from(v2.y - v0.y) * dz1 - f64::from(v1.y - v0.y) * dz2) * scale;
+        let down = (f64::from(v1.x - v0.x) * dz2 - f64::from(v2.x - v0.x) * dz1) * scale;
+        let (from_x, from_y) = (x * UNITS + UNITS / 2 - v0.x, y * UNITS + UNITS / 2 - v0.y);
+        Self {
+            z: (f64::from(v0.z) + across * f64::from(from_x) + down * f64::from(from_y)) as f32,
+            dx: (across * f64::from(UNITS)) as f32,
+            dy: (down * f64::from(UNITS)) as f32,
+            low: minimum(minimum(v0.z, v1.z), v2.z),
+            high: maximum(maximum(v0.z, v1.z), v2.z),
+        }
+    }
+
+    /// Of a vector's first lane.
+    #[inline(always)]
+    fn at(&self, column: i32, row: i32) -> f32 {
+        (self.z + self.dy * row as f32) + self.dx * column as f32
+    }
+
+    /// From a vector's first lane to each lane.
+    #[inline(always)]
+    fn across(&self) -> [f32; LANES] {
+        std::array::from_fn(|lane| self.dx * lane as f32)
+    }
+
+    #[inline(always)]
+    fn clamp(&self, z: f32) -> f32 {
+        maximum(minimum(z, self.high), self.low)
+    }
+
+    /// The largest depth of a block.
+    #[inline(always)]
+    fn highest(&self, column: i32, row: i32) -> f32 {
+        let last = BLOCK as i32 - 1;
+        let left = self.at(column, if self.dy > 0.0 { row + last } else { row });
+        self.clamp(left + maximum(self.dx * last as f32, 0.0))
+    }
+}
+
+/// Without the care for NaN of `f32::min`, as the vector instructions are.
+#[inline(always)]
+fn minimum(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn maximum(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+impl Tile {
+    /// Forgets what was drawn.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        if !self.empty {
+            self.depth.fill(0.0);
+            self.parts.fill(Part::NONE.0);
+            self.floor.fill(0.0);
+            self.empty = true;
+        }
+    }
+
+    /// The parts seen in a row, [`Part::NONE`] where there is none; `None` if the whole tile is empty.
+    #[inline(always)]
+    pub fn row(&self, row: usize) -> Option<&[u32; TILE]> {
+        if self.empty {
+            return None;
+        }
+        self.parts[row * STRIDE..][..TILE].first_chunk()
+    }
+
+    /// Draws the parts that bins hold for this tile, in the order of the triangles.
+    #[inline(always)]
+    pub fn draw_bins(&mut self, frame: &Frame<'_>, bins: &Bins, tile: usize, surface: &TileSurface<'_>) {
+        let parts = bins.of_tile(tile);
+        let mut large = bins.large.as_slice();
+        if large.is_empty() {
+            for part in parts {
+                self.draw(frame, *part, surface);
+            }
+            return;
+        }
+        for part in parts {
+            let triangle = frame.triangle_of(*part);
+            while let Some((first, rest)) =
+                large.split_first().filter(|(first, _)| frame.triangle_of(**first) < triangle)
+            {
+                self.draw(frame, *first, surface);
+                large = rest;
+            }
+            self.draw(frame, *part, surface);
+        }
+        for part in large {
+            self.draw(frame, *part, surface);
+        }
+    }
+
+    #[inline(always)]
+    fn draw(&mut self, frame: &Frame<'_>, part: Part, surface: &TileSurface<'_>) {
+        let placed = frame.place(part);
+        let (left, top) = (surface.x as i32, surface.y as i32);
+        let high = (left + surface.width as i32 - 1, top + surface.height as i32 - 1);
+        let bounds = Bounds::of(&placed.corners, (left, top), high);
+        if bounds.is_empty() {
+            return;
+        }
+        let mut corners = placed.corners;
+        let mut area = doubled_area(&corners);
+        if area < 0 {
+            corners.swap(1, 2);
+            area = -area;
+        }
+        self.empty = false;
+        let local = Bounds { x: (bounds.x.0 - left, bounds.x.1 - left), y: (bounds.y.0 - top, bounds.y.1 - top) };
+        if part.is_cut() {
+            self.draw_rows(&corners, area, &bounds, &local, |column, row| {
+                if super::shade::is_solid(frame, &placed, left + column, top + row) { Some(part.0) } else { None }
+            });
+        } else if bounds.x.1 - bounds.x.0 < NARROW {
+            self.draw_narrow(&corners, area, &bounds, &local, part.0);
+        } else {
+            self.draw_blocks(&corners, area, &bounds, &local, part.0);
+        }
+    }
+
+    /// Row by row, in vectors that start at the left of the bounds.
+    #[inline(always)]
+    fn draw_narrow(&mut self, corners: &[ScreenVertex; 3], area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
+        let (x, y) = (bounds.x.0, bounds.y.0);
+        let [e0, e1, e2] = edges(corners, x, y);
+        let depth = Depth::new(corners, area, x, y);
+        let across = [lanes(e0.a), lanes(e1.a), lanes(e2.a)];
+        let across_z = depth.across();
+        for row in 0..=local.y.1 - local.y.0 {
+            let mut column = 0;
+            while column <= local.x.1 - local.x.0 {
+                let offset = (local.y.0 + row) as usize * STRIDE + (local.x.0 + column) as usize;
+                let start = [e0.at(column, row), e1.at(column, row), e2.at(column, row)];
+                let z = depth.at(column, row);
+                self.write_vector(offset, start, &across, z, &across_z, &depth, part);
+                column += LANES as i32;
+            }
+        }
+    }
+
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the innermost loop's registers")]
+    fn write_vector(
+        &mut self,
+        offset: usize,
+        start: [i32; 3],
+        across: &[[i32; LANES]; 3],
+        z: f32,
+        across_z: &[f32; LANES],
+        depth: &Depth,
+        part: u32,
+    ) {
+        let stored: &mut [f32; LANES] = (&mut self.depth[offset..offset + LANES]).try_into().expect("as many as lanes");
+        let parts: &mut [u32; LANES] = (&mut self.parts[offset..offset + LANES]).try_into().expect("as many as lanes");
+        for lane in 0..LANES {
+            let inside = start[0].wrapping_add(across[0][lane])
+                | start[1].wrapping_add(across[1][lane])
+                | start[2].wrapping_add(across[2][lane]);
+            let z = depth.clamp(z + across_z[lane]);
+            let passes = (inside >= 0) & (z > stored[lane]);
+            stored[lane] = if passes { z } else { stored[lane] };
+            parts[lane] = if passes { part } else { parts[lane] };
+        }
+    }
+
+    /// Block by block; blocks outside an edge or behind what is drawn are skipped.
+    #[inline(always)]
+    fn draw_blocks(&mut self, corners: &[ScreenVertex; 3], area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
+        let size = BLOCK as i32;
+        let (first_column, first_row) = (local.x.0 & -size, local.y.0 & -size);
+        let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);
+        let edges = edges(corners, x, y);
+        let depth = Depth::new(corners, area, x, y);
+        let across = edges.map(|edge| lanes(edge.a));
+        let across_z = depth.across();
+        // From a block's first pixel to the one that is farthest inside and the one that is farthest outside an edge.
+        let inner = edges.map(|edge| (edge.a.max(0) + edge.b.max(0)) * (size - 1));
+        let outer = edges.map(|edge| (edge.a.min(0) + edge.b.min(0)) * (size - 1));
+        for row in (0..=local.y.1 - first_row).step_by(BLOCK) {
+            for column in (0..=local.x.1 - first_column).step_by(BLOCK) {
+                let start = edges.map(|edge| edge.at(column, row));
+                if (0..3).any(|edge| start[edge].wrapping_add(inner[edge]) < 0) {
+                    continue;
+                }
+                let block = ((first_row + row) / size) as usize * BLOCKS + ((first_column + column) / size) as usize;
+                if depth.highest(column, row) <= self.floor[block] {
+                    continue;
+                }
+                for line in 0..size {
+                    let offset = (first_row + row + line) as usize * STRIDE + (first_column + column) as usize;
+                    let start = [0, 1, 2].map(|edge| start[edge].wrapping_add(edges[edge].b.wrapping_mul(line)));
+                    let z = depth.at(column, row + line);
+                    self.write_vector(offset, start, &across, z, &across_z, &depth, part);
+                }
+                if (0..3).all(|edge| start[edge].wrapping_add(outer[edge]) >= 0) {
+                    self.raise_floor(block);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn raise_floor(&mut self, block: usize) {
+        let first = block / BLOCKS * BLOCK * STRIDE + block % BLOCKS * BLOCK;
+        let mut lowest = [f32::INFINITY; LANES];
+        for row in 0..BLOCK {
+            let offset = first + row * STRIDE;
+            for (lowest, depth) in lowest.iter_mut().zip(&self.depth[offset..offset + BLOCK]) {
+                *lowest = minimum(*depth, *lowest);
+            }
+        }
+        self.floor[block] = lowest.into_iter().fold(f32::INFINITY, minimum);
+    }
+
+    /// Pixel by pixel, asking whether there is a surface at each that passes the depth test.
+    #[inline(always)]
+    fn draw_rows(
+        &mut self,
+        corners: &[ScreenVertex; 3],
+        area: i64,
+        bounds: &Bounds,
+        local: &Bounds,
+        part: impl Fn(i32, i32) -> Option<u32>,
+    ) {
+        let wide = bounds.x.1 - bounds.x.0 >= NARROW;
+        // The same vectors as an opaque triangle has, so that the same triangle has the same depth.
+        let align = |first: i32| if wide { first & -(BLOCK as i32) } else { first };
+        let (first_column, first_row) = (align(local.x.0), align(local.y.0));
+        let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);
+        let edges = edges(corners, x, y);
+        let depth = Depth::new(corners, area, x, y);
+        let across = depth.across();
+        for y in local.y.0..=local.y.1 {
+            for x in local.x.0..=local.x.1 {
+                let (column, row) = (x - first_column, y - first_row);
+                if edges.iter().any(|edge| edge.at(column, row) < 0) {
+                    continue;
+                }
+                let offset = y as usize * STRIDE + x as usize;
+                let lane = column as usize % LANES;
+                let z = depth.clamp(depth.at(column - lane as i32, row) + across[lane]);
+                if z > self.depth[offset]
+                    && let Some(part) = part(x, y)
+                {
+                    self.depth[offset] = z;
+                    self.parts[offset] = part;
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn edges([a, b, c]: &[ScreenVertex; 3], x: i32, y: i32) -> [Edge; 3] {
+    [Edge::new(a, b, x, y), Edge::new(b, c, x, y), Edge::new(c, a, x, y)]
+}
+
+/// Multiples of a step, one a lane.
+#[inline(always)]
+fn lanes(step: i32) -> [i32; LANES] {
+    std::array::from_fn(|lane| step.wrapping_mul(lane as i32))
+}

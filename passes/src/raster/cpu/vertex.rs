@@ -1,0 +1,123 @@
+//! World to screen: projection, viewport mapping and snapping.
+
+use super::simd::Kernel;
+use curitiba_pipeline::backend::{Rect, View};
+use glam::Vec3;
+
+/// Sub-pixel units of a pixel.
+pub(super) const UNITS: i32 = 256;
+
+/// Largest side of a viewport, in pixels.
+pub(super) const MAX_SIDE: u32 = 16384;
+
+/// Corners lie at most this many pixels from the viewport's centre. Then differences of coordinates are below
+/// `2 * 14336 * 256 = 7_340_032`, and an edge function over a tile, in steps of pixels, is below 2^31 (see `Edge`).
+const GUARD: u32 = 14336;
+
+/// `x` of a vertex that has no place on the screen: triangles that use it are clipped.
+pub(super) const NEEDS_CLIPPING: i32 = i32::MIN;
+
+/// Homogeneous `w` outside of this range is taken for the eye's plane or for infinity: nothing overflows inside.
+const W_RANGE: std::ops::RangeInclusive<f32> = 7.888_609e-31..=1.267_650_6e30;
+
+/// A corner on the screen.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[repr(C, align(16))]
+pub(super) struct ScreenVertex {
+    /// Right of the viewport's left border, in 1/256 pixel, or [`NEEDS_CLIPPING`].
+    pub x: i32,
+    /// Below the viewport's top border, in 1/256 pixel.
+    pub y: i32,
+    /// Depth, 1 near, 0 far.
+    pub z: f32,
+    /// Reciprocal of the homogeneous `w`.
+    pub inv_w: f32,
+}
+
+/// Where world positions come to lie in a viewport.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Projection {
+    columns: [[f32; 4]; 4],
+    left: f32,
+    top: f32,
+    width: f32,
+    height: f32,
+    origin: [i64; 2],
+    /// Largest `|x / w|` and `|y / w|`; powers of two, so that the clipper's planes and the test below agree exactly.
+    pub guard: [f32; 2],
+}
+
+impl Projection {
+    /// The viewport's sides must be in `1..=MAX_SIDE`.
+    pub fn new(view: &View, viewport: Rect) -> Self {
+        let guard = |side: u32| (1u32 << (2 * GUARD / side).ilog2()) as f32;
+        Self {
+            columns: view.clip_from_world.to_cols_array_2d(),
+            left: viewport.x as f32,
+            top: viewport.y as f32,
+            width: viewport.width as f32,
+            height: viewport.height as f32,
+            origin: [viewport.x, viewport.y].map(|pixels| i64::from(pixels) * i64::from(UNITS)),
+            guard: [guard(viewport.width), guard(viewport.height)],
+        }
+    }
+
+    /// Clip coordinates of a world position.
+    #[inline(always)]
+    pub fn clip(&self, p: Vec3) -> [f32; 4] {
+        let [a, b, c, d] = &self.columns;
+        std::array::from_fn(|row| a[row] * p.x + b[row] * p.y + c[row] * p.z + d[row])
+    }
+
+    /// Whether a corner needs no clipping.
+    #[inline(always)]
+    pub fn inside(&self, [x, y, z, w]: [f32; 4]) -> bool {
+        (z >= 0.0)
+            & (z <= w)
+            & (x.abs() <= self.guard[0] * w)
+            & (y.abs() <= self.guard[1] * w)
+            & (w >= *W_RANGE.start())
+            & (w <= *W_RANGE.end())
+    }
+
+    /// Screen coordinates of a corner that is [inside](Self::inside), or on the border of what is.
+    #[inline(always)]
+    pub fn screen(&self, [x, y, z, w]: [f32; 4]) -> ScreenVertex {
+        let inv_w = 1.0 / w;
+        let x = self.left + (x * inv_w * 0.5 + 0.5) * self.width;
+        let y = self.top + (0.5 - y * inv_w * 0.5) * self.height;
+        ScreenVertex { x: snap(x, self.origin[0]), y: snap(y, self.origin[1]), z: z * inv_w, inv_w }
+    }
+}
+
+/// Rounds a screen coordinate to the nearest unit (ties to even), counted from `origin`.
+///
+/// Adding 1.5 * 2^52 leaves the rounded integer in the low bits of the sum; unlike a rounding instruction and a checked
+/// conversion this is two vector operations on every instruction set.
+#[inline(always)]
+fn snap(pixels: f32, origin: i64) -> i32 {
+    const MAGIC: f64 = 6_755_399_441_055_744.0;
+    let units = f64::from(pixels) * f64::from(UNITS) + MAGIC;
+    (units.to_bits() as i64).wrapping_sub(MAGIC.to_bits() as i64).wrapping_sub(origin) as i32
+}
+
+/// Projects a run of vertices.
+pub(super) struct Project<'a> {
+    pub projection: &'a Projection,
+    pub positions: &'a [Vec3],
+    pub output: &'a mut [ScreenVertex],
+}
+
+impl Kernel for Project<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (position, output) in self.positions.iter().zip(self.output) {
+            let clip = self.projection.clip(*position);
+            let mut vertex = self.projection.screen(clip);
+            vertex.x = if self.projection.inside(clip) { vertex.x } else { NEEDS_CLIPPING };
+            *output = vertex;
+        }
+    }
+}

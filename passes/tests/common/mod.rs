@@ -1,0 +1,180 @@
+//! Scenes, and an independent rasteriser to compare with: every pixel against every triangle, in wide numbers.
+#![allow(dead_code, reason = "each test binary uses a part")]
+
+pub mod reference;
+
+use curitiba_pipeline::backend::{Attachments, RasterJob, Rect, Shade, Sun, View};
+use curitiba_pipeline::programs::RasterProgram;
+use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
+use glam::{Mat4, Vec2, Vec3, Vec4};
+
+/// Every attachment.
+pub const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
+
+/// PCG-RXS-M-XS: random numbers for tests.
+pub struct Random(pub u32);
+
+impl Random {
+    pub fn next(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        let word = ((self.0 >> ((self.0 >> 28) + 4)) ^ self.0).wrapping_mul(277_803_737);
+        (word >> 22) ^ word
+    }
+
+    /// In 0..1.
+    pub fn unit(&mut self) -> f32 {
+        (self.next() >> 8) as f32 / 16_777_216.0
+    }
+
+    /// In -1..1.
+    pub fn signed(&mut self) -> f32 {
+        self.unit() * 2.0 - 1.0
+    }
+
+    pub fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.signed(), self.signed(), self.signed())
+    }
+}
+
+/// Reversed, right-handed perspective: depth 1 at `near`, 0 at `far`.
+pub fn perspective(fov_y: f32, aspect: f32, near: f32, far: f32) -> Mat4 {
+    let focal = 1.0 / (fov_y * 0.5).tan();
+    Mat4::from_cols(
+        Vec4::new(focal / aspect, 0.0, 0.0, 0.0),
+        Vec4::new(0.0, focal, 0.0, 0.0),
+        Vec4::new(0.0, 0.0, near / (far - near), -1.0),
+        Vec4::new(0.0, 0.0, near * far / (far - near), 0.0),
+    )
+}
+
+/// A camera at the origin that looks along -z.
+pub fn camera(aspect: f32) -> View {
+    View { clip_from_world: perspective(1.0, aspect, 0.1, 100.0), eye: Vec3::ZERO }
+}
+
+/// World x and y are pixels of a viewport of this size (y down), world z in -1..=0 is depth + 1 reversed: -z is depth.
+pub fn pixels(width: u32, height: u32) -> View {
+    let (w, h) = (width as f32, height as f32);
+    let clip_from_world = Mat4::from_cols(
+        Vec4::new(2.0 / w, 0.0, 0.0, 0.0),
+        Vec4::new(0.0, -2.0 / h, 0.0, 0.0),
+        Vec4::new(0.0, 0.0, -1.0, 0.0),
+        Vec4::new(-1.0, 1.0, 0.0, 1.0),
+    );
+    View { clip_from_world, eye: Vec3::new(w * 0.5, h * 0.5, 1.0) }
+}
+
+/// A scene of one material; normals are the triangles' own where vertices are not shared.
+pub fn scene(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> RenderScene {
+    let mut normals = vec![Vec3::ZERO; positions.len()];
+    for triangle in &triangles {
+        let [a, b, c] = triangle.map(|vertex| positions[vertex as usize]);
+        for vertex in triangle {
+            normals[*vertex as usize] += (b - a).cross(c - a);
+        }
+    }
+    let normals = normals.into_iter().map(|normal| normal.normalize_or(Vec3::Y)).collect();
+    let texcoords = positions.iter().map(|p| Vec2::new(p.x, p.y)).collect();
+    let batches = vec![Batch { material: 0, first: 0, count: triangles.len() as u32 }];
+    let geometry = Geometry { positions, normals, texcoords, triangles, batches };
+    RenderScene { geometry, materials: vec![Material::default()], textures: Vec::new() }
+}
+
+/// A scene of separate triangles.
+pub fn triangles(corners: &[[Vec3; 3]]) -> RenderScene {
+    let positions = corners.iter().flatten().copied().collect();
+    scene(positions, (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
+}
+
+/// Plain grey.
+pub fn grey() -> Shade {
+    Shade {
+        diffuse: Vec4::new(0.8, 0.6, 0.4, 1.0),
+        emission: Vec4::new(0.0, 0.1, 0.0, 1.0),
+        texture: None,
+        alpha_cutoff: None,
+    }
+}
+
+/// A draw of the whole target, with light.
+pub fn job<'a>(
+    scene: &'a RenderScene,
+    shades: &'a [Shade],
+    view: View,
+    width: u32,
+    height: u32,
+    attachments: Attachments,
+) -> RasterJob<'a> {
+    RasterJob {
+        scene,
+        program: RasterProgram::Deferred,
+        view,
+        sun: Some(Sun { direction: Vec3::new(0.36, -0.48, -0.8), color: Vec3::new(0.9, 0.8, 0.7) }),
+        shades,
+        viewport: Rect { x: 0, y: 0, width, height },
+        clear_color: Vec4::new(0.1, 0.2, 0.3, 0.4),
+        attachments,
+    }
+}
+
+/// Triangles of many kinds in front of [`camera`]: `kind` 0 mixed sizes, 1 needles, 2 below a pixel, 3 huge, 4 partly
+/// behind the camera, 5 through the near plane, 6 through the far plane.
+pub fn soup(kind: u32, count: usize, seed: u32) -> RenderScene {
+    let mut random = Random(seed.wrapping_mul(9_781).wrapping_add(kind));
+    let mut corners = Vec::new();
+    while corners.len() < count {
+        let depth = 2.0 + 30.0 * random.unit() * random.unit();
+        let centre = Vec3::new(random.signed() * depth * 0.6, random.signed() * depth * 0.6, -depth);
+        let corner = |random: &mut Random, size: f32| centre + random.vector() * size;
+        corners.push(match kind {
+            0 => {
+                let size = depth * 0.4 * random.unit().powi(2);
+                [0; 3].map(|_| corner(&mut random, size))
+            }
+            1 => {
+                let end = random.vector() * depth * 0.5;
+                [centre - end, centre + end, centre + random.vector() * depth * 0.002]
+            }
+            2 => [0; 3].map(|_| corner(&mut random, depth * 0.006)),
+            3 => [0; 3].map(|_| corner(&mut random, depth * 0.2) + random.vector() * 3000.0 * random.unit()),
+            4 => [0; 3].map(|_| random.vector() * 8.0),
+            5 => [0; 3].map(|_| Vec3::new(random.signed() * 0.2, random.signed() * 0.2, -0.1 + random.signed() * 0.08)),
+            _ => [0; 3]
+                .map(|_| Vec3::new(random.signed() * 60.0, random.signed() * 60.0, -100.0 + random.signed() * 60.0)),
+        });
+    }
+    triangles(&corners)
+}
+
+/// A field of hills of `2 * cells^2` triangles with shared vertices, and a camera that sees it over three quarters of the picture.
+pub fn terrain(cells: u32) -> (RenderScene, View) {
+    let height = |x: f32, z: f32| {
+        0.6 * (x * 0.9).sin() * (z * 0.7).cos()
+            + 0.25 * (x * 2.3 + 1.0).sin() * (z * 2.9).sin()
+            + 0.05 * (x * 9.0).cos()
+    };
+    let mut positions = Vec::new();
+    for row in 0..=cells {
+        for column in 0..=cells {
+            let (x, z) = (column as f32 / cells as f32 * 10.0 - 5.0, row as f32 / cells as f32 * 10.0 - 5.0);
+            positions.push(Vec3::new(x, height(x, z), z));
+        }
+    }
+    let mut triangles = Vec::new();
+    for row in 0..cells {
+        for column in 0..cells {
+            let a = row * (cells + 1) + column;
+            let (b, c, d) = (a + 1, a + cells + 1, a + cells + 2);
+            triangles.push([a, c, b]);
+            triangles.push([b, c, d]);
+        }
+    }
+    let eye = Vec3::new(0.0, 4.6, 4.2);
+    let back = (eye - Vec3::new(0.0, -0.6, 0.1)).normalize();
+    let right = Vec3::Y.cross(back).normalize();
+    let world_from_view =
+        Mat4::from_cols(right.extend(0.0), back.cross(right).extend(0.0), back.extend(0.0), eye.extend(1.0));
+    let view = world_from_view.inverse();
+    let clip_from_world = perspective(60f32.to_radians(), 1.0, 0.1, 100.0) * view;
+    (scene(positions, triangles), View { clip_from_world, eye })
+}
