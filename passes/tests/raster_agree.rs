@@ -37,6 +37,11 @@ fn slack(job: &RasterJob<'_>, triangle: u32) -> f32 {
     (2.0 * SNAPPING / lowest_height).min(1.0) as f32
 }
 
+/// 1 if `value` is above `limit` or NaN, else 0.
+fn exceeds(value: f32, limit: f32) -> usize {
+    usize::from(value.is_nan() || value > limit)
+}
+
 /// The largest difference between two of three vectors.
 fn spread([a, b, c]: [Vec3; 3]) -> f32 {
     (a - b).length().max((b - c).length()).max((c - a).length())
@@ -89,14 +94,14 @@ impl Agreement {
                 color_tolerance = slack_normal + if textured { TEXTURED_TOLERANCE } else { TOLERANCE };
             }
             let [color_a, color_b] = [a, b].map(|buffer| Vec4::from(buffer.color[pixel]));
-            let difference = (color_a - color_b).abs().max_element();
+            let difference = color_a - color_b;
+            let difference = if difference.is_nan() { f32::NAN } else { difference.abs().max_element() };
             if id_a != id_b {
                 let coverage = id_a == NO_TRIANGLE || id_b == NO_TRIANGLE;
                 *(if coverage { &mut this.coverage } else { &mut this.triangle }) += 1;
                 continue;
             }
-            // Negated here and below, so that NaN counts as a difference.
-            this.color += usize::from(!(difference <= color_tolerance));
+            this.color += exceeds(difference, color_tolerance);
             if id_a == NO_TRIANGLE {
                 continue;
             }
@@ -105,14 +110,14 @@ impl Agreement {
             let [position_a, position_b] = [a, b].map(|buffer| Vec4::from(buffer.position[pixel]));
             let distance = (position_a.truncate() - job.view.eye).length();
             let position = (position_a - position_b).truncate().length();
-            this.position += usize::from(!(position <= TOLERANCE * distance + slack_position));
+            this.position += exceeds(position, TOLERANCE * distance + slack_position);
             this.worst_position = this.worst_position.max(position / distance);
             let cosine = (position_a.w - position_b.w).abs();
-            this.cosine += usize::from(!(cosine <= TOLERANCE + slack_normal));
+            this.cosine += exceeds(cosine, TOLERANCE + slack_normal);
             this.worst_cosine = this.worst_cosine.max(cosine);
             let [normal_a, normal_b] = [a, b].map(|buffer| Vec4::from(buffer.normal[pixel]));
             let normal = (normal_a - normal_b).length();
-            this.normal += usize::from(!(normal <= TOLERANCE + slack_normal));
+            this.normal += exceeds(normal, TOLERANCE + slack_normal);
             this.worst_normal = this.worst_normal.max(normal);
             this.excused_positions += usize::from(position > TOLERANCE * distance);
             this.excused_normals += usize::from(normal > TOLERANCE);

@@ -1,5 +1,5 @@
 //! Generated scenes with several materials, for what concerns both rasterisers.
-#![allow(dead_code, reason = "each test and bench uses a part")]
+#![allow(dead_code, reason = "each test uses a part")]
 
 use crate::common::perspective;
 use curitiba_pipeline::backend::{Attachments, GBuffer, RasterJob, Rect, Shade, Sun, View};
