@@ -1,7 +1,7 @@
 //! Sorts triangles into the tiles that they may cover.
 
 use super::clip::{self, ClippedTriangle};
-use super::frame::{Cut, Part};
+use super::frame::{Corners, Cut, Part};
 use super::simd::Kernel;
 use super::surface::{Grid, TILE};
 use super::vertex::{NEEDS_CLIPPING, Projection, ScreenVertex, UNITS};
@@ -84,8 +84,7 @@ pub(super) struct Bounds {
 impl Bounds {
     /// Of pixels at `low..=high` only; empty where a first is above its last.
     #[inline(always)]
-    pub fn of(corners: &[ScreenVertex; 3], low: (i32, i32), high: (i32, i32)) -> Self {
-        let [a, b, c] = corners;
+    pub fn of([a, b, c]: &Corners<'_>, low: (i32, i32), high: (i32, i32)) -> Self {
         let first = |units: i32| (units + (UNITS / 2 - 1)) >> UNITS.trailing_zeros();
         let last = |units: i32| (units - UNITS / 2) >> UNITS.trailing_zeros();
         Self {
@@ -102,7 +101,7 @@ impl Bounds {
 
 /// Twice the signed area of a triangle, in square units; above 0 where the corners go clockwise as seen.
 #[inline(always)]
-pub(super) fn doubled_area([a, b, c]: &[ScreenVertex; 3]) -> i64 {
+pub(super) fn doubled_area([a, b, c]: &Corners<'_>) -> i64 {
     i64::from(b.x - a.x) * i64::from(c.y - a.y) - i64::from(b.y - a.y) * i64::from(c.x - a.x)
 }
 
@@ -146,12 +145,14 @@ impl Kernel for Fill<'_> {
             };
             for (offset, indices) in geometry.triangles[start..end].iter().enumerate() {
                 let triangle = (start + offset) as u32;
-                let corners = indices.map(|vertex| self.vertices[vertex as usize]);
+                let [a, b, c] = *indices;
+                let corners = [&self.vertices[a as usize], &self.vertices[b as usize], &self.vertices[c as usize]];
                 if corners.iter().any(|corner| corner.x == NEEDS_CLIPPING) {
                     let positions = indices.map(|vertex| geometry.positions[vertex as usize]);
                     clip::clip(self.projection, triangle, positions, |part| {
-                        let pixels = Bounds::of(&part.corners, (0, 0), high);
-                        if !pixels.is_empty() && doubled_area(&part.corners) != 0 {
+                        let corners = part.corners.each_ref();
+                        let pixels = Bounds::of(&corners, (0, 0), high);
+                        if !pixels.is_empty() && doubled_area(&corners) != 0 {
                             bins.push(grid, &pixels, Part::clipped(self.index, clipped.len(), cut));
                             clipped.push(part);
                         }

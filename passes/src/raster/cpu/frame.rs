@@ -84,9 +84,12 @@ pub(super) struct Frame<'a> {
     pub clipped: &'a [Vec<ClippedTriangle>],
 }
 
+/// The corners of a triangle, where they lie in memory: copies would go through the stack.
+pub(super) type Corners<'a> = [&'a ScreenVertex; 3];
+
 /// Where a part of a triangle is on the screen.
 pub(super) struct Placed<'a> {
-    pub corners: [ScreenVertex; 3],
+    pub corners: Corners<'a>,
     pub triangle: u32,
     /// Set if `corners` are not the triangle's own.
     pub clipped: Option<&'a ClippedTriangle>,
@@ -97,12 +100,14 @@ impl<'a> Frame<'a> {
     pub fn place(&self, part: Part) -> Placed<'a> {
         match part.decode() {
             Ok(triangle) => {
-                let corners = self.geometry.triangles[triangle as usize].map(|vertex| self.vertices[vertex as usize]);
+                let [a, b, c] = self.geometry.triangles[triangle as usize];
+                let corners = [&self.vertices[a as usize], &self.vertices[b as usize], &self.vertices[c as usize]];
                 Placed { corners, triangle, clipped: None }
             }
             Err((bin, index)) => {
                 let clipped = &self.clipped[bin][index];
-                Placed { corners: clipped.corners, triangle: clipped.triangle, clipped: Some(clipped) }
+                let [a, b, c] = &clipped.corners;
+                Placed { corners: [a, b, c], triangle: clipped.triangle, clipped: Some(clipped) }
             }
         }
     }

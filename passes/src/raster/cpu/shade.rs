@@ -1,9 +1,9 @@
 //! Attributes and colour of the pixels of a tile, each computed once, after the nearest triangle is known.
 
-use super::frame::{Frame, Part, Placed};
+use super::frame::{Corners, Frame, Part, Placed};
 use super::surface::{TILE, TileSurface};
 use super::tile::{LANES, Tile};
-use super::vertex::{ScreenVertex, UNITS};
+use super::vertex::UNITS;
 use curitiba_pipeline::backend::{NO_TRIANGLE, Shade};
 use curitiba_pipeline::scene::Batch;
 use curitiba_pipeline::scene::texture::Texture;
@@ -16,15 +16,30 @@ const AMBIENT: f32 = 0.3;
 /// Vectors that start in the last columns reach beyond the row.
 const ROW: usize = TILE + LANES;
 
-/// Attributes of one row of a tile, one array a component.
+type Row = [f32; ROW];
+type WideRow = [f64; ROW];
+
+/// One row of a tile, one array a quantity, so that all pixels are computed alike whatever they see.
+///
+/// First each run of pixels that see the same triangle copies what it needs into its columns; then loops over the whole
+/// row compute. Columns that see nothing, and those beyond the tile, hold what was there before and are never stored.
 #[derive(Debug)]
 pub(super) struct Rows {
-    position: [[f32; ROW]; 3],
-    normal: [[f32; ROW]; 3],
-    light: [f32; ROW],
-    diffuse: [[f32; ROW]; 4],
-    unlit: [[f32; ROW]; 4],
-    texel: [[f32; ROW]; 4],
+    /// Barycentric coordinates as in [`Barycentric`], from column 0 of the tile.
+    edges: [WideRow; 2],
+    right: [WideRow; 2],
+    area: WideRow,
+    scale: WideRow,
+    inv_w: [Row; 3],
+    u: Row,
+    v: Row,
+    /// Of corner 0, and the way to corners 1 and 2; then the attribute itself takes the place of the first.
+    position: [[Row; 3]; 3],
+    normal: [[Row; 3]; 3],
+    light: Row,
+    diffuse: [Row; 4],
+    unlit: [Row; 4],
+    texel: [Row; 4],
     triangle: [u32; ROW],
     batch: Batch,
 }
@@ -32,15 +47,33 @@ pub(super) struct Rows {
 impl Default for Rows {
     fn default() -> Self {
         Self {
-            position: [[0.0; ROW]; 3],
-            normal: [[0.0; ROW]; 3],
+            edges: [[0.0; ROW]; 2],
+            right: [[0.0; ROW]; 2],
+            area: [0.0; ROW],
+            scale: [0.0; ROW],
+            inv_w: [[0.0; ROW]; 3],
+            u: [0.0; ROW],
+            v: [0.0; ROW],
+            position: [[[0.0; ROW]; 3]; 3],
+            normal: [[[0.0; ROW]; 3]; 3],
             light: [0.0; ROW],
             diffuse: [[0.0; ROW]; 4],
             unlit: [[0.0; ROW]; 4],
-            texel: [[0.0; ROW]; 4],
+            texel: [[1.0; ROW]; 4],
             triangle: [NO_TRIANGLE; ROW],
             batch: Batch { material: 0, first: 0, count: 0 },
         }
+    }
+}
+
+/// Copies a value to the columns of a run, and to up to seven after it, which a later run overwrites.
+#[inline(always)]
+fn spread<T: Copy>(row: &mut [T; ROW], run: &Range<usize>, value: T) {
+    let mut column = run.start;
+    while column < run.end {
+        let lanes: &mut [T; LANES] = (&mut row[column..column + LANES]).try_into().expect("as many as lanes");
+        *lanes = [value; LANES];
+        column += LANES;
     }
 }
 
@@ -61,7 +94,7 @@ struct Barycentric {
 impl Barycentric {
     /// Columns count from the pixel (x, y) of the viewport.
     #[inline(always)]
-    fn new([v0, v1, v2]: &[ScreenVertex; 3], x: i32, y: i32) -> Self {
+    fn new([v0, v1, v2]: &Corners<'_>, x: i32, y: i32) -> Self {
         let dx = f64::from(x * UNITS + UNITS / 2 - v0.x);
         let dy = f64::from(y * UNITS + UNITS / 2 - v0.y);
         let (x1, y1) = (f64::from(v1.x - v0.x), f64::from(v1.y - v0.y));
@@ -91,14 +124,6 @@ impl Barycentric {
         ]
     }
 
-    /// Perspective-correct coordinates of corners 1 and 2.
-    #[inline(always)]
-    fn at(&self, column: f64) -> [f32; 2] {
-        let [w0, w1, w2] = self.weights(column);
-        let scale = 1.0 / (w0 + w1 + w2);
-        [w1 * scale, w2 * scale]
-    }
-
     /// A filtered texel at the first pixel's row. The derivatives of `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`, where the
     /// screen-space coordinates `l_k` are linear, are `sum(l_k' (uv_k - uv) / w_k) / sum(l_k / w_k)`.
     #[inline(always)]
@@ -123,11 +148,13 @@ fn attribute<T>(frame: &Frame<'_>, placed: &Placed<'_>, values: &[T]) -> [T; 3]
 where
     T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f32, Output = T>,
 {
-    let [a, b, c] = frame.geometry.triangles[placed.triangle as usize].map(|vertex| values[vertex as usize]);
-    match placed.clipped {
-        None => [a, b, c],
-        Some(part) => part.weights.map(|[u, v]| a + (b - a) * u + (c - a) * v),
+    let [a, b, c] = frame.geometry.triangles[placed.triangle as usize];
+    let (mut a, mut b, mut c) = (values[a as usize], values[b as usize], values[c as usize]);
+    if let Some(part) = placed.clipped {
+        let at = |[u, v]: [f32; 2]| a + (b - a) * u + (c - a) * v;
+        (a, b, c) = (at(part.weights[0]), at(part.weights[1]), at(part.weights[2]));
     }
+    [a, b, c]
 }
 
 /// Whether the alpha of its texture leaves a triangle at a pixel of the viewport.
@@ -147,6 +174,7 @@ struct Wanted {
     position: bool,
     normals: bool,
     light: bool,
+    texture: bool,
 }
 
 /// Writes the attachments of a tile.
@@ -154,8 +182,14 @@ struct Wanted {
 pub(super) fn shade(frame: &Frame<'_>, tile: &Tile, rows: &mut Rows, surface: &mut TileSurface<'_>) {
     let asked = frame.job.attachments;
     let light = frame.job.sun.is_some() && (asked.color || asked.position) && !frame.geometry.normals.is_empty();
-    let wanted = Wanted { color: asked.color, position: asked.position, normals: light || asked.normal, light };
+    let texture = asked.color && frame.job.shades.iter().any(|shade| shade.texture.is_some());
+    let normals = light || asked.normal;
+    let wanted = Wanted { color: asked.color, position: asked.position, normals, light, texture };
     rows.batch.count = 0;
+    if !light {
+        rows.light.fill(0.0);
+    }
+    rows.texel.iter_mut().for_each(|row| row.fill(1.0));
     for row in 0..surface.height {
         match tile.row(row) {
             Some(parts) => rows.shade(frame, wanted, parts, row, surface),
@@ -199,61 +233,56 @@ impl Rows {
             if part == Part::NONE.0 {
                 self.triangle[column..end].fill(NO_TRIANGLE);
             } else {
-                self.interpolate(frame, wanted, Part(part), column..end, (surface.x, surface.y + row));
+                self.gather(frame, wanted, Part(part), column..end, (surface.x, surface.y + row));
             }
             column = end;
         }
+        self.interpolate(wanted);
         if wanted.normals {
             self.light(frame, wanted);
         }
         if let Some(pixels) = surface.color(row) {
-            self.color(frame);
-            store(pixels, &self.triangle, &self.texel, frame.job.clear_color.to_array());
+            self.color(frame, wanted);
+            let [r, g, b, a] = &self.unlit;
+            store(pixels, &self.triangle, [r, g, b, a], frame.job.clear_color.to_array());
         }
         if let Some(pixels) = surface.position(row) {
-            let [x, y, z] = &self.position;
-            store4(pixels, &self.triangle, [x, y, z, &self.light], [0.0; 4]);
+            let [x, y, z] = &self.position[0];
+            store(pixels, &self.triangle, [x, y, z, &self.light], [0.0; 4]);
         }
         if let Some(pixels) = surface.normal(row) {
-            let [x, y, z] = &self.normal;
-            store4(pixels, &self.triangle, [x, y, z, &[0.0; ROW]], [0.0; 4]);
+            let [x, y, z] = &self.normal[0];
+            store(pixels, &self.triangle, [x, y, z, &[0.0; ROW]], [0.0; 4]);
         }
         if let Some(pixels) = surface.triangle(row) {
             pixels.copy_from_slice(&self.triangle[..pixels.len()]);
         }
     }
 
-    /// Attributes of a run of pixels that see one part. Vectors may reach beyond the run: what follows overwrites that.
+    /// Copies what a part's pixels need into their columns.
     #[inline(always)]
-    fn interpolate(
-        &mut self,
-        frame: &Frame<'_>,
-        wanted: Wanted,
-        part: Part,
-        run: Range<usize>,
-        (left, y): (usize, usize),
-    ) {
+    fn gather(&mut self, frame: &Frame<'_>, wanted: Wanted, part: Part, run: Range<usize>, (left, y): (usize, usize)) {
         let geometry = frame.geometry;
         let placed = frame.place(part);
-        self.triangle[run.clone()].fill(placed.triangle);
+        spread(&mut self.triangle, &run, placed.triangle);
         if !(wanted.position | wanted.normals | wanted.color) {
             return;
         }
-        let barycentric = Barycentric::new(&placed.corners, (left + run.start) as i32, y as i32);
-        let positions = if wanted.position { attribute(frame, &placed, &geometry.positions) } else { [Vec3::ZERO; 3] };
-        let normals = if wanted.normals { attribute(frame, &placed, &geometry.normals) } else { [Vec3::ZERO; 3] };
-        for column in run.clone().step_by(LANES) {
-            let first = (column - run.start) as f64;
-            let (mut u, mut v) = ([0.0; LANES], [0.0; LANES]);
-            for lane in 0..LANES {
-                [u[lane], v[lane]] = barycentric.at(first + lane as f64);
-            }
-            if wanted.position {
-                blend(&mut self.position, column, &positions, &u, &v);
-            }
-            if wanted.normals {
-                blend(&mut self.normal, column, &normals, &u, &v);
-            }
+        let barycentric = Barycentric::new(&placed.corners, left as i32, y as i32);
+        for corner in 0..2 {
+            spread(&mut self.edges[corner], &run, barycentric.edges[corner]);
+            spread(&mut self.right[corner], &run, barycentric.right[corner]);
+        }
+        spread(&mut self.area, &run, barycentric.area);
+        spread(&mut self.scale, &run, barycentric.scale);
+        for corner in 0..3 {
+            spread(&mut self.inv_w[corner], &run, barycentric.inv_w[corner]);
+        }
+        if wanted.position {
+            spread_corners(&mut self.position, &run, attribute(frame, &placed, &geometry.positions));
+        }
+        if wanted.normals {
+            spread_corners(&mut self.normal, &run, attribute(frame, &placed, &geometry.normals));
         }
         if wanted.color {
             if placed.triangle.wrapping_sub(self.batch.first) >= self.batch.count {
@@ -261,7 +290,35 @@ impl Rows {
                 self.batch = geometry.batches[next - 1];
             }
             let shade = &frame.job.shades[self.batch.material as usize];
-            self.material(frame, shade, &placed, &barycentric, run);
+            self.material(frame, wanted, shade, &placed, &barycentric, run);
+        }
+    }
+
+    /// Perspective-correct attributes of the whole row.
+    #[inline(always)]
+    fn interpolate(&mut self, wanted: Wanted) {
+        if !(wanted.position | wanted.normals) {
+            return;
+        }
+        let Self { edges: [edge1, edge2], right: [right1, right2], inv_w: [inv_w0, inv_w1, inv_w2], .. } = self;
+        for column in 0..TILE {
+            let (e1, e2) = (
+                edge1[column] + right1[column] * column as i32 as f64,
+                edge2[column] + right2[column] * column as i32 as f64,
+            );
+            let e0 = self.area[column] - e1 - e2;
+            let w0 = (e0 * self.scale[column]) as f32 * inv_w0[column];
+            let w1 = (e1 * self.scale[column]) as f32 * inv_w1[column];
+            let w2 = (e2 * self.scale[column]) as f32 * inv_w2[column];
+            let scale = 1.0 / (w0 + w1 + w2);
+            self.u[column] = w1 * scale;
+            self.v[column] = w2 * scale;
+        }
+        if wanted.position {
+            blend(&mut self.position, &self.u, &self.v);
+        }
+        if wanted.normals {
+            blend(&mut self.normal, &self.u, &self.v);
         }
     }
 
@@ -269,6 +326,7 @@ impl Rows {
     fn material(
         &mut self,
         frame: &Frame<'_>,
+        wanted: Wanted,
         shade: &Shade,
         placed: &Placed<'_>,
         barycentric: &Barycentric,
@@ -276,15 +334,19 @@ impl Rows {
     ) {
         let unlit = if shade.texture.is_some() { shade.emission + AMBIENT } else { shade.diffuse * AMBIENT };
         for component in 0..4 {
-            self.diffuse[component][run.clone()].fill(shade.diffuse[component]);
-            self.unlit[component][run.clone()].fill(unlit[component]);
-            self.texel[component][run.clone()].fill(1.0);
+            spread(&mut self.diffuse[component], &run, shade.diffuse[component]);
+            spread(&mut self.unlit[component], &run, unlit[component]);
+        }
+        if wanted.texture {
+            for component in 0..4 {
+                spread(&mut self.texel[component], &run, 1.0);
+            }
         }
         if let Some(texture) = shade.texture {
             let texture = &frame.job.scene.textures[texture as usize];
             let uv = attribute(frame, placed, &frame.geometry.texcoords);
             for column in run.clone() {
-                let texel = barycentric.texel((column - run.start) as f64, texture, &uv);
+                let texel = barycentric.texel(column as f64, texture, &uv);
                 for component in 0..4 {
                     self.texel[component][column] = texel[component];
                 }
@@ -296,8 +358,8 @@ impl Rows {
     #[inline(always)]
     fn light(&mut self, frame: &Frame<'_>, wanted: Wanted) {
         let towards = frame.job.sun.map_or(Vec3::ZERO, |sun| -sun.direction);
-        let [nx, ny, nz] = &mut self.normal;
-        for column in 0..ROW {
+        let [nx, ny, nz] = &mut self.normal[0];
+        for column in 0..TILE {
             let (x, y, z) = (nx[column], ny[column], nz[column]);
             let squared = x * x + y * y + z * z;
             let scale = if squared > 0.0 { 1.0 / squared.sqrt() } else { 0.0 };
@@ -308,40 +370,46 @@ impl Rows {
         }
     }
 
-    /// Shades; the result takes the place of the texels.
+    /// Shades; the result takes the place of the unlit colour.
     #[inline(always)]
-    fn color(&mut self, frame: &Frame<'_>) {
-        let light_color = frame.job.sun.map_or(Vec4::ZERO, |sun| sun.color.extend(1.0));
+    fn color(&mut self, frame: &Frame<'_>, wanted: Wanted) {
+        let light_color = frame.job.sun.map_or(Vec4::ZERO, |sun| sun.color.extend(1.0)).to_array();
         for component in 0..4 {
-            let (diffuse, unlit) = (&self.diffuse[component], &self.unlit[component]);
-            let texel = &mut self.texel[component];
-            for column in 0..ROW {
-                let lit = diffuse[column] * light_color[component] * self.light[column];
-                texel[column] *= lit + unlit[column];
+            let (diffuse, color) = (&self.diffuse[component], &mut self.unlit[component]);
+            for column in 0..TILE {
+                color[column] += diffuse[column] * light_color[component] * self.light[column];
+            }
+            if wanted.texture {
+                for column in 0..TILE {
+                    color[column] *= self.texel[component][column];
+                }
             }
         }
     }
 }
 
 #[inline(always)]
-fn blend(rows: &mut [[f32; ROW]; 3], column: usize, [a, b, c]: &[Vec3; 3], u: &[f32; LANES], v: &[f32; LANES]) {
-    let (ab, ac) = (*b - *a, *c - *a);
-    for (component, row) in rows.iter_mut().enumerate() {
-        let output: &mut [f32; LANES] = (&mut row[column..column + LANES]).try_into().expect("as many as lanes");
-        for lane in 0..LANES {
-            output[lane] = a[component] + u[lane] * ab[component] + v[lane] * ac[component];
+fn spread_corners([first, second, third]: &mut [[Row; 3]; 3], run: &Range<usize>, [a, b, c]: [Vec3; 3]) {
+    let (ab, ac) = ((b - a).to_array(), (c - a).to_array());
+    for (component, value) in a.to_array().into_iter().enumerate() {
+        spread(&mut first[component], run, value);
+        spread(&mut second[component], run, ab[component]);
+        spread(&mut third[component], run, ac[component]);
+    }
+}
+
+#[inline(always)]
+fn blend([first, second, third]: &mut [[Row; 3]; 3], u: &Row, v: &Row) {
+    for component in 0..3 {
+        let (first, second, third) = (&mut first[component], &second[component], &third[component]);
+        for column in 0..TILE {
+            first[column] += u[column] * second[column] + v[column] * third[column];
         }
     }
 }
 
 #[inline(always)]
-fn store(pixels: &mut [[f32; 4]], triangles: &[u32; ROW], [x, y, z, w]: &[[f32; ROW]; 4], background: [f32; 4]) {
-    store4(pixels, triangles, [x, y, z, w], background);
-}
-
-#[inline(always)]
-fn store4(pixels: &mut [[f32; 4]], triangles: &[u32; ROW], components: [&[f32; ROW]; 4], background: [f32; 4]) {
-    let [x, y, z, w] = components;
+fn store(pixels: &mut [[f32; 4]], triangles: &[u32; ROW], [x, y, z, w]: [&Row; 4], background: [f32; 4]) {
     for (column, pixel) in pixels.iter_mut().enumerate().take(TILE) {
         let value = [x[column], y[column], z[column], w[column]];
         *pixel = if triangles[column] == NO_TRIANGLE { background } else { value };

@@ -1,7 +1,7 @@
 //! Which triangle is seen at each pixel of a tile.
 
 use super::bins::{Bins, Bounds, doubled_area};
-use super::frame::{Frame, Part};
+use super::frame::{Corners, Frame, Part};
 use super::surface::{TILE, TileSurface};
 use super::vertex::{ScreenVertex, UNITS};
 
@@ -84,7 +84,7 @@ struct Depth {
 
 impl Depth {
     #[inline(always)]
-    fn new([v0, v1, v2]: &[ScreenVertex; 3], area: i64, x: i32, y: i32) -> Self {
+    fn new([v0, v1, v2]: &Corners<'_>, area: i64, x: i32, y: i32) -> Self {
         let scale = 1.0 / area as f64;
         let (dz1, dz2) = (f64::from(v1.z) - f64::from(v0.z), f64::from(v2.z) - f64::from(v0.z));
         let across = (f64::from(v2.y - v0.y) * dz1 - f64::from(v1.y - v0.y) * dz2) * scale;
@@ -213,7 +213,7 @@ impl Tile {
 
     /// Row by row, in vectors that start at the left of the bounds.
     #[inline(always)]
-    fn draw_narrow(&mut self, corners: &[ScreenVertex; 3], area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
+    fn draw_narrow(&mut self, corners: &Corners<'_>, area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
         let (x, y) = (bounds.x.0, bounds.y.0);
         let [e0, e1, e2] = edges(corners, x, y);
         let depth = Depth::new(corners, area, x, y);
@@ -245,20 +245,24 @@ impl Tile {
     ) {
         let stored: &mut [f32; LANES] = (&mut self.depth[offset..offset + LANES]).try_into().expect("as many as lanes");
         let parts: &mut [u32; LANES] = (&mut self.parts[offset..offset + LANES]).try_into().expect("as many as lanes");
+        // All is read before anything is written: the compiler need not fear that they overlap.
+        let (old_depth, old_parts) = (*stored, *parts);
+        let (mut new_depth, mut new_parts) = (old_depth, old_parts);
         for lane in 0..LANES {
             let inside = start[0].wrapping_add(across[0][lane])
                 | start[1].wrapping_add(across[1][lane])
                 | start[2].wrapping_add(across[2][lane]);
             let z = depth.clamp(z + across_z[lane]);
-            let passes = (inside >= 0) & (z > stored[lane]);
-            stored[lane] = if passes { z } else { stored[lane] };
-            parts[lane] = if passes { part } else { parts[lane] };
+            let passes = (inside >= 0) & (z > old_depth[lane]);
+            new_depth[lane] = if passes { z } else { old_depth[lane] };
+            new_parts[lane] = if passes { part } else { old_parts[lane] };
         }
+        (*stored, *parts) = (new_depth, new_parts);
     }
 
     /// Block by block; blocks outside an edge or behind what is drawn are skipped.
     #[inline(always)]
-    fn draw_blocks(&mut self, corners: &[ScreenVertex; 3], area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
+    fn draw_blocks(&mut self, corners: &Corners<'_>, area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
         let size = BLOCK as i32;
         let (first_column, first_row) = (local.x.0 & -size, local.y.0 & -size);
         let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);
@@ -309,7 +313,7 @@ impl Tile {
     #[inline(always)]
     fn draw_rows(
         &mut self,
-        corners: &[ScreenVertex; 3],
+        corners: &Corners<'_>,
         area: i64,
         bounds: &Bounds,
         local: &Bounds,
@@ -344,7 +348,7 @@ impl Tile {
 }
 
 #[inline(always)]
-fn edges([a, b, c]: &[ScreenVertex; 3], x: i32, y: i32) -> [Edge; 3] {
+fn edges([a, b, c]: &Corners<'_>, x: i32, y: i32) -> [Edge; 3] {
     [Edge::new(a, b, x, y), Edge::new(b, c, x, y), Edge::new(c, a, x, y)]
 }
 
