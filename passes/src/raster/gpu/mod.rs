@@ -2,6 +2,10 @@
 //!
 //! Limits: one sample a pixel, opaque surfaces (or cut out by their alpha), one directional light. A frame is at most as
 //! large as the device's largest texture. Triangle ids need a device with primitive indices in its shaders.
+//!
+//! Drivers write to standard error as they like. Of what is known: Mesa's device-selection layer for Vulkan says
+//! `XDG_RUNTIME_DIR is invalid or not set` whenever devices are listed without a desktop session; it is harmless, and
+//! `NODEVICE_SELECT=1` in the environment keeps the layer out.
 
 mod adapter;
 mod device;

@@ -5,6 +5,7 @@ use super::shader::{DrawUniform, FrameUniform, Variant};
 use super::targets::{CHANNEL_FORMATS, DEPTH_FORMAT};
 use curitiba_pipeline::backend::BackendError;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::num::NonZeroU64;
 
 /// What all pipelines share.
@@ -88,10 +89,10 @@ pub(super) struct Pipelines(HashMap<Variant, wgpu::RenderPipeline>);
 impl Pipelines {
     /// Builds the pipeline of a variant unless it is there already.
     pub fn require(&mut self, gpu: &Gpu, layouts: &Layouts, variant: Variant) -> Result<(), BackendError> {
-        if !self.0.contains_key(&variant) {
+        if let Entry::Vacant(entry) = self.0.entry(variant) {
             let pipeline = build(gpu, layouts, variant);
             gpu.check("building a pipeline")?;
-            self.0.insert(variant, pipeline);
+            entry.insert(pipeline);
         }
         Ok(())
     }
