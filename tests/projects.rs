@@ -5,13 +5,18 @@
 //! them with `CURITIBA_UPDATE_GOLDEN=1 cargo test --release --test projects` and look at every picture.
 
 use curitiba::passes::cpu::CpuRays;
+use curitiba::passes::cpu::{self, CpuRays};
 use curitiba::passes::raster::cpu::CpuRasteriser;
-use curitiba::pipeline::executor::{Engines, Renderer, Silent};
+use curitiba::passes::raster::cpu::CpuRasteriser;
+use curitiba::passes::trace::BruteForce;
+use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
+use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent};
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::{Plan, Settings};
-use curitiba::pipeline::programs::Fidelity;
+use curitiba::pipeline::programs::{Fidelity, RayProgram};
 use curitiba::pipeline::project;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 const SIDE: u32 = 96;
 
@@ -33,7 +38,41 @@ fn settings(name: &str, fidelity: Fidelity) -> Settings {
     Settings { size: Some([SIDE, SIDE]), fidelity, set, ..Settings::default() }
 }
 
-fn render(name: &str, settings: Settings, rays: CpuRays) -> Image {
+/// The effects on the f64 tracer that tests every triangle.
+#[derive(Default)]
+struct BruteRays(Option<BruteForce>);
+
+impl RayBackend for BruteRays {
+    fn name(&self) -> &'static str {
+        "brute"
+    }
+
+    fn device(&self) -> String {
+        "every triangle, in f64".to_owned()
+    }
+
+    fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
+        Ok(())
+    }
+
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        self.0 = Some(BruteForce::new(&scene.geometry, filtered));
+        Ok(BuildStats::default())
+    }
+
+    fn bytes_per_triangle(&self) -> u64 {
+        100
+    }
+
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        match &self.0 {
+            Some(tracer) => cpu::trace(tracer, job, output, progress),
+            None => CpuRays::new().run(job, output, progress),
+        }
+    }
+}
+
+fn render(name: &str, settings: Settings, rays: impl RayBackend + 'static) -> Image {
     let project = project::load(&root(&format!("xml_projects/Scene{name}.xml"))).expect("the project loads");
     let plan = Plan::new(project, settings).expect("the plan stands");
     let engines = Engines { raster: Box::new(CpuRasteriser::new()), rays: Box::new(rays) };
@@ -68,7 +107,7 @@ fn difference(rendered: &Image, reference: &image::RgbImage) -> (f64, f64) {
 fn matches_its_reference(name: &str, fidelity: Fidelity) {
     let path = golden(name, fidelity);
     if std::env::var_os("CURITIBA_UPDATE_GOLDEN").is_some() {
-        let reference = render(name, settings(name, fidelity), CpuRays::brute_force());
+        let reference = render(name, settings(name, fidelity), BruteRays::default());
         write_png(&path, &reference).expect("the reference is written");
     }
     let reference = image::open(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).to_rgb8();

@@ -4,7 +4,7 @@ use super::Failure;
 use anstyle::Style;
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
-use curitiba::passes::raster::gpu::WgpuRasteriser;
+use curitiba::passes::raster::gpu::adapters;
 use curitiba::pipeline::backend::{Rasteriser as _, RayBackend as _};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::programs::{
@@ -59,11 +59,11 @@ fn all() {
     }
     anstream::println!("\n{HEADER}rasterisers (--raster){HEADER:#}");
     anstream::println!("  {:16} {}", "cpu", CpuRasteriser::new().device());
-    let adapters = WgpuRasteriser::adapters();
-    for adapter in &adapters {
+    let found = adapters();
+    for adapter in &found {
         anstream::println!("  {:16} {adapter}", "wgpu");
     }
-    if adapters.is_empty() {
+    if found.is_empty() {
         anstream::println!("  {:16} no adapter: this machine has no Vulkan, Metal or DX12 driver", "wgpu");
     }
     anstream::println!("\n{HEADER}ray backends (--backend), program by program{HEADER:#}");

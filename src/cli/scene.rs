@@ -16,9 +16,8 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
         let folder = output.ok_or_else(|| Failure::Usage("--generate needs a folder: -o FOLDER".to_owned()))?;
         let square = square::generate(triangles);
         describe(&square.scene, args.json)?;
-        for path in square.write(folder)? {
-            say(args.json, &format!("wrote {}", path.display()));
-        }
+        let path = square.write(folder)?;
+        say(args.json, &format!("wrote {} and its textures", path.display()));
         return Ok(());
     }
     let layout = output.map(layout_of).transpose()?;
