@@ -63,7 +63,7 @@ fn tower(builder: &mut Builder, frame: &Frame, detail: Detail) {
         // Balustrade.
         let rail = side.moved(0.0, belfry + 0.1, 0.1);
         builder.cuboid(Surface::Granite, &rail, at(0.0, 0.75, -0.2), at(TOWER, 0.95, 0.05), Sides::ALL);
-        for index in 1..10 {
+        for index in 1..if detail.at_least(1) { 10 } else { 1 } {
             let x = TOWER * index as f32 / 10.0;
             builder.cuboid(
                 Surface::Granite,
@@ -84,7 +84,7 @@ fn tower(builder: &mut Builder, frame: &Frame, detail: Detail) {
     );
     builder.rectangle_up(Surface::Granite, &center, Vec2::splat(-TOWER / 2.0), Vec2::splat(TOWER / 2.0), shaft + 0.3);
     // The bell.
-    let round = detail.round(16);
+    let round = detail.round(12);
     builder.lathe(
         Surface::Brass,
         &center,

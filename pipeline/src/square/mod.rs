@@ -41,7 +41,7 @@ const FOUNTAIN: Vec2 = Vec2::new(22.0, 3.0);
 /// The way in which the sun's light travels in the projects.
 const SUN: Vec3 = Vec3::new(0.597, -0.390, 0.700);
 /// The number of triangles, about, of the scene that the projects come with.
-pub const SHIPPED_TRIANGLES: u32 = 36_000;
+pub const SHIPPED_TRIANGLES: u32 = 56_000;
 /// The fewest and the most triangles that [`generate`] makes.
 pub const TRIANGLES: std::ops::RangeInclusive<u32> = 10_000..=40_000_000;
 
@@ -68,7 +68,7 @@ pub struct Square {
 }
 
 /// Where the trees stand, and which of the three shapes each has.
-const TREES: [(f32, f32, usize); 8] = [
+const TREES: [(f32, f32, usize); 9] = [
     (43.6, -9.0, 0),
     (43.4, 0.0, 1),
     (43.8, 9.0, 2),
@@ -77,6 +77,7 @@ const TREES: [(f32, f32, usize); 8] = [
     (5.6, 19.5, 2),
     (30.5, 27.0, 1),
     (6.0, -4.5, 0),
+    (25.5, -19.0, 2),
 ];
 
 /// Builds the square with about `triangles` triangles (within 15 %), placed ones counted each time; numbers outside

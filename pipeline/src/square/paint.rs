@@ -8,6 +8,7 @@ use glam::{Vec2, Vec3};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Picture {
     Setts,
+    Basalt,
     Slabs,
     Granite,
     Ashlar,
@@ -35,8 +36,9 @@ const fn rgb(red: u8, green: u8, blue: u8) -> Vec3 {
 }
 
 impl Picture {
-    pub(super) const ALL: [Picture; 21] = [
+    pub(super) const ALL: [Picture; 22] = [
         Self::Setts,
+        Self::Basalt,
         Self::Slabs,
         Self::Granite,
         Self::Ashlar,
@@ -63,6 +65,7 @@ impl Picture {
     pub(super) fn file(self) -> (&'static str, u32, u32) {
         match self {
             Self::Setts => ("calcada.png", 512, 512),
+            Self::Basalt => ("basalto.png", 256, 256),
             Self::Slabs => ("lajes.png", 256, 256),
             Self::Granite => ("granito.png", 256, 256),
             Self::Ashlar => ("cantaria.png", 256, 256),
@@ -106,9 +109,10 @@ impl Picture {
 
     fn color(self, at: Vec2, grain: f32) -> Vec3 {
         match self {
-            Self::Setts => setts(at, grain),
+            Self::Setts => setts(at, grain, 32, rgb(226, 217, 200)),
+            Self::Basalt => setts(at, grain, 16, rgb(142, 138, 132)),
             Self::Slabs => slabs(at, grain),
-            Self::Granite => granite(at, grain, 0.78),
+            Self::Granite => granite(at, grain, 0.80),
             Self::Ashlar => ashlar(at, grain),
             Self::PlasterWhite => plaster(at, grain, rgb(238, 234, 224)),
             Self::PlasterCream => plaster(at, grain, rgb(234, 218, 182)),
@@ -150,23 +154,23 @@ fn granite(at: Vec2, grain: f32, level: f32) -> Vec3 {
     Vec3::new(1.0, 0.975, 0.93) * (level + 0.16 * (cloud - 0.5) - speck + 0.05 * (grain - 0.5))
 }
 
-/// Setts of 12 cm in courses, each of its own grey, with sand in the joints.
-fn setts(at: Vec2, grain: f32) -> Vec3 {
-    const COURSES: u32 = 32;
-    let wobble = Vec2::new(noise(at * 64.0, 64, 21) - 0.5, noise(at * 64.0, 64, 22) - 0.5) * 0.006;
-    let (column, row, inside) = bond(repeat(at + wobble), COURSES, COURSES, 0.45);
+/// Setts of 12 cm in courses, each of its own shade, with sand in the joints.
+fn setts(at: Vec2, grain: f32, courses: u32, color: Vec3) -> Vec3 {
+    let fine = 2 * courses;
+    let wobble = Vec2::new(noise(at * fine as f32, fine, 21) - 0.5, noise(at * fine as f32, fine, 22) - 0.5);
+    let (column, row, inside) = bond(repeat(at + wobble * (0.19 / courses as f32)), courses, courses, 0.45);
     let edge = (inside - Vec2::splat(0.5)).abs().max_element();
     let tone = hash01(column, row, 23);
-    let warm = hash01(column, row, 24);
-    let stone = Vec3::new(1.0, 0.965 - 0.03 * warm, 0.91 - 0.07 * warm) * (0.69 + 0.17 * tone);
-    let worn = stone * (1.04 - 0.5 * edge * edge) + Vec3::splat(0.05 * (grain - 0.5));
-    worn.lerp(rgb(116, 106, 92), smoothstep(0.40, 0.47, edge) * 0.85)
+    let warm = Vec3::new(1.0, 1.0, 1.0 - 0.06 * hash01(column, row, 24));
+    let stone = color * warm * (0.87 + 0.18 * tone);
+    let worn = stone * (1.04 - 0.4 * edge * edge) + Vec3::splat(0.05 * (grain - 0.5));
+    worn.lerp(color * 0.35 + rgb(88, 80, 68) * 0.5, smoothstep(0.40, 0.47, edge) * 0.85)
 }
 
 /// Slabs of 120 by 80 cm in running bond.
 fn slabs(at: Vec2, grain: f32) -> Vec3 {
     let (column, row, inside) = bond(at, 2, 3, 0.5);
-    let tone = 0.80 + 0.07 * (hash01(column, row, 31) - 0.5);
+    let tone = 0.86 + 0.07 * (hash01(column, row, 31) - 0.5);
     let from_edge = (0.5 - (inside - Vec2::splat(0.5)).abs()) * Vec2::new(1.2, 0.8);
     let joint = smoothstep(0.022, 0.008, from_edge.min_element());
     granite(at, grain, tone).lerp(rgb(104, 97, 86), joint)
@@ -290,7 +294,8 @@ fn sky(at: Vec2) -> Vec3 {
     let warp = fractal(stretched * 0.5, 4, 3, 151) - 0.5;
     let cover = fractal(stretched + Vec2::splat(1.3 * warp), 8, 5, 155);
     let cloud = smoothstep(0.50, 0.74, cover) * smoothstep(0.98, 0.7, height);
-    clear.lerp(rgb(240, 238, 232), 0.85 * cloud)
+    // Lit at 1.2 by the frontal sun.
+    clear.lerp(rgb(240, 238, 232), 0.85 * cloud) * 0.84
 }
 
 #[cfg(test)]

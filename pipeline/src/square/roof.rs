@@ -194,7 +194,11 @@ pub(super) fn build(
     let middle = (front + back) / 2.0;
     let (a, b) = (Vec3::new(ridge_left, ridge, middle), Vec3::new(ridge_right, ridge, middle));
     let round = detail.curve(4).clamp(4, 12);
+    let capped = detail.at_least(1);
     let mut cap = |from: Vec3, to: Vec3| {
+        if !capped {
+            return;
+        }
         builder.tube(Surface::RoofTiles, frame, round, &[(from, 0.10), (to, 0.10)]);
     };
     cap(a, b);

@@ -8,6 +8,7 @@ use glam::Vec4;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Surface {
     Setts,
+    Basalt,
     Slabs,
     Granite,
     Ashlar,
@@ -59,8 +60,9 @@ const fn painted(name: &'static str, picture: Picture, metres: f32) -> Look {
 }
 
 impl Surface {
-    pub(super) const ALL: [Surface; 34] = [
+    pub(super) const ALL: [Surface; 35] = [
         Self::Setts,
+        Self::Basalt,
         Self::Slabs,
         Self::Granite,
         Self::Ashlar,
@@ -99,6 +101,7 @@ impl Surface {
     fn look(self) -> Look {
         match self {
             Self::Setts => painted("Calcada", Picture::Setts, 4.0),
+            Self::Basalt => painted("Basalto", Picture::Basalt, 2.0),
             Self::Slabs => painted("Lajes", Picture::Slabs, 2.4),
             Self::Granite => painted("Granito", Picture::Granite, 1.5),
             Self::Ashlar => painted("Cantaria", Picture::Ashlar, 1.8),
@@ -118,7 +121,7 @@ impl Surface {
             Self::Curtain => plain("Cortina", [0.74, 0.71, 0.64]),
             Self::Room => plain("Sala", [0.21, 0.17, 0.14]),
             Self::ShopFloor => painted("Ladrilho", Picture::Checker, 1.2),
-            Self::ShopWall => plain("Parede do cafe", [0.45, 0.34, 0.22]),
+            Self::ShopWall => plain("Parede do cafe", [0.17, 0.12, 0.09]),
             Self::ShopShelf => painted("Garrafas", Picture::Bottles, 1.2),
             Self::Brass => plain("Latao", [0.80, 0.60, 0.25]),
             Self::Bark => painted("Casca", Picture::Bark, 0.9),
