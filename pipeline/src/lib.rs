@@ -8,6 +8,7 @@
 pub mod backend;
 pub mod diagnostic;
 pub mod image;
+pub mod paths;
 pub mod programs;
 pub mod project;
 pub mod scene;

@@ -1,6 +1,21 @@
 //! Scenes: what the files hold ([`Scene`]) and what the passes use ([`RenderScene`]).
 
+mod bytes;
+mod cbo;
+mod error;
+mod gltf;
+mod load;
+mod obj;
+mod render;
+mod statistics;
 pub mod texture;
+
+pub use cbo::{Layout, write_cbo};
+pub use error::{Place, SceneError};
+pub use load::{LoadOptions, LoadProgress, load};
+pub use render::BuildOptions;
+use render::texture::image_has_alpha;
+pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics};
 
 use crate::diagnostic::Warnings;
 use glam::{Mat4, Vec2, Vec3, Vec4};
@@ -20,6 +35,20 @@ pub struct Scene {
     pub textures: Vec<TextureSource>,
     /// What was left out or replaced while loading.
     pub warnings: Warnings,
+    /// The files it was loaded from, in order: the first [`LoadedFile::objects`] objects are of the first file, and so
+    /// on. Empty for a scene made in memory.
+    pub files: Vec<LoadedFile>,
+}
+
+/// A file that a scene was loaded from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LoadedFile {
+    /// The file.
+    pub path: PathBuf,
+    /// How many of [`Scene::meshes`] are its.
+    pub meshes: u32,
+    /// How many of [`Scene::objects`] are its.
+    pub objects: u32,
 }
 
 /// Indexed triangles, grouped by material.
@@ -29,7 +58,8 @@ pub struct Mesh {
     pub name: String,
     /// Positions in model space.
     pub positions: Vec<Vec3>,
-    /// Unit normals in model space: as many as positions, or none where none were asked for.
+    /// Normals in model space, as the file has them ([`RenderScene::build`] makes them unit length): as many as
+    /// positions, or none where the file has none or none were asked for.
     pub normals: Vec<Vec3>,
     /// Texture coordinates of unit 0, `v = 0` at the bottom row: as many as positions, or none.
     pub texcoords: Vec<Vec2>,
@@ -58,7 +88,7 @@ pub struct Object {
 }
 
 /// Where a texture's bytes are.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum TextureSource {
     /// A file that exists.
     File(PathBuf),
@@ -69,6 +99,25 @@ pub enum TextureSource {
         /// PNG or JPEG bytes.
         bytes: Vec<u8>,
     },
+    /// Two files that exist: the colours of one, and the other's red channel as alpha (MTL `map_d`).
+    Masked {
+        /// The colours.
+        color: PathBuf,
+        /// The alpha; resampled to the size of the colours.
+        mask: PathBuf,
+    },
+}
+
+impl TextureSource {
+    /// The file it is in, or the name of an embedded image.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::File(path) => path.display().to_string(),
+            Self::Embedded { name, .. } => name.clone(),
+            Self::Masked { color, mask } => format!("{} with {}", color.display(), mask.display()),
+        }
+    }
 }
 
 /// A surface's parameters, as the report's programs and the glTF extensions name them.

@@ -1,0 +1,113 @@
+//! Paths as 2014 project and scene files write them: with `\`, and with letters of either case.
+
+use std::path::{Component, Path, PathBuf};
+
+/// A path that was found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Resolved {
+    /// The existing file or folder.
+    pub path: PathBuf,
+    /// Whether it exists only with other upper and lower case letters than were written; worth a note.
+    pub case_differs: bool,
+}
+
+/// `written` as a path of this system: every `\` becomes `/`.
+#[must_use]
+pub fn portable(written: &str) -> PathBuf {
+    PathBuf::from(written.trim().replace('\\', "/"))
+}
+
+/// Finds the file that `written` names, relative to `folder` unless absolute.
+///
+/// `\` separates like `/`. Where the exact path does not exist, each component is compared without regard to letter
+/// case; of several such names the first in byte order is taken, so that the result does not depend on the file system.
+/// `None` if nothing matches.
+#[must_use]
+pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
+    let exact = folder.join(portable(written));
+    if exact.exists() {
+        return Some(Resolved { path: exact, case_differs: false });
+    }
+    let mut found = PathBuf::new();
+    for component in exact.components() {
+        let Component::Normal(name) = component else {
+            found.push(component);
+            continue;
+        };
+        let next = found.join(name);
+        if next.exists() {
+            found = next;
+            continue;
+        }
+        let wanted = name.to_str()?.to_lowercase();
+        let here = if found.as_os_str().is_empty() { Path::new(".") } else { &found };
+        let mut matches: Vec<_> = std::fs::read_dir(here)
+            .ok()?
+            .filter_map(|entry| entry.ok().map(|entry| entry.file_name()))
+            .filter(|entry| entry.to_str().is_some_and(|entry| entry.to_lowercase() == wanted))
+            .collect();
+        matches.sort();
+        found.push(matches.first()?);
+    }
+    Some(Resolved { path: found, case_differs: true })
+}
+
+/// The way from `folder` to `target`, with `/`, as files store it: `../textures/wall.png`. Both are made absolute
+/// first. `None` if they have no common root (two Windows drives) or `target` is not valid Unicode.
+#[must_use]
+pub fn relative_to(folder: &Path, target: &Path) -> Option<String> {
+    let folder = absolute(folder)?;
+    let target = absolute(target)?;
+    let common = folder.components().zip(target.components()).take_while(|(a, b)| a == b).count();
+    if common == 0 {
+        return None;
+    }
+    let up = folder.components().count() - common;
+    let mut parts = vec![".."; up];
+    for component in target.components().skip(common) {
+        parts.push(component.as_os_str().to_str()?);
+    }
+    Some(parts.join("/"))
+}
+
+/// The canonical path of the longest part that exists, and the rest as written.
+fn absolute(path: &Path) -> Option<PathBuf> {
+    let path = std::path::absolute(path).ok()?;
+    for existing in path.ancestors() {
+        if let Ok(canonical) = existing.canonicalize() {
+            return Some(canonical.join(path.strip_prefix(existing).ok()?));
+        }
+    }
+    Some(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_with_backslashes_and_other_letter_case_is_found_and_said_to_differ() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("Texturas")).unwrap();
+        std::fs::write(folder.path().join("Texturas/Wall.PNG"), b"x").unwrap();
+
+        let exact = resolve_path(folder.path(), "Texturas\\Wall.PNG").unwrap();
+        assert!(!exact.case_differs);
+        let mended = resolve_path(folder.path(), "texturas\\WALL.png").unwrap();
+        assert!(mended.case_differs);
+        assert_eq!(mended.path, folder.path().join("Texturas/Wall.PNG"));
+        assert_eq!(resolve_path(folder.path(), "texturas\\roof.png"), None);
+    }
+
+    #[test]
+    fn the_way_from_a_folder_to_a_file_leads_back_to_that_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let (scenes, textures) = (folder.path().join("a/scenes"), folder.path().join("a/textures"));
+        std::fs::create_dir_all(&scenes).unwrap();
+        std::fs::create_dir_all(&textures).unwrap();
+        std::fs::write(textures.join("wall.png"), b"x").unwrap();
+        let way = relative_to(&scenes, &textures.join("wall.png")).unwrap();
+        assert_eq!(way, "../textures/wall.png");
+        assert!(scenes.join(&way).exists());
+    }
+}

@@ -1,0 +1,72 @@
+//! Little-endian reading that never passes the end and never allocates more than the file holds.
+
+use super::error::{Place, SceneError};
+use std::path::Path;
+
+/// A cursor over a file's bytes.
+#[derive(Debug, Clone)]
+pub(crate) struct Reader<'a> {
+    file: &'a Path,
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    pub(crate) fn new(file: &'a Path, bytes: &'a [u8]) -> Self {
+        Self { file, bytes, at: 0 }
+    }
+
+    pub(crate) fn position(&self) -> u64 {
+        self.at as u64
+    }
+
+    pub(crate) fn left(&self) -> usize {
+        self.bytes.len() - self.at
+    }
+
+    pub(crate) fn error(&self, what: impl Into<String>) -> SceneError {
+        SceneError::new(self.file, Place::Byte(self.position()), what)
+    }
+
+    /// The next `count * size` bytes.
+    pub(crate) fn block(&mut self, count: usize, size: usize, what: &str) -> Result<&'a [u8], SceneError> {
+        match count.checked_mul(size).filter(|bytes| *bytes <= self.left()) {
+            Some(bytes) => {
+                let block = &self.bytes[self.at..self.at + bytes];
+                self.at += bytes;
+                Ok(block)
+            }
+            None => Err(self
+                .error(format!("{what}: {count} of {size} bytes each are announced, {} bytes are left", self.left()))),
+        }
+    }
+
+    pub(crate) fn u32(&mut self, what: &str) -> Result<u32, SceneError> {
+        let block = self.block(1, 4, what)?;
+        Ok(u32::from_le_bytes([block[0], block[1], block[2], block[3]]))
+    }
+
+    pub(crate) fn count(&mut self, what: &str) -> Result<usize, SceneError> {
+        Ok(self.u32(what)? as usize)
+    }
+
+    pub(crate) fn floats<const N: usize>(&mut self, what: &str) -> Result<[f32; N], SceneError> {
+        let block = self.block(N, 4, what)?;
+        Ok(std::array::from_fn(|i| f32_at(block, i)))
+    }
+
+    /// A counted Latin-1 string and the NUL after it.
+    pub(crate) fn string(&mut self, what: &str) -> Result<String, SceneError> {
+        let length = self.count(what)?;
+        let text: String = self.block(length, 1, what)?.iter().map(|byte| char::from(*byte)).collect();
+        match self.block(1, 1, what)? {
+            [0] => Ok(text),
+            other => Err(self.error(format!("{what}: a NUL must end the string, not {}", other[0]))),
+        }
+    }
+}
+
+/// The `index`th little-endian `f32` of a block.
+pub(crate) fn f32_at(block: &[u8], index: usize) -> f32 {
+    f32::from_le_bytes([block[4 * index], block[4 * index + 1], block[4 * index + 2], block[4 * index + 3]])
+}

@@ -1,0 +1,275 @@
+//! The writer of both layouts. Scenes are written as lists of objects (`OctreeUnified`), never as octrees.
+
+use super::super::error::SceneError;
+use super::super::{Material, Mesh, Object, Scene, TextureSource};
+use super::{ALPHA_CUTOFF, Layout, NO_TEXTURE, NULL_OBJECT, source_has_alpha};
+use crate::diagnostic::Warnings;
+use crate::paths::relative_to;
+use glam::Vec3;
+use std::collections::HashSet;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// What a 2014 material's render state holds where nothing was changed: depth test and culling as the engine sets them.
+const STATE_BOOLS: [u8; 7] = [0, 0, 0, 1, 1, 0, 1];
+const STATE_ENUMS: [i32; 9] = [0, 0, 0x201, 0x405, 0, 1, 0, 0x8006, 0];
+const STATE_INTS: [i32; 1] = [0];
+const STATE_FLOATS: [f32; 4] = [0.0, 1.0, 1.0, 0.0];
+const STATE_VECTORS: [f32; 8] = [0.0; 8];
+const STATE_BOOL4S: [u8; 4] = [1; 4];
+
+/// Writes a scene, atomically: a file of that name is replaced when everything is written.
+///
+/// Meshes are shared by the objects that place them. Texture paths are stored relative to the file; images that are
+/// embedded in the scene's files or put together from two are written beside it, as `NAME.texture0.png`. The warnings
+/// returned count what the format cannot keep: transmission, refraction, absorption, alpha cutoffs, letters outside
+/// Latin-1.
+///
+/// # Errors
+/// If a count does not fit the format, an image cannot be put together, or the file cannot be written.
+pub fn write_cbo(scene: &Scene, path: &Path, layout: Layout) -> Result<Warnings, SceneError> {
+    let failed = |error: std::io::Error| SceneError::file(path, format!("cannot be written: {error}"));
+    let mut warnings = Warnings::default();
+    let textures = texture_paths(scene, path, &mut warnings)?;
+    let folder = folder_of(path);
+    let temporary = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+    let renderables = unique_names(&scene.meshes);
+    let out = BufWriter::new(temporary);
+    let mut writer = SceneWriter { out, path, layout, scene, textures, renderables, warnings: &mut warnings };
+    writer.scene().map_err(failed)?;
+    let temporary = writer.out.into_inner().map_err(|error| failed(error.into_error()))?;
+    temporary.persist(path).map_err(|error| failed(error.error))?;
+    Ok(warnings)
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// The meshes' names, with an index appended where one is taken: objects share geometry by its name.
+fn unique_names(meshes: &[Mesh]) -> Vec<String> {
+    let mut taken: HashSet<String> = HashSet::from([NULL_OBJECT.to_owned()]);
+    meshes
+        .iter()
+        .enumerate()
+        .map(|(index, mesh)| {
+            let mut name = mesh.name.clone();
+            while !taken.insert(name.clone()) {
+                name = format!("{name}#{index}");
+            }
+            name
+        })
+        .collect()
+}
+
+/// The path of every texture, relative to the file; writes those that are not files yet.
+fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<Vec<String>, SceneError> {
+    let folder = folder_of(path);
+    let mut paths = Vec::with_capacity(scene.textures.len());
+    for (index, source) in scene.textures.iter().enumerate() {
+        if let TextureSource::File(file) = source {
+            let relative = relative_to(folder, file).or_else(|| file.to_str().map(str::to_owned)).ok_or_else(|| {
+                SceneError::file(path, format!("the texture path {} is not valid Unicode", file.display()))
+            })?;
+            paths.push(relative);
+            continue;
+        }
+        let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("scene");
+        let (bytes, extension) = super::super::render::texture::encoded(source)
+            .map_err(|why| SceneError::file(path, format!("the texture {} cannot be stored: {why}", source.name())))?;
+        let name = format!("{stem}.texture{index}.{extension}");
+        let failed =
+            |error: std::io::Error| SceneError::file(&folder.join(&name), format!("cannot be written: {error}"));
+        let mut temporary = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+        temporary.write_all(&bytes).map_err(failed)?;
+        temporary.persist(folder.join(&name)).map_err(|error| failed(error.error))?;
+        warnings.add(path, "textures written beside the file", "the file names them", || name.clone());
+        paths.push(name);
+    }
+    Ok(paths)
+}
+
+struct SceneWriter<'a> {
+    out: BufWriter<tempfile::NamedTempFile>,
+    path: &'a Path,
+    layout: Layout,
+    scene: &'a Scene,
+    textures: Vec<String>,
+    renderables: Vec<String>,
+    warnings: &'a mut Warnings,
+}
+
+impl SceneWriter<'_> {
+    fn scene(&mut self) -> std::io::Result<()> {
+        let scene = self.scene;
+        self.count(scene.materials.len())?;
+        for material in &scene.materials {
+            self.material(material)?;
+        }
+        self.string("OctreeUnified")?;
+        self.count(scene.objects.len())?;
+        let mut written = vec![false; scene.meshes.len()];
+        for object in &scene.objects {
+            let seen = std::mem::replace(&mut written[object.mesh as usize], true);
+            self.object(object, &scene.meshes[object.mesh as usize], seen)?;
+        }
+        self.out.flush()
+    }
+
+    fn material(&mut self, material: &Material) -> std::io::Result<()> {
+        self.warn_about_losses(material);
+        self.string(&material.name)?;
+        for color in [material.ambient, material.specular, material.diffuse, material.emission] {
+            self.floats(&color.to_array())?;
+        }
+        self.floats(&[material.shininess])?;
+        match material.texture {
+            Some(texture) => self.string(&self.textures[texture as usize].clone())?,
+            None => self.string(NO_TEXTURE)?,
+        }
+        for _ in 1..8 {
+            self.string(NO_TEXTURE)?;
+        }
+        if self.layout.is_2014() {
+            for _ in ["program", "vertex", "geometry", "fragment"] {
+                self.string("")?;
+            }
+            self.count(0)?;
+            self.string("")?;
+            self.count(STATE_BOOLS.len())?;
+            self.out.write_all(&STATE_BOOLS)?;
+            for values in [&STATE_ENUMS[..], &STATE_INTS[..]] {
+                self.count(values.len())?;
+                for value in values {
+                    self.out.write_all(&value.to_le_bytes())?;
+                }
+            }
+            self.count(STATE_FLOATS.len())?;
+            self.floats(&STATE_FLOATS)?;
+            self.count(STATE_VECTORS.len() / 4)?;
+            self.floats(&STATE_VECTORS)?;
+            self.count(STATE_BOOL4S.len() / 4)?;
+            self.out.write_all(&STATE_BOOL4S)?;
+        }
+        Ok(())
+    }
+
+    fn warn_about_losses(&mut self, material: &Material) {
+        let defaults = Material::default();
+        let mut lost = Vec::new();
+        if material.transmission != defaults.transmission {
+            lost.push("transmission");
+        }
+        if material.ior != defaults.ior {
+            lost.push("index of refraction");
+        }
+        if material.thickness != defaults.thickness
+            || material.attenuation_color != defaults.attenuation_color
+            || material.attenuation_distance != defaults.attenuation_distance
+        {
+            lost.push("absorption");
+        }
+        let source = material.texture.map(|texture| &self.scene.textures[texture as usize]);
+        let cutoff_read_back = source.filter(|source| source_has_alpha(source)).map(|_| ALPHA_CUTOFF);
+        if material.alpha_cutoff != cutoff_read_back {
+            lost.push("alpha cutoff");
+        }
+        if !lost.is_empty() {
+            self.warnings.add(self.path, "materials with properties that the format lacks", "not written", || {
+                format!("{} of `{}`", lost.join(", "), material.name)
+            });
+        }
+    }
+
+    fn object(&mut self, object: &Object, mesh: &Mesh, seen: bool) -> std::io::Result<()> {
+        self.string("SimpleObject")?;
+        self.string(&object.name)?;
+        self.string("BoundingBox")?;
+        let (low, high) = bounds(&mesh.positions);
+        self.count(2)?;
+        self.floats(&low.to_array())?;
+        self.floats(&high.to_array())?;
+        if self.layout.is_2014() {
+            self.string("SimpleTransform")?;
+        }
+        self.floats(&object.transform.to_cols_array())?;
+        self.string(&self.renderables[object.mesh as usize].clone())?;
+        if seen {
+            return Ok(());
+        }
+        self.string("Mesh")?;
+        let attributes = 1 + usize::from(!mesh.normals.is_empty()) + usize::from(!mesh.texcoords.is_empty());
+        self.count(attributes)?;
+        self.attribute("position", mesh.positions.iter().map(|p| p.extend(1.0).to_array()))?;
+        if !mesh.normals.is_empty() {
+            self.attribute("normal", mesh.normals.iter().map(|n| n.extend(0.0).to_array()))?;
+        }
+        if !mesh.texcoords.is_empty() {
+            self.attribute("texCoord0", mesh.texcoords.iter().map(|t| [t.x, t.y, 0.0, 1.0]))?;
+        }
+        self.count(0)?;
+        // An empty index list would mean "all vertices in order".
+        let groups = || mesh.groups.iter().filter(|group| !group.triangles.is_empty());
+        self.count(groups().count())?;
+        for group in groups() {
+            self.string(&self.scene.materials[group.material as usize].name)?;
+            self.count(0)?;
+            self.count(group.triangles.len() * 3)?;
+            for index in group.triangles.iter().flatten() {
+                self.out.write_all(&index.to_le_bytes())?;
+            }
+        }
+        Ok(())
+    }
+
+    fn attribute(&mut self, name: &str, values: impl ExactSizeIterator<Item = [f32; 4]>) -> std::io::Result<()> {
+        self.string(name)?;
+        self.count(values.len())?;
+        for value in values {
+            self.floats(&value)?;
+        }
+        Ok(())
+    }
+
+    fn count(&mut self, count: usize) -> std::io::Result<()> {
+        let count = u32::try_from(count)
+            .map_err(|_| std::io::Error::other(format!("{count} items are more than the format can count")))?;
+        self.out.write_all(&count.to_le_bytes())
+    }
+
+    fn floats(&mut self, values: &[f32]) -> std::io::Result<()> {
+        values.iter().try_for_each(|value| self.out.write_all(&value.to_le_bytes()))
+    }
+
+    fn string(&mut self, text: &str) -> std::io::Result<()> {
+        let mut lossy = false;
+        let bytes: Vec<u8> = text
+            .chars()
+            .map(|letter| {
+                u8::try_from(letter).unwrap_or_else(|_| {
+                    lossy = true;
+                    b'?'
+                })
+            })
+            .collect();
+        if lossy {
+            self.warnings
+                .add(self.path, "names with letters outside Latin-1", "written with `?`", || format!("`{text}`"));
+        }
+        self.count(bytes.len())?;
+        self.out.write_all(&bytes)?;
+        self.out.write_all(&[0])
+    }
+}
+
+/// The smallest box around the finite positions; a point at the origin where there is none.
+fn bounds(positions: &[Vec3]) -> (Vec3, Vec3) {
+    positions
+        .iter()
+        .filter(|position| position.is_finite())
+        .fold(None, |bounds: Option<(Vec3, Vec3)>, position| {
+            let (low, high) = bounds.unwrap_or((*position, *position));
+            Some((low.min(*position), high.max(*position)))
+        })
+        .unwrap_or_default()
+}

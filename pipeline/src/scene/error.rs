@@ -1,0 +1,102 @@
+//! Why a scene could not be loaded, and the cap on what a load may allocate.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Where in a file a problem is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// The file as a whole.
+    File,
+    /// A byte offset, from 0, of a binary file.
+    Byte(u64),
+    /// A line, from 1, of a text file.
+    Line(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File => Ok(()),
+            Self::Byte(offset) => write!(f, " at byte {offset}"),
+            Self::Line(line) => write!(f, ":{line}"),
+        }
+    }
+}
+
+/// Why a scene file could not be read or written.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{}{place}: {what}{}", .file.display(), HelpLine(.help.as_deref()))]
+pub struct SceneError {
+    /// The file.
+    pub file: PathBuf,
+    /// Where in it.
+    pub place: Place,
+    /// What is wrong, in one sentence without a full stop.
+    pub what: String,
+    /// What would be valid, or what to do.
+    pub help: Option<String>,
+}
+
+struct HelpLine<'a>(Option<&'a str>);
+
+impl fmt::Display for HelpLine<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.map_or(Ok(()), |help| write!(f, "\n       {help}"))
+    }
+}
+
+impl SceneError {
+    pub(crate) fn new(file: &Path, place: Place, what: impl Into<String>) -> Self {
+        Self { file: file.to_owned(), place, what: what.into(), help: None }
+    }
+
+    pub(crate) fn file(file: &Path, what: impl Into<String>) -> Self {
+        Self::new(file, Place::File, what)
+    }
+
+    pub(crate) fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+/// The bytes that a load may still hold. It counts the large blocks (files, vertices, triangles, texels), not names.
+#[derive(Debug, Clone)]
+pub(crate) struct Budget {
+    limit: u64,
+    used: u64,
+}
+
+impl Budget {
+    pub(crate) fn new(limit: u64) -> Self {
+        Self { limit, used: 0 }
+    }
+
+    /// Books `bytes` for `what` before they are allocated.
+    pub(crate) fn take(&mut self, file: &Path, what: &str, bytes: u64) -> Result<(), SceneError> {
+        let used = self.used.saturating_add(bytes);
+        if used > self.limit {
+            return Err(SceneError::file(
+                file,
+                format!("{what} need {}, which makes {} in all", Mebibytes(bytes), Mebibytes(used)),
+            )
+            .help(format!("the limit is {}; `--max-memory` raises it", Mebibytes(self.limit))));
+        }
+        self.used = used;
+        Ok(())
+    }
+
+    /// Returns what [`Self::take`] booked.
+    pub(crate) fn give_back(&mut self, bytes: u64) {
+        self.used = self.used.saturating_sub(bytes);
+    }
+}
+
+struct Mebibytes(u64);
+
+impl fmt::Display for Mebibytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1} MiB", self.0 as f64 / f64::from(1 << 20))
+    }
+}

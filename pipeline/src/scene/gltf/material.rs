@@ -1,0 +1,235 @@
+//! Materials and textures of a glTF asset.
+
+use super::super::error::SceneError;
+use super::super::load::{Context, MaterialTable, add_texture, texture_file};
+use super::super::{Material, TextureSource};
+use super::accessor::Data;
+use super::container::{Target, base64, shortened, uri_target};
+use crate::diagnostic::Warnings;
+use ::gltf::json::{self, material::AlphaMode, texture::WrappingMode, validation::Checked};
+use glam::{Mat2, Vec2, Vec3, Vec4};
+
+/// How a primitive's texture coordinates become those of its material's texture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Coordinates {
+    /// The set that the texture reads.
+    pub(super) set: u32,
+    linear: Mat2,
+    offset: Vec2,
+}
+
+impl Coordinates {
+    const PLAIN: Coordinates = Coordinates { set: 0, linear: Mat2::IDENTITY, offset: Vec2::ZERO };
+
+    /// `KHR_texture_transform` (translation after rotation after scale), then the v axis turned upwards.
+    pub(super) fn apply(&self, texcoord: Vec2) -> Vec2 {
+        let texcoord = self.linear * texcoord + self.offset;
+        Vec2::new(texcoord.x, 1.0 - texcoord.y)
+    }
+}
+
+/// The materials of an asset.
+#[derive(Debug, Default)]
+pub(super) struct Materials {
+    pub(super) table: MaterialTable,
+    pub(super) textures: Vec<TextureSource>,
+    /// By material of the asset: its index in the table, and how its coordinates are read.
+    by_index: Vec<(u32, Coordinates)>,
+    /// The material of primitives that name none.
+    default: Option<u32>,
+}
+
+impl Materials {
+    pub(super) fn read(
+        data: &Data<'_>,
+        context: &mut Context<'_>,
+        warnings: &mut Warnings,
+    ) -> Result<Self, SceneError> {
+        let mut materials = Self::default();
+        let mut images = vec![None; data.root.images.len()];
+        for (index, written) in data.root.materials.iter().enumerate() {
+            let mut name = written.name.clone().unwrap_or_else(|| format!("material {index}"));
+            if materials.table.get(&name).is_some() {
+                let taken = name.clone();
+                while materials.table.get(&name).is_some() {
+                    name = format!("{name}#{index}");
+                }
+                warnings.add(context.file, "materials with the name of another one", "renamed", || {
+                    format!("`{taken}` is now `{name}`")
+                });
+            }
+            let mut material = surface(written, name, context, warnings);
+            let mut coordinates = Coordinates::PLAIN;
+            if let Some(info) =
+                written.pbr_metallic_roughness.base_color_texture.as_ref().filter(|_| context.needs.textures)
+            {
+                coordinates = coordinates_of(info);
+                let source = image(info, data, &mut images, &material.name, context, warnings)?;
+                material.texture = source.map(|source| add_texture(&mut materials.textures, source));
+            }
+            materials.by_index.push((materials.table.materials.len() as u32, coordinates));
+            materials.table.declare(material);
+        }
+        Ok(materials)
+    }
+
+    /// The material of a primitive; one that does not exist is an error.
+    pub(super) fn of(
+        &mut self,
+        index: Option<json::Index<json::Material>>,
+        file: &std::path::Path,
+    ) -> Result<(u32, Coordinates), SceneError> {
+        let Some(index) = index else {
+            let default = *self.default.get_or_insert_with(|| {
+                let mut name = "default".to_owned();
+                while self.table.get(&name).is_some() {
+                    name.push('#');
+                }
+                // The default material of glTF 2.0, section 3.9.6, is white.
+                self.table.declare(Material { name, diffuse: Vec4::ONE, ..Material::default() });
+                self.table.materials.len() as u32 - 1
+            });
+            return Ok((default, Coordinates::PLAIN));
+        };
+        self.by_index
+            .get(index.value())
+            .copied()
+            .ok_or_else(|| SceneError::file(file, format!("material {} does not exist", index.value())))
+    }
+}
+
+/// All but the texture.
+fn surface(written: &json::Material, name: String, context: &Context<'_>, warnings: &mut Warnings) -> Material {
+    let mut warn = |what: &'static str, remedy: &'static str, detail: &str| {
+        warnings.add(context.file, what, remedy, || format!("{detail}`{name}`"));
+    };
+    let factor = Vec4::from_array(written.pbr_metallic_roughness.base_color_factor.0);
+    let extensions = written.extensions.as_ref();
+    let mut material = Material { diffuse: factor.truncate().extend(1.0), ..Material::default() };
+    match written.alpha_mode {
+        Checked::Valid(AlphaMode::Opaque) => {}
+        Checked::Valid(AlphaMode::Mask) => {
+            let cutoff = written.alpha_cutoff.unwrap_or_default().0;
+            // The factor multiplies the texture's alpha, which alone is compared here.
+            material.alpha_cutoff = Some(if factor.w > 0.0 { cutoff / factor.w } else { f32::INFINITY });
+        }
+        Checked::Valid(AlphaMode::Blend) => {
+            material.diffuse.w = factor.w;
+            warn("materials that are blended", "drawn opaque, with the factor's alpha as opacity", "");
+        }
+        Checked::Invalid => warn("materials with an unknown alpha mode", "opaque", ""),
+    }
+    let strength = extensions.and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
+    material.emission = (Vec3::from_array(written.emissive_factor.0) * strength).extend(1.0);
+    if let Some(transmission) = extensions.and_then(|e| e.transmission.as_ref()) {
+        material.transmission = transmission.transmission_factor.0.clamp(0.0, 1.0);
+        if transmission.transmission_texture.is_some() {
+            warn("texture maps that no program reads", "ignored", "transmission of ");
+        }
+    }
+    if let Some(ior) = extensions.and_then(|e| e.ior.as_ref()).map(|e| e.ior.0) {
+        match ior {
+            // The extension's way to say "reflects everything".
+            0.0 => material.ior = f32::INFINITY,
+            ior if ior >= 1.0 => material.ior = ior,
+            _ => warn("materials with an index of refraction below 1", "1.5 serves", ""),
+        }
+    }
+    if let Some(volume) = extensions.and_then(|e| e.volume.as_ref()) {
+        material.thickness = volume.thickness_factor.0.max(0.0);
+        material.attenuation_color = Vec3::from_array(volume.attenuation_color.0);
+        let distance = volume.attenuation_distance.0;
+        material.attenuation_distance = if distance > 0.0 { distance } else { f32::INFINITY };
+        if volume.thickness_texture.is_some() {
+            warn("texture maps that no program reads", "ignored", "thickness of ");
+        }
+    }
+    let pbr = &written.pbr_metallic_roughness;
+    for (present, what) in [
+        (written.normal_texture.is_some(), "normals of "),
+        (written.occlusion_texture.is_some(), "occlusion of "),
+        (written.emissive_texture.is_some(), "emission of "),
+        (pbr.metallic_roughness_texture.is_some(), "metalness and roughness of "),
+    ] {
+        if present {
+            warn("texture maps that no program reads", "ignored", what);
+        }
+    }
+    material.name = name;
+    material
+}
+
+fn coordinates_of(info: &json::texture::Info) -> Coordinates {
+    let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
+    let Some(transform) = transform else { return Coordinates { set: info.tex_coord, ..Coordinates::PLAIN } };
+    let (sin, cos) = transform.rotation.0.sin_cos();
+    let [scale_u, scale_v] = transform.scale.0;
+    Coordinates {
+        set: transform.tex_coord.unwrap_or(info.tex_coord),
+        linear: Mat2::from_cols(Vec2::new(cos, -sin) * scale_u, Vec2::new(sin, cos) * scale_v),
+        offset: Vec2::from_array(transform.offset.0),
+    }
+}
+
+/// The image of a texture: `Some` in `images` once it was looked for. What is missing is a warning.
+fn image(
+    info: &json::texture::Info,
+    data: &Data<'_>,
+    images: &mut [Option<Option<TextureSource>>],
+    material: &str,
+    context: &mut Context<'_>,
+    warnings: &mut Warnings,
+) -> Result<Option<TextureSource>, SceneError> {
+    let file = context.file;
+    let missing = |warnings: &mut Warnings, why: String| {
+        warnings
+            .add(file, "missing textures", "the diffuse colour serves", || format!("{why}, of material `{material}`"));
+    };
+    let Some(texture) = data.root.textures.get(info.index.value()) else {
+        return Err(SceneError::file(file, format!("texture {} does not exist", info.index.value())));
+    };
+    let sampler = texture.sampler.and_then(|sampler| data.root.samplers.get(sampler.value()));
+    let repeats = |wrap: Checked<WrappingMode>| matches!(wrap, Checked::Valid(WrappingMode::Repeat));
+    if sampler.is_some_and(|sampler| !repeats(sampler.wrap_s) || !repeats(sampler.wrap_t)) {
+        warnings.add(file, "textures that are clamped or mirrored", "repeated", || {
+            format!("texture {} of material `{material}`", info.index.value())
+        });
+    }
+    let index = texture.source.value();
+    let Some(written) = data.root.images.get(index) else {
+        missing(warnings, format!("texture {} has no PNG or JPEG image", info.index.value()));
+        return Ok(None);
+    };
+    if let Some(known) = &images[index] {
+        return Ok(known.clone());
+    }
+    let name = || format!("{}#image{index}", file.display());
+    let source = match (&written.uri, written.buffer_view) {
+        (Some(uri), _) => match uri_target(uri) {
+            Ok(Target::Path(path)) => texture_file(context, &path, warnings, material).map(TextureSource::File),
+            Ok(Target::Data(text)) => {
+                context.take("an embedded image", text.len(), 1)?;
+                let bytes = base64(text);
+                if bytes.is_none() {
+                    missing(warnings, format!("image {index} is not valid base64"));
+                }
+                bytes.map(|bytes| TextureSource::Embedded { name: name(), bytes })
+            }
+            Err(why) => {
+                missing(warnings, format!("image {index} {why}: `{}`", shortened(uri)));
+                None
+            }
+        },
+        (None, Some(view)) => {
+            let bytes = data.view(view).map_err(|what| SceneError::file(file, format!("image {index}: {what}")))?;
+            context.take("an embedded image", bytes.len(), 1)?;
+            Some(TextureSource::Embedded { name: name(), bytes: bytes.to_vec() })
+        }
+        (None, None) => {
+            missing(warnings, format!("image {index} has no data"));
+            None
+        }
+    };
+    images[index] = Some(source.clone());
+    Ok(source)
+}

@@ -1,0 +1,242 @@
+//! glTF 2.0 assets, as JSON or GLB. The crate `gltf` reads the JSON; every index and range is checked here, because its
+//! own readers panic on bad ones.
+//!
+//! A primitive becomes a mesh, and a node with a mesh one object for each of its primitives.
+
+mod accessor;
+mod container;
+mod material;
+
+use super::error::SceneError;
+use super::load::Context;
+use super::{Group, Mesh, Object, Scene};
+use crate::diagnostic::Warnings;
+use ::gltf::json::{
+    self,
+    mesh::{Mode, Primitive, Semantic},
+    validation::Checked,
+};
+use accessor::Data;
+use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
+use material::Materials;
+use std::path::Path;
+
+/// Extensions whose contents are used, or whose absence changes nothing that is drawn.
+const READ_EXTENSIONS: [&str; 7] = [
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
+    "KHR_materials_variants",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
+    let mut scene = Scene::default();
+    // One lifetime for the file's name and its bytes.
+    let mut context = Context { file: context.file, needs: context.needs, budget: &mut *context.budget };
+    let (text, binary) = container::split(bytes, &context)?;
+    let root = container::parse(text, &mut context)?;
+    check_extensions(&root, context.file, &mut scene.warnings)?;
+    count_unread(&root, context.file, &mut scene.warnings);
+    let buffers = container::buffers(&root, binary, &mut context)?;
+    let data = Data { root: &root, buffers: &buffers };
+    let mut materials = Materials::read(&data, &mut context, &mut scene.warnings)?;
+    let mut assembler = Assembler { data: &data, materials: &mut materials, scene: &mut scene, placed: Vec::new() };
+    assembler.placed.resize_with(root.meshes.len(), || None);
+    assembler.nodes(&mut context)?;
+    scene.materials = materials.table.materials;
+    scene.textures = materials.textures;
+    Ok(scene)
+}
+
+/// Refuses assets that cannot be read without an extension that is not read here.
+fn check_extensions(root: &json::Root, file: &Path, warnings: &mut Warnings) -> Result<(), SceneError> {
+    for name in &root.extensions_required {
+        if READ_EXTENSIONS.contains(&name.as_str()) {
+            continue;
+        }
+        let only_shading = name.starts_with("KHR_materials_") && name != "KHR_materials_pbrSpecularGlossiness";
+        if !only_shading && name != "KHR_lights_punctual" {
+            return Err(SceneError::file(file, format!("the asset requires the extension {name}, which is not read"))
+                .help(format!("valid: {}; export the asset without it", READ_EXTENSIONS.join(", "))));
+        }
+        warnings.add(file, "required extensions that are not read", "the asset is drawn without them", || name.clone());
+    }
+    Ok(())
+}
+
+/// Counts what an asset has besides what is drawn.
+fn count_unread(root: &json::Root, file: &Path, warnings: &mut Warnings) {
+    for (kind, count) in
+        [("animation", root.animations.len()), ("camera", root.cameras.len()), ("skin", root.skins.len())]
+    {
+        for index in 0..count {
+            warnings.add(file, "animations, cameras and skins", "ignored", || format!("{kind} {index}"));
+        }
+    }
+}
+
+struct Assembler<'a> {
+    data: &'a Data<'a>,
+    materials: &'a mut Materials,
+    scene: &'a mut Scene,
+    /// By mesh of the asset: the first of its primitives in the scene and their number, once it was read.
+    placed: Vec<Option<(u32, u32)>>,
+}
+
+impl Assembler<'_> {
+    /// Walks the default scene (or the first, or all root nodes) depth first, in order.
+    fn nodes(&mut self, context: &mut Context<'_>) -> Result<(), SceneError> {
+        let root = self.data.root;
+        let fail = |what: String| SceneError::file(context.file, what);
+        let chosen = root.scene.map_or(0, |scene| scene.value());
+        let roots: Vec<usize> = match root.scenes.get(chosen) {
+            Some(scene) => scene.nodes.iter().map(|node| node.value()).collect(),
+            None if root.scene.is_some() => return Err(fail(format!("scene {chosen} does not exist"))),
+            None => root_nodes(root),
+        };
+        let mut visited = vec![false; root.nodes.len()];
+        let mut stack: Vec<(usize, Mat4)> = roots.iter().rev().map(|node| (*node, Mat4::IDENTITY)).collect();
+        while let Some((index, parent)) = stack.pop() {
+            let node = root.nodes.get(index).ok_or_else(|| fail(format!("node {index} does not exist")))?;
+            if std::mem::replace(&mut visited[index], true) {
+                return Err(fail(format!("node {index} has two parents or is its own ancestor"))
+                    .help("valid: nodes form trees"));
+            }
+            let transform = parent * local_transform(node);
+            if let Some(mesh) = node.mesh {
+                let (first, count) = self.mesh(mesh.value(), context)?;
+                let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
+                for mesh in first..first + count {
+                    self.scene.objects.push(Object { name: name.clone(), mesh, transform });
+                }
+            }
+            let children = node.children.iter().flatten().rev();
+            stack.extend(children.map(|child| (child.value(), transform)));
+        }
+        Ok(())
+    }
+
+    /// Reads a mesh when it is placed first.
+    fn mesh(&mut self, index: usize, context: &mut Context<'_>) -> Result<(u32, u32), SceneError> {
+        let Some(mesh) = self.data.root.meshes.get(index) else {
+            return Err(SceneError::file(context.file, format!("mesh {index} does not exist")));
+        };
+        if let Some(placed) = self.placed[index] {
+            return Ok(placed);
+        }
+        let first = self.scene.meshes.len() as u32;
+        for (number, primitive) in mesh.primitives.iter().enumerate() {
+            let name = mesh.name.clone().unwrap_or_else(|| format!("mesh {index}"));
+            let name = if mesh.primitives.len() > 1 { format!("{name}[{number}]") } else { name };
+            if let Some(mesh) = self.primitive(primitive, name, context)? {
+                self.scene.meshes.push(mesh);
+            }
+        }
+        let placed = (first, self.scene.meshes.len() as u32 - first);
+        self.placed[index] = Some(placed);
+        Ok(placed)
+    }
+
+    fn primitive(
+        &mut self,
+        primitive: &Primitive,
+        name: String,
+        context: &mut Context<'_>,
+    ) -> Result<Option<Mesh>, SceneError> {
+        let file = context.file;
+        let mode = match primitive.mode {
+            Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
+            _ => {
+                self.scene.warnings.add(file, "primitives that are not triangles", "left out", || format!("`{name}`"));
+                return Ok(None);
+            }
+        };
+        let attribute = |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).copied();
+        let Some(positions) = attribute(Semantic::Positions) else {
+            self.scene.warnings.add(file, "primitives without positions", "left out", || format!("`{name}`"));
+            return Ok(None);
+        };
+        if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
+            self.scene.warnings.add(file, "primitives with morph targets", "drawn without", || format!("`{name}`"));
+        }
+        let (material, coordinates) = self.materials.of(primitive.material, file)?;
+        let positions: Vec<Vec3> = self.data.vectors::<3>(positions, context)?.into_iter().map(Vec3::from).collect();
+        let mut mesh = Mesh { name, positions, ..Mesh::default() };
+        if let Some(normals) = attribute(Semantic::Normals).filter(|_| context.needs.normals) {
+            mesh.normals = self.data.vectors::<3>(normals, context)?.into_iter().map(Vec3::from).collect();
+        }
+        let texcoords = attribute(Semantic::TexCoords(coordinates.set));
+        if let Some(texcoords) = texcoords.filter(|_| context.needs.textures) {
+            let texcoords = self.data.vectors::<2>(texcoords, context)?.into_iter();
+            mesh.texcoords = texcoords.map(|texcoord| coordinates.apply(Vec2::from(texcoord))).collect();
+        }
+        let vertices = mesh.positions.len();
+        for (what, count) in [("normals", mesh.normals.len()), ("texture coordinates", mesh.texcoords.len())] {
+            if count != 0 && count != vertices {
+                return Err(SceneError::file(
+                    file,
+                    format!("`{}` has {vertices} positions but {count} {what}", mesh.name),
+                ));
+            }
+        }
+        let indices = match primitive.indices {
+            Some(indices) => self.data.indices(indices, context)?,
+            None => {
+                context.take("the indices", vertices, 4)?;
+                (0..vertices as u32).collect()
+            }
+        };
+        context.take("the triangles", indices.len(), if mode == Mode::Triangles { 4 } else { 12 })?;
+        if mode == Mode::Triangles && indices.len() % 3 != 0 {
+            self.scene.warnings.add(
+                file,
+                "index counts that are no multiple of 3",
+                "the incomplete triangle is left out",
+                || format!("{} in `{}`", indices.len(), mesh.name),
+            );
+        }
+        mesh.groups.push(Group { material, triangles: assemble(mode, &indices) });
+        Ok(Some(mesh))
+    }
+}
+
+/// Triangles of a list, strip or fan (glTF 2.0, section 3.7.2.1).
+fn assemble(mode: Mode, indices: &[u32]) -> Vec<[u32; 3]> {
+    match mode {
+        Mode::TriangleStrip => indices
+            .windows(3)
+            .enumerate()
+            // Every second triangle turns the other way round.
+            .map(|(number, i)| if number % 2 == 0 { [i[0], i[1], i[2]] } else { [i[0], i[2], i[1]] })
+            .collect(),
+        Mode::TriangleFan => {
+            indices.get(1..).unwrap_or_default().windows(2).map(|i| [i[0], i[1], indices[0]]).collect()
+        }
+        _ => indices.chunks_exact(3).map(|i| [i[0], i[1], i[2]]).collect(),
+    }
+}
+
+fn local_transform(node: &json::Node) -> Mat4 {
+    if let Some(matrix) = node.matrix {
+        return Mat4::from_cols_array(&matrix);
+    }
+    let scale = node.scale.map_or(Vec3::ONE, Vec3::from);
+    let translation = node.translation.map_or(Vec3::ZERO, Vec3::from);
+    // Files round their quaternions; one of length 0 turns nothing.
+    let rotation = node.rotation.and_then(|rotation| Vec4::from(rotation.0).try_normalize());
+    Mat4::from_scale_rotation_translation(scale, rotation.map_or(Quat::IDENTITY, Quat::from_vec4), translation)
+}
+
+/// The nodes that are nobody's children.
+fn root_nodes(root: &json::Root) -> Vec<usize> {
+    let mut is_child = vec![false; root.nodes.len()];
+    for child in root.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
+        if let Some(is_child) = is_child.get_mut(child.value()) {
+            *is_child = true;
+        }
+    }
+    (0..root.nodes.len()).filter(|node| !is_child[*node]).collect()
+}

@@ -1,0 +1,254 @@
+//! Loading scene files of any format, and merging several into one scene.
+
+use super::error::{Budget, SceneError};
+use super::{LoadedFile, Material, Needs, Scene, TextureSource};
+use crate::diagnostic::Warnings;
+use crate::paths::resolve_path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// How scene files are loaded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// What is read and stored.
+    pub needs: Needs,
+    /// Bytes that the load may hold at once.
+    pub max_bytes: u64,
+}
+
+impl LoadOptions {
+    /// The cap unless another is asked for: 8 GiB.
+    pub const DEFAULT_MAX_BYTES: u64 = 8 << 30;
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self { needs: Needs::ALL, max_bytes: Self::DEFAULT_MAX_BYTES }
+    }
+}
+
+/// Told before each file is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LoadProgress<'a> {
+    /// The file that is read next.
+    pub file: &'a Path,
+    /// Bytes of the files already read.
+    pub bytes_done: u64,
+    /// Bytes of all files.
+    pub bytes_total: u64,
+}
+
+/// What every format's reader works with.
+pub(crate) struct Context<'a> {
+    pub(crate) file: &'a Path,
+    pub(crate) needs: Needs,
+    pub(crate) budget: &'a mut Budget,
+}
+
+impl Context<'_> {
+    /// The folder that relative paths of the file start from.
+    pub(crate) fn folder(&self) -> &Path {
+        self.file.parent().unwrap_or(Path::new(""))
+    }
+
+    /// Books the memory of a block of `count` items of `size` bytes.
+    pub(crate) fn take(&mut self, what: &str, count: usize, size: usize) -> Result<(), SceneError> {
+        self.budget.take(self.file, what, (count as u64).saturating_mul(size as u64))
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Cbo,
+    Obj,
+    Gltf,
+}
+
+/// By the first bytes where they tell, by the extension otherwise.
+fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, SceneError> {
+    if bytes.starts_with(b"glTF") {
+        return Ok(Format::Gltf);
+    }
+    let extension = file.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
+    match extension.as_str() {
+        "cbo" | "nbo" => Ok(Format::Cbo),
+        "obj" => Ok(Format::Obj),
+        "gltf" | "glb" => Ok(Format::Gltf),
+        other => Err(SceneError::file(file, format!("`.{other}` is not a scene format"))
+            .help("valid: .cbo, .nbo, .obj, .gltf, .glb")),
+    }
+}
+
+/// Loads scene files and merges them into one scene.
+///
+/// Materials with one name and the same contents are shared. Of materials with one name and different contents the
+/// first wins and a warning counts the others: the report's engine has one material table for all files.
+///
+/// # Errors
+/// The first file that is missing, is of no known format, is damaged, or needs more memory than allowed.
+pub fn load(
+    files: &[PathBuf],
+    options: &LoadOptions,
+    progress: &dyn Fn(LoadProgress<'_>),
+) -> Result<Scene, SceneError> {
+    let mut scene = Scene::default();
+    let mut budget = Budget::new(options.max_bytes);
+    let mut found = Vec::with_capacity(files.len());
+    let mut bytes_total = 0;
+    for file in files {
+        let (path, size) = find(file, &mut scene.warnings)?;
+        found.push((path, size));
+        bytes_total += size;
+    }
+    let mut bytes_done = 0;
+    for (file, size) in &found {
+        progress(LoadProgress { file, bytes_done, bytes_total });
+        merge(&mut scene, file, load_one(file, *size, options.needs, &mut budget)?);
+        bytes_done += size;
+    }
+    Ok(scene)
+}
+
+fn find(file: &Path, warnings: &mut Warnings) -> Result<(PathBuf, u64), SceneError> {
+    let written = file.to_str().unwrap_or_default();
+    let path = if file.exists() || written.is_empty() {
+        file.to_owned()
+    } else {
+        let resolved =
+            resolve_path(Path::new(""), written).ok_or_else(|| SceneError::file(file, "there is no such file"))?;
+        if resolved.case_differs {
+            warnings.add(file, "paths with other letter case", "the file was found all the same", || {
+                resolved.path.display().to_string()
+            });
+        }
+        resolved.path
+    };
+    let metadata = std::fs::metadata(&path).map_err(|error| SceneError::file(&path, error.to_string()))?;
+    if !metadata.is_file() {
+        return Err(SceneError::file(&path, "this is not a file").help("valid: .cbo, .nbo, .obj, .gltf, .glb"));
+    }
+    Ok((path, metadata.len()))
+}
+
+fn load_one(file: &Path, size: u64, needs: Needs, budget: &mut Budget) -> Result<Scene, SceneError> {
+    budget.take(file, "the file's bytes", size)?;
+    let bytes = std::fs::read(file).map_err(|error| SceneError::file(file, error.to_string()))?;
+    let format = format_of(file, &bytes)?;
+    let mut context = Context { file, needs, budget };
+    let scene = match format {
+        Format::Cbo => super::cbo::read(&bytes, &mut context),
+        Format::Obj => super::obj::read(&bytes, &mut context),
+        Format::Gltf => super::gltf::read(&bytes, &mut context),
+    };
+    drop(bytes);
+    budget.give_back(size);
+    scene
+}
+
+/// Appends what `file` holds.
+fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
+    let first_mesh = scene.meshes.len() as u32;
+    scene.warnings.append(std::mem::take(&mut other.warnings));
+    scene.files.push(LoadedFile {
+        path: file.to_owned(),
+        meshes: other.meshes.len() as u32,
+        objects: other.objects.len() as u32,
+    });
+
+    let mut by_name: HashMap<String, u32> =
+        scene.materials.iter().enumerate().map(|(index, material)| (material.name.clone(), index as u32)).collect();
+    let textures: Vec<u32> = other.textures.drain(..).map(|source| add_texture(&mut scene.textures, source)).collect();
+    let mut materials = Vec::with_capacity(other.materials.len());
+    for mut material in other.materials {
+        material.texture = material.texture.map(|texture| textures[texture as usize]);
+        let known = by_name.get(&material.name).copied();
+        materials.push(known.unwrap_or(scene.materials.len() as u32));
+        match known {
+            Some(index) if scene.materials[index as usize] == material => {}
+            Some(_) => scene.warnings.add(
+                file,
+                "materials that an earlier file declares otherwise",
+                "the earlier declaration serves",
+                || material.name.clone(),
+            ),
+            None => {
+                by_name.insert(material.name.clone(), scene.materials.len() as u32);
+                scene.materials.push(material);
+            }
+        }
+    }
+    for mesh in &mut other.meshes {
+        for group in &mut mesh.groups {
+            group.material = materials[group.material as usize];
+        }
+    }
+    for object in &mut other.objects {
+        object.mesh += first_mesh;
+    }
+    scene.meshes.append(&mut other.meshes);
+    scene.objects.append(&mut other.objects);
+}
+
+/// The index of a texture source, shared with an equal one that is there already.
+pub(crate) fn add_texture(textures: &mut Vec<TextureSource>, source: TextureSource) -> u32 {
+    let index = textures.iter().position(|known| *known == source).unwrap_or_else(|| {
+        textures.push(source);
+        textures.len() - 1
+    });
+    index as u32
+}
+
+/// Finds a texture file that a scene file names, and counts a warning where there is none.
+pub(crate) fn texture_file(
+    context: &Context<'_>,
+    written: &str,
+    warnings: &mut Warnings,
+    material: &str,
+) -> Option<PathBuf> {
+    let Some(resolved) = resolve_path(context.folder(), written).filter(|resolved| resolved.path.is_file()) else {
+        warnings.add(context.file, "missing textures", "the diffuse colour serves", || {
+            format!("`{written}` of material `{material}`")
+        });
+        return None;
+    };
+    if resolved.case_differs {
+        warnings.add(context.file, "texture paths with other letter case", "the file was found all the same", || {
+            format!("`{written}` is {}", resolved.path.display())
+        });
+    }
+    Some(resolved.path)
+}
+
+/// The materials of one file, by name.
+#[derive(Debug, Default)]
+pub(crate) struct MaterialTable {
+    pub(crate) materials: Vec<Material>,
+    by_name: HashMap<String, u32>,
+}
+
+impl MaterialTable {
+    /// Adds a material; `false` if one of its name is there already, which stays as it is.
+    pub(crate) fn declare(&mut self, material: Material) -> bool {
+        if self.by_name.contains_key(&material.name) {
+            return false;
+        }
+        self.by_name.insert(material.name.clone(), self.materials.len() as u32);
+        self.materials.push(material);
+        true
+    }
+
+    pub(crate) fn get(&self, name: &str) -> Option<u32> {
+        self.by_name.get(name).copied()
+    }
+
+    /// The material of that name; where there is none, a default one is declared and counted as a warning.
+    pub(crate) fn get_or_default(&mut self, name: &str, file: &Path, warnings: &mut Warnings) -> u32 {
+        if let Some(index) = self.get(name) {
+            return index;
+        }
+        warnings
+            .add(file, "materials that are used but not declared", "a light grey one serves", || format!("`{name}`"));
+        self.declare(Material { name: name.to_owned(), ..Material::default() });
+        self.materials.len() as u32 - 1
+    }
+}

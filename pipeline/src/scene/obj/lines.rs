@@ -1,0 +1,108 @@
+//! Lines of OBJ and MTL files.
+
+use std::borrow::Cow;
+
+/// Logical lines: without line ends, comments and surrounding blanks, continued ones (`\` at the end) joined.
+pub(super) struct Lines<'a> {
+    rest: &'a [u8],
+    next_number: u64,
+}
+
+impl<'a> Lines<'a> {
+    pub(super) fn new(bytes: &'a [u8]) -> Self {
+        let rest = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+        Self { rest, next_number: 1 }
+    }
+
+    /// The next line with the number of its first physical line; `None` at the end.
+    pub(super) fn next(&mut self) -> Option<(u64, Cow<'a, [u8]>)> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let number = self.next_number;
+        let first = self.physical();
+        let Some(mut start) = continued(first) else {
+            return Some((number, Cow::Borrowed(without_comment(first))));
+        };
+        let mut joined = Vec::new();
+        loop {
+            joined.extend_from_slice(start);
+            joined.push(b' ');
+            let line = self.physical();
+            match continued(line) {
+                Some(part) if !self.rest.is_empty() => start = part,
+                part => {
+                    joined.extend_from_slice(part.unwrap_or(line));
+                    let length = without_comment(&joined).len();
+                    joined.truncate(length);
+                    return Some((number, Cow::Owned(joined)));
+                }
+            }
+        }
+    }
+
+    fn physical(&mut self) -> &'a [u8] {
+        self.next_number += 1;
+        let end = self.rest.iter().position(|byte| *byte == b'\n').unwrap_or(self.rest.len());
+        let line = &self.rest[..end];
+        self.rest = self.rest.get(end + 1..).unwrap_or_default();
+        line.trim_ascii()
+    }
+}
+
+fn continued(line: &[u8]) -> Option<&[u8]> {
+    line.strip_suffix(b"\\")
+}
+
+/// A `#` starts a comment at the start of a line or after a blank; file names may hold one elsewhere.
+fn without_comment(line: &[u8]) -> &[u8] {
+    let comment = |at: &usize| line[*at] == b'#' && (*at == 0 || line[*at - 1].is_ascii_whitespace());
+    match (0..line.len()).find(comment) {
+        Some(at) => line[..at].trim_ascii_end(),
+        None => line,
+    }
+}
+
+/// The first word and the rest.
+pub(super) fn split_word(line: &[u8]) -> (&[u8], &[u8]) {
+    let end = line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len());
+    (&line[..end], line[end..].trim_ascii_start())
+}
+
+pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+    line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
+}
+
+/// UTF-8 where it is, Latin-1 otherwise.
+pub(super) fn text(bytes: &[u8]) -> String {
+    std::str::from_utf8(bytes).map_or_else(|_| bytes.iter().map(|byte| char::from(*byte)).collect(), str::to_owned)
+}
+
+/// A number; `None` for what is none. Infinities and NaN are numbers here.
+pub(super) fn number(word: &[u8]) -> Option<f32> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all(text: &str) -> Vec<(u64, String)> {
+        let mut lines = Lines::new(text.as_bytes());
+        std::iter::from_fn(|| lines.next()).map(|(number, line)| (number, super::text(&line))).collect()
+    }
+
+    #[test]
+    fn lines_are_joined_trimmed_and_numbered_by_their_first_physical_line() {
+        let lines = all("v 1\t2 3\r\nf 1 2 \\\r\n 3 \\\n4\n # note\nmap_Kd a#b.png # the wall\nf 5 \\");
+        let expected = [(1, "v 1\t2 3"), (2, "f 1 2  3  4"), (5, ""), (6, "map_Kd a#b.png"), (7, "f 5")];
+        let lines: Vec<_> = lines.iter().map(|(number, line)| (*number, line.trim_end())).collect();
+        assert_eq!(lines, expected);
+    }
+
+    #[test]
+    fn text_that_is_not_utf_8_is_read_as_latin_1() {
+        assert_eq!(text(b"\xC1gua"), "Água");
+        assert_eq!(text("Água".as_bytes()), "Água");
+    }
+}

@@ -1,0 +1,315 @@
+//! Wavefront material libraries (Alias "MTL Material Format", 1995), and what is made of them.
+//!
+//! `tobj` has a reader of its own, which panics on the legal `Kd 0.5` and refuses whole files for `d -halo 0.5`.
+
+use super::super::Material;
+use super::super::error::SceneError;
+use super::super::load::{Context, MaterialTable, add_texture, texture_file};
+use super::super::{TextureSource, image_has_alpha};
+use super::lines::{Lines, number, split_word, text, words};
+use crate::diagnostic::Warnings;
+use glam::{Vec2, Vec3, Vec4};
+use std::path::Path;
+
+/// The alpha cutoff of a material with a mask.
+const ALPHA_CUTOFF: f32 = 0.5;
+
+/// A map statement: the file as written and how its coordinates are changed.
+#[derive(Debug, Clone, PartialEq)]
+struct Map {
+    file: String,
+    scale: Vec2,
+    offset: Vec2,
+}
+
+/// Statements of one material, as written.
+#[derive(Debug, Clone, Default)]
+struct Declaration {
+    name: String,
+    kd: Option<Vec3>,
+    ka: Option<Vec3>,
+    ks: Option<Vec3>,
+    ke: Option<Vec3>,
+    tf: Option<Vec3>,
+    ns: Option<f32>,
+    ni: Option<f32>,
+    d: Option<f32>,
+    tr: Option<f32>,
+    illum: Option<u32>,
+    map_kd: Option<Map>,
+    map_d: Option<Map>,
+}
+
+/// The materials of all libraries of a file.
+#[derive(Debug, Default)]
+pub(super) struct Library {
+    pub(super) table: MaterialTable,
+    pub(super) textures: Vec<TextureSource>,
+    /// By material: scale and offset of its texture coordinates, where the library changes them.
+    pub(super) coordinates: Vec<Option<(Vec2, Vec2)>>,
+}
+
+impl Library {
+    /// Adds the materials of one file. Those declared before stay as they are.
+    pub(super) fn read(&mut self, bytes: &[u8], context: &Context<'_>, warnings: &mut Warnings) {
+        let mut parser = Parser { file: context.file, warnings, current: None, done: Vec::new() };
+        let mut lines = Lines::new(bytes);
+        while let Some((line, statement)) = lines.next() {
+            parser.statement(line, &statement);
+        }
+        let Parser { current, mut done, .. } = parser;
+        done.extend(current);
+        for declaration in done {
+            let name = declaration.name.clone();
+            if self.table.get(&name).is_some() {
+                warnings.add(context.file, "materials declared twice", "the first declaration serves", || {
+                    format!("`{name}`")
+                });
+                continue;
+            }
+            let coordinates = declaration.map_kd.as_ref().map(|map| (map.scale, map.offset));
+            let material = self.material(declaration, context, warnings);
+            self.table.declare(material);
+            self.coordinates.push(coordinates.filter(|(scale, offset)| *scale != Vec2::ONE || *offset != Vec2::ZERO));
+        }
+    }
+
+    fn material(&mut self, written: Declaration, context: &Context<'_>, warnings: &mut Warnings) -> Material {
+        let defaults = Material::default();
+        let color = |written: Option<Vec3>, default: Vec4| written.map_or(default, |color| color.extend(1.0));
+        let dissolve = written.d.or(written.tr.map(|tr| 1.0 - tr)).unwrap_or(1.0).clamp(0.0, 1.0);
+        let mut material = Material {
+            diffuse: color(written.kd, defaults.diffuse).truncate().extend(dissolve),
+            ambient: color(written.ka, defaults.ambient),
+            specular: color(written.ks, defaults.specular),
+            emission: color(written.ke, defaults.emission),
+            shininess: written.ns.unwrap_or(defaults.shininess).max(0.0),
+            transmission: transmission(&written, dissolve),
+            ior: written.ni.filter(|ni| *ni >= 1.0).unwrap_or(defaults.ior),
+            name: written.name,
+            ..defaults
+        };
+        if !context.needs.textures {
+            return material;
+        }
+        if let Some(map) = &written.map_kd {
+            let color = texture_file(context, &map.file, warnings, &material.name);
+            let mask = written.map_d.as_ref().and_then(|mask| match mask.file == map.file {
+                true => color.clone(),
+                false => texture_file(context, &mask.file, warnings, &material.name),
+            });
+            if let Some(color) = color {
+                let source = match mask {
+                    Some(mask) if mask != color => {
+                        material.alpha_cutoff = Some(ALPHA_CUTOFF);
+                        TextureSource::Masked { color, mask }
+                    }
+                    Some(mask) if image_has_alpha(&mask) => {
+                        material.alpha_cutoff = Some(ALPHA_CUTOFF);
+                        TextureSource::File(color)
+                    }
+                    Some(mask) => {
+                        warnings.add(context.file, "masks without an alpha channel", "ignored", || {
+                            format!("{} of `{}`", mask.display(), material.name)
+                        });
+                        TextureSource::File(color)
+                    }
+                    None => TextureSource::File(color),
+                };
+                material.texture = Some(add_texture(&mut self.textures, source));
+            }
+        } else if let Some(mask) = &written.map_d {
+            warnings.add(context.file, "masks of materials without a colour texture", "ignored", || {
+                format!("`{}` of `{}`", mask.file, material.name)
+            });
+        }
+        material
+    }
+}
+
+/// The share of light that enters. The illumination models 4, 6, 7 and 9 are glass: there the transmission filter
+/// `Tf` says how much passes, or else `1 - d`, or else all of it. Other models are glass as far as `d` is below 1;
+/// exporters write `Tf 1 1 1` with every opaque material.
+fn transmission(written: &Declaration, dissolve: f32) -> f32 {
+    let share = match written.illum {
+        Some(4 | 6 | 7 | 9) => match written.tf {
+            Some(filter) => filter.max_element(),
+            None if dissolve < 1.0 => 1.0 - dissolve,
+            None => 1.0,
+        },
+        _ => 1.0 - dissolve,
+    };
+    share.clamp(0.0, 1.0)
+}
+
+struct Parser<'a> {
+    file: &'a Path,
+    warnings: &'a mut Warnings,
+    current: Option<Declaration>,
+    done: Vec<Declaration>,
+}
+
+impl Parser<'_> {
+    fn warn(&mut self, line: u64, what: &'static str, statement: &[u8]) {
+        self.warnings.add(self.file, what, "ignored", || format!("line {line}: `{}`", text(statement)));
+    }
+
+    fn statement(&mut self, line: u64, statement: &[u8]) {
+        let (keyword, rest) = split_word(statement);
+        let keyword = keyword.to_ascii_lowercase();
+        if keyword.is_empty() {
+            return;
+        }
+        if keyword == b"newmtl" {
+            let declaration = Declaration { name: text(rest), ..Declaration::default() };
+            self.done.extend(self.current.replace(declaration));
+            return;
+        }
+        let Some(current) = &mut self.current else {
+            self.warn(line, "material statements before the first newmtl", statement);
+            return;
+        };
+        let understood = match &keyword[..] {
+            b"kd" => set(&mut current.kd, color(rest)),
+            b"ka" => set(&mut current.ka, color(rest)),
+            b"ks" => set(&mut current.ks, color(rest)),
+            b"ke" => set(&mut current.ke, color(rest)),
+            b"tf" => set(&mut current.tf, color(rest)),
+            b"ns" => set(&mut current.ns, scalar(rest)),
+            b"ni" => set(&mut current.ni, scalar(rest)),
+            b"tr" => set(&mut current.tr, scalar(rest)),
+            // `d -halo 0.5` depends on the viewing angle; its factor serves as a constant.
+            b"d" => {
+                let (first, factor) = split_word(rest);
+                set(&mut current.d, scalar(if first == b"-halo" { factor } else { rest }))
+            }
+            b"illum" => set(&mut current.illum, scalar(rest).map(|model| model as u32)),
+            b"map_kd" => set(&mut current.map_kd, map(rest)),
+            b"map_d" => set(&mut current.map_d, map(rest)),
+            b"map_ka" | b"map_ks" | b"map_ke" | b"map_ns" | b"map_bump" | b"bump" | b"map_tr" | b"disp" | b"decal"
+            | b"refl" | b"norm" | b"map_refl" | b"map_pr" | b"map_pm" | b"map_ps" | b"map_aat" | b"map_rma"
+            | b"map_orm" | b"map_disp" | b"map_ni" => {
+                self.warn(line, "texture maps that no program reads", statement);
+                true
+            }
+            b"sharpness" | b"pr" | b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" | b"km" => true,
+            _ => {
+                self.warn(line, "unknown material statements", statement);
+                true
+            }
+        };
+        if !understood {
+            self.warn(line, "material statements with values that cannot be read", statement);
+        }
+    }
+}
+
+fn set<T>(target: &mut Option<T>, value: Option<T>) -> bool {
+    let understood = value.is_some();
+    if understood {
+        *target = value;
+    }
+    understood
+}
+
+fn finite(word: &[u8]) -> Option<f32> {
+    number(word).filter(|value| value.is_finite())
+}
+
+fn scalar(rest: &[u8]) -> Option<f32> {
+    finite(words(rest).next()?)
+}
+
+/// One or three numbers; `spectral` files and `xyz` colours are not read.
+fn color(rest: &[u8]) -> Option<Vec3> {
+    let mut words = words(rest);
+    let red = finite(words.next()?)?;
+    match (words.next(), words.next()) {
+        (None, _) => Some(Vec3::splat(red)),
+        (Some(green), Some(blue)) => Some(Vec3::new(red, finite(green)?, finite(blue)?)),
+        (Some(_), None) => None,
+    }
+}
+
+/// Options and a file name that may hold blanks. `-s` and `-o` change the coordinates; the others have no effect here.
+fn map(rest: &[u8]) -> Option<Map> {
+    let mut map = Map { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO };
+    let mut rest = rest;
+    while rest.starts_with(b"-") {
+        let (option, after) = split_word(rest);
+        rest = after;
+        match option {
+            b"-o" | b"-s" | b"-t" => {
+                let mut values = [None; 3];
+                for value in &mut values {
+                    let (word, after) = split_word(rest);
+                    *value = finite(word);
+                    if value.is_none() {
+                        break;
+                    }
+                    rest = after;
+                }
+                let target = match option {
+                    b"-o" => &mut map.offset,
+                    b"-s" => &mut map.scale,
+                    _ => continue,
+                };
+                target.x = values[0].unwrap_or(target.x);
+                target.y = values[1].unwrap_or(target.y);
+            }
+            b"-mm" => rest = split_word(split_word(rest).1).1,
+            b"-blendu" | b"-blendv" | b"-cc" | b"-clamp" | b"-bm" | b"-boost" | b"-texres" | b"-imfchan" | b"-type" => {
+                rest = split_word(rest).1;
+            }
+            // A file name may start with a hyphen.
+            _ => {
+                map.file = text(&[option, b" ", rest].concat()).trim().to_owned();
+                return Some(map);
+            }
+        }
+    }
+    map.file = text(rest);
+    (!map.file.is_empty()).then_some(map)
+}
+
+/// Finds and reads the library that a `mtllib` statement names: one file with blanks in its name, or several.
+pub(super) fn read_libraries(
+    argument: &str,
+    line: u64,
+    library: &mut Library,
+    context: &mut Context<'_>,
+    warnings: &mut Warnings,
+) -> Result<(), SceneError> {
+    let find =
+        |name: &str| crate::paths::resolve_path(context.folder(), name).filter(|resolved| resolved.path.is_file());
+    let mut found = Vec::new();
+    if let Some(whole) = find(argument) {
+        found.push((argument, Some(whole)));
+    } else {
+        found.extend(argument.split_whitespace().map(|name| (name, find(name))));
+        if found.iter().all(|(_, file)| file.is_none()) {
+            found = vec![(argument, None)];
+        }
+    }
+    for (name, file) in found {
+        let Some(resolved) = file else {
+            warnings.add(context.file, "missing material libraries", "their materials are light grey", || {
+                format!("line {line}: `{name}`")
+            });
+            continue;
+        };
+        if resolved.case_differs {
+            warnings.add(context.file, "paths with other letter case", "the file was found all the same", || {
+                format!("line {line}: `{name}` is {}", resolved.path.display())
+            });
+        }
+        let failed = |error: std::io::Error| SceneError::file(&resolved.path, error.to_string());
+        let size = std::fs::metadata(&resolved.path).map_err(failed)?.len();
+        context.budget.take(&resolved.path, "the file's bytes", size)?;
+        let bytes = std::fs::read(&resolved.path).map_err(failed)?;
+        let within = Context { file: &resolved.path, needs: context.needs, budget: &mut *context.budget };
+        library.read(&bytes, &within, warnings);
+        within.budget.give_back(size);
+    }
+    Ok(())
+}

@@ -1,0 +1,356 @@
+//! Objects into one list of triangles in world space.
+
+use super::super::error::{Budget, SceneError};
+use super::super::{Batch, Geometry, Mesh, Object};
+use super::{BuildOptions, FilesOfObjects, normals};
+use crate::diagnostic::Warnings;
+use glam::{DVec3, Mat3, Mat4, Vec2, Vec3};
+use rayon::prelude::*;
+use std::borrow::Cow;
+
+/// A run of consecutive triangles that come from one group of one object.
+struct Run {
+    material: u32,
+    object: usize,
+    group: usize,
+    triangles: usize,
+}
+
+/// Why a triangle is left out.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Kept,
+    BadIndex,
+    NotFinite,
+    Degenerate,
+}
+
+/// Marks an index that lies outside its mesh; never a valid vertex, because their number is below it.
+const BAD: u32 = u32::MAX;
+
+pub(super) fn flatten(
+    mut meshes: Vec<Mesh>,
+    objects: &[Object],
+    options: &BuildOptions,
+    files: &FilesOfObjects,
+    budget: &mut Budget,
+    warnings: &mut Warnings,
+) -> Result<Geometry, SceneError> {
+    let total = total_size(&meshes, objects, options, files, budget)?;
+    let mut uses = vec![0_u32; meshes.len()];
+    for object in objects {
+        uses[object.mesh as usize] += 1;
+    }
+    if options.needs.normals {
+        ensure_normals(&mut meshes, objects, &uses, files, warnings);
+    }
+    if options.needs.textures {
+        mend_texcoords(&mut meshes, objects, &uses, files, warnings);
+    }
+
+    let mut geometry = Geometry::default();
+    if objects.len() > 1 {
+        geometry.positions.reserve_exact(total.vertices);
+        geometry.normals.reserve_exact(if options.needs.normals { total.vertices } else { 0 });
+        geometry.texcoords.reserve_exact(if options.needs.textures { total.vertices } else { 0 });
+    }
+    let mut parts: Vec<(Run, Vec<[u32; 3]>)> = Vec::new();
+    for (index, object) in objects.iter().enumerate() {
+        let mesh = &mut meshes[object.mesh as usize];
+        uses[object.mesh as usize] -= 1;
+        let last = uses[object.mesh as usize] == 0;
+        let base = geometry.positions.len() as u32;
+        let vertices = mesh.positions.len() as u32;
+        for (group_index, group) in mesh.groups.iter_mut().enumerate() {
+            let mut triangles = claim(&mut group.triangles, last).into_owned();
+            triangles.par_iter_mut().for_each(|triangle| {
+                *triangle = triangle.map(|vertex| if vertex < vertices { base + vertex } else { BAD });
+            });
+            let run = Run { material: group.material, object: index, group: group_index, triangles: triangles.len() };
+            parts.push((run, triangles));
+        }
+        append_vertices(&mut geometry, mesh, last, object.transform, options);
+    }
+    drop(meshes);
+    parts.sort_by_key(|(run, _)| run.material);
+    let (mut runs, lists): (Vec<Run>, Vec<Vec<[u32; 3]>>) = parts.into_iter().unzip();
+    geometry.triangles = concatenate(lists, total.triangles);
+
+    sort_out(&mut geometry, &mut runs, objects, files, warnings);
+    drop_unused_vertices(&mut geometry);
+    if options.unitize && !geometry.positions.is_empty() {
+        unitize(&mut geometry.positions);
+        // Rounding after the scaling may flatten slivers.
+        sort_out(&mut geometry, &mut runs, objects, files, warnings);
+        drop_unused_vertices(&mut geometry);
+    }
+    geometry.batches = batches(&runs);
+    Ok(geometry)
+}
+
+struct Size {
+    vertices: usize,
+    triangles: usize,
+}
+
+/// Adds up what the objects need and books it.
+fn total_size(
+    meshes: &[Mesh],
+    objects: &[Object],
+    options: &BuildOptions,
+    files: &FilesOfObjects,
+    budget: &mut Budget,
+) -> Result<Size, SceneError> {
+    let sizes: Vec<(u64, u64)> = meshes
+        .iter()
+        .map(|mesh| {
+            let triangles = mesh.groups.iter().map(|group| group.triangles.len() as u64).sum();
+            (mesh.positions.len() as u64, triangles)
+        })
+        .collect();
+    let (mut vertices, mut triangles) = (0_u64, 0_u64);
+    for object in objects {
+        let (mesh_vertices, mesh_triangles) = sizes[object.mesh as usize];
+        vertices += mesh_vertices;
+        triangles += mesh_triangles;
+    }
+    let file = files.whole_scene();
+    let limit = u64::from(u32::MAX);
+    if vertices >= limit || triangles >= limit {
+        return Err(SceneError::file(file, format!("{vertices} vertices and {triangles} triangles are too many"))
+            .help(format!("valid: fewer than {limit} of each, with every placed copy counted")));
+    }
+    let vertex_size = 12 + if options.needs.normals { 12 } else { 0 } + if options.needs.textures { 8 } else { 0 };
+    budget.take(file, "the placed vertices", vertices * vertex_size)?;
+    budget.take(file, "the placed triangles", triangles * 12)?;
+    Ok(Size { vertices: vertices as usize, triangles: triangles as usize })
+}
+
+/// The file of the first object that places a mesh, by mesh; built only when there is something to say.
+fn place_of(mesh: usize, objects: &[Object]) -> usize {
+    objects.iter().position(|object| object.mesh as usize == mesh).unwrap_or(0)
+}
+
+fn ensure_normals(
+    meshes: &mut [Mesh],
+    objects: &[Object],
+    uses: &[u32],
+    files: &FilesOfObjects,
+    warnings: &mut Warnings,
+) {
+    for (index, mesh) in meshes.iter_mut().enumerate().filter(|(index, _)| uses[*index] > 0) {
+        let replaced = normals::ensure(mesh);
+        if replaced > 0 {
+            warnings.add(
+                files.of(place_of(index, objects)),
+                "meshes with normals that have no direction",
+                "computed from the faces",
+                || format!("{replaced} in `{}`", mesh.name),
+            );
+        }
+    }
+}
+
+fn mend_texcoords(
+    meshes: &mut [Mesh],
+    objects: &[Object],
+    uses: &[u32],
+    files: &FilesOfObjects,
+    warnings: &mut Warnings,
+) {
+    for (index, mesh) in meshes.iter_mut().enumerate().filter(|(index, _)| uses[*index] > 0) {
+        if mesh.texcoords.len() != mesh.positions.len() {
+            mesh.texcoords = vec![Vec2::ZERO; mesh.positions.len()];
+        }
+        let bad = mesh.texcoords.par_iter().filter(|texcoord| !texcoord.is_finite()).count();
+        if bad > 0 {
+            mesh.texcoords.iter_mut().filter(|texcoord| !texcoord.is_finite()).for_each(|t| *t = Vec2::ZERO);
+            warnings.add(
+                files.of(place_of(index, objects)),
+                "meshes with texture coordinates that are not finite",
+                "0 serves",
+                || format!("{bad} in `{}`", mesh.name),
+            );
+        }
+    }
+}
+
+/// The list itself when this is its last use, and a view of it otherwise.
+fn claim<T: Clone>(list: &mut Vec<T>, last: bool) -> Cow<'_, [T]> {
+    if last { Cow::Owned(std::mem::take(list)) } else { Cow::Borrowed(list) }
+}
+
+fn append<T: Clone>(target: &mut Vec<T>, source: Cow<'_, [T]>) {
+    match source {
+        Cow::Owned(list) if target.capacity() == 0 => *target = list,
+        list => target.extend_from_slice(&list),
+    }
+}
+
+/// Appends a mesh's vertices in world space.
+fn append_vertices(geometry: &mut Geometry, mesh: &mut Mesh, last: bool, transform: Mat4, options: &BuildOptions) {
+    let first = geometry.positions.len();
+    append(&mut geometry.positions, claim(&mut mesh.positions, last));
+    if options.needs.textures {
+        append(&mut geometry.texcoords, claim(&mut mesh.texcoords, last));
+    }
+    let swap = |v: Vec3| if options.swap_yz { Vec3::new(v.x, v.z, -v.y) } else { v };
+    if transform != Mat4::IDENTITY || options.swap_yz {
+        geometry.positions[first..]
+            .par_iter_mut()
+            .for_each(|position| *position = swap(transform.transform_point3(*position)));
+    }
+    if options.needs.normals {
+        append(&mut geometry.normals, claim(&mut mesh.normals, last));
+        let normals = &mut geometry.normals[first..];
+        if options.model_space_normals || transform == Mat4::IDENTITY {
+            if options.swap_yz {
+                normals.par_iter_mut().for_each(|normal| *normal = swap(*normal));
+            }
+        } else {
+            let matrix = normal_matrix(transform);
+            normals.par_iter_mut().for_each(|normal| {
+                let turned = normals::unit(matrix * *normal);
+                // Only a transform of rank 1 or less leaves no direction; its triangles have no area.
+                *normal = if turned == Vec3::ZERO { Vec3::Z } else { swap(turned) };
+            });
+        }
+    }
+}
+
+/// The inverse transpose of the linear part, up to a positive factor. The matrix of cofactors also serves transforms
+/// that flatten; it is scaled first so that it neither overflows nor vanishes.
+fn normal_matrix(transform: Mat4) -> Mat3 {
+    let linear = Mat3::from_mat4(transform);
+    let largest = linear.x_axis.abs().max(linear.y_axis.abs()).max(linear.z_axis.abs()).max_element();
+    if !(largest > 0.0 && largest.is_finite()) {
+        return Mat3::IDENTITY;
+    }
+    let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis / largest);
+    let cofactors = [y.cross(z), z.cross(x), x.cross(y)];
+    let sign = if x.dot(cofactors[0]) < 0.0 { -1.0 } else { 1.0 };
+    Mat3::from_cols(cofactors[0] * sign, cofactors[1] * sign, cofactors[2] * sign)
+}
+
+fn concatenate(mut lists: Vec<Vec<[u32; 3]>>, total: usize) -> Vec<[u32; 3]> {
+    if lists.len() == 1 {
+        return lists.remove(0);
+    }
+    let mut triangles = Vec::with_capacity(total);
+    for list in lists {
+        triangles.extend_from_slice(&list);
+    }
+    triangles
+}
+
+fn verdict(positions: &[Vec3], triangle: &[u32; 3]) -> Verdict {
+    if triangle.contains(&BAD) {
+        return Verdict::BadIndex;
+    }
+    let [a, b, c] = triangle.map(|vertex| positions[vertex as usize]);
+    if !(a.is_finite() && b.is_finite() && c.is_finite()) {
+        return Verdict::NotFinite;
+    }
+    let a = a.as_dvec3();
+    let twice_area = (b.as_dvec3() - a).cross(c.as_dvec3() - a);
+    if large_enough(twice_area) { Verdict::Kept } else { Verdict::Degenerate }
+}
+
+fn large_enough(twice_area: DVec3) -> bool {
+    twice_area.length() >= f64::from(f32::MIN_POSITIVE)
+}
+
+/// Leaves out the triangles that cannot be drawn, and counts them.
+fn sort_out(
+    geometry: &mut Geometry,
+    runs: &mut [Run],
+    objects: &[Object],
+    files: &FilesOfObjects,
+    warnings: &mut Warnings,
+) {
+    let positions = &geometry.positions;
+    let verdicts: Vec<Verdict> = geometry.triangles.par_iter().map(|triangle| verdict(positions, triangle)).collect();
+    if verdicts.par_iter().all(|verdict| *verdict == Verdict::Kept) {
+        return;
+    }
+    let triangles = &mut geometry.triangles;
+    let (mut read, mut write) = (0, 0);
+    for run in runs {
+        let first_written = write;
+        for number in 0..run.triangles {
+            let what = match verdicts[read] {
+                Verdict::Kept => {
+                    triangles[write] = triangles[read];
+                    write += 1;
+                    None
+                }
+                Verdict::BadIndex => Some("triangles with vertex indices out of range"),
+                Verdict::NotFinite => Some("triangles with corners that are not finite"),
+                Verdict::Degenerate => Some("triangles without area"),
+            };
+            read += 1;
+            if let Some(what) = what {
+                warnings.add(files.of(run.object), what, "left out", || {
+                    format!("triangle {number} in group {} of `{}`", run.group, objects[run.object].name)
+                });
+            }
+        }
+        run.triangles = write - first_written;
+    }
+    triangles.truncate(write);
+}
+
+/// Keeps the vertices that a triangle uses, in order.
+fn drop_unused_vertices(geometry: &mut Geometry) {
+    let mut used = vec![false; geometry.positions.len()];
+    for vertex in geometry.triangles.iter().flatten() {
+        used[*vertex as usize] = true;
+    }
+    if used.iter().all(|used| *used) {
+        return;
+    }
+    let mut kept = 0;
+    let new_index: Vec<u32> = used
+        .iter()
+        .map(|used| {
+            let index = kept;
+            kept += u32::from(*used);
+            index
+        })
+        .collect();
+    retain(&mut geometry.positions, &used);
+    retain(&mut geometry.normals, &used);
+    retain(&mut geometry.texcoords, &used);
+    geometry
+        .triangles
+        .par_iter_mut()
+        .for_each(|triangle| *triangle = triangle.map(|vertex| new_index[vertex as usize]));
+}
+
+fn retain<T>(list: &mut Vec<T>, used: &[bool]) {
+    let mut flags = used.iter();
+    list.retain(|_| *flags.next().expect("one flag a vertex"));
+}
+
+/// Centres the positions and scales them until the longest side of their box is [-1, 1].
+fn unitize(positions: &mut [Vec3]) {
+    let low = positions.iter().fold(Vec3::INFINITY, |low, position| low.min(*position)).as_dvec3();
+    let high = positions.iter().fold(Vec3::NEG_INFINITY, |high, position| high.max(*position)).as_dvec3();
+    let center = 0.5 * (low + high);
+    let half = 0.5 * (high - low).max_element();
+    positions.par_iter_mut().for_each(|position| *position = ((position.as_dvec3() - center) / half).as_vec3());
+}
+
+fn batches(runs: &[Run]) -> Vec<Batch> {
+    let mut batches: Vec<Batch> = Vec::new();
+    let mut first = 0;
+    for run in runs.iter().filter(|run| run.triangles > 0) {
+        let count = run.triangles as u32;
+        match batches.last_mut().filter(|batch| batch.material == run.material) {
+            Some(batch) => batch.count += count,
+            None => batches.push(Batch { material: run.material, first, count }),
+        }
+        first += count;
+    }
+    batches
+}

@@ -1,0 +1,112 @@
+//! From a scene as its files describe it to what passes use: flat geometry in world space and decoded textures.
+
+mod flatten;
+mod normals;
+pub(crate) mod texture;
+
+use super::error::{Budget, SceneError};
+use super::{Needs, RenderScene, Scene};
+use crate::diagnostic::Warnings;
+use std::path::{Path, PathBuf};
+
+/// How a scene is made ready.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BuildOptions {
+    /// What passes read.
+    pub needs: Needs,
+    /// Normals stay in model space, as the report's program wrote them.
+    pub model_space_normals: bool,
+    /// `(x, y, z)` becomes `(x, z, -y)`, for models with z up; normals turn with it in both spaces, because the engine
+    /// turns the vertex data itself.
+    pub swap_yz: bool,
+    /// The scene's box is centred at the origin and scaled uniformly until its longest side is [-1, 1]; after
+    /// [`Self::swap_yz`].
+    pub unitize: bool,
+    /// Bytes that the geometry and textures may hold.
+    pub max_bytes: u64,
+}
+
+impl Default for BuildOptions {
+    fn default() -> Self {
+        Self {
+            needs: Needs::ALL,
+            model_space_normals: false,
+            swap_yz: false,
+            unitize: false,
+            max_bytes: super::LoadOptions::DEFAULT_MAX_BYTES,
+        }
+    }
+}
+
+impl RenderScene {
+    /// Places all objects in the world, sorts the triangles by material and decodes the textures in use.
+    ///
+    /// - Triangles with an index outside the mesh, a corner that is not finite in world space, or no area (twice the
+    ///   area, in double precision, is below the smallest normal `f32`) are left out and counted, by object.
+    /// - Vertices that no triangle uses are dropped. The order of triangles is that of objects and groups, sorted by
+    ///   material without exchanging equals; ids therefore do not depend on the number of threads.
+    /// - Normals are transformed by the inverse transpose and made unit length. Where a mesh has none, each vertex gets
+    ///   the mean of the normals of its faces, weighted by the face's angle there (Thürmer and Wüthrich, "Computing
+    ///   Vertex Normals from Polygonal Facets", 1998); vertices that are not shared stay flat.
+    /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
+    ///   its material has none.
+    ///
+    /// # Errors
+    /// If the geometry has more than 2^32 - 1 vertices or triangles, or more memory is needed than allowed.
+    pub fn build(scene: Scene, options: &BuildOptions) -> Result<(RenderScene, Warnings), SceneError> {
+        let files = FilesOfObjects::new(&scene);
+        let mut warnings = Warnings::default();
+        let mut budget = Budget::new(options.max_bytes);
+        let Scene { meshes, objects, mut materials, textures: sources, .. } = scene;
+
+        let geometry = flatten::flatten(meshes, &objects, options, &files, &mut budget, &mut warnings)?;
+
+        let mut in_use = vec![false; materials.len()];
+        for batch in &geometry.batches {
+            in_use[batch.material as usize] = true;
+        }
+        for (material, in_use) in materials.iter_mut().zip(in_use) {
+            if !in_use || !options.needs.textures {
+                material.texture = None;
+            }
+        }
+        let textures = texture::decode_used(&mut materials, &sources, files.whole_scene(), &mut budget, &mut warnings)?;
+        Ok((RenderScene { geometry, materials, textures }, warnings))
+    }
+}
+
+/// Which file an object is of, for messages.
+struct FilesOfObjects {
+    /// The first object that is not of the file any more, and the file.
+    ends: Vec<(usize, PathBuf)>,
+    whole: PathBuf,
+}
+
+impl FilesOfObjects {
+    fn new(scene: &Scene) -> Self {
+        let mut end = 0;
+        let ends: Vec<_> = scene
+            .files
+            .iter()
+            .map(|file| {
+                end += file.objects as usize;
+                (end, file.path.clone())
+            })
+            .collect();
+        let whole = match &ends[..] {
+            [(_, only)] => only.clone(),
+            _ => PathBuf::from("scene"),
+        };
+        Self { ends, whole }
+    }
+
+    fn of(&self, object: usize) -> &Path {
+        let index = self.ends.partition_point(|(end, _)| *end <= object);
+        self.ends.get(index).map_or(&self.whole, |(_, file)| file)
+    }
+
+    /// The only file, or the word "scene".
+    fn whole_scene(&self) -> &Path {
+        &self.whole
+    }
+}

@@ -1,0 +1,110 @@
+//! Counts of what a scene holds, for people and for scripts.
+
+use super::Scene;
+use glam::Vec3;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// What a scene holds. Triangles and vertices are counted once for every object that places them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Statistics {
+    /// By file.
+    pub files: Vec<FileStatistics>,
+    /// Stored meshes.
+    pub meshes: u64,
+    /// Placed meshes.
+    pub objects: u64,
+    /// Placed vertices.
+    pub vertices: u64,
+    /// Placed triangles.
+    pub triangles: u64,
+    /// Lowest and highest corner of the box around all placed, finite vertices; `None` without any.
+    pub bounds: Option<[[f32; 3]; 2]>,
+    /// By material, in the scene's order.
+    pub materials: Vec<MaterialStatistics>,
+}
+
+/// What one file holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct FileStatistics {
+    /// The file.
+    pub path: PathBuf,
+    /// Stored meshes.
+    pub meshes: u64,
+    /// Placed meshes.
+    pub objects: u64,
+    /// Placed vertices.
+    pub vertices: u64,
+    /// Placed triangles.
+    pub triangles: u64,
+}
+
+/// How a material is used.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct MaterialStatistics {
+    /// Its name.
+    pub name: String,
+    /// Placed triangles that have it.
+    pub triangles: u64,
+    /// The file or embedded image of its texture.
+    pub texture: Option<String>,
+}
+
+/// Counts what a scene holds, as its files have it: triangles that [`super::RenderScene::build`] leaves out included.
+#[must_use]
+pub fn statistics(scene: &Scene) -> Statistics {
+    let mut by_material = vec![0_u64; scene.materials.len()];
+    let mut bounds: Option<(Vec3, Vec3)> = None;
+    let mut by_object = Vec::with_capacity(scene.objects.len());
+    for object in &scene.objects {
+        let mesh = &scene.meshes[object.mesh as usize];
+        let mut triangles = 0;
+        for group in &mesh.groups {
+            by_material[group.material as usize] += group.triangles.len() as u64;
+            triangles += group.triangles.len() as u64;
+        }
+        by_object.push((mesh.positions.len() as u64, triangles));
+        for position in mesh.positions.iter().map(|position| object.transform.transform_point3(*position)) {
+            if position.is_finite() {
+                let (low, high) = bounds.unwrap_or((position, position));
+                bounds = Some((low.min(position), high.max(position)));
+            }
+        }
+    }
+
+    let mut objects = by_object.iter();
+    let files = scene
+        .files
+        .iter()
+        .map(|file| {
+            let own = objects.by_ref().take(file.objects as usize);
+            let (vertices, triangles) = own.fold((0, 0), |sum, object| (sum.0 + object.0, sum.1 + object.1));
+            FileStatistics {
+                path: file.path.clone(),
+                meshes: u64::from(file.meshes),
+                objects: u64::from(file.objects),
+                vertices,
+                triangles,
+            }
+        })
+        .collect();
+    let materials = scene
+        .materials
+        .iter()
+        .zip(&by_material)
+        .map(|(material, triangles)| MaterialStatistics {
+            name: material.name.clone(),
+            triangles: *triangles,
+            texture: material.texture.map(|texture| scene.textures[texture as usize].name()),
+        })
+        .collect();
+    Statistics {
+        files,
+        meshes: scene.meshes.len() as u64,
+        objects: scene.objects.len() as u64,
+        vertices: by_object.iter().map(|object| object.0).sum(),
+        triangles: by_object.iter().map(|object| object.1).sum(),
+        bounds: bounds.map(|(low, high)| [low.to_array(), high.to_array()]),
+        materials,
+    }
+}

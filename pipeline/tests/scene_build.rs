@@ -1,0 +1,277 @@
+//! Scenes made ready for rendering.
+
+mod scene_support;
+
+use curitiba_pipeline::scene::{
+    BuildOptions, Group, Material, Mesh, Needs, Object, RenderScene, Scene, TextureSource, statistics,
+};
+use glam::{Mat4, Quat, Vec2, Vec3};
+use scene_support::{Folder, count};
+
+fn material(name: &str) -> Material {
+    Material { name: name.to_owned(), ..Material::default() }
+}
+
+fn object(mesh: u32, transform: Mat4) -> Object {
+    Object { name: format!("object of {mesh}"), mesh, transform }
+}
+
+/// A unit right triangle in the xy plane.
+fn triangle(material: u32) -> Mesh {
+    Mesh {
+        name: "triangle".to_owned(),
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+        groups: vec![Group { material, triangles: vec![[0, 1, 2]] }],
+        ..Mesh::default()
+    }
+}
+
+/// The box [-1, 1]³ with eight shared vertices.
+fn cube() -> Mesh {
+    let positions =
+        (0..8).map(|i| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * 2.0 - Vec3::ONE).collect();
+    let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let triangles = quads.iter().flat_map(|q: &[u32; 4]| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect();
+    Mesh { name: "cube".to_owned(), positions, groups: vec![Group { material: 0, triangles }], ..Mesh::default() }
+}
+
+fn scene(meshes: Vec<Mesh>, objects: Vec<Object>, materials: usize) -> Scene {
+    let materials = (0..materials).map(|i| material(&format!("m{i}"))).collect();
+    Scene { meshes, objects, materials, ..Scene::default() }
+}
+
+fn assert_invariants(scene: &RenderScene, needs: Needs) {
+    let geometry = &scene.geometry;
+    let vertices = geometry.positions.len();
+    assert!(geometry.positions.iter().all(|p| p.is_finite()));
+    assert_eq!(geometry.normals.len(), if needs.normals { vertices } else { 0 });
+    assert_eq!(geometry.texcoords.len(), if needs.textures { vertices } else { 0 });
+    assert!(geometry.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-5));
+    for id in 0..geometry.triangles.len() as u32 {
+        let [a, b, c] = geometry.corners(id).map(|p| p.as_dvec3());
+        assert!((b - a).cross(c - a).length() > 0.0, "triangle {id} has no area");
+        assert!((geometry.material_of(id) as usize) < scene.materials.len());
+    }
+    let mut next = 0;
+    for pair in geometry.batches.windows(2) {
+        assert!(pair[0].material < pair[1].material, "batches ascend");
+    }
+    for batch in &geometry.batches {
+        assert_eq!(batch.first, next);
+        assert!(batch.count > 0);
+        next += batch.count;
+    }
+    assert_eq!(next as usize, geometry.triangles.len());
+}
+
+fn build(scene: Scene, options: &BuildOptions) -> (RenderScene, curitiba_pipeline::diagnostic::Warnings) {
+    let (built, warnings) = RenderScene::build(scene, options).unwrap();
+    assert_invariants(&built, options.needs);
+    (built, warnings)
+}
+
+#[test]
+fn triangles_are_sorted_by_material_and_keep_their_order_within_one() {
+    let mut two_groups = triangle(1);
+    two_groups.positions.push(Vec3::Z);
+    two_groups.groups.push(Group { material: 0, triangles: vec![[0, 1, 3], [0, 2, 3]] });
+    let objects = vec![object(0, Mat4::IDENTITY), object(1, Mat4::from_translation(Vec3::splat(5.0)))];
+    let (built, warnings) = build(scene(vec![two_groups, triangle(1)], objects, 2), &BuildOptions::default());
+    assert!(warnings.is_empty());
+    let geometry = &built.geometry;
+    assert_eq!(
+        geometry.batches.iter().map(|b| (b.material, b.first, b.count)).collect::<Vec<_>>(),
+        [(0, 0, 2), (1, 2, 2)]
+    );
+    assert_eq!(geometry.corners(0), [Vec3::ZERO, Vec3::X, Vec3::Z]);
+    assert_eq!(geometry.corners(1), [Vec3::ZERO, Vec3::Y, Vec3::Z]);
+    assert_eq!(geometry.corners(2), [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    assert_eq!(geometry.corners(3)[0], Vec3::splat(5.0));
+}
+
+#[test]
+fn a_mesh_placed_twice_gives_two_copies_of_its_triangles() {
+    let objects = vec![object(0, Mat4::IDENTITY), object(0, Mat4::from_translation(Vec3::Z))];
+    let scene = scene(vec![triangle(0)], objects, 1);
+    let counted = statistics(&scene);
+    assert_eq!((counted.meshes, counted.objects, counted.triangles, counted.vertices), (1, 2, 2, 6));
+    assert_eq!(counted.bounds, Some([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]));
+    let (built, _) = build(scene, &BuildOptions::default());
+    assert_eq!(built.geometry.corners(0), [Vec3::ZERO, Vec3::X, Vec3::Y]);
+    assert_eq!(built.geometry.corners(1), [Vec3::Z, Vec3::X + Vec3::Z, Vec3::Y + Vec3::Z]);
+}
+
+#[test]
+fn unusable_triangles_are_counted_by_kind_with_their_object_and_the_rest_stays() {
+    let mut mesh = triangle(0);
+    mesh.positions.extend([Vec3::new(f32::NAN, 0.0, 0.0), Vec3::new(2.0, 0.0, 0.0), Vec3::Z]);
+    mesh.groups[0].triangles = vec![[0, 1, 9], [0, 1, 3], [0, 1, 1], [0, 1, 4], [0, 1, 2], [u32::MAX, 0, 1]];
+    let objects = vec![object(0, Mat4::IDENTITY)];
+    let (built, warnings) = build(scene(vec![mesh], objects, 1), &BuildOptions::default());
+    assert_eq!(count(&warnings, "triangles with vertex indices out of range"), 2);
+    assert_eq!(count(&warnings, "triangles with corners that are not finite"), 1);
+    assert_eq!(count(&warnings, "triangles without area"), 2);
+    assert_eq!(warnings.groups()[0].places[0], "triangle 0 in group 0 of `object of 0`");
+    assert_eq!(built.geometry.triangles, [[0, 1, 2]]);
+    assert_eq!(built.geometry.positions.len(), 3, "vertices that nothing uses are dropped");
+}
+
+#[test]
+fn a_transform_that_flattens_leaves_no_triangle() {
+    let flat = Mat4::from_scale(Vec3::new(1.0, 0.0, 0.0));
+    let (built, warnings) = build(scene(vec![cube()], vec![object(0, flat)], 1), &BuildOptions::default());
+    assert_eq!(count(&warnings, "triangles without area"), 12);
+    assert!(built.geometry.triangles.is_empty() && built.geometry.batches.is_empty());
+}
+
+#[test]
+fn computed_normals_of_a_cube_point_along_its_diagonals() {
+    // Weighted by angle, each of the three faces at a corner counts π/2, however it is cut into triangles.
+    let (built, _) = build(scene(vec![cube()], vec![object(0, Mat4::IDENTITY)], 1), &BuildOptions::default());
+    for (position, normal) in built.geometry.positions.iter().zip(&built.geometry.normals) {
+        assert!(normal.distance(position.normalize()) < 1e-6, "{normal} at {position}");
+    }
+}
+
+#[test]
+fn normals_follow_the_inverse_transpose_also_through_mirrors() {
+    // A plane x + y = const, stretched twofold along x: its normal turns to (1, 2, 0).
+    let mut mesh = triangle(0);
+    mesh.positions = vec![Vec3::X, Vec3::Y, Vec3::X + Vec3::Z];
+    mesh.normals = vec![Vec3::new(3.0, 3.0, 0.0); 3];
+    for (scale, expected) in [
+        (Vec3::new(2.0, 1.0, 1.0), Vec3::new(1.0, 2.0, 0.0)),
+        (Vec3::new(-2.0, 1.0, 1.0), Vec3::new(-1.0, 2.0, 0.0)),
+        (Vec3::splat(1e-25), Vec3::new(1.0, 1.0, 0.0)),
+    ] {
+        let transform = Mat4::from_scale(scale);
+        // The smallest scale leaves no area; what counts there is that nothing panics.
+        let (built, _) = build(scene(vec![mesh.clone()], vec![object(0, transform)], 1), &BuildOptions::default());
+        for normal in &built.geometry.normals {
+            assert!(normal.distance(expected.normalize()) < 1e-6, "{normal} for {scale}");
+        }
+    }
+    let turned = Mat4::from_quat(Quat::from_rotation_z(1.0));
+    let in_model_space = BuildOptions { model_space_normals: true, ..BuildOptions::default() };
+    let (built, _) = build(scene(vec![mesh], vec![object(0, turned)], 1), &in_model_space);
+    assert!(built.geometry.normals[0].distance(Vec3::new(1.0, 1.0, 0.0).normalize()) < 1e-6);
+}
+
+#[test]
+fn normals_without_direction_are_replaced_and_counted() {
+    let mut mesh = triangle(0);
+    mesh.normals = vec![Vec3::ZERO, Vec3::NAN, Vec3::new(0.0, 0.0, -1e-30)];
+    let (built, warnings) = build(scene(vec![mesh], vec![object(0, Mat4::IDENTITY)], 1), &BuildOptions::default());
+    assert_eq!(count(&warnings, "meshes with normals that have no direction"), 1);
+    assert_eq!(built.geometry.normals, [Vec3::Z, Vec3::Z, Vec3::NEG_Z]);
+}
+
+#[test]
+fn swap_yz_turns_a_model_with_z_up_and_unitize_fits_it_into_the_unit_box() {
+    let mut mesh = triangle(0);
+    mesh.positions = vec![Vec3::ZERO, Vec3::new(0.0, 0.0, 8.0), Vec3::new(0.0, 2.0, 0.0)];
+    mesh.normals = vec![Vec3::Y; 3];
+    let scene = scene(vec![mesh], vec![object(0, Mat4::IDENTITY)], 1);
+    let swapped = BuildOptions { swap_yz: true, ..BuildOptions::default() };
+    let (built, _) = build(scene.clone(), &swapped);
+    assert_eq!(built.geometry.positions, [Vec3::ZERO, Vec3::new(0.0, 8.0, 0.0), Vec3::new(0.0, 0.0, -2.0)]);
+    assert_eq!(built.geometry.normals[0], Vec3::NEG_Z);
+    let both = BuildOptions { unitize: true, ..swapped };
+    let (built, _) = build(scene, &both);
+    assert_eq!(
+        built.geometry.positions,
+        [Vec3::new(0.0, -1.0, 0.25), Vec3::new(0.0, 1.0, 0.25), Vec3::new(0.0, -1.0, -0.25)]
+    );
+}
+
+#[test]
+fn what_passes_do_not_need_is_left_empty() {
+    let mut mesh = triangle(0);
+    mesh.texcoords = vec![Vec2::splat(f32::NAN); 3];
+    let scene = scene(vec![mesh], vec![object(0, Mat4::IDENTITY)], 1);
+    let nothing = BuildOptions { needs: Needs { normals: false, textures: false }, ..BuildOptions::default() };
+    let (built, warnings) = build(scene.clone(), &nothing);
+    assert!(built.geometry.normals.is_empty() && warnings.is_empty());
+    let (built, warnings) = build(scene, &BuildOptions::default());
+    assert_eq!(built.geometry.texcoords, [Vec2::ZERO; 3]);
+    assert_eq!(count(&warnings, "meshes with texture coordinates that are not finite"), 1);
+}
+
+#[test]
+fn only_textures_in_use_are_decoded_and_undecodable_ones_are_named() {
+    let folder = Folder::new();
+    let mut scene =
+        scene(vec![triangle(0), triangle(1)], vec![object(0, Mat4::IDENTITY), object(1, Mat4::IDENTITY)], 3);
+    scene.textures = vec![
+        TextureSource::File(folder.write("unused.png", b"not decoded, so not complained about")),
+        TextureSource::File(folder.write("broken.png", b"\x89PNG\r\n\x1a\n and no more")),
+        TextureSource::File(folder.png("good.png", 3, 2, [10, 20, 30, 40])),
+    ];
+    for (material, texture) in scene.materials.iter_mut().zip([1, 2, 0]) {
+        material.texture = Some(texture);
+        material.alpha_cutoff = Some(0.5);
+    }
+    let (built, warnings) = build(scene, &BuildOptions::default());
+    assert_eq!(built.textures.len(), 1);
+    assert_eq!(built.textures[0].levels[0].texels, [[10, 20, 30, 40]; 6]);
+    let textures: Vec<_> = built.materials.iter().map(|m| (m.texture, m.alpha_cutoff)).collect();
+    assert_eq!(textures, [(None, None), (Some(0), Some(0.5)), (None, None)]);
+    assert_eq!(count(&warnings, "textures that cannot be decoded"), 1);
+    assert!(warnings.groups()[0].places[0].contains("broken.png"));
+}
+
+#[test]
+fn a_mask_of_another_size_becomes_the_alpha_of_the_colours() {
+    let folder = Folder::new();
+    let mut scene = scene(vec![triangle(0)], vec![object(0, Mat4::IDENTITY)], 1);
+    let mask = image::GrayImage::from_fn(4, 1, |x, _| image::Luma([if x < 2 { 0 } else { 200 }]));
+    let mask_path = folder.path("mask.png");
+    mask.save(&mask_path).unwrap();
+    scene.textures =
+        vec![TextureSource::Masked { color: folder.png("color.png", 2, 1, [1, 2, 3, 255]), mask: mask_path }];
+    scene.materials[0].texture = Some(0);
+    let (built, _) = build(scene, &BuildOptions::default());
+    assert_eq!(built.textures[0].levels[0].texels, [[1, 2, 3, 0], [1, 2, 3, 200]]);
+}
+
+#[test]
+fn sixteen_bit_and_tiff_images_keep_their_alpha() {
+    let folder = Folder::new();
+    let deep =
+        image::ImageBuffer::<image::Rgba<u16>, _>::from_pixel(1, 1, image::Rgba([65535_u16, 0, 257 * 7, 257 * 99]));
+    let mut scene =
+        scene(vec![triangle(0), triangle(1)], vec![object(0, Mat4::IDENTITY), object(1, Mat4::IDENTITY)], 2);
+    for (index, name) in ["deep.png", "deep.tif"].iter().enumerate() {
+        deep.save(folder.path(name)).unwrap();
+        scene.textures.push(TextureSource::File(folder.path(name)));
+        scene.materials[index].texture = Some(index as u32);
+    }
+    let (built, warnings) = build(scene, &BuildOptions::default());
+    assert!(warnings.is_empty(), "{:?}", warnings.groups());
+    for texture in &built.textures {
+        assert_eq!(texture.levels[0].texels, [[255, 0, 7, 99]], "{}", texture.name);
+    }
+}
+
+#[test]
+fn the_memory_cap_counts_every_placed_copy() {
+    let objects = (0..1000).map(|_| object(0, Mat4::IDENTITY)).collect();
+    let scene = scene(vec![cube()], objects, 1);
+    let options = BuildOptions { max_bytes: 100_000, ..BuildOptions::default() };
+    let error = RenderScene::build(scene, &options).unwrap_err();
+    assert!(error.to_string().contains("--max-memory"), "{error}");
+}
+
+#[test]
+fn the_result_does_not_depend_on_the_number_of_threads() {
+    let build_with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let objects = (0..50).map(|i| object(i % 2, Mat4::from_rotation_y(i as f32))).collect();
+        let scene = scene(vec![cube(), triangle(0)], objects, 1);
+        pool.install(|| build(scene, &BuildOptions::default())).0.geometry
+    };
+    let (one, four) = (build_with(1), build_with(4));
+    assert_eq!(one.positions, four.positions);
+    assert_eq!(one.normals, four.normals);
+    assert_eq!(one.triangles, four.triangles);
+}

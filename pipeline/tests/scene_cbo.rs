@@ -1,0 +1,306 @@
+//! CBO and NBO files, built byte by byte.
+
+mod scene_support;
+
+use curitiba_pipeline::scene::{Layout, LoadOptions, Needs, load, write_cbo};
+use glam::{Mat4, Vec2, Vec3, Vec4};
+use scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
+
+/// Little-endian bytes in the making.
+#[derive(Default, Clone)]
+struct Bytes(Vec<u8>);
+
+impl Bytes {
+    fn u32(mut self, value: u32) -> Self {
+        self.0.extend(value.to_le_bytes());
+        self
+    }
+
+    fn floats(mut self, values: &[f32]) -> Self {
+        values.iter().for_each(|value| self.0.extend(value.to_le_bytes()));
+        self
+    }
+
+    fn string(mut self, text: &str) -> Self {
+        self = self.u32(text.len() as u32);
+        self.0.extend(text.bytes());
+        self.0.push(0);
+        self
+    }
+
+    fn raw(mut self, bytes: &[u8]) -> Self {
+        self.0.extend(bytes);
+        self
+    }
+
+    fn material(self, layout: Layout, name: &str, texture: &str) -> Self {
+        let mut bytes = self
+            .string(name)
+            .floats(&[0.1, 0.2, 0.3, 1.0])
+            .floats(&[0.4, 0.4, 0.4, 1.0])
+            .floats(&[0.5, 0.6, 0.7, 0.8])
+            .floats(&[0.0, 0.0, 9.0, 1.0])
+            .floats(&[33.0])
+            .string(texture);
+        for _ in 1..8 {
+            bytes = bytes.string("<no texture>");
+        }
+        if layout == Layout::Cbo2014 {
+            bytes = bytes.string("").string("").string("").string("").u32(0).string("");
+            bytes = bytes.u32(3).raw(&[1, 0, 1]).u32(1).u32(7).u32(0).u32(1).floats(&[2.0]);
+            bytes = bytes.u32(1).floats(&[0.0; 4]).u32(1).raw(&[1; 4]);
+        }
+        bytes
+    }
+
+    fn transform(self, layout: Layout, transform: Mat4) -> Self {
+        let bytes = if layout == Layout::Cbo2014 { self.string("SimpleTransform") } else { self };
+        bytes.floats(&transform.to_cols_array())
+    }
+
+    /// A unit right triangle with normals along z and its own x and y as texture coordinates.
+    fn vertices(self) -> Self {
+        self.u32(4)
+            .string("position")
+            .u32(3)
+            .floats(&[0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0])
+            .string("normal")
+            .u32(3)
+            .floats(&[0.0, 0.0, 1.0, 0.0].repeat(3))
+            .string("tangent")
+            .u32(1)
+            .floats(&[0.0; 4])
+            .string("texCoord0")
+            .u32(3)
+            .floats(&[0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0])
+            .u32(0)
+    }
+}
+
+/// Two objects that share one renderable, the second one moved; then one without geometry.
+fn object_list(layout: Layout) -> Bytes {
+    let head = |bytes: Bytes, name: &str| {
+        bytes.string("SimpleObject").string(name).string("BoundingBox").u32(2).floats(&[0.0; 6])
+    };
+    let mut bytes = Bytes::default().u32(1).material(layout, "Pedra", "<no texture>").string("OctreeUnified").u32(3);
+    bytes = head(bytes, "first").transform(layout, Mat4::IDENTITY).string("shape").string("Mesh").vertices();
+    bytes = bytes.u32(1).string("Pedra").u32(0).u32(3).u32(2).u32(1).u32(0);
+    bytes = head(bytes, "second").transform(layout, Mat4::from_translation(Vec3::X)).string("shape");
+    head(bytes, "empty").transform(layout, Mat4::IDENTITY).string("NULLOBJECT")
+}
+
+/// An octree of two levels with one object in each; the inner one has no index list.
+fn octree(layout: Layout) -> Bytes {
+    let object = |bytes: Bytes, name: &str, indices: &[u32]| {
+        let bytes = bytes.string("key").string(name).floats(&[0.0; 6]).transform(layout, Mat4::IDENTITY);
+        let bytes = bytes.string(name).vertices().string("Vidro").u32(0).u32(indices.len() as u32);
+        indices.iter().fold(bytes, |bytes, index| bytes.u32(*index))
+    };
+    let bytes = Bytes::default().u32(1).material(layout, "Vidro", "<no texture>").string("OctreeByMatScene");
+    let bytes = bytes.floats(&[0.0; 6]).string("tree").floats(&[0.0; 12]).u32(1);
+    let bytes = object(bytes, "outer", &[0, 1, 2, 2, 1, 0]).u32(1).u32(0).u32(0).floats(&[0.0; 12]).u32(1);
+    object(bytes, "inner", &[]).u32(0).u32(1).u32(1)
+}
+
+#[test]
+fn both_layouts_are_read_under_either_extension() {
+    let folder = Folder::new();
+    for layout in [Layout::Cbo2014, Layout::NboToday] {
+        for name in ["a.cbo", "a.nbo"] {
+            let scene = load_one(&folder.write(name, object_list(layout).0)).unwrap();
+            assert_eq!(scene.meshes.len(), 1, "the second object shares the first one's geometry");
+            assert_eq!(scene.objects.len(), 2, "an object without geometry is not placed");
+            assert_eq!(scene.objects[1].transform, Mat4::from_translation(Vec3::X));
+            assert_eq!(scene.objects[1].name, "second");
+            let mesh = &scene.meshes[0];
+            assert_eq!(mesh.positions, [Vec3::ZERO, Vec3::X, Vec3::Y]);
+            assert_eq!(mesh.normals, [Vec3::Z; 3]);
+            assert_eq!(mesh.texcoords, [Vec2::ZERO, Vec2::X, Vec2::Y]);
+            assert_eq!(mesh.groups[0].triangles, [[2, 1, 0]]);
+            let material = &scene.materials[0];
+            assert_eq!(material.name, "Pedra");
+            assert_eq!(material.ambient, Vec4::new(0.1, 0.2, 0.3, 1.0));
+            assert_eq!(material.specular, Vec4::new(0.4, 0.4, 0.4, 1.0));
+            assert_eq!(material.diffuse, Vec4::new(0.5, 0.6, 0.7, 0.8));
+            assert_eq!(material.emission, Vec4::new(0.0, 0.0, 9.0, 1.0));
+            assert_eq!(material.shininess, 33.0);
+            assert!(scene.warnings.is_empty());
+        }
+    }
+}
+
+#[test]
+fn octrees_are_read_to_their_leaves_and_missing_index_lists_mean_vertices_in_order() {
+    let folder = Folder::new();
+    for layout in [Layout::Cbo2014, Layout::NboToday] {
+        let scene = load_one(&folder.write("tree.cbo", octree(layout).0)).unwrap();
+        assert_eq!(scene.objects.len(), 2);
+        assert_eq!(scene.meshes[0].groups[0].triangles, [[0, 1, 2], [2, 1, 0]]);
+        assert_eq!(scene.meshes[1].groups[0].triangles, [[0, 1, 2]]);
+    }
+}
+
+#[test]
+fn what_is_not_needed_is_not_stored() {
+    let folder = Folder::new();
+    let path = folder.write("a.cbo", object_list(Layout::Cbo2014).0);
+    let needs = Needs { normals: false, textures: false };
+    let scene = load(&[path], &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
+    assert!(scene.meshes[0].normals.is_empty() && scene.meshes[0].texcoords.is_empty());
+    assert_eq!(triangles(&scene), 2);
+}
+
+#[test]
+fn a_texture_is_found_by_its_windows_path_and_a_missing_one_is_a_warning() {
+    let folder = Folder::new();
+    folder.png("Texturas/Agua.png", 2, 2, [9, 9, 9, 255]);
+    let tail = Bytes::default().string("OctreeUnified").u32(0);
+    let bytes = Bytes::default().u32(2).material(Layout::Cbo2014, "Agua", "..\\TEXTURAS\\agua.png");
+    let bytes = bytes.material(Layout::Cbo2014, "Nada", "..\\nada.png").raw(&tail.0);
+    let scene = load_one(&folder.write("cenas/a.cbo", bytes.0)).unwrap();
+    assert_eq!(scene.materials[0].texture, Some(0));
+    assert_eq!(scene.materials[0].alpha_cutoff, Some(0.5), "the image has an alpha channel");
+    assert_eq!(scene.materials[1].texture, None);
+    assert_eq!(count(&scene.warnings, "missing textures"), 1);
+    assert_eq!(count(&scene.warnings, "texture paths with other letter case"), 1);
+    assert!(scene.warnings.groups().iter().any(|group| group.places[0].contains("nada.png")));
+}
+
+#[test]
+fn damaged_files_are_errors_that_name_the_byte_and_what_was_expected() {
+    let folder = Folder::new();
+    let whole = object_list(Layout::Cbo2014).0;
+    for length in 0..whole.len() {
+        let error = load_one(&folder.write("cut.cbo", &whole[..length])).expect_err("a part is not a scene");
+        assert!(error.to_string().contains("at byte"), "{error}");
+    }
+    let mut longer = whole.clone();
+    longer.push(0);
+    let error = load_one(&folder.write("long.cbo", longer)).unwrap_err();
+    assert!(error.to_string().contains("1 bytes follow"), "{error}");
+
+    // A count far beyond the file is refused before it is allocated.
+    let greedy = Bytes::default().u32(0).string("OctreeUnified").u32(1).string("SimpleObject").string("o");
+    let greedy = greedy.string("BoundingBox").u32(u32::MAX);
+    let error = load_one(&folder.write("greedy.nbo", greedy.0)).unwrap_err();
+    assert!(error.to_string().contains("4294967295"), "{error}");
+}
+
+#[test]
+fn an_octree_without_end_is_refused() {
+    let mut bytes = Bytes::default().u32(0).string("OctreeByMatScene").floats(&[0.0; 6]).string("tree");
+    for _ in 0..100_000 {
+        bytes = bytes.floats(&[0.0; 12]).u32(0).u32(1).u32(0).u32(0);
+    }
+    let folder = Folder::new();
+    let error = load_one(&folder.write("deep.nbo", bytes.0)).unwrap_err();
+    assert!(error.to_string().contains("levels deep"), "{error}");
+}
+
+#[test]
+fn the_memory_cap_is_an_error_that_names_its_option() {
+    let folder = Folder::new();
+    let path = folder.write("a.cbo", object_list(Layout::Cbo2014).0);
+    let error = load(&[path], &LoadOptions { max_bytes: 100, ..LoadOptions::default() }, &|_| {}).unwrap_err();
+    assert!(error.to_string().contains("--max-memory"), "{error}");
+}
+
+#[test]
+fn odd_contents_are_counted_and_the_rest_is_loaded() {
+    let bytes = Bytes::default().u32(2).material(Layout::NboToday, "a", "<no texture>");
+    let bytes = bytes.material(Layout::NboToday, "a", "<no texture>").string("OctreeUnified").u32(1);
+    let bytes = bytes.string("SimpleObject").string("o").string("BoundingBox").u32(0);
+    let bytes = bytes.transform(Layout::NboToday, Mat4::IDENTITY).string("r").string("Mesh").u32(2);
+    let bytes = bytes.string("position").u32(3).floats(&[0.0; 12]).string("normal").u32(1).floats(&[0.0; 4]).u32(0);
+    let bytes = bytes.u32(1).string("unknown").u32(0).u32(4).u32(0).u32(1).u32(2).u32(0);
+    let folder = Folder::new();
+    let scene = load_one(&folder.write("odd.nbo", bytes.0)).unwrap();
+    for what in [
+        "materials declared twice",
+        "attributes with another number of values than there are positions",
+        "materials that are used but not declared",
+        "index counts that are no multiple of 3",
+    ] {
+        assert_eq!(count(&scene.warnings, what), 1, "{what}");
+    }
+    assert_eq!(triangles(&scene), 1);
+    assert!(scene.meshes[0].normals.is_empty());
+}
+
+#[test]
+fn what_is_written_reads_back_the_same() {
+    let folder = Folder::new();
+    folder.png("textures/wall.png", 4, 4, [1, 2, 3, 255]);
+    let bytes = Bytes::default().u32(2).material(Layout::Cbo2014, "Água", "textures\\wall.png");
+    let name = Bytes::default().string("x").0;
+    assert_eq!(name.len(), 6);
+    let bytes = bytes.material(Layout::Cbo2014, "Pedra", "<no texture>");
+    let rest = object_list(Layout::Cbo2014).0;
+    let after_material = 4 + Bytes::default().material(Layout::Cbo2014, "Pedra", "<no texture>").0.len();
+    let original = load_one(&folder.write("original.cbo", bytes.raw(&rest[after_material..]).0)).unwrap();
+    assert_eq!(original.objects.len(), 2);
+
+    for (layout, name) in [(Layout::Cbo2014, "out/copy.cbo"), (Layout::NboToday, "out/copy.nbo")] {
+        let copy_path = folder.write(name, b"an older file");
+        let warnings = write_cbo(&original, &copy_path, layout).unwrap();
+        assert!(warnings.is_empty(), "{:?}", warnings.groups());
+        let copy = load_one(&copy_path).unwrap();
+        assert!(copy.warnings.is_empty(), "{:?}", copy.warnings.groups());
+        assert_eq!(copy.materials, original.materials);
+        let canonical =
+            |scene: &curitiba_pipeline::scene::Scene| std::fs::canonicalize(scene.textures[0].name()).unwrap();
+        assert_eq!(canonical(&copy), canonical(&original));
+        assert_eq!(copy.meshes.len(), original.meshes.len());
+        for (copy, original) in copy.meshes.iter().zip(&original.meshes) {
+            assert_eq!(copy.name, original.name);
+            assert_eq!(copy.positions, original.positions);
+            assert_eq!(copy.normals, original.normals);
+            assert_eq!(copy.texcoords, original.texcoords);
+            assert_eq!(copy.groups.len(), original.groups.len());
+            assert_eq!(copy.groups[0].triangles, original.groups[0].triangles);
+        }
+        for (copy, original) in copy.objects.iter().zip(&original.objects) {
+            assert_eq!((&copy.name, copy.mesh, copy.transform), (&original.name, original.mesh, original.transform));
+        }
+        // Written again it is the same, byte for byte.
+        let bytes = std::fs::read(&copy_path).unwrap();
+        write_cbo(&copy, &copy_path, layout).unwrap();
+        assert_eq!(std::fs::read(&copy_path).unwrap(), bytes);
+    }
+}
+
+#[test]
+fn what_the_format_cannot_keep_is_counted() {
+    let folder = Folder::new();
+    let mut scene = load_one(&folder.write("a.cbo", object_list(Layout::Cbo2014).0)).unwrap();
+    scene.materials[0].transmission = 1.0;
+    scene.materials[0].alpha_cutoff = Some(0.25);
+    scene.objects[0].name = "日本".to_owned();
+    let warnings = write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap();
+    assert_eq!(count(&warnings, "materials with properties that the format lacks"), 1);
+    assert_eq!(count(&warnings, "names with letters outside Latin-1"), 1);
+    assert_eq!(load_one(&folder.path("b.cbo")).unwrap().objects[0].name, "??");
+}
+
+#[test]
+fn changed_and_cut_files_never_panic_and_never_break_a_reference() {
+    let folder = Folder::new();
+    let (mut loaded, mut refused) = (0, 0);
+    for (name, bytes) in [
+        ("list.cbo", object_list(Layout::Cbo2014).0),
+        ("list.nbo", object_list(Layout::NboToday).0),
+        ("tree.cbo", octree(Layout::Cbo2014).0),
+        ("tree.nbo", octree(Layout::NboToday).0),
+    ] {
+        for bytes in mutations(&bytes, 500) {
+            match load_capped(&folder.write(name, bytes)) {
+                Ok(scene) => {
+                    assert_references_are_valid(&scene);
+                    loaded += 1;
+                }
+                Err(_) => refused += 1,
+            }
+        }
+    }
+    assert!(loaded > 500 && refused > 500, "the changes reach both: {loaded} loaded, {refused} refused");
+}

@@ -1,0 +1,375 @@
+//! glTF and GLB assets, written by hand.
+
+mod scene_support;
+
+use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource, load};
+use glam::{Mat4, Vec2, Vec3, Vec4};
+use scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
+use serde_json::{Value, json};
+
+fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+fn shorts(values: &[u16]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let mut bytes = b"glTF".to_vec();
+    for word in [2, 28 + text.len() as u32 + binary.len() as u32, text.len() as u32] {
+        bytes.extend(word.to_le_bytes());
+    }
+    bytes.extend(b"JSON");
+    bytes.extend(&text);
+    bytes.extend((binary.len() as u32).to_le_bytes());
+    bytes.extend(b"BIN\0");
+    bytes.extend(binary);
+    bytes
+}
+
+/// A unit square of four vertices (0,0) (1,0) (0,1) (1,1), texture coordinates the same, six 16-bit indices.
+fn square() -> (Value, Vec<u8>) {
+    let mut binary = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
+    binary.extend(floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0]));
+    binary.extend(shorts(&[0, 1, 2, 2, 1, 3]));
+    let json = json!({
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": "square"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
+        "materials": [{"name": "paint"}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
+            {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"}
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": 32},
+            {"buffer": 0, "byteOffset": 80, "byteLength": 12}
+        ],
+        "buffers": [{"byteLength": 92}]
+    });
+    (json, binary)
+}
+
+fn read(json: &Value, binary: &[u8]) -> Result<Scene, String> {
+    let folder = Folder::new();
+    load_one(&folder.write("a.glb", glb(json, binary))).map_err(|error| error.to_string())
+}
+
+fn corners(scene: &Scene) -> Vec<[Vec3; 3]> {
+    let (built, _) = RenderScene::build(scene.clone(), &BuildOptions::default()).unwrap();
+    (0..built.geometry.triangles.len() as u32).map(|id| built.geometry.corners(id)).collect()
+}
+
+#[test]
+fn glb_gltf_with_a_file_and_gltf_with_a_data_uri_are_the_same() {
+    let (mut json, binary) = square();
+    let expected = read(&json, &binary).unwrap();
+    assert_eq!(expected.meshes[0].groups[0].triangles, [[0, 1, 2], [2, 1, 3]]);
+    assert_eq!(expected.meshes[0].texcoords[0], Vec2::new(0.0, 1.0), "v = 0 is the bottom row");
+    let folder = Folder::new();
+    folder.write("my data.bin", &binary);
+    json["buffers"][0]["uri"] = "my%20data.bin".into();
+    let external = load_one(&folder.write("a.gltf", json.to_string())).unwrap();
+    let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let base64: String = binary
+        .chunks(3)
+        .flat_map(|three| {
+            let bits = three.iter().fold(0_u32, |bits, byte| bits << 8 | u32::from(*byte)) << (8 * (3 - three.len()));
+            (0..=three.len()).map(move |i| char::from(alphabet[(bits >> (18 - 6 * i) & 63) as usize]))
+        })
+        .collect();
+    json["buffers"][0]["uri"] = format!("data:application/octet-stream;base64,{base64}").into();
+    let embedded = load_one(&folder.write("b.gltf", json.to_string())).unwrap();
+    for scene in [external, embedded] {
+        assert_eq!(scene.meshes[0].positions, expected.meshes[0].positions);
+        assert_eq!(scene.meshes[0].texcoords, expected.meshes[0].texcoords);
+    }
+}
+
+#[test]
+fn node_transforms_multiply_and_meshes_are_shared() {
+    let (mut json, binary) = square();
+    json["scenes"] = json!([{"nodes": [2, 1]}]);
+    json["nodes"] = json!([
+        {"mesh": 0, "scale": [-2.0, 1.0, 1.0], "rotation": [0.0, 0.0, 0.70710678, 0.70710678]},
+        {"mesh": 0, "matrix": [1.0,0.0,0.0,0.0, 0.0,1.0,0.0,0.0, 0.0,0.0,1.0,0.0, 7.0,8.0,9.0,1.0]},
+        {"translation": [0.0, 0.0, 5.0], "children": [0]}
+    ]);
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!((scene.meshes.len(), scene.objects.len()), (1, 2));
+    // Scaled by -2 along x, turned by 90° about z, moved along z.
+    let point = scene.objects[0].transform.transform_point3(Vec3::X);
+    assert!(point.distance(Vec3::new(0.0, -2.0, 5.0)) < 1e-5, "{point}");
+    assert_eq!(scene.objects[1].transform, Mat4::from_translation(Vec3::new(7.0, 8.0, 9.0)));
+}
+
+#[test]
+fn strips_and_fans_keep_their_orientation_and_missing_indices_count_up() {
+    let (mut json, binary) = square();
+    let primitive = |json: &mut Value| json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("indices");
+    primitive(&mut json);
+    json["meshes"][0]["primitives"][0]["mode"] = 5.into();
+    let strip = corners(&read(&json, &binary).unwrap());
+    assert_eq!(strip.len(), 2);
+    for [a, b, c] in &strip {
+        assert_eq!((*b - *a).cross(*c - *a).z, 1.0, "counter-clockwise");
+    }
+    json["meshes"][0]["primitives"][0]["mode"] = 6.into();
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!(scene.meshes[0].groups[0].triangles, [[1, 2, 0], [2, 3, 0]]);
+    json["meshes"][0]["primitives"][0]["mode"] = 1.into();
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!(count(&scene.warnings, "primitives that are not triangles"), 1);
+    json["meshes"][0]["primitives"][0]["mode"] = 4.into();
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!(scene.meshes[0].groups[0].triangles, [[0, 1, 2]]);
+    assert_eq!(count(&scene.warnings, "index counts that are no multiple of 3"), 1);
+}
+
+#[test]
+fn sparse_accessors_strides_and_normalised_integers_are_read() {
+    let (mut json, mut binary) = square();
+    // Two vertices replaced by a sparse accessor; the first stays as in the view.
+    let sparse_at = binary.len();
+    binary.extend([1, 3, 0, 0]);
+    binary.extend(floats(&[9.0, 0.0, 0.0, 9.0, 9.0, 0.0]));
+    json["bufferViews"].as_array_mut().unwrap().extend([
+        json!({"buffer": 0, "byteOffset": sparse_at, "byteLength": 4}),
+        json!({"buffer": 0, "byteOffset": sparse_at + 4, "byteLength": 24}),
+    ]);
+    json["accessors"][0]["sparse"] = json!({
+        "count": 2, "indices": {"bufferView": 3, "componentType": 5121}, "values": {"bufferView": 4}
+    });
+    // Texture coordinates: normalised bytes, four bytes apart.
+    let strided_at = binary.len();
+    binary.extend([0, 255, 7, 7, 255, 255, 7, 7, 0, 0, 7, 7, 51, 0]);
+    json["bufferViews"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({"buffer": 0, "byteOffset": strided_at, "byteLength": 14, "byteStride": 4}));
+    json["accessors"][1] =
+        json!({"bufferView": 5, "componentType": 5121, "normalized": true, "count": 4, "type": "VEC2"});
+    json["buffers"][0]["byteLength"] = binary.len().into();
+    let scene = read(&json, &binary).unwrap();
+    let mesh = &scene.meshes[0];
+    assert_eq!(mesh.positions, [Vec3::ZERO, Vec3::X * 9.0, Vec3::Y, Vec3::new(9.0, 9.0, 0.0)]);
+    assert_eq!(mesh.texcoords, [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::new(0.2, 1.0)]);
+    // Without a view, the base of a sparse accessor is zero.
+    json["accessors"][0].as_object_mut().unwrap().remove("bufferView");
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!(scene.meshes[0].positions, [Vec3::ZERO, Vec3::X * 9.0, Vec3::ZERO, Vec3::new(9.0, 9.0, 0.0)]);
+    json["accessors"][0]["count"] = 3.into();
+    json["accessors"][1]["count"] = 3.into();
+    let error = read(&json, &binary).unwrap_err();
+    assert!(error.contains("sparse index 3 is not below 3"), "{error}");
+}
+
+#[test]
+fn materials_and_their_extensions_are_read() {
+    let (mut json, binary) = square();
+    json["materials"] = json!([
+        {
+            "name": "glass", "alphaMode": "MASK", "alphaCutoff": 0.25, "emissiveFactor": [0.5, 0.25, 0.0],
+            "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.5]},
+            "normalTexture": {"index": 0},
+            "extensions": {
+                "KHR_materials_transmission": {"transmissionFactor": 0.9},
+                "KHR_materials_ior": {"ior": 1.33},
+                "KHR_materials_volume": {
+                    "thicknessFactor": 2.0, "attenuationDistance": 3.0, "attenuationColor": [0.1, 0.5, 0.9]
+                },
+                "KHR_materials_emissive_strength": {"emissiveStrength": 4.0}
+            }
+        },
+        {"name": "glass", "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1.0, 1.0, 1.0, 0.75]}},
+        {"extensions": {"KHR_materials_ior": {"ior": 0.0}}}
+    ]);
+    json["extensionsUsed"] = json!(["KHR_materials_volume"]);
+    json["extensionsRequired"] = json!(["KHR_materials_volume", "KHR_materials_sheen"]);
+    json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}]);
+    let scene = read(&json, &binary).unwrap();
+    let glass = &scene.materials[0];
+    assert_eq!(glass.diffuse, Vec4::new(0.1, 0.2, 0.3, 1.0));
+    assert_eq!(glass.alpha_cutoff, Some(0.5), "0.25 of the product of factor and texture");
+    assert_eq!(glass.emission, Vec4::new(2.0, 1.0, 0.0, 1.0));
+    assert_eq!((glass.transmission, glass.ior, glass.thickness), (0.9, 1.33, 2.0));
+    assert_eq!((glass.attenuation_distance, glass.attenuation_color), (3.0, Vec3::new(0.1, 0.5, 0.9)));
+    assert_eq!(scene.materials[1].name, "glass#1");
+    assert_eq!(scene.materials[1].diffuse.w, 0.75);
+    assert_eq!(scene.materials[2].ior, f32::INFINITY);
+    for what in [
+        "materials with the name of another one",
+        "materials that are blended",
+        "texture maps that no program reads",
+        "required extensions that are not read",
+        "animations, cameras and skins",
+    ] {
+        assert_eq!(count(&scene.warnings, what), 1, "{what}");
+    }
+    json["meshes"][0]["primitives"][0].as_object_mut().unwrap().remove("material");
+    let scene = read(&json, &binary).unwrap();
+    let default = &scene.materials[scene.meshes[0].groups[0].material as usize];
+    assert_eq!((default.name.as_str(), default.diffuse), ("default", Vec4::ONE));
+}
+
+#[test]
+fn texture_transforms_are_baked_into_the_coordinates() {
+    let (mut json, binary) = square();
+    json["textures"] = json!([{"source": 0}]);
+    json["images"] = json!([{"uri": "none.png"}]);
+    json["materials"][0] = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions": {
+        "KHR_texture_transform": {"offset": [0.5, 0.25], "rotation": std::f32::consts::FRAC_PI_2, "scale": [2.0, 3.0]}
+    }}}});
+    let scene = read(&json, &binary).unwrap();
+    // The extension's own formula: u' = cos u + sin v, v' = -sin u + cos v after the scale, then the offset; v upwards.
+    let expected = |u: f32, v: f32| Vec2::new(3.0 * v + 0.5, 1.0 - (-2.0 * u + 0.25));
+    for (texcoord, (u, v)) in scene.meshes[0].texcoords.iter().zip([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]) {
+        assert!(texcoord.distance(expected(u, v)) < 1e-5, "{texcoord} at {u} {v}");
+    }
+    assert_eq!(count(&scene.warnings, "missing textures"), 1);
+}
+
+#[test]
+fn images_in_views_data_and_files_are_found_and_urls_are_warnings() {
+    let folder = Folder::new();
+    let png = std::fs::read(folder.png("maps/a b.png", 1, 1, [5, 6, 7, 255])).unwrap();
+    let (mut json, mut binary) = square();
+    json["bufferViews"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({"buffer": 0, "byteOffset": binary.len(), "byteLength": png.len()}));
+    binary.extend(&png);
+    json["buffers"][0]["byteLength"] = binary.len().into();
+    json["samplers"] = json!([{"wrapS": 33071}]);
+    json["textures"] = json!([
+        {"source": 0, "sampler": 0}, {"source": 1}, {"source": 2}, {"extensions": {"KHR_texture_basisu": {"source": 0}}}, {"source": 0}
+    ]);
+    json["images"] = json!([
+        {"bufferView": 3, "mimeType": "image/png"}, {"uri": "maps/A%20b.png"}, {"uri": "https://example.org/a.png"}
+    ]);
+    let material = |texture: usize| json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}});
+    json["materials"] = (0..5).map(material).collect();
+    let path = folder.write("scene/../a.glb", glb(&json, &binary));
+    let scene = load_one(&path).unwrap();
+    let textures: Vec<_> = scene.materials.iter().map(|material| material.texture).collect();
+    assert_eq!(textures, [Some(0), Some(1), None, None, Some(0)]);
+    assert!(
+        matches!(&scene.textures[0], TextureSource::Embedded { bytes, name } if *bytes == png && name.ends_with("a.glb#image0"))
+    );
+    assert!(matches!(&scene.textures[1], TextureSource::File(path) if path.ends_with("maps/a b.png")));
+    assert_eq!(count(&scene.warnings, "missing textures"), 2);
+    assert_eq!(count(&scene.warnings, "textures that are clamped or mirrored"), 1);
+    let (built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
+    assert_eq!(built.textures[0].levels[0].texels, [[5, 6, 7, 255]]);
+
+    // What a conversion writes: the embedded image as a file beside the scene.
+    let scene = load_one(&path).unwrap();
+    let layout = curitiba_pipeline::scene::Layout::Cbo2014;
+    let warnings = curitiba_pipeline::scene::write_cbo(&scene, &folder.path("b.cbo"), layout).unwrap();
+    assert_eq!(count(&warnings, "textures written beside the file"), 1);
+    let converted = load_one(&folder.path("b.cbo")).unwrap();
+    assert_eq!(std::fs::read(converted.textures[0].name()).unwrap(), png);
+
+    let nothing = LoadOptions { needs: Needs { normals: false, textures: false }, ..LoadOptions::default() };
+    let scene = load(&[path], &nothing, &|_| {}).unwrap();
+    assert!(scene.textures.is_empty() && scene.meshes[0].texcoords.is_empty());
+}
+
+#[test]
+fn extensions_that_cannot_be_done_without_are_errors_that_name_them() {
+    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh_gpu_instancing"] {
+        let (mut json, binary) = square();
+        json["extensionsRequired"] = json!([name]);
+        let error = read(&json, &binary).unwrap_err();
+        assert!(error.contains(name) && error.contains("valid:"), "{error}");
+    }
+    let (mut json, binary) = square();
+    json["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+    assert!(read(&json, &binary).is_ok());
+}
+
+#[test]
+fn references_and_ranges_that_lead_nowhere_are_errors_that_say_which() {
+    type Damage = fn(&mut Value);
+    let damages: [(Damage, &str); 20] = [
+        (|json| json["scene"] = 5.into(), "scene 5 does not exist"),
+        (|json| json["scenes"][0]["nodes"] = json!([7]), "node 7 does not exist"),
+        (|json| json["nodes"][0]["children"] = json!([0]), "its own ancestor"),
+        (|json| json["scenes"][0]["nodes"] = json!([0, 0]), "two parents"),
+        (|json| json["nodes"][0]["mesh"] = 3.into(), "mesh 3 does not exist"),
+        (|json| json["meshes"][0]["primitives"][0]["material"] = 9.into(), "material 9 does not exist"),
+        (|json| json["meshes"][0]["primitives"][0]["indices"] = 9.into(), "accessor 9: it does not exist"),
+        (|json| json["meshes"][0]["primitives"][0]["indices"] = 0.into(), "accessor 0: indices are unsigned"),
+        (
+            |json| json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 1.into(),
+            "accessor 1: it is not of type VEC3",
+        ),
+        (|json| json["accessors"][0]["count"] = 5.into(), "accessor 0: buffer view 0: 5 elements"),
+        (|json| json["accessors"][0]["count"] = u64::MAX.into(), "reach beyond"),
+        (|json| json["accessors"][0]["byteOffset"] = u64::MAX.into(), "reach beyond"),
+        (|json| json["accessors"][1]["count"] = 3.into(), "4 positions but 3 texture coordinates"),
+        (|json| json["accessors"][0]["componentType"] = 77.into(), "component type"),
+        (|json| json["accessors"][0]["bufferView"] = 9.into(), "buffer view 9 does not exist"),
+        (|json| json["bufferViews"][0]["buffer"] = 9.into(), "buffer 9 does not exist"),
+        (|json| json["bufferViews"][0]["byteLength"] = 1000.into(), "reaches beyond the 92 bytes"),
+        (|json| json["bufferViews"][0]["byteStride"] = 4.into(), "a stride of 4 for elements of 12"),
+        (|json| json["buffers"][0]["byteLength"] = 1000.into(), "says it has 1000 bytes but has 92"),
+        (|json| json["buffers"][0]["uri"] = "http://a/b.bin".into(), "is not a relative path"),
+    ];
+    for (damage, expected) in damages {
+        let (mut json, binary) = square();
+        damage(&mut json);
+        let error = read(&json, &binary).unwrap_err();
+        assert!(error.contains(expected), "{error}\nexpected: {expected}");
+    }
+    let (json, binary) = square();
+    assert_eq!(triangles(&read(&json, &binary).unwrap()), 2, "undamaged, it loads");
+}
+
+#[test]
+fn containers_that_are_damaged_are_errors() {
+    let folder = Folder::new();
+    for (bytes, expected) in [
+        (b"glTF\x01\0\0\0".to_vec(), "GLB version 1"),
+        (b"glTF\x02\0\0\0\0\0\0\0".to_vec(), "no JSON chunk"),
+        (b"glTF\x02\0\0\0\0\0\0\0\xFF\xFF\xFF\xFFJSON".to_vec(), "4294967295"),
+        (glb(&json!({"no": "asset"}), &[]), "not a glTF asset"),
+    ] {
+        let error = load_one(&folder.write("a.glb", bytes)).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    assert!(load_one(&folder.write("a.gltf", "[".repeat(100_000))).is_err());
+}
+
+#[test]
+fn an_accessor_without_bytes_cannot_claim_more_memory_than_allowed() {
+    let (mut json, binary) = square();
+    json["accessors"][0] = json!({"componentType": 5126, "count": 4_000_000_000_u32, "type": "VEC3"});
+    let error = read(&json, &binary).unwrap_err();
+    assert!(error.contains("--max-memory"), "{error}");
+}
+
+#[test]
+fn changed_and_cut_files_never_panic_and_never_break_a_reference() {
+    let folder = Folder::new();
+    let (json, binary) = square();
+    let (mut loaded, mut refused) = (0, 0);
+    for bytes in mutations(&glb(&json, &binary), 2500) {
+        match load_capped(&folder.write("m.glb", bytes)) {
+            Ok(scene) => {
+                assert_references_are_valid(&scene);
+                RenderScene::build(scene, &BuildOptions::default()).unwrap();
+                loaded += 1;
+            }
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(loaded > 100 && refused > 100, "the changes reach both: {loaded} loaded, {refused} refused");
+}

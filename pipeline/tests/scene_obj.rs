@@ -1,0 +1,291 @@
+//! OBJ files and material libraries.
+
+mod scene_support;
+
+use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Material, Needs, RenderScene, Scene, TextureSource, load};
+use glam::{Vec2, Vec3, Vec4};
+use scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
+
+fn obj(text: &str) -> Scene {
+    let folder = Folder::new();
+    load_one(&folder.write("a.obj", text)).unwrap()
+}
+
+/// The materials of a library, and its warnings.
+fn mtl(folder: &Folder, text: &str) -> Scene {
+    folder.write("a.mtl", text);
+    load_one(&folder.write("a.obj", "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).unwrap()
+}
+
+fn named<'a>(scene: &'a Scene, name: &str) -> &'a Material {
+    scene.materials.iter().find(|material| material.name == name).expect("the material")
+}
+
+/// All triangles of a scene as corner positions.
+fn corners(scene: &Scene) -> Vec<[Vec3; 3]> {
+    let of_mesh = |mesh: &curitiba_pipeline::scene::Mesh| {
+        let triangles = mesh.groups.iter().flat_map(|group| &group.triangles);
+        triangles.map(|triangle| triangle.map(|vertex| mesh.positions[vertex as usize])).collect::<Vec<_>>()
+    };
+    scene.objects.iter().flat_map(|object| of_mesh(&scene.meshes[object.mesh as usize])).collect()
+}
+
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+#[test]
+fn all_legal_spellings_of_a_face_give_the_same_triangles() {
+    let expected = corners(&obj(&format!("{SQUARE}f 1 2 3\nf 1 3 4\n")));
+    assert_eq!(expected.len(), 2);
+    for face in [
+        "f 1 2 3 4",
+        "f\t1\t2 3  4",
+        "f -4 -3 -2 -1",
+        "f 1/1 2/1 3/1 4/1",
+        "f 1//1 2//1 3//1 4//1",
+        "f 1/-1/-1 2/1/1 3/1/1 4/1/1 # a comment",
+        "f 1 2 \\\n3 4",
+        "f 1 2 \\\r\n3 4\r",
+        "fo 1 2 3 4",
+    ] {
+        let scene = obj(&format!("{SQUARE}vt 0.5\nvn 0 0 1\n{face}\n"));
+        assert_eq!(corners(&scene), expected, "{face}");
+        assert!(scene.warnings.is_empty(), "{face}: {:?}", scene.warnings.groups());
+    }
+    let tabs = obj("v\t0\t0\t0\r\nv 1 0 0 1.0\r\nv 1 1 0 0.5 0.5 0.5\r\nv 0 1 0\r\nf 1 2 3 4");
+    assert_eq!(corners(&tabs), expected);
+}
+
+#[test]
+fn texture_coordinates_and_normals_are_kept_as_written() {
+    let scene = obj(&format!("{SQUARE}vt 0.25 0.75 9\nvt 2\nvn 0 0 -2\nf 1/1/1 2/2/1 3/1/1\n"));
+    let mesh = &scene.meshes[0];
+    assert_eq!(mesh.texcoords, [Vec2::new(0.25, 0.75), Vec2::new(2.0, 0.0), Vec2::new(0.25, 0.75)]);
+    assert_eq!(mesh.normals, [Vec3::new(0.0, 0.0, -2.0); 3]);
+}
+
+#[test]
+fn faces_with_and_without_attributes_may_alternate() {
+    let scene = obj(&format!("{SQUARE}vt 1 1\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nf 1 3 4\nf 1//1 2//1 4//1\nf 2/1 3 4\n"));
+    assert_references_are_valid(&scene);
+    assert_eq!(triangles(&scene), 4);
+    assert_eq!(scene.meshes.iter().filter(|mesh| mesh.normals.is_empty()).count(), 1);
+}
+
+#[test]
+fn a_concave_quad_is_cut_at_its_inward_corner_and_harder_polygons_are_counted() {
+    // An arrow head whose corner 4 points inwards: cut from corner 1, a triangle would lie outside.
+    let arrow = "v 0 0 0\nv 2 -2 0\nv 0 4 0\nv -2 -2 0\n";
+    for face in ["f 1 2 3 4", "f 2 3 4 1", "f 4 1 2 3"] {
+        let scene = obj(&format!("{arrow}{face}\n"));
+        let areas: Vec<f32> = corners(&scene).iter().map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).z).collect();
+        assert_eq!(areas, [4.0, 4.0], "{face}: both triangles lie inside and face the same way");
+        assert!(scene.warnings.is_empty());
+    }
+    let star = "v 0 3 0\nv 1 1 0\nv 3 0 0\nv 1 -1 0\nv 0 -3 0\nv -1 -1 0\nv -3 0 0\nv -1 1 0\nf 8 7 6 5 4 3 2 1\n";
+    let scene = obj(star);
+    assert_eq!(count(&scene.warnings, "polygons with several corners that point inwards"), 1);
+    assert_eq!(triangles(&scene), 6);
+}
+
+#[test]
+fn unusable_statements_are_counted_with_their_line_and_the_rest_is_loaded() {
+    let text = format!(
+        "{SQUARE}v nan 0 0\nv 1 2\nv 1e60 0 0\nvt inf 0\nvn 0 0 x\n\
+         f 1 2 3\nf 1 2 5\nf 1 2 99\nf 1 2 0\nf 1 2 -99\nf 1 2\nf 1/1/1/4 2 3\nf a b c\nf 1 2 99999999999999999999\n\
+         l 1 2\np 1\ncurv 0 1\nhello world\n\u{0}\u{1}\nf 1/7 2/7 3/7\nf 1 3 4\n"
+    );
+    let scene = obj(&text);
+    assert_eq!(triangles(&scene), 2);
+    for (what, expected) in [
+        ("vertices that are not three finite numbers", 3),
+        ("texture coordinates that are not finite numbers", 1),
+        ("normals that are not three finite numbers", 1),
+        ("faces with vertices that are not three finite numbers", 1),
+        ("faces with indices out of range", 4),
+        ("faces with fewer than three corners", 1),
+        ("face corners that are not of the form v, v/vt, v//vn or v/vt/vn", 3),
+        ("lines and points", 2),
+        ("free-form curves and surfaces", 1),
+        ("unknown statements", 2),
+    ] {
+        assert_eq!(count(&scene.warnings, what), expected, "{what}");
+    }
+    let group = scene.warnings.groups().iter().find(|group| group.what == "faces with indices out of range").unwrap();
+    assert!(group.places[0].starts_with("line 12: "), "{}", group.places[0]);
+    assert!(group.file.ends_with("a.obj"));
+}
+
+#[test]
+fn groups_become_objects_and_materials_divide_them() {
+    let folder = Folder::new();
+    folder.write("my lib.mtl", "newmtl a\nKd 1 0 0\nnewmtl b b\nKd 0 1 0\n");
+    let text = format!(
+        "mtllib my lib.mtl\n{SQUARE}g one\nusemtl a\nf 1 2 3\nusemtl b b\nf 1 3 4\no two\nf 1 2 4\ng one\nusemtl a\nf 2 3 4\n"
+    );
+    let scene = load_one(&folder.write("a.obj", text)).unwrap();
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings.groups());
+    assert_eq!(scene.objects.iter().map(|object| object.name.as_str()).collect::<Vec<_>>(), ["one", "two"]);
+    let one = &scene.meshes[0];
+    assert_eq!(one.positions.len(), 4, "the materials share the corners");
+    assert_eq!(one.groups.iter().map(|group| group.triangles.len()).collect::<Vec<_>>(), [2, 1]);
+    assert_eq!(scene.materials[1].name, "b b");
+}
+
+#[test]
+fn normals_are_smooth_across_materials_where_the_file_has_none() {
+    // A ridge: two squares that meet at a right angle along the y axis.
+    let text = "v 0 0 0\nv 0 1 0\nv 1 1 0\nv 1 0 0\nv 0 0 1\nv 0 1 1\nusemtl a\nf 1 4 3 2\nusemtl b\nf 1 2 6 5\n";
+    let (built, _) = RenderScene::build(obj(text), &BuildOptions::default()).unwrap();
+    let on_the_ridge = built.geometry.positions.iter().position(|p| *p == Vec3::ZERO).unwrap();
+    let expected = Vec3::new(1.0, 0.0, 1.0).normalize();
+    assert!(built.geometry.normals[on_the_ridge].distance(expected) < 1e-6);
+}
+
+#[test]
+fn what_is_not_needed_is_not_stored() {
+    let folder = Folder::new();
+    let path = folder.write("a.obj", format!("{SQUARE}vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\n"));
+    let options = LoadOptions { needs: Needs { normals: false, textures: false }, ..LoadOptions::default() };
+    let scene = load(&[path], &options, &|_| {}).unwrap();
+    assert!(scene.meshes[0].normals.is_empty() && scene.meshes[0].texcoords.is_empty());
+    assert_eq!(triangles(&scene), 1);
+}
+
+#[test]
+fn material_statements_are_read_in_every_legal_form() {
+    let folder = Folder::new();
+    let scene = mtl(
+        &folder,
+        "newmtl full\r\n\tKd 0.1 0.2 0.3 # paint\n Ka 0.5\nKs 1 1 1\nKe 17 12 4\nNs 250\nNi 1.33\nd 0.25\nillum 2\n\
+         newmtl gray\nKd 0.5\nd -halo 0.75\nillum 2.0\nTr 0.9\n\
+         newmtl glass\nKd 0 0 0\nillum 4\nd 0.6\nTf 0.4 0.3 0.2\n\
+         newmtl clear\nillum 7\nNi 0.2\nnewmtl mirror\nillum 5\nTf 1 1 1\nnewmtl seen\nTr 0.75\nnewmtl exported\nTf 1 1 1\nTr 0\nillum 2\n",
+    );
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings.groups());
+    let full = named(&scene, "full");
+    assert_eq!(full.diffuse, Vec4::new(0.1, 0.2, 0.3, 0.25));
+    assert_eq!(full.ambient, Vec4::new(0.5, 0.5, 0.5, 1.0));
+    assert_eq!(full.emission, Vec4::new(17.0, 12.0, 4.0, 1.0));
+    assert_eq!((full.shininess, full.ior, full.transmission), (250.0, 1.33, 0.75));
+    let gray = named(&scene, "gray");
+    assert_eq!(gray.diffuse, Vec4::new(0.5, 0.5, 0.5, 0.75));
+    assert_eq!(named(&scene, "glass").transmission, 0.4);
+    assert_eq!((named(&scene, "clear").transmission, named(&scene, "clear").ior), (1.0, 1.5));
+    assert_eq!(named(&scene, "mirror").transmission, 0.0);
+    assert_eq!(named(&scene, "seen").transmission, 0.75);
+    assert_eq!(named(&scene, "exported").transmission, 0.0);
+}
+
+#[test]
+fn unusable_material_statements_are_counted() {
+    let folder = Folder::new();
+    let scene = mtl(
+        &folder,
+        "Kd 1 1 1\nnewmtl a\nKd spectral a.rfl 1\nKa xyz 1 1 1\nKs 1 2\nNs x\nd\nKe nan 0 0\nfoo 1\nmap_bump b.png\n\
+         map_d c.png\nmap_Kd nowhere.png\nmap_Kd -s 2 2 1\nnewmtl a\nKd 0 0 0\n\u{FFFD}\n",
+    );
+    for (what, expected) in [
+        ("material statements before the first newmtl", 1),
+        ("material statements with values that cannot be read", 7),
+        ("unknown material statements", 2),
+        ("texture maps that no program reads", 1),
+        ("missing textures", 2),
+        ("materials declared twice", 1),
+    ] {
+        assert_eq!(count(&scene.warnings, what), expected, "{what}: {:?}", scene.warnings.groups());
+    }
+    assert_eq!(named(&scene, "a").diffuse, Material::default().diffuse);
+}
+
+#[test]
+fn map_options_names_with_blanks_and_backslashes_are_understood() {
+    let folder = Folder::new();
+    folder.png("maps/old wall.png", 1, 1, [1, 1, 1, 255]);
+    folder.png("mask.png", 1, 1, [1, 1, 1, 255]);
+    let text = "newmtl a\nmap_Kd -blendu on -mm 0 1 -s 2 3 -o 0.5 -bm 1.0 maps\\Old Wall.png\nmap_d -imfchan m mask.png\n\
+                newmtl b\nmap_Kd maps/old wall.png\nmap_d maps/old wall.png\n";
+    folder.write("a.mtl", text);
+    let faces = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 1 1\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 3/1 2/1 1/1\n";
+    let scene = load_one(&folder.write("a.obj", faces)).unwrap();
+    let wall = folder.path("maps/old wall.png");
+    assert!(matches!(
+        &scene.textures[named(&scene, "a").texture.unwrap() as usize],
+        TextureSource::Masked { color, mask } if *color == wall && *mask == folder.path("mask.png")
+    ));
+    let plain = named(&scene, "b");
+    assert_eq!(scene.textures[plain.texture.unwrap() as usize], TextureSource::File(wall));
+    assert_eq!(plain.alpha_cutoff, Some(0.5));
+    let mesh = &scene.meshes[0];
+    let texcoord = |group: usize| mesh.texcoords[mesh.groups[group].triangles[0][0] as usize];
+    assert_eq!(texcoord(0), Vec2::new(2.5, 3.0), "scaled and moved");
+    assert_eq!(texcoord(1), Vec2::ONE);
+    assert_eq!(count(&scene.warnings, "texture paths with other letter case"), 1);
+}
+
+#[test]
+fn a_missing_library_and_undeclared_materials_are_warnings() {
+    let scene = obj(
+        "mtllib no.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl stone\nf 1 2 3\nusemtl wood\nf 1 2 3\nusemtl stone\nf 1 2 3",
+    );
+    assert_eq!(count(&scene.warnings, "missing material libraries"), 1);
+    assert_eq!(count(&scene.warnings, "materials that are used but not declared"), 2);
+    assert_eq!(triangles(&scene), 3);
+}
+
+#[test]
+fn several_files_share_equal_materials_and_the_first_of_different_ones_wins() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl same\nKd 1 0 0\nnewmtl other\nKd 0 1 0\n");
+    folder.write("b.mtl", "newmtl same\nKd 1 0 0\nnewmtl other\nKd 0 0 1\nnewmtl third\nKd 0 0 0\n");
+    let faces = |library: &str| format!("mtllib {library}\n{SQUARE}usemtl same\nf 1 2 3\nusemtl other\nf 1 3 4\n");
+    let files = [folder.write("a.obj", faces("a.mtl")), folder.write("b.obj", faces("b.mtl"))];
+    let seen = std::cell::RefCell::new(Vec::new());
+    let scene = load(&files, &LoadOptions::default(), &|progress| seen.borrow_mut().push(progress.bytes_done)).unwrap();
+    assert_eq!(seen.borrow().len(), 2);
+    assert_references_are_valid(&scene);
+    assert_eq!(scene.materials.len(), 3);
+    assert_eq!(named(&scene, "other").diffuse, Vec4::new(0.0, 1.0, 0.0, 1.0));
+    let what = "materials that an earlier file declares otherwise";
+    assert_eq!(count(&scene.warnings, what), 1);
+    assert_eq!(scene.files.len(), 2);
+    assert_eq!(curitiba_pipeline::scene::statistics(&scene).files[1].triangles, 2);
+}
+
+#[test]
+fn files_of_no_known_format_and_missing_files_are_errors_that_say_what_is_valid() {
+    let folder = Folder::new();
+    let error = load_one(&folder.write("a.stl", "solid")).unwrap_err().to_string();
+    assert!(error.contains(".cbo, .nbo, .obj, .gltf, .glb"), "{error}");
+    let error = load_one(&folder.path("none.obj")).unwrap_err().to_string();
+    assert!(error.contains("none.obj") && error.contains("no such file"), "{error}");
+    folder.write("Modelo.OBJ", format!("{SQUARE}f 1 2 3"));
+    let scene = load_one(&folder.path("modelo.obj")).unwrap();
+    assert_eq!(count(&scene.warnings, "paths with other letter case"), 1);
+}
+
+#[test]
+fn the_memory_cap_stops_a_long_file() {
+    let mut text = SQUARE.to_owned();
+    text.push_str(&"f 1 2 3\n".repeat(100_000));
+    let folder = Folder::new();
+    let path = folder.write("long.obj", text);
+    let error = load(&[path], &LoadOptions { max_bytes: 2 << 20, ..LoadOptions::default() }, &|_| {}).unwrap_err();
+    assert!(error.to_string().contains("--max-memory"), "{error}");
+}
+
+#[test]
+fn changed_and_cut_files_never_panic_and_never_stop_the_load() {
+    let folder = Folder::new();
+    let obj = "mtllib a.mtl\no thing\nv 0 0 0\nv 1 0 0\nv\t1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl a\nf 1/1/1 2/1/1 3/1/1 \\\n 4/1/1\n\
+               g rest\nusemtl b\nf -4//-1 -3//-1 -2//-1\nl 1 2\nf 1 2 3 4\n";
+    let mtl = "newmtl a\nKd 0.5 0.5 0.5\nd -halo 0.5\nTf 1 1 1\nillum 4\nmap_Kd -s 1 2 3 -bm 1 w.png\nmap_d w.png\nnewmtl b\nKe 1\nNs 10\n";
+    folder.write("a.mtl", mtl);
+    for bytes in mutations(obj.as_bytes(), 1000) {
+        assert_references_are_valid(&load_capped(&folder.write("m.obj", bytes)).unwrap());
+    }
+    let path = folder.write("a.obj", obj);
+    for bytes in mutations(mtl.as_bytes(), 1000) {
+        folder.write("a.mtl", bytes);
+        assert_references_are_valid(&load_capped(&path).unwrap());
+    }
+}
