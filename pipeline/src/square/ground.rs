@@ -136,10 +136,9 @@ fn patches(coarse: bool) -> Vec<Patch> {
             // A dark frame in each field.
             let (low_1, high_1) = (low + Vec2::splat(0.7), high - Vec2::splat(0.7));
             let (low_2, high_2) = (low_1 + Vec2::splat(0.36), high_1 - Vec2::splat(0.36));
-            for (a, b, c, d, surface) in [
-                (low, low_1, high_1, high, Surface::Setts),
-                (low_1, low_2, high_2, high_1, Surface::Basalt),
-            ] {
+            for (a, b, c, d, surface) in
+                [(low, low_1, high_1, high, Surface::Setts), (low_1, low_2, high_2, high_1, Surface::Basalt)]
+            {
                 rectangle(a, Vec2::new(d.x, b.y), surface, turned);
                 rectangle(Vec2::new(a.x, c.y), d, surface, turned);
                 rectangle(Vec2::new(a.x, b.y), Vec2::new(b.x, c.y), surface, turned);

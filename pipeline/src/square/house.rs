@@ -216,7 +216,7 @@ impl House {
             let past = if count == 4 { 0.31 } else { 0.0 };
             facade::moulding(builder, Surface::Granite, &side, [-past, length + past], profile);
         }
-        if self.hidden() {
+        if self.hidden() || !detail.at_least(1) {
             return;
         }
         let mut floor = 0.0;

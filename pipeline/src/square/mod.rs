@@ -24,6 +24,9 @@ mod surface;
 mod tests;
 mod town;
 mod tree;
+mod write;
+
+pub use write::{SCENE_FILE, TEXTURE_FOLDER};
 
 use crate::scene::{Object, Scene, TextureSource};
 use detail::Detail;
@@ -32,7 +35,6 @@ use ground::Paving;
 use mesh::Builder;
 use paint::Picture;
 use roof::Tiling;
-use std::path::PathBuf;
 use street::Placed;
 use surface::Surface;
 
@@ -61,7 +63,7 @@ pub struct Painting {
 /// A generated square.
 #[derive(Debug, Clone)]
 pub struct Square {
-    /// Geometry and materials. The textures' paths are relative to the folder that the scene is written to.
+    /// Geometry, materials, and the textures as embedded images: it renders without being written.
     pub scene: Scene,
     /// The textures, in the order of [`Scene::textures`].
     pub paintings: Vec<Painting>,
@@ -173,7 +175,11 @@ fn assemble(parts: Vec<Placed>) -> Square {
             Painting { name, width, height, texels: picture.texels() }
         })
         .collect();
-    scene.textures =
-        paintings.iter().map(|painting| TextureSource::File(PathBuf::from("Texturas").join(painting.name))).collect();
+    scene.textures = paintings
+        .iter()
+        .filter_map(|painting| {
+            Some(TextureSource::Embedded { name: painting.name.to_owned(), bytes: painting.png().ok()? })
+        })
+        .collect();
     Square { scene, paintings }
 }

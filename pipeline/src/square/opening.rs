@@ -169,7 +169,8 @@ pub(super) fn balcony(builder: &mut Builder, frame: &Frame, [from, to]: [f32; 2]
     for (y, radius) in [(top, 0.028), (floor + 0.09, 0.016)] {
         let rails =
             [(corner(left, y), corner(right, y)), (wall(left, y), corner(left, y)), (corner(right, y), wall(right, y))];
-        for (a, b) in rails {
+        // Coarse balconies have their front rails alone.
+        for (a, b) in rails.into_iter().take(if detail.at_least(1) { 3 } else { 1 }) {
             builder.tube(Surface::Iron, frame, sides, &[(a, radius), (b, radius)]);
         }
     }

@@ -109,8 +109,8 @@ impl Picture {
 
     fn color(self, at: Vec2, grain: f32) -> Vec3 {
         match self {
-            Self::Setts => setts(at, grain, 32, rgb(226, 217, 200)),
-            Self::Basalt => setts(at, grain, 16, rgb(142, 138, 132)),
+            Self::Setts => setts(at, grain, 32, rgb(240, 229, 208)),
+            Self::Basalt => setts(at, grain, 16, rgb(150, 145, 136)),
             Self::Slabs => slabs(at, grain),
             Self::Granite => granite(at, grain, 0.80),
             Self::Ashlar => ashlar(at, grain),
@@ -125,8 +125,8 @@ impl Picture {
             Self::Checker => checker(at),
             Self::Bottles => bottles(at),
             Self::Bark => rgb(150, 132, 108) * (0.65 + 0.5 * fractal(at * Vec2::new(16.0, 4.0), 16, 2, 81)),
-            Self::Foliage => foliage(at, rgb(112, 142, 58)),
-            Self::Canopy => foliage(at, rgb(78, 108, 46)),
+            Self::Foliage => foliage(at, rgb(118, 140, 68)),
+            Self::Canopy => foliage(at, rgb(84, 106, 54)),
             Self::Water => rgb(120, 160, 165).lerp(rgb(205, 226, 226), ripple(at)),
             Self::Garden => garden(at, grain),
             Self::Forest => forest(at),
@@ -170,7 +170,7 @@ fn setts(at: Vec2, grain: f32, courses: u32, color: Vec3) -> Vec3 {
 /// Slabs of 120 by 80 cm in running bond.
 fn slabs(at: Vec2, grain: f32) -> Vec3 {
     let (column, row, inside) = bond(at, 2, 3, 0.5);
-    let tone = 0.86 + 0.07 * (hash01(column, row, 31) - 0.5);
+    let tone = 0.90 + 0.06 * (hash01(column, row, 31) - 0.5);
     let from_edge = (0.5 - (inside - Vec2::splat(0.5)).abs()) * Vec2::new(1.2, 0.8);
     let joint = smoothstep(0.022, 0.008, from_edge.min_element());
     granite(at, grain, tone).lerp(rgb(104, 97, 86), joint)
@@ -281,7 +281,7 @@ fn forest(at: Vec2) -> Vec3 {
     let stand = fractal(at * 5.0, 5, 4, 143);
     let meadow = smoothstep(0.56, 0.62, fractal(at * 4.0, 4, 3, 147));
     let trees = rgb(72, 98, 62).lerp(rgb(108, 122, 72), stand) * (0.62 + 0.62 * crowns);
-    trees.lerp(rgb(158, 164, 98) * (0.92 + 0.16 * stand), meadow)
+    trees.lerp(rgb(136, 147, 88) * (0.92 + 0.16 * stand), meadow)
 }
 
 /// From the horizon (bottom) to the zenith, with soft clouds.

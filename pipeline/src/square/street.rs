@@ -25,12 +25,25 @@ pub(super) fn build(detail: Detail) -> Vec<Placed> {
             .collect()
     };
     let mut lamps = around(14.6, if detail.at_least(1) { 8 } else { 4 }, 1);
-    lamps.extend([(47.0, 5.0), (30.0, 29.0), (2.5, 26.0), (28.0, -18.0)].map(ground));
+    if detail.at_least(1) {
+        lamps.extend([(47.0, 5.0), (30.0, 29.0), (2.5, 26.0), (28.0, -18.0)].map(ground));
+    }
     let bollards = around(12.8, if detail.at_least(1) { 16 } else { 8 }, 1);
     let along = [(8.4, 5.0), (8.8, 0.0), (36.6, 8.0), (36.9, 2.0), (36.2, -4.5)].map(ground).to_vec();
     let across = [(18.0, 17.2), (26.0, 17.2)].map(ground).to_vec();
-    let parasols =
-        [(12.0, 24.0), (16.4, 25.6), (20.6, 24.4), (13.6, 28.2), (33.2, 24.6), (37.2, 25.8), (7.0, -18.0), (11.2, -19.6), (10.6, -15.4)].map(ground).to_vec();
+    let parasols = [
+        (12.0, 24.0),
+        (16.4, 25.6),
+        (20.6, 24.4),
+        (13.6, 28.2),
+        (33.2, 24.6),
+        (37.2, 25.8),
+        (7.0, -18.0),
+        (11.2, -19.6),
+        (10.6, -15.4),
+    ]
+    .map(ground)
+    .to_vec();
     vec![
         Placed { name: "lamps", builder: lamp(detail), places: lamps },
         Placed { name: "bollards", builder: bollard(detail), places: bollards },
@@ -48,7 +61,12 @@ fn lamp(detail: Detail) -> Builder {
     let mut builder = Builder::default();
     let frame = Frame::upright(Vec3::ZERO);
     let round = detail.curve(6);
-    builder.prism(Surface::Granite, &frame, if detail.at_least(1) { 8 } else { 4 }, &[(0.30, -0.03), (0.30, 0.22), (0.26, 0.26), (0.1, 0.26)]);
+    builder.prism(
+        Surface::Granite,
+        &frame,
+        if detail.at_least(1) { 8 } else { 4 },
+        &[(0.30, -0.03), (0.30, 0.22), (0.26, 0.26), (0.1, 0.26)],
+    );
     builder.turned(
         Surface::Iron,
         &frame,

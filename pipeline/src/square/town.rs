@@ -140,7 +140,7 @@ pub(super) fn build(builder: &mut Builder, detail: Detail) -> Vec<Slope> {
         slopes.extend(house.build(builder, detail));
     }
     // Seen from afar, from behind or over other roofs.
-    for house in row(Vec3::new(14.0, 0.0, -34.6), Vec3::Z, NEAR, 9.0, 5) {
+    for house in row(Vec3::new(16.5, 0.0, -36.5), Vec3::Z, NEAR, 9.0, 5) {
         slopes.extend(house.build(builder, detail.lower()));
     }
     for house in back_houses(if detail.at_least(1) { 3 } else { 2 }) {
