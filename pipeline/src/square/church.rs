@@ -30,7 +30,9 @@ pub(super) fn build(builder: &mut Builder, frame: &Frame, detail: Detail) -> Vec
         [0.0, depth],
         &[(0.0, -0.5), (0.15, -0.4), (0.35, -0.1), (0.35, 0.0)],
     );
-    let slopes = roof::build(builder, &side, [depth, width], 0.5, roof::Kind::Gable, Surface::PlasterWhite, detail, 5);
+    let wall = Surface::PlasterWhite;
+    let roof = roof::Roof { size: [depth, width], rise: 0.5, kind: roof::Kind::Gable, wall, seed: 5 };
+    let slopes = roof::build(builder, &side, &roof, detail);
     tower(builder, &frame.moved(width, 0.0, 0.6), detail);
     slopes
 }

@@ -243,7 +243,11 @@ fn stones(builder: &mut Builder, patch: &Patch, seed: u32, domed: bool) {
     let (joint, bevel, uneven) =
         if patch.surface == Surface::Slabs { (0.006, 0.008, 0.004) } else { (0.007, 0.012, 0.007) };
     let count = columns as usize * rows as usize;
-    builder.reserve(patch.surface, count * if domed { 13 } else { 20 }, count * if domed { 20 } else { 10 });
+    builder.reserve(
+        stone_surface(patch.surface),
+        count * if domed { 13 } else { 20 },
+        count * if domed { 20 } else { 10 },
+    );
     for row in 0..rows {
         for column in 0..columns {
             let corner = |right: u32, up: u32| {
@@ -260,6 +264,15 @@ fn stones(builder: &mut Builder, patch: &Patch, seed: u32, domed: bool) {
             let id = hash(column, row, seed.wrapping_mul(31));
             stone(builder, patch, corners, [joint, bevel, uneven], id, domed);
         }
+    }
+}
+
+/// What single stones of a paving are made of.
+fn stone_surface(paving: Surface) -> Surface {
+    match paving {
+        Surface::Slabs => Surface::SlabStone,
+        Surface::Basalt => Surface::BasaltStone,
+        _ => Surface::SettStone,
     }
 }
 
@@ -284,7 +297,7 @@ fn stone(builder: &mut Builder, patch: &Patch, corners: [Vec2; 4], size: [f32; 3
     // Each stone shows its own part of a plain picture.
     let shift = Vec2::new(hash01(id, 4, 0), hash01(id, 5, 0)) * 4.0;
     let metres = |at: Vec2| if patch.surface == Surface::Slabs { at } else { at * 0.15 + shift };
-    let surface = if patch.surface == Surface::Basalt { Surface::Basalt } else { Surface::Granite };
+    let surface = stone_surface(patch.surface);
     let lower = inset(joint);
     let upper = inset(joint + bevel);
     let bottom = lower.map(|at| Vec3::new(at.x, -BED, at.y));

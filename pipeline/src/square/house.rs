@@ -65,7 +65,9 @@ impl House {
         self.chimney(builder, detail, &mut random);
         let eaves = self.frame.moved(0.0, height, 0.0);
         let rise = 0.44 + 0.06 * random.unit();
-        roof::build(builder, &eaves, [self.width, self.depth], rise, self.roof, self.wall, detail, self.seed)
+        let size = [self.width, self.depth];
+        let roof = roof::Roof { size, rise, kind: self.roof, wall: self.wall, seed: self.seed };
+        roof::build(builder, &eaves, &roof, detail)
     }
 
     fn facade(&self, builder: &mut Builder, detail: Detail, random: &mut Random) {

@@ -17,6 +17,7 @@ mod math;
 mod mesh;
 mod opening;
 mod paint;
+mod pillory;
 mod roof;
 mod street;
 mod surface;

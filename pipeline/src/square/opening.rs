@@ -59,12 +59,10 @@ fn glazing(builder: &mut Builder, frame: &Frame, opening: &Opening, paint: Surfa
     let (edge, upright, level) = (0.07, Sides::LEFT.and(Sides::RIGHT), Sides::TOP.and(Sides::BOTTOM));
     let middle = (min.x + max.x) / 2.0;
     let transom = min.y + size.y * 0.70;
-    {
-        bar(min, Vec2::new(min.x + edge, max.y), 0.035, upright);
-        bar(Vec2::new(max.x - edge, min.y), max, 0.035, upright);
-        bar(Vec2::new(min.x + edge, min.y), Vec2::new(max.x - edge, min.y + edge), 0.035, level);
-        bar(Vec2::new(min.x + edge, max.y - edge), Vec2::new(max.x - edge, max.y), 0.035, level);
-    }
+    bar(min, Vec2::new(min.x + edge, max.y), 0.035, upright);
+    bar(Vec2::new(max.x - edge, min.y), max, 0.035, upright);
+    bar(Vec2::new(min.x + edge, min.y), Vec2::new(max.x - edge, min.y + edge), 0.035, level);
+    bar(Vec2::new(min.x + edge, max.y - edge), Vec2::new(max.x - edge, max.y), 0.035, level);
     bar(Vec2::new(middle - 0.045, min.y + edge), Vec2::new(middle + 0.045, max.y - edge), 0.045, upright);
     bar(Vec2::new(min.x + edge, transom), Vec2::new(max.x - edge, transom + 0.07), 0.05, level);
     if detail.at_least(2) {

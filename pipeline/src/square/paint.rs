@@ -10,6 +10,9 @@ pub(super) enum Picture {
     Setts,
     Basalt,
     Slabs,
+    SettStone,
+    BasaltStone,
+    SlabStone,
     Granite,
     Ashlar,
     PlasterWhite,
@@ -36,10 +39,13 @@ const fn rgb(red: u8, green: u8, blue: u8) -> Vec3 {
 }
 
 impl Picture {
-    pub(super) const ALL: [Picture; 22] = [
+    pub(super) const ALL: [Picture; 25] = [
         Self::Setts,
         Self::Basalt,
         Self::Slabs,
+        Self::SettStone,
+        Self::BasaltStone,
+        Self::SlabStone,
         Self::Granite,
         Self::Ashlar,
         Self::PlasterWhite,
@@ -67,6 +73,9 @@ impl Picture {
             Self::Setts => ("calcada.png", 512, 512),
             Self::Basalt => ("basalto.png", 256, 256),
             Self::Slabs => ("lajes.png", 256, 256),
+            Self::SettStone => ("cubo.png", 64, 64),
+            Self::BasaltStone => ("cubo_basalto.png", 64, 64),
+            Self::SlabStone => ("laje.png", 128, 128),
             Self::Granite => ("granito.png", 256, 256),
             Self::Ashlar => ("cantaria.png", 256, 256),
             Self::PlasterWhite => ("reboco_branco.png", 128, 128),
@@ -109,9 +118,12 @@ impl Picture {
 
     fn color(self, at: Vec2, grain: f32) -> Vec3 {
         match self {
-            Self::Setts => setts(at, grain, 32, rgb(240, 229, 208)),
-            Self::Basalt => setts(at, grain, 16, rgb(150, 145, 136)),
+            Self::Setts => setts(at, grain, 32, SETT),
+            Self::Basalt => setts(at, grain, 16, BASALT),
             Self::Slabs => slabs(at, grain),
+            Self::SettStone => stone(at, grain, SETT),
+            Self::BasaltStone => stone(at, grain, BASALT),
+            Self::SlabStone => granite(at, grain, 0.90),
             Self::Granite => granite(at, grain, 0.80),
             Self::Ashlar => ashlar(at, grain),
             Self::PlasterWhite => plaster(at, grain, rgb(238, 234, 224)),
@@ -152,6 +164,14 @@ fn granite(at: Vec2, grain: f32, level: f32) -> Vec3 {
     let cloud = fractal(at * 6.0, 6, 3, 11);
     let speck = smoothstep(0.86, 1.0, grain) * 0.26 - smoothstep(0.94, 1.0, 1.0 - grain) * 0.16;
     Vec3::new(1.0, 0.975, 0.93) * (level + 0.16 * (cloud - 0.5) - speck + 0.05 * (grain - 0.5))
+}
+
+const SETT: Vec3 = rgb(240, 229, 208);
+const BASALT: Vec3 = rgb(150, 145, 136);
+
+/// A face of rough stone; setts show different parts of it.
+fn stone(at: Vec2, grain: f32, color: Vec3) -> Vec3 {
+    color * (0.84 + 0.24 * fractal(at * 4.0, 4, 3, 27) + 0.06 * (grain - 0.5))
 }
 
 /// Setts of 12 cm in courses, each of its own shade, with sand in the joints.

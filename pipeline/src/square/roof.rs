@@ -159,18 +159,23 @@ pub(super) enum Kind {
     Gable,
 }
 
+/// A roof over a rectangular house.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Roof {
+    /// Width of the facade and depth of the house, metres.
+    pub size: [f32; 2],
+    /// Metres up for a metre inwards; 0.466 is 25 degrees.
+    pub rise: f32,
+    pub kind: Kind,
+    /// What the walls under a gable are made of.
+    pub wall: Surface,
+    pub seed: u32,
+}
+
 /// Adds everything of a roof but its slopes (edges, caps, gable walls), and returns the slopes. `frame` is the left
-/// end of the facade at the height of the eaves; the pitch is 25 degrees for `rise = 0.466`.
-pub(super) fn build(
-    builder: &mut Builder,
-    frame: &Frame,
-    [width, depth]: [f32; 2],
-    rise: f32,
-    kind: Kind,
-    wall: Surface,
-    detail: Detail,
-    seed: u32,
-) -> Vec<Slope> {
+/// end of the facade at the height of the eaves.
+pub(super) fn build(builder: &mut Builder, frame: &Frame, roof: &Roof, detail: Detail) -> Vec<Slope> {
+    let Roof { size: [width, depth], rise, kind, wall, seed } = *roof;
     let side = if kind == Kind::Hip { EAVES } else { 0.0 };
     // Plan of the eaves: x from, to; z back, front.
     let (left, right, back, front) = (-side, width + side, -depth - EAVES, EAVES);

@@ -47,8 +47,9 @@ pub(super) fn build(detail: Detail) -> Vec<Placed> {
     vec![
         Placed { name: "lamps", builder: lamp(detail), places: lamps },
         Placed { name: "bollards", builder: bollard(detail), places: bollards },
-        Placed { name: "benches", builder: bench(detail, false), places: along },
-        Placed { name: "benches-across", builder: bench(detail, true), places: across },
+        Placed { name: "benches", builder: bench(false), places: along },
+        Placed { name: "benches-across", builder: bench(true), places: across },
+        Placed { name: "pillory", builder: super::pillory::build(detail), places: vec![ground((18.4, -17.8))] },
         Placed { name: "parasols", builder: parasol(detail), places: parasols },
     ]
 }
@@ -110,7 +111,7 @@ fn bollard(detail: Detail) -> Builder {
 }
 
 /// A granite bench; its length lies along z, or along x where it stands across.
-fn bench(_detail: Detail, across: bool) -> Builder {
+fn bench(across: bool) -> Builder {
     let mut builder = Builder::default();
     let frame = Frame::facing(Vec3::ZERO, if across { Vec3::Z } else { Vec3::X });
     let at = Vec3::new;

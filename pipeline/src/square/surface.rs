@@ -10,6 +10,9 @@ pub(super) enum Surface {
     Setts,
     Basalt,
     Slabs,
+    SettStone,
+    BasaltStone,
+    SlabStone,
     Granite,
     Ashlar,
     PlasterWhite,
@@ -60,10 +63,13 @@ const fn painted(name: &'static str, picture: Picture, metres: f32) -> Look {
 }
 
 impl Surface {
-    pub(super) const ALL: [Surface; 35] = [
+    pub(super) const ALL: [Surface; 38] = [
         Self::Setts,
         Self::Basalt,
         Self::Slabs,
+        Self::SettStone,
+        Self::BasaltStone,
+        Self::SlabStone,
         Self::Granite,
         Self::Ashlar,
         Self::PlasterWhite,
@@ -103,6 +109,9 @@ impl Surface {
             Self::Setts => painted("Calcada", Picture::Setts, 4.0),
             Self::Basalt => painted("Basalto", Picture::Basalt, 2.0),
             Self::Slabs => painted("Lajes", Picture::Slabs, 2.4),
+            Self::SettStone => painted("Cubo", Picture::SettStone, 1.0),
+            Self::BasaltStone => painted("Cubo de basalto", Picture::BasaltStone, 1.0),
+            Self::SlabStone => painted("Laje", Picture::SlabStone, 1.5),
             Self::Granite => painted("Granito", Picture::Granite, 1.5),
             Self::Ashlar => painted("Cantaria", Picture::Ashlar, 1.8),
             Self::PlasterWhite => painted("Reboco branco", Picture::PlasterWhite, 3.7),
