@@ -36,21 +36,20 @@ fn hills(builder: &mut Builder, detail: Detail) {
     let (columns, rows) = (detail.round(96), detail.curve(8));
     let (near, far) = (125.0, 300.0);
     builder.grid(Surface::Forest, columns, rows, |column, row| {
-        // Backwards round the circle: the front faces the middle and the sky.
-        let way = around(-f64::from(column) / f64::from(columns));
+        let way = around(f64::from(column) / f64::from(columns));
         let radius = near + (far - near) * row as f32 / rows as f32;
         let at = |way: Vec2, radius: f32| {
             let plan = FOUNTAIN + way * radius;
             Vec3::new(plan.x, land(way, radius), plan.y)
         };
-        let beside = around(-(f64::from(column) + 0.25) / f64::from(columns));
+        let beside = around((f64::from(column) + 0.25) / f64::from(columns));
         let (here, right, behind) = (at(way, radius), at(beside, radius), at(way, radius + 4.0));
         let normal = (right - here).cross(behind - here).normalize();
         (here, normal, Vec2::new(here.x, here.z))
     });
     // The far ridge stands behind the hills, hazy: it has no texture.
     builder.grid(Surface::Ridge, columns, 1, |column, row| {
-        let way = around(-f64::from(column) / f64::from(columns));
+        let way = around(f64::from(column) / f64::from(columns));
         let sunward = smoothstep(-0.5, 0.4, way.dot(Vec2::new(SUN.x, SUN.z).normalize()));
         let height = 22.0
             + 22.0 * sunward
@@ -75,7 +74,7 @@ fn sky(builder: &mut Builder, detail: Detail) {
     };
     builder.grid(Surface::Sky, columns, rows, |column, row| {
         let share = column as f32 / columns as f32;
-        let local = around(f64::from(half * (1.0 - 2.0 * share)));
+        let local = around(f64::from(half * (2.0 * share - 1.0)));
         let way = facing.0 * local.x + facing.1 * local.y;
         let plan = FOUNTAIN + way * radius;
         let height = row as f32 / rows as f32;

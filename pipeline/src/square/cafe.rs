@@ -16,11 +16,11 @@ const HEIGHT: f32 = 3.35;
 
 /// The large pane.
 pub(super) fn pane() -> Opening {
-    Opening::new(6.35, 4.4, 0.45, 3.15)
+    Opening::new(6.05, 5.9, 0.42, 3.2)
 }
 
 fn entrance() -> Opening {
-    Opening::new(2.6, 1.3, 0.12, 2.95)
+    Opening::new(1.6, 1.3, 0.12, 2.95)
 }
 
 /// The holes in the facade.
@@ -77,7 +77,11 @@ fn room(builder: &mut Builder, frame: &Frame, detail: Detail) {
             Sides::ALL.without(Sides::BACK),
         );
     }
+    if !detail.at_least(1) {
+        return;
+    }
     let round = detail.round(12);
+    let small = detail.round(8);
     for (x, z) in [(3.3, -1.4), (5.2, -1.15), (7.2, -1.5), (8.3, -2.9), (4.3, -2.7), (6.3, -2.8)] {
         table(builder, &frame.moved(x, 0.1, z), round);
         for (dx, dz, side) in [(0.62, 0.1, 1.0), (-0.62, -0.05, -1.0)] {
@@ -87,8 +91,8 @@ fn room(builder: &mut Builder, frame: &Frame, detail: Detail) {
     for (x, z) in [(3.3, -1.5), (5.2, -1.5), (7.2, -1.5), (4.0, -4.3), (6.4, -4.3)] {
         let lamp = frame.moved(x, 0.0, z);
         builder.tube(Surface::Iron, &lamp, 4, &[(at(0.0, 2.4, 0.0), 0.01), (at(0.0, HEIGHT, 0.0), 0.01)]);
-        builder.lathe(Surface::Brass, &lamp, round, &[(0.20, 2.22), (0.17, 2.32), (0.05, 2.42), (0.0, 2.44)]);
-        builder.lathe(Surface::Lantern, &lamp, round, &[(0.0, 2.19), (0.14, 2.22), (0.15, 2.25), (0.0, 2.30)]);
+        builder.lathe(Surface::Brass, &lamp, small, &[(0.20, 2.22), (0.17, 2.32), (0.05, 2.42), (0.0, 2.44)]);
+        builder.lathe(Surface::Lantern, &lamp, small, &[(0.0, 2.19), (0.14, 2.22), (0.15, 2.25), (0.0, 2.30)]);
     }
 }
 

@@ -30,7 +30,9 @@ pub(super) fn build(builder: &mut Builder, frame: &Frame, detail: Detail) -> Vec
         [0.0, depth],
         &[(0.0, -0.5), (0.15, -0.4), (0.35, -0.1), (0.35, 0.0)],
     );
-    let slopes = roof::build(builder, &side, [depth, width], 0.5, roof::Kind::Gable, Surface::PlasterWhite, detail, 5);
+    let wall = Surface::PlasterWhite;
+    let roof = roof::Roof { size: [depth, width], rise: 0.5, kind: roof::Kind::Gable, wall, seed: 5 };
+    let slopes = roof::build(builder, &side, &roof, detail);
     tower(builder, &frame.moved(width, 0.0, 0.6), detail);
     slopes
 }
@@ -63,7 +65,7 @@ fn tower(builder: &mut Builder, frame: &Frame, detail: Detail) {
         // Balustrade.
         let rail = side.moved(0.0, belfry + 0.1, 0.1);
         builder.cuboid(Surface::Granite, &rail, at(0.0, 0.75, -0.2), at(TOWER, 0.95, 0.05), Sides::ALL);
-        for index in 1..10 {
+        for index in 1..if detail.at_least(1) { 10 } else { 1 } {
             let x = TOWER * index as f32 / 10.0;
             builder.cuboid(
                 Surface::Granite,
@@ -84,7 +86,7 @@ fn tower(builder: &mut Builder, frame: &Frame, detail: Detail) {
     );
     builder.rectangle_up(Surface::Granite, &center, Vec2::splat(-TOWER / 2.0), Vec2::splat(TOWER / 2.0), shaft + 0.3);
     // The bell.
-    let round = detail.round(16);
+    let round = detail.round(12);
     builder.lathe(
         Surface::Brass,
         &center,

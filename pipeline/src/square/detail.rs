@@ -11,7 +11,7 @@ pub(super) struct Detail {
 impl Detail {
     pub(super) fn of(triangles: u32) -> Self {
         let tier = match triangles {
-            0..25_000 => 0,
+            0..36_000 => 0,
             25_000..120_000 => 1,
             120_000..800_000 => 2,
             _ => 3,
@@ -24,15 +24,20 @@ impl Detail {
         self.tier >= tier
     }
 
+    /// One level coarser.
+    pub(super) fn lower(self) -> Self {
+        Self { tier: self.tier.saturating_sub(1) }
+    }
+
     /// Segments around a circle that has `usual` of them in the shipped scene; a multiple of four.
     pub(super) fn round(self, usual: u32) -> u32 {
         let wanted = match self.tier {
-            0 => usual / 2,
+            0 => usual * 2 / 5,
             1 => usual,
             2 => usual * 2,
             _ => usual * 4,
         };
-        wanted.max(8).next_multiple_of(4)
+        wanted.max(4).next_multiple_of(4)
     }
 
     /// Pieces along a curve that has `usual` of them in the shipped scene.

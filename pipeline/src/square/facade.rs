@@ -6,7 +6,7 @@ use super::surface::Surface;
 use glam::{Vec2, Vec3};
 
 /// A hole in a wall, in the wall's local coordinates, metres.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Opening {
     pub min: Vec2,
     pub max: Vec2,

@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 pub(super) fn build(detail: Detail) -> Builder {
     let mut builder = Builder::default();
     let frame = Frame::upright(Vec3::new(FOUNTAIN.x, 0.0, FOUNTAIN.y));
-    let round = detail.round(64);
+    let round = detail.round(48);
     steps(&mut builder, &frame);
     basin(&mut builder, &frame, round, detail);
     shaft(&mut builder, &frame, detail);
@@ -52,7 +52,7 @@ fn basin(builder: &mut Builder, frame: &Frame, round: u32, detail: Detail) {
         ],
     );
     // Pilasters that divide the wall.
-    for side in 0..12 {
+    for side in 0..if detail.at_least(1) { 12 } else { 0 } {
         let out = on_circle(2 * side + 1, 24);
         let pilaster = frame.turned(out.x, out.y);
         let (min, max) = (Vec3::new(-0.16, FLOOR + 0.14, 3.95), Vec3::new(0.16, FLOOR + 0.72, 4.21));
@@ -64,7 +64,7 @@ fn basin(builder: &mut Builder, frame: &Frame, round: u32, detail: Detail) {
 
 /// A disc of water with rings of waves.
 fn water(builder: &mut Builder, frame: &Frame, height: f32, inner: f32, outer: f32, detail: Detail) {
-    let (columns, rows) = (detail.round(48), detail.curve(10));
+    let (columns, rows) = (detail.round((outer * 6.0) as u32 + 8), detail.curve((outer * 1.5) as u32 + 1));
     let wave = |at: Vec2| {
         let radius = at.length();
         let ring = super::math::cos_sin(f64::from(radius * 1.9)).0 as f32;
@@ -86,7 +86,7 @@ fn water(builder: &mut Builder, frame: &Frame, height: f32, inner: f32, outer: f
 
 /// From the steps through the water to the upper bowl.
 fn shaft(builder: &mut Builder, frame: &Frame, detail: Detail) {
-    let round = detail.round(24);
+    let round = detail.round(20);
     builder.prism(
         Surface::Granite,
         frame,
@@ -117,7 +117,7 @@ fn shaft(builder: &mut Builder, frame: &Frame, detail: Detail) {
 }
 
 fn bowls(builder: &mut Builder, frame: &Frame, detail: Detail) {
-    let round = detail.round(48);
+    let round = detail.round(32);
     builder.turned(
         Surface::Granite,
         frame,
@@ -130,7 +130,7 @@ fn bowls(builder: &mut Builder, frame: &Frame, detail: Detail) {
         ],
     );
     water(builder, frame, 3.79, 0.2, 1.62, detail);
-    let round = detail.round(24);
+    let round = detail.round(20);
     builder.turned(
         Surface::Granite,
         frame,
@@ -163,8 +163,8 @@ fn finial(builder: &mut Builder, frame: &Frame, detail: Detail) {
     );
     // Meridians and the equator, then the mast with a cross.
     let center = Vec3::new(0.0, 6.72, 0.0);
-    let pieces = detail.round(16);
-    for ring in 0..4 {
+    let pieces = detail.round(12);
+    for ring in 0..if detail.at_least(1) { 4 } else { 0 } {
         let side = on_circle(ring, 6);
         let path: Vec<(Vec3, f32)> = (0..=pieces)
             .map(|step| {
@@ -187,7 +187,7 @@ fn finial(builder: &mut Builder, frame: &Frame, detail: Detail) {
 /// Water that falls in arcs from both bowls.
 fn jets(builder: &mut Builder, frame: &Frame, detail: Detail) {
     let arcs = [(8, 1.86, 3.80, 2.95, 1.20, 0.030), (6, 0.88, 5.09, 1.32, 3.80, 0.020)];
-    let pieces = detail.curve(10);
+    let pieces = detail.curve(7);
     for (count, from, top, to, bottom, radius) in arcs {
         for jet in 0..count {
             let out = on_circle(2 * jet + 1, 2 * count);
@@ -200,7 +200,7 @@ fn jets(builder: &mut Builder, frame: &Frame, detail: Detail) {
                     (Vec3::new(out.x * reach, height, out.y * reach), radius * (1.0 - 0.35 * along))
                 })
                 .collect();
-            builder.tube(Surface::Spray, frame, detail.curve(5).clamp(4, 12), &path);
+            builder.tube(Surface::Spray, frame, detail.curve(4).clamp(3, 10), &path);
         }
     }
 }

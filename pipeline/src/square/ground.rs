@@ -95,6 +95,11 @@ impl Patch {
     }
 }
 
+/// Whether a place is where single stones are worth building.
+fn near(at: Vec2) -> bool {
+    at.cmpge(STONES[0]).all() && at.cmple(STONES[1]).all()
+}
+
 fn patches(coarse: bool) -> Vec<Patch> {
     let mut patches = Vec::new();
     let mut rectangle = |min: Vec2, max: Vec2, surface: Surface, turned: bool| {
@@ -103,14 +108,13 @@ fn patches(coarse: bool) -> Vec<Patch> {
         let stone = if surface == Surface::Slabs { Vec2::new(0.8, 1.2) } else { Vec2::splat(0.125) };
         let stone = if size.x > size.y { Vec2::new(stone.y, stone.x) } else { stone };
         let stones = (size / stone).round().max(Vec2::ONE);
-        let near = center.cmpge(STONES[0]).all() && center.cmple(STONES[1]).all();
         patches.push(Patch {
             shape: Shape::Rectangle { min, max },
             surface,
             stones: [stones.x as u32, stones.y as u32],
             pieces: [1, 1],
             turned,
-            near,
+            near: near(center),
         });
     };
     let step = if coarse { 2 } else { 1 };
@@ -124,15 +128,34 @@ fn patches(coarse: bool) -> Vec<Patch> {
             rectangle(min, Vec2::new(max.x, min.y + BAND), Surface::Slabs, true);
             rectangle(Vec2::new(min.x, min.y + BAND), Vec2::new(min.x + BAND, max.y), Surface::Slabs, false);
             let turned = hash(column as u32, row as u32, 3).is_multiple_of(2);
-            rectangle(min + Vec2::splat(BAND), max, Surface::Setts, turned);
+            let (low, high) = (min + Vec2::splat(BAND), max);
+            if coarse || !near(low) || !near(high) {
+                rectangle(low, high, Surface::Setts, turned);
+                continue;
+            }
+            // A dark frame in each field.
+            let (low_1, high_1) = (low + Vec2::splat(0.7), high - Vec2::splat(0.7));
+            let (low_2, high_2) = (low_1 + Vec2::splat(0.36), high_1 - Vec2::splat(0.36));
+            for (a, b, c, d, surface) in
+                [(low, low_1, high_1, high, Surface::Setts), (low_1, low_2, high_2, high_1, Surface::Basalt)]
+            {
+                rectangle(a, Vec2::new(d.x, b.y), surface, turned);
+                rectangle(Vec2::new(a.x, c.y), d, surface, turned);
+                rectangle(Vec2::new(a.x, b.y), Vec2::new(b.x, c.y), surface, turned);
+                rectangle(Vec2::new(c.x, b.y), Vec2::new(d.x, c.y), surface, turned);
+            }
+            rectangle(low_2, high_2, Surface::Setts, turned);
         }
     }
     // Rings from the fountain's steps outwards: width, surface, width of a stone.
     let rings = [
         (6.0, 6.9, Surface::Slabs, 0.9),
-        (6.9, 9.2, Surface::Setts, 0.125),
+        (6.9, 7.4, Surface::Basalt, 0.125),
+        (7.4, 9.2, Surface::Setts, 0.125),
         (9.2, 9.8, Surface::Slabs, 0.6),
-        (9.8, 12.4, Surface::Setts, 0.125),
+        (9.8, 10.5, Surface::Basalt, 0.125),
+        (10.5, 11.7, Surface::Setts, 0.125),
+        (11.7, 12.4, Surface::Basalt, 0.125),
         (12.4, 13.2, Surface::Slabs, 0.8),
     ];
     let sectors = 8;
@@ -220,7 +243,11 @@ fn stones(builder: &mut Builder, patch: &Patch, seed: u32, domed: bool) {
     let (joint, bevel, uneven) =
         if patch.surface == Surface::Slabs { (0.006, 0.008, 0.004) } else { (0.007, 0.012, 0.007) };
     let count = columns as usize * rows as usize;
-    builder.reserve(patch.surface, count * if domed { 13 } else { 20 }, count * if domed { 20 } else { 10 });
+    builder.reserve(
+        stone_surface(patch.surface),
+        count * if domed { 13 } else { 20 },
+        count * if domed { 20 } else { 10 },
+    );
     for row in 0..rows {
         for column in 0..columns {
             let corner = |right: u32, up: u32| {
@@ -237,6 +264,15 @@ fn stones(builder: &mut Builder, patch: &Patch, seed: u32, domed: bool) {
             let id = hash(column, row, seed.wrapping_mul(31));
             stone(builder, patch, corners, [joint, bevel, uneven], id, domed);
         }
+    }
+}
+
+/// What single stones of a paving are made of.
+fn stone_surface(paving: Surface) -> Surface {
+    match paving {
+        Surface::Slabs => Surface::SlabStone,
+        Surface::Basalt => Surface::BasaltStone,
+        _ => Surface::SettStone,
     }
 }
 
@@ -261,7 +297,7 @@ fn stone(builder: &mut Builder, patch: &Patch, corners: [Vec2; 4], size: [f32; 3
     // Each stone shows its own part of a plain picture.
     let shift = Vec2::new(hash01(id, 4, 0), hash01(id, 5, 0)) * 4.0;
     let metres = |at: Vec2| if patch.surface == Surface::Slabs { at } else { at * 0.15 + shift };
-    let surface = Surface::Granite;
+    let surface = stone_surface(patch.surface);
     let lower = inset(joint);
     let upper = inset(joint + bevel);
     let bottom = lower.map(|at| Vec3::new(at.x, -BED, at.y));

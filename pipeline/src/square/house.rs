@@ -65,7 +65,9 @@ impl House {
         self.chimney(builder, detail, &mut random);
         let eaves = self.frame.moved(0.0, height, 0.0);
         let rise = 0.44 + 0.06 * random.unit();
-        roof::build(builder, &eaves, [self.width, self.depth], rise, self.roof, self.wall, detail, self.seed)
+        let size = [self.width, self.depth];
+        let roof = roof::Roof { size, rise, kind: self.roof, wall: self.wall, seed: self.seed };
+        roof::build(builder, &eaves, &roof, detail)
     }
 
     fn facade(&self, builder: &mut Builder, detail: Detail, random: &mut Random) {
@@ -127,14 +129,18 @@ impl House {
             openings.extend(super::cafe::openings());
         }
         let size = Vec2::new(self.width, self.height());
+        // Coarse windows and doors lie on the wall: only walks and the cafe break it.
+        let laid = !detail.at_least(if self.hidden() { 2 } else { 1 });
+        if laid {
+            openings.retain(|opening| !doors.contains(opening) && !windows.iter().any(|(window, _)| window == opening));
+        }
         facade::wall(builder, self.wall, &self.frame, size, &openings, arc);
         for (opening, sill) in &windows {
-            if self.hidden() && !detail.at_least(2) {
-                builder.rectangle(Surface::Room, &self.frame, opening.min, opening.max, -0.15);
-                facade::reveal(builder, Surface::Granite, &self.frame, opening, [0.0, -0.15], true, arc);
-                continue;
+            if laid && self.hidden() {
+                builder.rectangle(Surface::Room, &self.frame, opening.min, opening.max, 0.03);
+            } else {
+                opening::window(builder, &self.frame, opening, self.paint, *sill, detail, random);
             }
-            opening::window(builder, &self.frame, opening, self.paint, *sill, detail, random);
         }
         for opening in &doors {
             opening::door(builder, &self.frame, opening, self.paint, detail);
@@ -174,7 +180,7 @@ impl House {
             arches.iter().map(|arch| Opening::new((arch.min.x + arch.max.x) / 2.0, 1.5, 0.14, height - 0.75)).collect();
         facade::wall(builder, Surface::PlasterWhite, &back, Vec2::new(self.width, height - 0.02), &doors, arc);
         for door in &doors {
-            opening::door(builder, &back, door, self.paint, Detail { tier: detail.tier.saturating_sub(1) });
+            opening::door(builder, &back, door, self.paint, detail);
         }
         // The inner face of the front wall, seen from panes that mirror the walk.
         let behind =
@@ -212,7 +218,7 @@ impl House {
             let past = if count == 4 { 0.31 } else { 0.0 };
             facade::moulding(builder, Surface::Granite, &side, [-past, length + past], profile);
         }
-        if self.hidden() {
+        if self.hidden() || !detail.at_least(1) {
             return;
         }
         let mut floor = 0.0;
@@ -252,6 +258,9 @@ impl House {
     }
 
     fn chimney(&self, builder: &mut Builder, detail: Detail, random: &mut Random) {
+        if !detail.at_least(1) && self.hidden() {
+            return;
+        }
         let x = self.width * if random.chance(0.5) { 0.25 } else { 0.72 };
         let base = self.frame.moved(x, self.height(), -self.depth * random.between(0.55, 0.75));
         let (wide, high) = (random.between(0.30, 0.5), 2.6 + random.between(0.0, 0.7));
@@ -265,7 +274,7 @@ impl House {
             at(wide + 0.07, high + 0.1, 0.33),
             Sides::ALL,
         );
-        if detail.at_least(1) && !self.hidden() {
+        if detail.at_least(2) {
             for x in [-wide * 0.5, wide * 0.5] {
                 let pot = base.moved(x, high + 0.1, 0.0);
                 let round = detail.round(8);

@@ -17,6 +17,7 @@ mod math;
 mod mesh;
 mod opening;
 mod paint;
+mod pillory;
 mod roof;
 mod street;
 mod surface;
@@ -24,6 +25,9 @@ mod surface;
 mod tests;
 mod town;
 mod tree;
+mod write;
+
+pub use write::{SCENE_FILE, TEXTURE_FOLDER};
 
 use crate::scene::{Object, Scene, TextureSource};
 use detail::Detail;
@@ -32,7 +36,6 @@ use ground::Paving;
 use mesh::Builder;
 use paint::Picture;
 use roof::Tiling;
-use std::path::PathBuf;
 use street::Placed;
 use surface::Surface;
 
@@ -41,7 +44,7 @@ const FOUNTAIN: Vec2 = Vec2::new(22.0, 3.0);
 /// The way in which the sun's light travels in the projects.
 const SUN: Vec3 = Vec3::new(0.597, -0.390, 0.700);
 /// The number of triangles, about, of the scene that the projects come with.
-pub const SHIPPED_TRIANGLES: u32 = 36_000;
+pub const SHIPPED_TRIANGLES: u32 = 56_000;
 /// The fewest and the most triangles that [`generate`] makes.
 pub const TRIANGLES: std::ops::RangeInclusive<u32> = 10_000..=40_000_000;
 
@@ -61,14 +64,14 @@ pub struct Painting {
 /// A generated square.
 #[derive(Debug, Clone)]
 pub struct Square {
-    /// Geometry and materials. The textures' paths are relative to the folder that the scene is written to.
+    /// Geometry, materials, and the textures as embedded images: it renders without being written.
     pub scene: Scene,
     /// The textures, in the order of [`Scene::textures`].
     pub paintings: Vec<Painting>,
 }
 
 /// Where the trees stand, and which of the three shapes each has.
-const TREES: [(f32, f32, usize); 8] = [
+const TREES: [(f32, f32, usize); 9] = [
     (43.6, -9.0, 0),
     (43.4, 0.0, 1),
     (43.8, 9.0, 2),
@@ -77,6 +80,7 @@ const TREES: [(f32, f32, usize); 8] = [
     (5.6, 19.5, 2),
     (30.5, 27.0, 1),
     (6.0, -4.5, 0),
+    (25.5, -19.0, 2),
 ];
 
 /// Builds the square with about `triangles` triangles (within 15 %), placed ones counted each time; numbers outside
@@ -172,7 +176,11 @@ fn assemble(parts: Vec<Placed>) -> Square {
             Painting { name, width, height, texels: picture.texels() }
         })
         .collect();
-    scene.textures =
-        paintings.iter().map(|painting| TextureSource::File(PathBuf::from("Texturas").join(painting.name))).collect();
+    scene.textures = paintings
+        .iter()
+        .filter_map(|painting| {
+            Some(TextureSource::Embedded { name: painting.name.to_owned(), bytes: painting.png().ok()? })
+        })
+        .collect();
     Square { scene, paintings }
 }

@@ -23,18 +23,28 @@ pub(super) fn window(
     detail: Detail,
     random: &mut Random,
 ) {
-    let bare = !detail.at_least(1);
+    if !detail.at_least(1) {
+        pasted(builder, frame, opening, Surface::Glass);
+        return;
+    }
     let (min, max) = (opening.min, opening.max);
     let arc = detail.curve(8);
-    facade::surround(builder, frame, opening, [0.17, 0.05], bare, arc);
+    facade::surround(builder, frame, opening, [0.17, 0.05], false, arc);
     facade::reveal(builder, Surface::Granite, frame, opening, [0.05, REVEAL], true, arc);
     if sill {
         let (low, high) = (Vec3::new(min.x - 0.22, min.y - 0.13, 0.0), Vec3::new(max.x + 0.22, min.y, 0.13));
-        let sides = if bare { Sides::FRONT.and(Sides::TOP) } else { Sides::ALL.without(Sides::BACK) };
-        builder.cuboid(Surface::Granite, frame, low, high, sides);
+        builder.cuboid(Surface::Granite, frame, low, high, Sides::ALL.without(Sides::BACK));
     }
     glazing(builder, frame, opening, paint, detail);
     room(builder, frame, opening, detail, random);
+}
+
+/// The cheapest opening: stone, a dark ground and `front` laid on an unbroken wall.
+fn pasted(builder: &mut Builder, frame: &Frame, opening: &Opening, front: Surface) {
+    let rim = Vec2::splat(0.16);
+    builder.rectangle(Surface::Granite, frame, opening.min - rim, opening.max + rim, 0.03);
+    builder.rectangle(Surface::Room, frame, opening.min, opening.max, 0.05);
+    builder.rectangle(front, frame, opening.min, opening.max, 0.08);
 }
 
 /// Casements and their pane.
@@ -49,12 +59,10 @@ fn glazing(builder: &mut Builder, frame: &Frame, opening: &Opening, paint: Surfa
     let (edge, upright, level) = (0.07, Sides::LEFT.and(Sides::RIGHT), Sides::TOP.and(Sides::BOTTOM));
     let middle = (min.x + max.x) / 2.0;
     let transom = min.y + size.y * 0.70;
-    if detail.at_least(1) {
-        bar(min, Vec2::new(min.x + edge, max.y), 0.035, upright);
-        bar(Vec2::new(max.x - edge, min.y), max, 0.035, upright);
-        bar(Vec2::new(min.x + edge, min.y), Vec2::new(max.x - edge, min.y + edge), 0.035, level);
-        bar(Vec2::new(min.x + edge, max.y - edge), Vec2::new(max.x - edge, max.y), 0.035, level);
-    }
+    bar(min, Vec2::new(min.x + edge, max.y), 0.035, upright);
+    bar(Vec2::new(max.x - edge, min.y), max, 0.035, upright);
+    bar(Vec2::new(min.x + edge, min.y), Vec2::new(max.x - edge, min.y + edge), 0.035, level);
+    bar(Vec2::new(min.x + edge, max.y - edge), Vec2::new(max.x - edge, max.y), 0.035, level);
     bar(Vec2::new(middle - 0.045, min.y + edge), Vec2::new(middle + 0.045, max.y - edge), 0.045, upright);
     bar(Vec2::new(min.x + edge, transom), Vec2::new(max.x - edge, transom + 0.07), 0.05, level);
     if detail.at_least(2) {
@@ -71,10 +79,6 @@ fn glazing(builder: &mut Builder, frame: &Frame, opening: &Opening, paint: Surfa
 fn room(builder: &mut Builder, frame: &Frame, opening: &Opening, detail: Detail, random: &mut Random) {
     let (min, max) = (opening.min, opening.max);
     let size = opening.size();
-    if !detail.at_least(1) {
-        builder.rectangle(Surface::Room, frame, min, max, REVEAL - 0.02);
-        return;
-    }
     let sides = Sides::ALL.without(Sides::FRONT);
     builder.hollow(Surface::Room, frame, min.extend(REVEAL - 1.6), max.extend(REVEAL), sides);
     let z = REVEAL - 0.04;
@@ -105,10 +109,13 @@ fn folded(builder: &mut Builder, frame: &Frame, [from, to]: [f32; 2], [low, high
 
 /// A door of two panelled leaves under a fanlight, with its granite surround and a step.
 pub(super) fn door(builder: &mut Builder, frame: &Frame, opening: &Opening, paint: Surface, detail: Detail) {
-    let bare = !detail.at_least(1);
+    if !detail.at_least(1) {
+        pasted(builder, frame, opening, paint);
+        return;
+    }
     let (min, max) = (opening.min, opening.max);
     let arc = detail.curve(8);
-    facade::surround(builder, frame, opening, [0.20, 0.06], bare, arc);
+    facade::surround(builder, frame, opening, [0.20, 0.06], false, arc);
     facade::reveal(builder, Surface::Granite, frame, opening, [0.06, REVEAL], true, arc);
     let light = if opening.round { max.y - opening.size().x / 2.0 } else { max.y - 0.45 };
     let back = PANE - 0.03;
@@ -117,9 +124,6 @@ pub(super) fn door(builder: &mut Builder, frame: &Frame, opening: &Opening, pain
     builder.rectangle(Surface::Room, frame, Vec2::new(min.x, light + 0.06), max, REVEAL);
     let rail = Sides::FRONT.and(Sides::TOP).and(Sides::BOTTOM);
     builder.cuboid(paint, frame, Vec3::new(min.x, light, back), Vec3::new(max.x, light + 0.06, back + 0.09), rail);
-    if bare {
-        return;
-    }
     let middle = (min.x + max.x) / 2.0;
     let half = opening.size().x / 2.0;
     let panels = [(0.10, 0.38), (0.44, 0.66), (0.72, 0.94)];
@@ -128,7 +132,8 @@ pub(super) fn door(builder: &mut Builder, frame: &Frame, opening: &Opening, pain
             let height = light - min.y;
             let low = Vec3::new(left + half * 0.16, min.y + height * from, back);
             let high = Vec3::new(left + half * 0.84, min.y + height * to, back + 0.035);
-            builder.cuboid(paint, frame, low, high, Sides::ALL.without(Sides::BACK));
+            let solid = if detail.at_least(2) { Sides::ALL.without(Sides::BACK) } else { Sides::FRONT.and(Sides::TOP) };
+            builder.cuboid(paint, frame, low, high, solid);
         }
     }
     builder.cuboid(
@@ -162,9 +167,13 @@ pub(super) fn balcony(builder: &mut Builder, frame: &Frame, [from, to]: [f32; 2]
     for (y, radius) in [(top, 0.028), (floor + 0.09, 0.016)] {
         let rails =
             [(corner(left, y), corner(right, y)), (wall(left, y), corner(left, y)), (corner(right, y), wall(right, y))];
-        for (a, b) in rails {
+        // Coarse balconies have their front rails alone.
+        for (a, b) in rails.into_iter().take(if detail.at_least(1) { 3 } else { 1 }) {
             builder.tube(Surface::Iron, frame, sides, &[(a, radius), (b, radius)]);
         }
+    }
+    if !detail.at_least(1) {
+        return;
     }
     let spacing = if detail.at_least(2) {
         0.11

@@ -8,7 +8,11 @@ use glam::{Vec2, Vec3};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Picture {
     Setts,
+    Basalt,
     Slabs,
+    SettStone,
+    BasaltStone,
+    SlabStone,
     Granite,
     Ashlar,
     PlasterWhite,
@@ -35,9 +39,13 @@ const fn rgb(red: u8, green: u8, blue: u8) -> Vec3 {
 }
 
 impl Picture {
-    pub(super) const ALL: [Picture; 21] = [
+    pub(super) const ALL: [Picture; 25] = [
         Self::Setts,
+        Self::Basalt,
         Self::Slabs,
+        Self::SettStone,
+        Self::BasaltStone,
+        Self::SlabStone,
         Self::Granite,
         Self::Ashlar,
         Self::PlasterWhite,
@@ -63,7 +71,11 @@ impl Picture {
     pub(super) fn file(self) -> (&'static str, u32, u32) {
         match self {
             Self::Setts => ("calcada.png", 512, 512),
+            Self::Basalt => ("basalto.png", 256, 256),
             Self::Slabs => ("lajes.png", 256, 256),
+            Self::SettStone => ("cubo.png", 64, 64),
+            Self::BasaltStone => ("cubo_basalto.png", 64, 64),
+            Self::SlabStone => ("laje.png", 128, 128),
             Self::Granite => ("granito.png", 256, 256),
             Self::Ashlar => ("cantaria.png", 256, 256),
             Self::PlasterWhite => ("reboco_branco.png", 128, 128),
@@ -106,9 +118,13 @@ impl Picture {
 
     fn color(self, at: Vec2, grain: f32) -> Vec3 {
         match self {
-            Self::Setts => setts(at, grain),
+            Self::Setts => setts(at, grain, 32, SETT),
+            Self::Basalt => setts(at, grain, 16, BASALT),
             Self::Slabs => slabs(at, grain),
-            Self::Granite => granite(at, grain, 0.78),
+            Self::SettStone => stone(at, grain, SETT),
+            Self::BasaltStone => stone(at, grain, BASALT),
+            Self::SlabStone => granite(at, grain, 0.90),
+            Self::Granite => granite(at, grain, 0.80),
             Self::Ashlar => ashlar(at, grain),
             Self::PlasterWhite => plaster(at, grain, rgb(238, 234, 224)),
             Self::PlasterCream => plaster(at, grain, rgb(234, 218, 182)),
@@ -121,8 +137,8 @@ impl Picture {
             Self::Checker => checker(at),
             Self::Bottles => bottles(at),
             Self::Bark => rgb(150, 132, 108) * (0.65 + 0.5 * fractal(at * Vec2::new(16.0, 4.0), 16, 2, 81)),
-            Self::Foliage => foliage(at, rgb(112, 142, 58)),
-            Self::Canopy => foliage(at, rgb(78, 108, 46)),
+            Self::Foliage => foliage(at, rgb(118, 140, 68)),
+            Self::Canopy => foliage(at, rgb(84, 106, 54)),
             Self::Water => rgb(120, 160, 165).lerp(rgb(205, 226, 226), ripple(at)),
             Self::Garden => garden(at, grain),
             Self::Forest => forest(at),
@@ -150,23 +166,31 @@ fn granite(at: Vec2, grain: f32, level: f32) -> Vec3 {
     Vec3::new(1.0, 0.975, 0.93) * (level + 0.16 * (cloud - 0.5) - speck + 0.05 * (grain - 0.5))
 }
 
-/// Setts of 12 cm in courses, each of its own grey, with sand in the joints.
-fn setts(at: Vec2, grain: f32) -> Vec3 {
-    const COURSES: u32 = 32;
-    let wobble = Vec2::new(noise(at * 64.0, 64, 21) - 0.5, noise(at * 64.0, 64, 22) - 0.5) * 0.006;
-    let (column, row, inside) = bond(repeat(at + wobble), COURSES, COURSES, 0.45);
+const SETT: Vec3 = rgb(240, 229, 208);
+const BASALT: Vec3 = rgb(150, 145, 136);
+
+/// A face of rough stone; setts show different parts of it.
+fn stone(at: Vec2, grain: f32, color: Vec3) -> Vec3 {
+    color * (0.84 + 0.24 * fractal(at * 4.0, 4, 3, 27) + 0.06 * (grain - 0.5))
+}
+
+/// Setts of 12 cm in courses, each of its own shade, with sand in the joints.
+fn setts(at: Vec2, grain: f32, courses: u32, color: Vec3) -> Vec3 {
+    let fine = 2 * courses;
+    let wobble = Vec2::new(noise(at * fine as f32, fine, 21) - 0.5, noise(at * fine as f32, fine, 22) - 0.5);
+    let (column, row, inside) = bond(repeat(at + wobble * (0.19 / courses as f32)), courses, courses, 0.45);
     let edge = (inside - Vec2::splat(0.5)).abs().max_element();
     let tone = hash01(column, row, 23);
-    let warm = hash01(column, row, 24);
-    let stone = Vec3::new(1.0, 0.965 - 0.03 * warm, 0.91 - 0.07 * warm) * (0.69 + 0.17 * tone);
-    let worn = stone * (1.04 - 0.5 * edge * edge) + Vec3::splat(0.05 * (grain - 0.5));
-    worn.lerp(rgb(116, 106, 92), smoothstep(0.40, 0.47, edge) * 0.85)
+    let warm = Vec3::new(1.0, 1.0, 1.0 - 0.06 * hash01(column, row, 24));
+    let stone = color * warm * (0.87 + 0.18 * tone);
+    let worn = stone * (1.04 - 0.4 * edge * edge) + Vec3::splat(0.05 * (grain - 0.5));
+    worn.lerp(color * 0.35 + rgb(88, 80, 68) * 0.5, smoothstep(0.40, 0.47, edge) * 0.85)
 }
 
 /// Slabs of 120 by 80 cm in running bond.
 fn slabs(at: Vec2, grain: f32) -> Vec3 {
     let (column, row, inside) = bond(at, 2, 3, 0.5);
-    let tone = 0.80 + 0.07 * (hash01(column, row, 31) - 0.5);
+    let tone = 0.90 + 0.06 * (hash01(column, row, 31) - 0.5);
     let from_edge = (0.5 - (inside - Vec2::splat(0.5)).abs()) * Vec2::new(1.2, 0.8);
     let joint = smoothstep(0.022, 0.008, from_edge.min_element());
     granite(at, grain, tone).lerp(rgb(104, 97, 86), joint)
@@ -277,7 +301,7 @@ fn forest(at: Vec2) -> Vec3 {
     let stand = fractal(at * 5.0, 5, 4, 143);
     let meadow = smoothstep(0.56, 0.62, fractal(at * 4.0, 4, 3, 147));
     let trees = rgb(72, 98, 62).lerp(rgb(108, 122, 72), stand) * (0.62 + 0.62 * crowns);
-    trees.lerp(rgb(158, 164, 98) * (0.92 + 0.16 * stand), meadow)
+    trees.lerp(rgb(136, 147, 88) * (0.92 + 0.16 * stand), meadow)
 }
 
 /// From the horizon (bottom) to the zenith, with soft clouds.
@@ -290,7 +314,8 @@ fn sky(at: Vec2) -> Vec3 {
     let warp = fractal(stretched * 0.5, 4, 3, 151) - 0.5;
     let cover = fractal(stretched + Vec2::splat(1.3 * warp), 8, 5, 155);
     let cloud = smoothstep(0.50, 0.74, cover) * smoothstep(0.98, 0.7, height);
-    clear.lerp(rgb(240, 238, 232), 0.85 * cloud)
+    // Lit at 1.2 by the frontal sun.
+    clear.lerp(rgb(240, 238, 232), 0.85 * cloud) * 0.84
 }
 
 #[cfg(test)]

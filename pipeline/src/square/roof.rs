@@ -159,18 +159,23 @@ pub(super) enum Kind {
     Gable,
 }
 
+/// A roof over a rectangular house.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Roof {
+    /// Width of the facade and depth of the house, metres.
+    pub size: [f32; 2],
+    /// Metres up for a metre inwards; 0.466 is 25 degrees.
+    pub rise: f32,
+    pub kind: Kind,
+    /// What the walls under a gable are made of.
+    pub wall: Surface,
+    pub seed: u32,
+}
+
 /// Adds everything of a roof but its slopes (edges, caps, gable walls), and returns the slopes. `frame` is the left
-/// end of the facade at the height of the eaves; the pitch is 25 degrees for `rise = 0.466`.
-pub(super) fn build(
-    builder: &mut Builder,
-    frame: &Frame,
-    [width, depth]: [f32; 2],
-    rise: f32,
-    kind: Kind,
-    wall: Surface,
-    detail: Detail,
-    seed: u32,
-) -> Vec<Slope> {
+/// end of the facade at the height of the eaves.
+pub(super) fn build(builder: &mut Builder, frame: &Frame, roof: &Roof, detail: Detail) -> Vec<Slope> {
+    let Roof { size: [width, depth], rise, kind, wall, seed } = *roof;
     let side = if kind == Kind::Hip { EAVES } else { 0.0 };
     // Plan of the eaves: x from, to; z back, front.
     let (left, right, back, front) = (-side, width + side, -depth - EAVES, EAVES);
@@ -194,7 +199,11 @@ pub(super) fn build(
     let middle = (front + back) / 2.0;
     let (a, b) = (Vec3::new(ridge_left, ridge, middle), Vec3::new(ridge_right, ridge, middle));
     let round = detail.curve(4).clamp(4, 12);
+    let capped = detail.at_least(1);
     let mut cap = |from: Vec3, to: Vec3| {
+        if !capped {
+            return;
+        }
         builder.tube(Surface::RoofTiles, frame, round, &[(from, 0.10), (to, 0.10)]);
     };
     cap(a, b);

@@ -24,18 +24,32 @@ pub(super) fn build(detail: Detail) -> Vec<Placed> {
             })
             .collect()
     };
-    let mut lamps = around(14.6, 8, 1);
-    lamps.extend([(47.0, -12.0), (47.0, 6.0), (47.0, 24.0), (30.0, 29.0), (2.5, 26.0), (2.5, 4.0)].map(ground));
-    let bollards = around(12.8, 24, 1);
+    let mut lamps = around(14.6, if detail.at_least(1) { 8 } else { 4 }, 1);
+    if detail.at_least(1) {
+        lamps.extend([(47.0, 5.0), (30.0, 29.0), (2.5, 26.0), (28.0, -18.0)].map(ground));
+    }
+    let bollards = around(12.8, if detail.at_least(1) { 16 } else { 8 }, 1);
     let along = [(8.4, 5.0), (8.8, 0.0), (36.6, 8.0), (36.9, 2.0), (36.2, -4.5)].map(ground).to_vec();
     let across = [(18.0, 17.2), (26.0, 17.2)].map(ground).to_vec();
-    let parasols =
-        [(12.0, 24.0), (16.4, 25.6), (20.6, 24.4), (13.6, 28.2), (33.2, 24.6), (37.2, 25.8)].map(ground).to_vec();
+    let parasols = [
+        (12.0, 24.0),
+        (16.4, 25.6),
+        (20.6, 24.4),
+        (13.6, 28.2),
+        (33.2, 24.6),
+        (37.2, 25.8),
+        (7.0, -18.0),
+        (11.2, -19.6),
+        (10.6, -15.4),
+    ]
+    .map(ground)
+    .to_vec();
     vec![
         Placed { name: "lamps", builder: lamp(detail), places: lamps },
         Placed { name: "bollards", builder: bollard(detail), places: bollards },
-        Placed { name: "benches", builder: bench(detail, false), places: along },
-        Placed { name: "benches-across", builder: bench(detail, true), places: across },
+        Placed { name: "benches", builder: bench(false), places: along },
+        Placed { name: "benches-across", builder: bench(true), places: across },
+        Placed { name: "pillory", builder: super::pillory::build(detail), places: vec![ground((18.4, -17.8))] },
         Placed { name: "parasols", builder: parasol(detail), places: parasols },
     ]
 }
@@ -47,8 +61,13 @@ fn ground((x, z): (f32, f32)) -> Vec3 {
 fn lamp(detail: Detail) -> Builder {
     let mut builder = Builder::default();
     let frame = Frame::upright(Vec3::ZERO);
-    let round = detail.round(8);
-    builder.prism(Surface::Granite, &frame, 8, &[(0.30, -0.03), (0.30, 0.22), (0.26, 0.26), (0.1, 0.26)]);
+    let round = detail.curve(6);
+    builder.prism(
+        Surface::Granite,
+        &frame,
+        if detail.at_least(1) { 8 } else { 4 },
+        &[(0.30, -0.03), (0.30, 0.22), (0.26, 0.26), (0.1, 0.26)],
+    );
     builder.turned(
         Surface::Iron,
         &frame,
@@ -67,10 +86,10 @@ fn lamp(detail: Detail) -> Builder {
         4,
         &[(0.25, 3.85), (0.31, 3.86), (0.31, 3.90), (0.16, 4.06), (0.05, 4.12), (0.04, 4.26), (0.0, 4.32)],
     );
-    for edge in 0..4 {
+    for edge in 0..if detail.at_least(1) { 4 } else { 0 } {
         let out = on_circle(2 * edge + 1, 8);
         let at = |radius: f32, height: f32| Vec3::new(out.x * radius, height, out.y * radius);
-        builder.tube(Surface::Iron, &frame, 4, &[(at(0.175, 3.34), 0.018), (at(0.275, 3.88), 0.018)]);
+        builder.tube(Surface::Iron, &frame, 3, &[(at(0.175, 3.34), 0.018), (at(0.275, 3.88), 0.018)]);
     }
     builder
 }
@@ -81,7 +100,7 @@ fn bollard(detail: Detail) -> Builder {
     builder.turned(
         Surface::Granite,
         &frame,
-        detail.round(8),
+        detail.curve(8),
         &[
             &[(0.20, -0.03), (0.20, 0.10)],
             &[(0.15, 0.10), (0.13, 0.52)],
@@ -92,7 +111,7 @@ fn bollard(detail: Detail) -> Builder {
 }
 
 /// A granite bench; its length lies along z, or along x where it stands across.
-fn bench(_detail: Detail, across: bool) -> Builder {
+fn bench(across: bool) -> Builder {
     let mut builder = Builder::default();
     let frame = Frame::facing(Vec3::ZERO, if across { Vec3::Z } else { Vec3::X });
     let at = Vec3::new;
@@ -125,7 +144,7 @@ fn parasol(detail: Detail) -> Builder {
         round,
         &[&[(0.0, 0.70), (0.48, 0.70)], &[(0.48, 0.70), (0.48, 0.74)], &[(0.48, 0.74), (0.03, 0.74)]],
     );
-    for index in 0..4 {
+    for index in 0..if detail.at_least(1) { 4 } else { 0 } {
         let out = on_circle(index, 4);
         let chair = frame.moved(out.x * 0.8, 0.0, out.y * 0.8).turned(out.x, out.y);
         builder.cuboid(Surface::PaintGreen, &chair, at(-0.21, 0.42, -0.2), at(0.21, 0.46, 0.2), Sides::ALL);

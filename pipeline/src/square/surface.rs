@@ -8,7 +8,11 @@ use glam::Vec4;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Surface {
     Setts,
+    Basalt,
     Slabs,
+    SettStone,
+    BasaltStone,
+    SlabStone,
     Granite,
     Ashlar,
     PlasterWhite,
@@ -59,9 +63,13 @@ const fn painted(name: &'static str, picture: Picture, metres: f32) -> Look {
 }
 
 impl Surface {
-    pub(super) const ALL: [Surface; 34] = [
+    pub(super) const ALL: [Surface; 38] = [
         Self::Setts,
+        Self::Basalt,
         Self::Slabs,
+        Self::SettStone,
+        Self::BasaltStone,
+        Self::SlabStone,
         Self::Granite,
         Self::Ashlar,
         Self::PlasterWhite,
@@ -99,7 +107,11 @@ impl Surface {
     fn look(self) -> Look {
         match self {
             Self::Setts => painted("Calcada", Picture::Setts, 4.0),
+            Self::Basalt => painted("Basalto", Picture::Basalt, 2.0),
             Self::Slabs => painted("Lajes", Picture::Slabs, 2.4),
+            Self::SettStone => painted("Cubo", Picture::SettStone, 1.0),
+            Self::BasaltStone => painted("Cubo de basalto", Picture::BasaltStone, 1.0),
+            Self::SlabStone => painted("Laje", Picture::SlabStone, 1.5),
             Self::Granite => painted("Granito", Picture::Granite, 1.5),
             Self::Ashlar => painted("Cantaria", Picture::Ashlar, 1.8),
             Self::PlasterWhite => painted("Reboco branco", Picture::PlasterWhite, 3.7),
@@ -118,7 +130,7 @@ impl Surface {
             Self::Curtain => plain("Cortina", [0.74, 0.71, 0.64]),
             Self::Room => plain("Sala", [0.21, 0.17, 0.14]),
             Self::ShopFloor => painted("Ladrilho", Picture::Checker, 1.2),
-            Self::ShopWall => plain("Parede do cafe", [0.45, 0.34, 0.22]),
+            Self::ShopWall => plain("Parede do cafe", [0.17, 0.12, 0.09]),
             Self::ShopShelf => painted("Garrafas", Picture::Bottles, 1.2),
             Self::Brass => plain("Latao", [0.80, 0.60, 0.25]),
             Self::Bark => painted("Casca", Picture::Bark, 0.9),

@@ -12,7 +12,7 @@ use glam::Vec3;
 /// Left end of the cafe's facade, as seen from the square, and the way its facade faces: along the pane one looks
 /// almost at the fountain, so that the pane mirrors it at a slant.
 pub(super) fn cafe_frame() -> Frame {
-    Frame::facing(Vec3::new(-1.0, 0.0, -15.0), Vec3::new(0.785, 0.0, -0.62))
+    Frame::facing(Vec3::new(-1.0, 0.0, -15.0), Vec3::new(0.7373, 0.0, -0.6756))
 }
 
 /// A house's width, bays, storeys, wall, paint, ground floor, roof and balconies.
@@ -42,6 +42,12 @@ const RIGHT: &[Plan] = &[
     (9.0, 4, &[3.6, 3.1], PlasterWhite, PaintGreen, Home, Gable, &[]),
     (8.0, 3, &[3.5, 3.2, 2.4], PlasterOchre, PaintWhite, Shops, Gable, &[1]),
     (10.4, 4, &[3.6, 3.3], PlasterRose, PaintWhite, Home, Hip, &[]),
+];
+
+const NEAR: &[Plan] = &[
+    (9.6, 4, &[3.6, 3.2], PlasterWhite, PaintGreen, Shops, Gable, &[]),
+    (8.0, 3, &[3.6, 3.2, 2.6], PlasterOchre, PaintWhite, Home, Gable, &[]),
+    (9.2, 4, &[3.6, 3.0], PlasterRose, PaintWhite, Shops, Gable, &[]),
 ];
 
 const CAFE: &[Plan] = &[
@@ -86,7 +92,7 @@ fn square_houses() -> Vec<House> {
 }
 
 /// Houses in the streets behind, seen only above the others.
-fn back_houses() -> Vec<House> {
+fn back_houses(rows: usize) -> Vec<House> {
     let mut random = Random::new(0xbac);
     let walls = [PlasterWhite, PlasterCream, PlasterWhite, PlasterOchre, PlasterRose, PlasterWhite];
     let mut houses = Vec::new();
@@ -107,7 +113,7 @@ fn back_houses() -> Vec<House> {
             seed: (random.unit() * 60_000.0) as u32,
         });
     };
-    for row in 0..4 {
+    for row in 0..rows {
         let z = 53.0 + 15.5 * row as f32;
         for column in 0..8 {
             let x = -14.0 + 15.0 * column as f32 + if row % 2 == 1 { 6.0 } else { 0.0 };
@@ -118,17 +124,11 @@ fn back_houses() -> Vec<House> {
             place(x, z, Vec3::NEG_Z, &mut random);
         }
     }
-    for row in 0..3 {
+    for row in 0..rows {
         for column in 0..4 {
             let (x, z) = (70.0 + 15.5 * row as f32, -30.0 + 15.5 * column as f32);
             place(x, z, Vec3::NEG_X, &mut random);
         }
-    }
-    for column in 0..4 {
-        place(-24.0, -20.0 + 16.0 * column as f32, Vec3::X, &mut random);
-    }
-    for column in 0..5 {
-        place(-12.0 + 15.0 * column as f32, -62.0, Vec3::Z, &mut random);
     }
     houses
 }
@@ -136,7 +136,14 @@ fn back_houses() -> Vec<House> {
 /// Builds all houses and the church but for the slopes of their roofs, which it returns.
 pub(super) fn build(builder: &mut Builder, detail: Detail) -> Vec<Slope> {
     let mut slopes = Vec::new();
-    for house in square_houses().iter().chain(&back_houses()) {
+    for house in square_houses() {
+        slopes.extend(house.build(builder, detail));
+    }
+    // Seen from afar, from behind or over other roofs.
+    for house in row(Vec3::new(16.5, 0.0, -36.5), Vec3::Z, NEAR, 9.0, 5) {
+        slopes.extend(house.build(builder, detail.lower()));
+    }
+    for house in back_houses(if detail.at_least(1) { 3 } else { 2 }) {
         slopes.extend(house.build(builder, detail));
     }
     let church = Frame::facing(Vec3::new(80.0, 0.0, 57.0), Vec3::new(-0.35, 0.0, -1.0));

@@ -40,7 +40,7 @@ impl Tree {
     /// Builds trunk, boughs and crowns.
     pub(super) fn build(&self, builder: &mut Builder, detail: Detail) {
         let frame = Frame::upright(Vec3::ZERO);
-        let round = detail.round(8);
+        let round = detail.round(6);
         let thick = self.height * 0.028;
         let trunk = [
             (Vec3::new(0.0, -0.03, 0.0), thick * 1.7),
@@ -49,7 +49,7 @@ impl Tree {
             (Vec3::new(0.0, self.height * 0.55, 0.0), thick * 0.6),
         ];
         builder.tube(Surface::Bark, &frame, round, &trunk);
-        for clump in &self.clumps[1..] {
+        for clump in &self.clumps[if detail.at_least(1) { 1 } else { self.clumps.len() }..] {
             let fork = Vec3::new(0.03, self.height * 0.33, 0.01);
             let path =
                 [(fork, thick * 0.55), (fork.lerp(clump.center, 0.55), thick * 0.35), (clump.center, thick * 0.12)];
@@ -111,7 +111,7 @@ fn on_sphere(random: &mut Random) -> Vec3 {
 
 /// The dark inside of a clump: a lumpy ellipsoid.
 fn crown(builder: &mut Builder, frame: &Frame, clump: &Clump, detail: Detail, seed: u32) {
-    let (columns, rows) = (detail.round(12), detail.curve(7));
+    let (columns, rows) = (detail.round(8), detail.curve(4));
     builder.grid(Surface::FoliageDark, columns, rows, |column, row| {
         let turn = on_circle(column, columns);
         let (height, radius) = cos_sin(0.5 - 0.5 * f64::from(row) / f64::from(rows));
