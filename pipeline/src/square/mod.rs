@@ -176,11 +176,10 @@ fn assemble(parts: Vec<Placed>) -> Square {
             Painting { name, width, height, texels: picture.texels() }
         })
         .collect();
-    scene.textures = paintings
-        .iter()
-        .filter_map(|painting| {
-            Some(TextureSource::Embedded { name: painting.name.to_owned(), bytes: painting.png().ok()? })
-        })
-        .collect();
+    let embedded = |painting: &Painting| TextureSource::Embedded {
+        name: painting.name.to_owned(),
+        bytes: painting.png().expect("a painting has as many texels as its size says, and memory takes any file"),
+    };
+    scene.textures = paintings.iter().map(embedded).collect();
     Square { scene, paintings }
 }
