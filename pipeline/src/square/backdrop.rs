@@ -57,29 +57,40 @@ fn hills(builder: &mut Builder, detail: Detail) {
             + 3.0 * noise(way * 60.0 + Vec2::splat(128.0), 256, 225);
         let (radius, height) = if row == 0 { (301.0, -1.0) } else { (345.0, height) };
         let plan = FOUNTAIN + way * radius;
-        let normal = Vec3::new(-way.x, 0.25, -way.y).normalize();
+        let normal = Vec3::new(-way.x, 0.7, -way.y).normalize();
         (Vec3::new(plan.x, height, plan.y), normal, Vec2::ZERO)
     });
 }
 
-/// A part of a cylinder, opposite the sun. Its normals all point to the sun: the picture alone gives its brightness.
+/// A flat screen that faces the sun, so that the picture alone gives its brightness, with a wing at each end. Shading
+/// and true normals agree: occlusion rays that leave it never meet it.
 fn sky(builder: &mut Builder, detail: Detail) {
-    let (columns, rows) = (detail.round(32), detail.curve(4));
-    let (radius, bottom, top) = (420.0, -2.0, 400.0);
-    // Just under half a turn: beyond, the sun would shine on the sky's back.
-    let half = 0.238;
-    let facing = {
-        let way = Vec2::new(SUN.x, SUN.z).normalize();
-        (way, Vec2::new(-way.y, way.x))
-    };
-    builder.grid(Surface::Sky, columns, rows, |column, row| {
-        let share = column as f32 / columns as f32;
-        let local = around(f64::from(half * (2.0 * share - 1.0)));
-        let way = facing.0 * local.x + facing.1 * local.y;
-        let plan = FOUNTAIN + way * radius;
-        let height = row as f32 / rows as f32;
-        let position = Vec3::new(plan.x, bottom + (top - bottom) * height, plan.y);
-        // The picture is stretched over the sky once and a half.
-        (position, -SUN.normalize(), Vec2::new(share * 1.5, 0.004 + 0.992 * height))
-    });
+    const AWAY: f32 = 380.0;
+    const HALF: f32 = 610.0;
+    const BOTTOM: f32 = -2.0;
+    const TOP: f32 = 520.0;
+    const WING: f32 = 300.0;
+    let ahead = Vec2::new(SUN.x, SUN.z).normalize();
+    // To the right as seen from the square.
+    let right = Vec2::new(-ahead.y, ahead.x);
+    let (cos, sin) = cos_sin(0.11);
+    let (along, back) = (WING * cos as f32, WING * sin as f32);
+    let corners = [(-HALF - along, AWAY - back), (-HALF, AWAY), (HALF, AWAY), (HALF + along, AWAY - back)];
+    let corners = corners.map(|(side, away)| FOUNTAIN + right * side + ahead * away);
+    let (columns, rows) = (detail.curve(6), detail.curve(3));
+    let mut start = -HALF - WING;
+    for pair in corners.windows(2) {
+        let span = pair[1] - pair[0];
+        let length = span.length();
+        let normal = Vec3::new(span.x, 0.0, span.y).cross(Vec3::Y).normalize();
+        builder.grid(Surface::Sky, columns, rows, |column, row| {
+            let share = column as f32 / columns as f32;
+            let height = row as f32 / rows as f32;
+            let plan = pair[0] + span * share;
+            let position = Vec3::new(plan.x, BOTTOM + (TOP - BOTTOM) * height, plan.y);
+            // Clamped by half a texel: the zenith must not bleed into the horizon.
+            (position, normal, Vec2::new((start + length * share) / 900.0, 0.004 + 0.992 * height))
+        });
+        start += length;
+    }
 }

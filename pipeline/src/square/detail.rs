@@ -11,8 +11,8 @@ pub(super) struct Detail {
 impl Detail {
     pub(super) fn of(triangles: u32) -> Self {
         let tier = match triangles {
-            0..36_000 => 0,
-            25_000..120_000 => 1,
+            0..46_000 => 0,
+            46_000..120_000 => 1,
             120_000..800_000 => 2,
             _ => 3,
         };

@@ -109,10 +109,10 @@ pub fn generate(triangles: u32) -> Square {
 
     // The finest paving and tiles that leave the rest their share; leaves take what remains.
     let paving_cost = |paving: Paving| ground::triangles(paving, coarse);
-    let paving = finest(&Paving::ALL, |paving| paving_cost(paving), left * 4 / 10);
+    let paving = finest(&Paving::ALL, paving_cost, left * 4 / 10);
     left = left.saturating_sub(paving_cost(paving));
     let tiling_cost = |tiling: Tiling| slopes.iter().map(|slope| slope.triangles(tiling)).sum::<usize>();
-    let tiling = finest(&Tiling::ALL, |tiling| tiling_cost(tiling), left * 6 / 10);
+    let tiling = finest(&Tiling::ALL, tiling_cost, left * 6 / 10);
     left = left.saturating_sub(tiling_cost(tiling));
     for slope in &slopes {
         slope.build(&mut houses, tiling);
@@ -176,11 +176,10 @@ fn assemble(parts: Vec<Placed>) -> Square {
             Painting { name, width, height, texels: picture.texels() }
         })
         .collect();
-    scene.textures = paintings
-        .iter()
-        .filter_map(|painting| {
-            Some(TextureSource::Embedded { name: painting.name.to_owned(), bytes: painting.png().ok()? })
-        })
-        .collect();
+    let embedded = |painting: &Painting| TextureSource::Embedded {
+        name: painting.name.to_owned(),
+        bytes: painting.png().expect("a painting has as many texels as its size says, and memory takes any file"),
+    };
+    scene.textures = paintings.iter().map(embedded).collect();
     Square { scene, paintings }
 }

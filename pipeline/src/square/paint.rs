@@ -314,8 +314,8 @@ fn sky(at: Vec2) -> Vec3 {
     let warp = fractal(stretched * 0.5, 4, 3, 151) - 0.5;
     let cover = fractal(stretched + Vec2::splat(1.3 * warp), 8, 5, 155);
     let cloud = smoothstep(0.50, 0.74, cover) * smoothstep(0.98, 0.7, height);
-    // Lit at 1.2 by the frontal sun.
-    clear.lerp(rgb(240, 238, 232), 0.85 * cloud) * 0.84
+    // The frontal sun lights it at 1.13.
+    clear.lerp(rgb(240, 238, 232), 0.85 * cloud) * 0.88
 }
 
 #[cfg(test)]
