@@ -242,10 +242,12 @@ pub struct RayCounts {
     pub reflected: u64,
     /// Refracted.
     pub refracted: u64,
+    /// Occlusion rays that were not traced, because it was certain that nothing is in reach; not in the total.
+    pub certain: u64,
 }
 
 impl RayCounts {
-    /// All of them.
+    /// All that were traced.
     #[must_use]
     pub fn total(self) -> u64 {
         self.shadow + self.occlusion + self.reflected + self.refracted
@@ -258,6 +260,7 @@ impl std::ops::AddAssign for RayCounts {
         self.occlusion += other.occlusion;
         self.reflected += other.reflected;
         self.refracted += other.refracted;
+        self.certain += other.certain;
     }
 }
 

@@ -15,7 +15,9 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// Ambient occlusion of a surface: the share of its cosine-weighted hemisphere that is open within the radius, to the
     /// power of the intensity. 1 where occlusion is off.
     ///
-    /// The hemisphere is the shading normal's. Its part below the triangle is inside the object: blocked, without a ray.
+    /// The hemisphere is the shading normal's. Directions below the triangle would start inside the object: they are
+    /// mirrored at its plane, so that a smooth surface is no darker than a flat one, and an open one is exactly 1. Where
+    /// nothing is in reach above the triangle, no ray is needed.
     pub(super) fn occlusion(
         &self,
         surface: &Surface,
@@ -24,10 +26,17 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         stops: impl FnMut(&Hit) -> bool,
     ) -> f32 {
         let Some(sampler) = &self.occlusion else { return 1.0 };
-        sampler.directions(key, surface.normal, &mut work.directions);
-        work.directions.retain(|direction| direction.dot(surface.facing) > 0.0);
-        work.rays.occlusion += work.directions.len() as u64;
         let origin = surface.origin(surface.facing);
+        if self.tracer.clear_above(origin, surface.facing, self.job.params.radius) {
+            work.rays.certain += u64::from(sampler.samples());
+            return 1.0;
+        }
+        sampler.directions(key, surface.normal, &mut work.directions);
+        for direction in &mut work.directions {
+            let below = direction.dot(surface.facing).min(0.0);
+            *direction -= 2.0 * below * surface.facing;
+        }
+        work.rays.occlusion += work.directions.len() as u64;
         let open = self.tracer.count_open(origin, 0.0, self.job.params.radius, &work.directions, stops);
         (open as f32 / sampler.samples() as f32).powf(self.job.params.intensity)
     }

@@ -1,6 +1,7 @@
 //! Blocks of up to eight triangles and the watertight test of one ray against all of them.
 
 use super::Hit;
+use super::clear::Plane;
 use super::lanes::{F8, LANES, Mask, NO_LANES, Simd, first_lane, without_first};
 use super::query::Query;
 use glam::Vec3;
@@ -57,6 +58,17 @@ impl Block {
             outside = simd.max_or(simd.max_or(above, below), outside);
         }
         simd.at_most(outside, zero)
+    }
+
+    /// The lanes whose triangles are certainly met by no ray that leaves to the near side of a plane.
+    #[inline(always)]
+    pub(super) fn behind<S: Simd>(&self, simd: S, plane: Plane) -> Mask {
+        let mut lanes = !NO_LANES;
+        for corner in &self.corners {
+            let position = [0, 1, 2].map(|axis| simd.load(&corner[axis]));
+            lanes &= plane.behind(simd, position, position);
+        }
+        lanes
     }
 
     /// One corner of all triangles as the ray sees it: sheared, and the distance along the main axis.

@@ -2,6 +2,7 @@
 
 use super::block::{Block, TRANSPARENT};
 use super::build::{self, Effort, Input};
+use super::clear::{ClearAbove, Plane};
 use super::dispatch::{Detected, Lanes, Work};
 use super::gather::CountOpen;
 use super::lanes::{NO_LANES, Simd, first_lane, without_first};
@@ -128,6 +129,10 @@ impl Tracer for Bvh {
 
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool {
         self.lanes.run(Occluded { bvh: self, ray, accept })
+    }
+
+    fn clear_above(&self, origin: Vec3, normal: Vec3, t_max: f32) -> bool {
+        self.lanes.run(ClearAbove { bvh: self, plane: Plane { origin, normal }, t_max })
     }
 
     fn count_open(

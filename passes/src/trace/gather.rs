@@ -4,7 +4,7 @@ use super::block::Block;
 use super::bvh::{Bvh, blocked, occluded};
 use super::dispatch::Work;
 use super::lanes::{LANES, Mask, NO_LANES, Simd, first_lane, without_first};
-use super::node::{Child, Node};
+use super::node::Child;
 use super::query::{Query, UNIT_ROUNDOFF};
 use super::stack::Stack;
 use super::{Hit, Ray};
@@ -97,7 +97,7 @@ impl<A> CountOpen<'_, A> {
                 sources += 1;
             } else {
                 let node = &self.bvh.nodes[current.index()];
-                let mut lanes = overlapping(simd, node, &low, &high);
+                let mut lanes = node.overlapping(simd, &low, &high);
                 if lanes.count_ones() == 1 && current == *entry {
                     *entry = node.children[first_lane(lanes)];
                 }
@@ -130,17 +130,4 @@ impl<A> CountOpen<'_, A> {
         }
         count.div_ceil(LANES)
     }
-}
-
-/// The children whose bounds meet a box.
-#[inline(always)]
-fn overlapping<S: Simd>(simd: S, node: &Node, low: &[f32; 3], high: &[f32; 3]) -> Mask {
-    let zero = simd.splat(0.0);
-    let mut outside = zero;
-    for axis in 0..3 {
-        let above = simd.sub(simd.load(&node.planes[0][axis]), simd.splat(high[axis]));
-        let below = simd.sub(simd.splat(low[axis]), simd.load(&node.planes[1][axis]));
-        outside = simd.max_or(simd.max_or(above, below), outside);
-    }
-    simd.at_most(outside, zero)
 }

@@ -10,6 +10,7 @@ mod block;
 mod brute;
 mod build;
 mod bvh;
+mod clear;
 mod dispatch;
 mod gather;
 mod lanes;
@@ -69,6 +70,13 @@ pub trait Tracer: Sync {
 
     /// Whether any accepted hit exists; the order of the search is free.
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool;
+
+    /// Whether it is certain that no ray from `origin` into the half space of `normal` (a unit vector) meets a triangle
+    /// within `t_max`. False says nothing: a tracer may always answer so.
+    fn clear_above(&self, origin: Vec3, normal: Vec3, t_max: f32) -> bool {
+        let _ = (origin, normal, t_max);
+        false
+    }
 
     /// How many of `directions` are not blocked within `t_max` of `origin`: many rays from one origin.
     ///

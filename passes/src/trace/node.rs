@@ -1,6 +1,6 @@
 //! Nodes of the wide tree.
 
-use super::lanes::{F8, LANES};
+use super::lanes::{F8, LANES, Mask, Simd};
 use super::query::Bounds;
 
 /// Where a child is: a node index, or with the top bit a block index, or [`Child::NONE`].
@@ -48,6 +48,19 @@ impl Node {
         planes: [[F8([f32::INFINITY; LANES]); 3], [F8([f32::NEG_INFINITY; LANES]); 3]],
         children: [Child::NONE; LANES],
     };
+
+    /// The children whose bounds meet a box.
+    #[inline(always)]
+    pub(super) fn overlapping<S: Simd>(&self, simd: S, low: &[f32; 3], high: &[f32; 3]) -> Mask {
+        let zero = simd.splat(0.0);
+        let mut outside = zero;
+        for axis in 0..3 {
+            let above = simd.sub(simd.load(&self.planes[0][axis]), simd.splat(high[axis]));
+            let below = simd.sub(simd.splat(low[axis]), simd.load(&self.planes[1][axis]));
+            outside = simd.max_or(simd.max_or(above, below), outside);
+        }
+        simd.at_most(outside, zero)
+    }
 
     /// Puts a child into a lane.
     pub(super) fn set(&mut self, lane: usize, bounds: Bounds, child: Child) {

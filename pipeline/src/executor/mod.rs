@@ -335,6 +335,7 @@ fn by_kind(rays: RayCounts) -> String {
         (rays.occlusion, "occlusion"),
         (rays.reflected, "reflected"),
         (rays.refracted, "refracted"),
+        (rays.certain, "occlusion certain without"),
     ];
     let traced: Vec<String> =
         kinds.iter().filter(|(count, _)| *count > 0).map(|(count, kind)| format!("{count} {kind}")).collect();

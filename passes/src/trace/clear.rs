@@ -1,0 +1,105 @@
+//! The cheapest answer about many short rays: that nothing is in reach of any of them.
+
+use super::bvh::Bvh;
+use super::dispatch::Work;
+use super::lanes::{Mask, NO_LANES, Simd, first_lane, without_first};
+use super::node::Child;
+use super::query::UNIT_ROUNDOFF;
+use super::stack::Stack;
+use glam::Vec3;
+
+/// Nodes and blocks looked into at most before giving up: rays are traced instead, which is never wrong.
+const VISITS: usize = 32;
+
+/// A plane through the common origin of rays that all leave to the side of its normal.
+///
+/// Such a ray meets only points on that side, so a triangle with all corners on the other is met by none. This is how
+/// the floor that an occlusion ray starts from, and all that is flush with it, drop out exactly.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plane {
+    pub(super) origin: Vec3,
+    pub(super) normal: Vec3,
+}
+
+impl Plane {
+    /// The lanes whose points are certainly all on the far side, or on the plane. `low` and `high` are bounds of each
+    /// lane's points by axis.
+    ///
+    /// The sum is compared with its own rounding error: four operations deep, each off by at most half an ulp of a term.
+    #[inline(always)]
+    pub(super) fn behind<S: Simd>(&self, simd: S, low: [S::Vector; 3], high: [S::Vector; 3]) -> Mask {
+        let mut least = simd.splat(0.0);
+        for axis in 0..3 {
+            let (origin, normal) = (simd.splat(self.origin[axis]), simd.splat(self.normal[axis]));
+            let a = simd.mul(simd.sub(low[axis], origin), normal);
+            let b = simd.mul(simd.sub(high[axis], origin), normal);
+            let most = simd.max_or(a, b);
+            let size = simd.max_or(simd.max_or(a, b), simd.sub(simd.splat(0.0), simd.min_or(a, b)));
+            let bound = simd.sub(simd.mul(size, simd.splat(-8.0 * UNIT_ROUNDOFF)), most);
+            // `least` gathers minus the upper bound: subtracting its negative adds.
+            least = simd.sub(least, simd.sub(simd.splat(0.0), bound));
+        }
+        simd.at_most(simd.splat(0.0), least)
+    }
+}
+
+/// See [`Tracer::clear_above`](super::Tracer::clear_above).
+pub(super) struct ClearAbove<'a> {
+    pub(super) bvh: &'a Bvh,
+    pub(super) plane: Plane,
+    pub(super) t_max: f32,
+}
+
+impl Work<bool> for ClearAbove<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> bool {
+        let Some((low, high)) = half_ball(self.plane, self.t_max) else { return false };
+        let mut stack = Stack::new();
+        let mut current = self.bvh.root;
+        if current == Child::NONE {
+            return true;
+        }
+        for _ in 0..VISITS {
+            if current.is_block() {
+                let block = &self.bvh.blocks[current.index()];
+                let near = block.overlapping(simd, &low, &high);
+                if near != NO_LANES && near & !block.behind(simd, self.plane) != NO_LANES {
+                    return false;
+                }
+            } else {
+                let node = &self.bvh.nodes[current.index()];
+                let mut lanes = node.overlapping(simd, &low, &high);
+                if lanes != NO_LANES {
+                    let load = |side: usize| [0, 1, 2].map(|axis| simd.load(&node.planes[side][axis]));
+                    lanes &= !self.plane.behind(simd, load(0), load(1));
+                }
+                while lanes != NO_LANES {
+                    stack.push(u64::from(node.children[first_lane(lanes)].0));
+                    lanes = without_first(lanes);
+                }
+            }
+            match stack.pop() {
+                Some(entry) => current = Child(entry as u32),
+                None => return true,
+            }
+        }
+        false
+    }
+}
+
+/// The box around the half of a ball on the near side of a plane through its centre, grown by more than the rounding of
+/// a ray's end; nothing where it overflows.
+fn half_ball(plane: Plane, radius: f32) -> Option<([f32; 3], [f32; 3])> {
+    let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+    for axis in 0..3 {
+        let (origin, normal) = (plane.origin[axis], plane.normal[axis]);
+        // The farthest point of the half ball against the normal lies on its rim.
+        let rim = (1.0 - normal * normal).max(0.0).sqrt() + 4.0 * UNIT_ROUNDOFF.sqrt();
+        let (back, front) = if normal >= 0.0 { (rim.min(1.0), 1.0) } else { (1.0, rim.min(1.0)) };
+        let pad = (radius + origin.abs()) * (32.0 * UNIT_ROUNDOFF);
+        low[axis] = origin - radius * back - pad;
+        high[axis] = origin + radius * front + pad;
+    }
+    let finite = low.iter().chain(&high).all(|value| value.is_finite());
+    finite.then_some((low, high))
+}
