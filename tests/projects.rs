@@ -4,9 +4,7 @@
 //! acceleration structure, so they share the effects' code but neither the hierarchy nor the f32 intersection. Update
 //! them with `CURITIBA_UPDATE_GOLDEN=1 cargo test --release --test projects` and look at every picture.
 
-use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::cpu::{self, CpuRays};
-use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::trace::BruteForce;
 use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
@@ -15,6 +13,7 @@ use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::{Fidelity, RayProgram};
 use curitiba::pipeline::project;
+use curitiba::pipeline::scene::RenderScene;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

@@ -3,6 +3,7 @@ use crate::effects::testing::{Shot, World, grid};
 use crate::sampling::hash::{pcg4d, unit};
 use crate::trace::{Bvh, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayCounts, RayJob, Shade};
+use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram, Sampler};
@@ -48,14 +49,14 @@ fn params() -> RayParams {
 fn backend(world: &World) -> (CpuRays, Arc<RenderScene>) {
     let scene = Arc::new(world.scene.clone());
     let mut backend = CpuRays::new();
-    let stats = backend.build(&scene, &world.shades).expect("enough memory");
+    let stats = backend.build(&scene, &vec![true; world.shades.len()]).expect("enough memory");
     assert!(stats.bytes > 0 && stats.nodes > 0);
     (backend, scene)
 }
 
 fn run(backend: &mut CpuRays, job: &RayJob<'_>) -> (Vec<[f32; 4]>, RayCounts) {
     let mut output = Image::filled(job.width, job.height, [f32::NAN; 4]);
-    let stats = backend.run(job, &mut output).expect("a complete job");
+    let stats = backend.run(job, &mut output, &Progress::default()).expect("a complete job");
     (output.pixels, stats.rays)
 }
 
@@ -140,7 +141,7 @@ fn empty_images_and_scenes_are_no_error() {
 /// The reason why a job is refused.
 fn refusal(backend: &mut CpuRays, job: &RayJob<'_>) -> String {
     let mut output = Image::filled(job.width, job.height, [0.0; 4]);
-    match backend.run(job, &mut output) {
+    match backend.run(job, &mut output, &Progress::default()) {
         Err(BackendError::Unsupported { backend: "cpu", what, why }) => format!("{what}: {why}"),
         other => panic!("not refused: {other:?}"),
     }
@@ -179,9 +180,9 @@ fn incomplete_jobs_are_refused_with_what_is_missing() {
     refused(RayJob { shades: &shades, ..complete }, "material `material 0` has a texture that was not loaded");
 
     let mut output = Image::filled(36, 37, [0.0; 4]);
-    let error = backend.run(&complete, &mut output).expect_err("another size");
+    let error = backend.run(&complete, &mut output, &Progress::default()).expect_err("another size");
     assert!(error.to_string().contains("the output is 36 x 37"), "{error}");
-    assert!(backend.run(&job(RayProgram::Dummy, Corrected), &mut output).is_err());
+    assert!(backend.run(&job(RayProgram::Dummy, Corrected), &mut output, &Progress::default()).is_err());
 }
 
 #[test]
@@ -199,7 +200,7 @@ fn scenes_without_the_attributes_that_hits_read_are_refused() {
     let mut flat = world.scene.clone();
     flat.geometry.normals.clear();
     let flat = Arc::new(flat);
-    bare.build(&flat, &world.shades).expect("enough memory");
+    bare.build(&flat, &vec![true; world.shades.len()]).expect("enough memory");
     let refused = refusal(&mut bare, &RayJob { scene: &flat, ..shot.job(RayProgram::Reflection, Thesis, params()) });
     assert!(refused.contains("vertex normals"), "{refused}");
 }

@@ -103,3 +103,95 @@ fn half_ball(plane: Plane, radius: f32) -> Option<([f32; 3], [f32; 3])> {
     let finite = low.iter().chain(&high).all(|value| value.is_finite());
     finite.then_some((low, high))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::trace::{Bvh, Quality, Ray, Tracer};
+    use curitiba_pipeline::scene::{Batch, Geometry};
+    use glam::Vec3;
+
+    fn scene(corners: &[[Vec3; 3]]) -> Bvh {
+        let count = corners.len() as u32;
+        let geometry = Geometry {
+            positions: corners.iter().flatten().copied().collect(),
+            triangles: (0..count).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect(),
+            batches: vec![Batch { material: 0, first: 0, count }],
+            ..Geometry::default()
+        };
+        Bvh::build(&geometry, &[], Quality::Balanced)
+    }
+
+    /// A floor of two triangles at a height, as large as a town.
+    fn floor(height: f32) -> Vec<[Vec3; 3]> {
+        let at = |x: f32, z: f32| Vec3::new(x, height, z);
+        let [a, b, c, d] = [at(-300.0, -300.0), at(300.0, -300.0), at(300.0, 300.0), at(-300.0, 300.0)];
+        vec![[a, b, c], [a, c, d]]
+    }
+
+    struct Random(u64);
+
+    impl Random {
+        fn signed(&mut self) -> f32 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 40) as f32 / 8_388_608.0 - 1.0
+        }
+
+        fn direction(&mut self) -> Vec3 {
+            loop {
+                let vector = Vec3::new(self.signed(), self.signed(), self.signed());
+                if (0.01..1.0).contains(&vector.length_squared()) {
+                    return vector.normalize();
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_floor_is_clear_above_and_not_below() {
+        for height in [0.0, 1.0, 1e4] {
+            let bvh = scene(&floor(height));
+            let origin = Vec3::new(12.3, height + height.abs().max(1.0) * 1e-6, -7.7);
+            assert!(bvh.clear_above(origin, Vec3::Y, 0.5), "above the floor at {height}");
+            assert!(!bvh.clear_above(origin, Vec3::NEG_Y, 0.5), "below, the floor at {height} is in the way");
+        }
+    }
+
+    #[test]
+    fn something_in_reach_is_never_overlooked() {
+        let ceiling = |gap: f32| scene(&[floor(0.0), floor(gap)].concat());
+        let origin = Vec3::new(3.0, 1e-4, 5.0);
+        assert!(!ceiling(0.499).clear_above(origin, Vec3::Y, 0.5));
+        assert!(ceiling(0.502).clear_above(origin, Vec3::Y, 0.5));
+    }
+
+    #[test]
+    fn where_it_is_clear_no_ray_is_blocked() {
+        let mut random = Random(5);
+        let (mut clear, mut blocked) = (0, 0);
+        for _ in 0..60 {
+            let soup: Vec<[Vec3; 3]> = (0..40)
+                .map(|_| {
+                    let center = Vec3::new(random.signed(), random.signed(), random.signed()) * 4.0;
+                    [0, 1, 2].map(|_| center + random.direction() * 0.4)
+                })
+                .collect();
+            let bvh = scene(&soup);
+            for _ in 0..100 {
+                let origin = Vec3::new(random.signed(), random.signed(), random.signed()) * 4.0;
+                let normal = random.direction();
+                let certain = bvh.clear_above(origin, normal, 0.5);
+                clear += u32::from(certain);
+                for _ in 0..20 {
+                    let mut direction = random.direction();
+                    if direction.dot(normal) < 0.0 {
+                        direction = -direction;
+                    }
+                    let hit = bvh.occluded(&Ray { origin, direction, t_min: 0.0, t_max: 0.5 }, |_| true);
+                    assert!(!(certain && hit), "a ray from {origin} along {direction} is blocked");
+                    blocked += u32::from(hit);
+                }
+            }
+        }
+        assert!(clear > 500 && blocked > 500, "the test saw both: {clear} clear origins, {blocked} blocked rays");
+    }
+}

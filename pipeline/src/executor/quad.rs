@@ -20,7 +20,7 @@ pub(super) fn fill<'a>(
     match source {
         QuadSource::Show(shown) => {
             let read = reader(channel(shown), viewport);
-            rows(pixels, width, viewport, |x, y| read(x, y));
+            rows(pixels, width, viewport, read);
         }
         QuadSource::Combine { color, factor } => {
             let (color, factor) = (reader(channel(color), viewport), reader(channel(factor), viewport));

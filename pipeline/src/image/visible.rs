@@ -9,7 +9,7 @@ pub enum Content {
     Color,
     /// World positions, shown as their place in the box around them.
     Position,
-    /// Unit vectors, shown as `0.5 * n + 0.5`.
+    /// Unit vectors, shown as `(n + 1) / 2`.
     Normal,
 }
 
@@ -17,9 +17,9 @@ pub enum Content {
 #[must_use]
 pub fn make_visible(image: &Image, content: Content) -> Image {
     let covered = |pixel: &[f32; 4]| pixel.iter().any(|value| *value != 0.0);
-    let map: Box<dyn Fn(&[f32; 4]) -> [f32; 4]> = match content {
+    let (low, size) = match content {
         Content::Color => return image.clone(),
-        Content::Normal => Box::new(|pixel| [0, 1, 2, 3].map(|i| if i < 3 { pixel[i] * 0.5 + 0.5 } else { 1.0 })),
+        Content::Normal => ([-1.0; 3], [2.0; 3]),
         Content::Position => {
             let mut low = [f32::INFINITY; 3];
             let mut high = [f32::NEG_INFINITY; 3];
@@ -31,12 +31,10 @@ pub fn make_visible(image: &Image, content: Content) -> Image {
                     }
                 }
             }
-            Box::new(move |pixel| {
-                [0, 1, 2, 3]
-                    .map(|i| if i < 3 { (pixel[i] - low[i]) / (high[i] - low[i]).max(f32::MIN_POSITIVE) } else { 1.0 })
-            })
+            (low, [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(f32::MIN_POSITIVE)))
         }
     };
+    let map = |pixel: &[f32; 4]| [0, 1, 2, 3].map(|i| if i < 3 { (pixel[i] - low[i]) / size[i] } else { 1.0 });
     let shown = |pixel: &[f32; 4]| if covered(pixel) { map(pixel) } else { [0.0, 0.0, 0.0, 1.0] };
     Image { width: image.width, height: image.height, pixels: image.pixels.iter().map(shown).collect() }
 }
