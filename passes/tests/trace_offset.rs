@@ -173,7 +173,8 @@ fn a_point_outside_its_triangle_comes_to_the_edge_and_degenerate_triangles_give_
     let scene = geometry(&[(0, vec![[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::ONE; 3]])]);
     let point = SurfacePoint::snap(&scene, 0, Vec3::new(0.25, 0.5, 0.01));
     assert!((point.position - Vec3::new(0.25, 0.5, 0.0)).length() < 1e-7);
-    assert_eq!((point.normal, point.error), (Vec3::Z, 0.0));
+    // The plane holds the origin's coordinates; half the 0.75 to the farthest corner is left.
+    assert_eq!((point.normal, point.error), (Vec3::Z, 0.375 / 16_777_216.0));
     let outside = SurfacePoint::snap(&scene, 0, Vec3::new(2.0, 2.0, 0.0)).position;
     assert!((outside - Vec3::new(0.5, 0.5, 0.0)).length() < 1e-6, "{outside}");
     assert_eq!(SurfacePoint::snap(&scene, 0, Vec3::new(-1.0, -2.0, 3.0)).position, Vec3::ZERO);

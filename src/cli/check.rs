@@ -16,39 +16,33 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     let mut warnings = plan.project.problems.0.len();
     let max_bytes = plan.settings.max_memory;
     for declared in &plan.project.scenes {
-        let files: Vec<_> = declared.files.iter().map(|file| file.path.clone()).collect();
-        let built =
-            scene::load(&files, &LoadOptions { needs: plan.needs, max_bytes }, &|_| {}).and_then(|mut loaded| {
+        for file in &declared.files {
+            // Each by itself, so that one that is wrong does not hide the others.
+            let options = LoadOptions { needs: plan.needs, max_bytes };
+            let built = scene::load(std::slice::from_ref(&file.path), &options, &|_| {}).and_then(|mut loaded| {
                 let mut found = std::mem::take(&mut loaded.warnings);
-                let options = BuildOptions {
-                    needs: plan.needs,
-                    model_space_normals: false,
-                    swap_yz: declared.swap_yz,
-                    unitize: declared.unitize,
-                    max_bytes,
-                };
+                let options = BuildOptions { needs: plan.needs, max_bytes, ..BuildOptions::default() };
                 let (built, more) = RenderScene::build(loaded, &options)?;
                 found.append(more);
                 Ok((built, found))
             });
-        match built {
-            Ok((built, found)) => {
-                print_warnings(&found);
-                warnings += found.groups().len();
-                let triangles = built.geometry.triangles.len();
-                anstream::println!(
-                    "scene `{}`: {triangles} triangles, {} materials",
-                    declared.name,
-                    built.materials.len()
-                );
+            match built {
+                Ok((built, found)) => {
+                    print_warnings(&found);
+                    warnings += found.groups().len();
+                    let (triangles, materials) = (built.geometry.triangles.len(), built.materials.len());
+                    crate::say!("{}: {triangles} triangles, {materials} materials", file.path.display());
+                }
+                Err(error) => failures.push(format!("{}: {error}", file.place)),
             }
-            Err(error) => failures.push(format!("{}: {error}", declared.files.first().map_or("", |file| &file.place))),
         }
     }
     if !failures.is_empty() {
-        return Err(Failure::Input(failures.join("\nerror: ")));
+        let count = failures.len();
+        let files = if count == 1 { "scene file is" } else { "scene files are" };
+        return Err(Failure::Input(format!("{}\n{count} {files} wrong", failures.join("\nerror: "))));
     }
     let passes = plan.passes.len();
-    anstream::println!("{}: ok, {passes} passes run, {warnings} notes and warnings", args.path.display());
+    crate::say!("{}: ok, passes that run: {passes}, notes and warnings: {warnings}", args.path.display());
     Ok(())
 }

@@ -66,7 +66,7 @@ impl From<OpenError> for Failure {
 impl From<RenderError> for Failure {
     fn from(error: RenderError) -> Self {
         match error {
-            RenderError::Scene(error) => error.into(),
+            error @ RenderError::Scene { .. } => Self::Input(error.to_string()),
             error @ (RenderError::Pass { .. } | RenderError::Memory { .. }) => Self::work(error),
         }
     }
@@ -103,11 +103,7 @@ pub fn print_problems(problems: &Problems) {
     let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
     if errors > 0 {
         let plural = |count: usize| if count == 1 { "" } else { "s" };
-        anstream::eprintln!(
-            "{errors} error{}, {warnings} warning{}; nothing was rendered",
-            plural(errors),
-            plural(warnings)
-        );
+        anstream::eprintln!("{errors} error{}, {warnings} warning{}", plural(errors), plural(warnings));
     }
 }
 

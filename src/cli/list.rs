@@ -30,50 +30,50 @@ pub fn run(program: Option<&str>) -> Result<(), Failure> {
 
 fn all() {
     let rays = CpuRays::new();
-    anstream::println!("{HEADER}ray programs (class=\"optix\" or \"rt\"){HEADER:#}");
+    crate::say!("{HEADER}ray programs (class=\"optix\" or \"rt\"){HEADER:#}");
     for info in RAY_PROGRAMS {
-        anstream::println!("  {:16} {}", info.stem, info.about);
+        crate::say!("  {:16} {}", info.stem, info.about);
     }
-    anstream::println!("\n{HEADER}parameters (attributes of the pass, or --set PASS.NAME=VALUE){HEADER:#}");
+    crate::say!("\n{HEADER}parameters (attributes of the pass, or --set PASS.NAME=VALUE){HEADER:#}");
     let defaults = RayParams::default();
     for param in PARAMS {
         let readers: Vec<&str> =
             RAY_PROGRAMS.iter().filter(|info| info.params.contains(&param.name)).map(|info| info.stem).collect();
-        anstream::println!(
+        crate::say!(
             "  {:16} {} [default: {}; valid: {}]",
             param.name,
             param.about,
             defaults.get(param.name),
             param.valid
         );
-        anstream::println!("  {:16} read by {}", "", readers.join(", "));
+        crate::say!("  {:16} read by {}", "", readers.join(", "));
     }
-    anstream::println!("\n{HEADER}raster programs (class=\"default\", by the stem of the ps file){HEADER:#}");
+    crate::say!("\n{HEADER}raster programs (class=\"default\", by the stem of the ps file){HEADER:#}");
     for info in RASTER_PROGRAMS {
-        anstream::println!("  {:16} {}", info.stem, info.about);
+        crate::say!("  {:16} {}", info.stem, info.about);
     }
-    anstream::println!("\n{HEADER}quad programs (class=\"quad\"){HEADER:#}");
-    anstream::println!("  {:16} one texture, as named by <texture>", "(none)");
+    crate::say!("\n{HEADER}quad programs (class=\"quad\"){HEADER:#}");
+    crate::say!("  {:16} one texture, as named by <texture>", "(none)");
     for info in QUAD_PROGRAMS {
-        anstream::println!("  {:16} {}", info.stem, info.about);
+        crate::say!("  {:16} {}", info.stem, info.about);
     }
-    anstream::println!("\n{HEADER}rasterisers (--raster){HEADER:#}");
-    anstream::println!("  {:16} {}", "cpu", CpuRasteriser::new().device());
+    crate::say!("\n{HEADER}rasterisers (--raster){HEADER:#}");
+    crate::say!("  {:16} {}", "cpu", CpuRasteriser::new().device());
     let found = adapters();
     for adapter in &found {
-        anstream::println!("  {:16} {adapter}", "wgpu");
+        crate::say!("  {:16} {adapter}", "wgpu");
     }
     if found.is_empty() {
-        anstream::println!("  {:16} no adapter: this machine has no Vulkan, Metal or DX12 driver", "wgpu");
+        crate::say!("  {:16} no adapter: this machine has no Vulkan, Metal or DX12 driver", "wgpu");
     }
-    anstream::println!("\n{HEADER}ray backends (--backend), program by program{HEADER:#}");
-    anstream::println!("  {:16} {}", rays.name(), rays.device());
+    crate::say!("\n{HEADER}ray backends (--backend), program by program{HEADER:#}");
+    crate::say!("  {:16} {}", rays.name(), rays.device());
     for info in RAY_PROGRAMS {
         let verdict = |fidelity| match rays.supports(info.program, fidelity) {
             Ok(()) => "yes".to_owned(),
             Err(error) => error.to_string(),
         };
-        anstream::println!(
+        crate::say!(
             "    {:14} corrected: {}, thesis: {}",
             info.stem,
             verdict(Fidelity::Corrected),
@@ -84,14 +84,14 @@ fn all() {
 
 fn one(info: &RayProgramInfo) {
     let list = |names: &[&str]| if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
-    anstream::println!("{HEADER}{}{HEADER:#}: {}", info.stem, info.about);
-    anstream::println!("  buffers              {}", list(info.buffers));
-    anstream::println!("  vertex attributes    {}", list(info.vertex_attributes));
-    anstream::println!("  material attributes  {}", list(info.material_attributes));
-    anstream::println!("  global attributes    {}", list(info.globals));
+    crate::say!("{HEADER}{}{HEADER:#}: {}", info.stem, info.about);
+    crate::say!("  buffers              {}", list(info.buffers));
+    crate::say!("  vertex attributes    {}", list(info.vertex_attributes));
+    crate::say!("  material attributes  {}", list(info.material_attributes));
+    crate::say!("  global attributes    {}", list(info.globals));
     let defaults = RayParams::default();
     for param in PARAMS.iter().filter(|param| info.params.contains(&param.name)) {
-        anstream::println!(
+        crate::say!(
             "  {:20} {} [default: {}; valid: {}]",
             param.name,
             param.about,
@@ -99,7 +99,7 @@ fn one(info: &RayProgramInfo) {
             param.valid
         );
     }
-    anstream::println!("\n{}", snippet(info));
+    crate::say!("\n{}", snippet(info));
 }
 
 /// A pass to paste into a project.

@@ -14,6 +14,25 @@ pub use failure::Failure;
 
 use curitiba::pipeline::diagnostic::Warnings;
 
+/// Prints a line to the output stream, with colours only where it is a terminal.
+///
+/// A closed pipe ends the program quietly, as `head` expects; a full disk ends it with a message.
+#[macro_export]
+macro_rules! say {
+    ($($argument:tt)*) => { $crate::cli::print_line(format_args!($($argument)*)) };
+}
+
+/// See [`say!`].
+pub fn print_line(line: std::fmt::Arguments<'_>) {
+    use std::io::Write as _;
+    if let Err(error) = writeln!(anstream::stdout(), "{line}") {
+        if error.kind() != std::io::ErrorKind::BrokenPipe {
+            Failure::Work(format!("the output stream cannot be written: {error}")).print();
+        }
+        std::process::exit(1);
+    }
+}
+
 /// Sets the number of threads of the cpu engines.
 fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
     let Some(threads) = threads else { return Ok(()) };

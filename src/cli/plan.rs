@@ -17,17 +17,17 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     failure::print_problems(&project.problems);
     let plan = Plan::new(project, args.settings()).map_err(|error| Failure::from(OpenError::from(error)))?;
     let [width, height] = plan.window;
-    anstream::println!(
+    crate::say!(
         "{}: pipeline `{}`, window {width} x {height}, targets {}",
         plan.project.path.display(),
         plan.project.pipelines[plan.pipeline].name,
         mebibytes(plan.target_bytes())
     );
-    anstream::println!("\npasses");
+    crate::say!("\npasses");
     for planned in &plan.passes {
-        anstream::println!("  {}", describe(&plan, planned));
+        crate::say!("  {}", describe(&plan, planned));
     }
-    anstream::println!("\ndecisions");
+    crate::say!("\ndecisions");
     let structures = structures(&plan);
     for decision in &plan.decisions {
         print_decision(decision);
@@ -77,5 +77,5 @@ fn structures(plan: &Plan) -> Result<Vec<Decision>, Failure> {
 
 fn print_decision(decision: &Decision) {
     let (style, mark) = if decision.built { (BUILT, "yes") } else { (LEFT_OUT, "no ") };
-    anstream::println!("  {style}{mark}{style:#} {}: {}", decision.what, decision.why);
+    crate::say!("  {style}{mark}{style:#} {}: {}", decision.what, decision.why);
 }

@@ -13,6 +13,12 @@ use std::path::{Path, PathBuf};
 /// Renders, writes the pictures and prints the table or the JSON report.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     set_threads(args.project.threads)?;
+    if args.project.path.is_dir() {
+        return Err(Failure::Usage(format!(
+            "{}: this is a folder; name a project file in it",
+            args.project.path.display()
+        )));
+    }
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.project.path));
     check_output(&output)?;
     let mut bars = Bars::default();
@@ -40,10 +46,10 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     } else {
         table::print(renderer.timeline(), args.frames);
         if let Some(peak) = peak_memory() {
-            anstream::println!("peak memory {}", mebibytes(peak));
+            crate::say!("peak memory {}", mebibytes(peak));
         }
         for file in &files {
-            anstream::println!("wrote {} ({})", file.path.display(), file.what);
+            crate::say!("wrote {} ({})", file.path.display(), file.what);
         }
         Ok(())
     }
@@ -60,7 +66,16 @@ fn check_output(output: &Path) -> Result<(), Failure> {
         return Err(Failure::Usage(format!("{}: a picture is written as .png or .exr", output.display())));
     }
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if folder.is_dir() { Ok(()) } else { Err(Failure::Usage(format!("there is no folder {}", folder.display()))) }
+    if !folder.is_dir() {
+        return Err(Failure::Usage(format!("there is no folder {}", folder.display())));
+    }
+    if output.is_dir() {
+        return Err(Failure::Usage(format!("{}: this is a folder; a picture needs a file name", output.display())));
+    }
+    let writable = tempfile::Builder::new().prefix(".curitiba-").tempfile_in(folder);
+    writable.map(drop).map_err(|error| {
+        Failure::Work(format!("nothing can be written into the folder {}: {}", folder.display(), error.kind()))
+    })
 }
 
 fn print_header(renderer: &Renderer) {
@@ -68,16 +83,16 @@ fn print_header(renderer: &Renderer) {
     let environment = Environment::here();
     let engines = renderer.engines();
     let [width, height] = plan.window;
-    anstream::println!(
+    crate::say!(
         "{}: pipeline `{}`, {width} x {height}, {}, seed {}",
         plan.project.path.display(),
         plan.project.pipelines[plan.pipeline].name,
         fidelity(renderer),
         plan.settings.seed
     );
-    anstream::println!("raster {}: {}", engines.raster.name(), engines.raster.device());
-    anstream::println!("rays   {}: {}", engines.rays.name(), engines.rays.device());
-    anstream::println!("{}, {} threads, {} build", environment.cpu, environment.threads, environment.profile);
+    crate::say!("raster {}: {}", engines.raster.name(), engines.raster.device());
+    crate::say!("rays   {}: {}", engines.rays.name(), engines.rays.device());
+    crate::say!("{}, {} threads, {} build", environment.cpu, environment.threads, environment.profile);
 }
 
 fn fidelity(renderer: &Renderer) -> &'static str {
@@ -139,6 +154,6 @@ fn print_json(renderer: &Renderer, frames: u32, files: &[Written]) -> Result<(),
         files,
         peak_memory_bytes: peak_memory(),
     };
-    anstream::println!("{}", serde_json::to_string_pretty(&report).map_err(Failure::work)?);
+    crate::say!("{}", serde_json::to_string_pretty(&report).map_err(Failure::work)?);
     Ok(())
 }

@@ -47,13 +47,13 @@ fn layout_of(path: &Path) -> Result<Layout, Failure> {
 
 /// With `--json` the output stream holds nothing but JSON.
 fn say(json: bool, line: &str) {
-    if json { anstream::eprintln!("{line}") } else { anstream::println!("{line}") }
+    if json { anstream::eprintln!("{line}") } else { crate::say!("{line}") }
 }
 
 fn describe(scene: &Scene, json: bool) -> Result<(), Failure> {
     let statistics = statistics(scene);
     if json {
-        anstream::println!("{}", serde_json::to_string_pretty(&statistics).map_err(Failure::work)?);
+        crate::say!("{}", serde_json::to_string_pretty(&statistics).map_err(Failure::work)?);
     } else {
         print(&statistics);
     }
@@ -62,9 +62,9 @@ fn describe(scene: &Scene, json: bool) -> Result<(), Failure> {
 
 fn print(statistics: &Statistics) {
     for file in &statistics.files {
-        anstream::println!("{}: {} triangles in {} objects", file.path.display(), file.triangles, file.objects);
+        crate::say!("{}: {} triangles in {} objects", file.path.display(), file.triangles, file.objects);
     }
-    anstream::println!(
+    crate::say!(
         "{HEADER}{} triangles, {} vertices, {} objects, {} meshes{HEADER:#}",
         statistics.triangles,
         statistics.vertices,
@@ -72,10 +72,10 @@ fn print(statistics: &Statistics) {
         statistics.meshes
     );
     if let Some([low, high]) = statistics.bounds {
-        anstream::println!("from {low:?} to {high:?}");
+        crate::say!("from {low:?} to {high:?}");
     }
     let width = statistics.materials.iter().map(|material| material.name.chars().count()).max().unwrap_or(0).max(8);
-    anstream::println!("{HEADER}{:width$}  {:>10}  texture{HEADER:#}", "material", "triangles");
+    crate::say!("{HEADER}{:width$}  {:>10}  texture{HEADER:#}", "material", "triangles");
     for material in &statistics.materials {
         let line = format!(
             "{:width$}  {:>10}  {}",
@@ -83,6 +83,6 @@ fn print(statistics: &Statistics) {
             material.triangles,
             material.texture.as_deref().unwrap_or_default()
         );
-        anstream::println!("{}", line.trim_end());
+        crate::say!("{}", line.trim_end());
     }
 }

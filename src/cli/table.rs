@@ -11,7 +11,7 @@ pub fn print(timeline: &Timeline, frames: u32) {
     let width = timeline.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0).clamp(4, 44);
     let device = timeline.rows.iter().any(|row| !row.device_ms.is_empty());
     let device_header = if device { "  device ms" } else { "" };
-    anstream::println!(
+    crate::say!(
         "{HEADER}{:9}  {:width$}  {:>10}{device_header}  {:>11}  {:>8}  note{HEADER:#}",
         "step",
         "name",
@@ -26,7 +26,7 @@ pub fn print(timeline: &Timeline, frames: u32) {
     let rays: u64 = per_frame(timeline).filter_map(|row| row.rays).map(|rays| rays.total()).sum();
     let runs = if frames > 1 { format!("median of {frames} frames") } else { "one frame".to_owned() };
     let rays = if rays > 0 { format!(", {rays} rays") } else { String::new() };
-    anstream::println!("{TOTAL}frame {frame:.2} ms{TOTAL:#} ({runs}{rays})");
+    crate::say!("{TOTAL}frame {frame:.2} ms{TOTAL:#} ({runs}{rays})");
 }
 
 fn per_frame(timeline: &Timeline) -> impl Iterator<Item = &Row> {
@@ -48,7 +48,7 @@ fn print_row(row: &Row, width: usize, device: bool) {
         row.median_ms(),
         row.note
     );
-    anstream::println!("{}", line.trim_end());
+    crate::say!("{}", line.trim_end());
 }
 
 /// The end of a long name tells more than its beginning.

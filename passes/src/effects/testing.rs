@@ -1,7 +1,7 @@
 //! Small worlds for tests, traced by brute force.
 
 use crate::cpu;
-use crate::trace::{BruteForce, Ray, Tracer};
+use crate::trace::{BruteForce, Bvh, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
@@ -102,6 +102,11 @@ impl World {
     /// The reference tracer; every hit asks the program, as in the backend.
     pub fn brute_force(&self) -> BruteForce {
         BruteForce::new(&self.scene.geometry, &vec![true; self.scene.materials.len()])
+    }
+
+    /// The tracer that the backend uses.
+    pub fn tree(&self) -> Bvh {
+        Bvh::build(&self.scene.geometry, &vec![true; self.scene.materials.len()], Quality::default())
     }
 
     /// The lit colour of a material, facing the light with this cosine.

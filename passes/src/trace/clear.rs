@@ -169,7 +169,7 @@ mod tests {
         let mut random = Random(5);
         let (mut clear, mut blocked) = (0, 0);
         for _ in 0..60 {
-            let soup: Vec<[Vec3; 3]> = (0..40)
+            let soup: Vec<[Vec3; 3]> = (0..200)
                 .map(|_| {
                     let center = Vec3::new(random.signed(), random.signed(), random.signed()) * 4.0;
                     [0, 1, 2].map(|_| center + random.direction() * 0.4)

@@ -28,9 +28,14 @@ pub struct Engines {
 /// Why a frame could not be rendered.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// A scene file.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
+    /// A scene that the project names in these places.
+    #[error("{place}: {error}")]
+    Scene {
+        /// `project.xml:12:17`, for each of its files.
+        place: String,
+        /// What is wrong with it.
+        error: SceneError,
+    },
     /// A backend, while working for a pass.
     #[error("pass `{pass}`: {error}")]
     Pass {

@@ -78,10 +78,14 @@ impl Renderer {
         for index in set {
             let declared = &self.plan.project.scenes[*index];
             let files: Vec<_> = declared.files.iter().map(|file| file.path.clone()).collect();
-            let mut loaded = scene::load(&files, &LoadOptions { needs: self.plan.needs, max_bytes }, &|state| {
+            let places: Vec<_> = declared.files.iter().map(|file| file.place.as_str()).collect();
+            let place = places.join(", ");
+            let wrong = |error| RenderError::Scene { place: place.clone(), error };
+            let loaded = scene::load(&files, &LoadOptions { needs: self.plan.needs, max_bytes }, &|state| {
                 progress.start(state.bytes_total);
                 progress.advance(state.bytes_done);
-            })?;
+            });
+            let mut loaded = loaded.map_err(wrong)?;
             self.warnings.append(std::mem::take(&mut loaded.warnings));
             let options = BuildOptions {
                 needs: self.plan.needs,
@@ -90,7 +94,7 @@ impl Renderer {
                 unitize: declared.unitize,
                 max_bytes,
             };
-            let (built, warnings) = RenderScene::build(loaded, &options)?;
+            let (built, warnings) = RenderScene::build(loaded, &options).map_err(wrong)?;
             self.warnings.append(warnings);
             match &mut whole {
                 None => whole = Some(built),

@@ -5,18 +5,15 @@ use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrI
 use image::ImageEncoder as _;
 use image::codecs::png::PngEncoder;
 use rayon::prelude::*;
-use std::io::{self, BufWriter, Write as _};
+use std::io::{self, Write as _};
 use std::path::Path;
 
-/// Runs `write` on a temporary file in the target's folder and renames it to `path` when all of it is on disk. An
-/// existing file is replaced only then.
+/// Writes a file whole or not at all: into a temporary file in the same folder, renamed to `path` when all of it is on
+/// disk. An existing file is replaced only then.
 ///
 /// # Errors
-/// Whatever `write` or the file system report; nothing is left behind.
-pub fn write_atomically(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<&mut std::fs::File>) -> io::Result<()>,
-) -> io::Result<()> {
+/// Whatever the file system reports; nothing is left behind.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let mut builder = tempfile::Builder::new();
     builder.prefix(".curitiba-");
@@ -26,13 +23,16 @@ pub fn write_atomically(
         // As `File::create` would: temporary files are private otherwise. The umask still applies.
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    let mut file = builder.tempfile_in(folder)?;
-    let mut writer = BufWriter::new(file.as_file_mut());
-    write(&mut writer)?;
-    writer.flush()?;
-    drop(writer);
+    let mut file = builder.tempfile_in(folder).map_err(|error| io::Error::new(error.kind(), strip_path(&error)))?;
+    file.write_all(bytes)?;
     file.persist(path).map_err(|error| error.error)?;
     Ok(())
+}
+
+/// The name of a temporary file means nothing to anybody.
+fn strip_path(error: &io::Error) -> String {
+    let text = error.to_string();
+    text.split_once(" at path ").map_or(text.clone(), |(reason, _)| reason.to_owned())
 }
 
 /// Writes an 8-bit RGB PNG: values are clamped to 0..=1 and stored as they are, without a transfer function, as the
@@ -43,11 +43,11 @@ pub fn write_atomically(
 pub fn write_png(path: &Path, image: &Image) -> io::Result<()> {
     let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
     let bytes: Vec<u8> = image.pixels.par_iter().flat_map_iter(|pixel| [0, 1, 2].map(|i| byte(pixel[i]))).collect();
-    write_atomically(path, |writer| {
-        PngEncoder::new(writer)
-            .write_image(&bytes, image.width, image.height, image::ExtendedColorType::Rgb8)
-            .map_err(io::Error::other)
-    })
+    let mut encoded = Vec::new();
+    PngEncoder::new(&mut encoded)
+        .write_image(&bytes, image.width, image.height, image::ExtendedColorType::Rgb8)
+        .map_err(io::Error::other)?;
+    write_atomically(path, &encoded)
 }
 
 /// One named layer of an EXR file.
@@ -74,5 +74,8 @@ pub fn write_exr(path: &Path, layer: Layer<'_>) -> io::Result<()> {
     let channels = AnyChannels::sort((0..4).map(channel).collect());
     let size = (image.width as usize, image.height as usize);
     let encoded = exr::prelude::Layer::new(size, LayerAttributes::named(layer.name), Encoding::default(), channels);
-    write_atomically(path, |writer| ExrImage::from_layer(encoded).write().to_buffered(writer).map_err(io::Error::other))
+    // Encoded in memory first: a run that is interrupted while encoding leaves no temporary file behind.
+    let mut bytes = io::Cursor::new(Vec::new());
+    ExrImage::from_layer(encoded).write().to_buffered(&mut bytes).map_err(io::Error::other)?;
+    write_atomically(path, bytes.get_ref())
 }

@@ -1,10 +1,10 @@
 //! Writing the square where the projects look for it.
 
 use super::{Painting, Square};
+use crate::image::write_atomically;
 use crate::scene::{Layout, SceneError, TextureSource, write_cbo};
 use image::ImageEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Name of the scene's file.
@@ -47,7 +47,7 @@ impl Square {
             let path = textures.join(painting.name);
             let bytes =
                 painting.png().map_err(|error| SceneError::file(&path, format!("cannot be encoded: {error}")))?;
-            write_whole(&textures, &path, &bytes)
+            write_atomically(&path, &bytes)
                 .map_err(|error| SceneError::file(&path, format!("cannot be written: {error}")))?;
             scene.textures.push(TextureSource::File(path));
         }
@@ -55,11 +55,4 @@ impl Square {
         write_cbo(&scene, &path, Layout::Cbo2014)?;
         Ok(path)
     }
-}
-
-fn write_whole(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let mut temporary = tempfile::NamedTempFile::new_in(folder)?;
-    temporary.write_all(bytes)?;
-    temporary.persist(path)?;
-    Ok(())
 }
