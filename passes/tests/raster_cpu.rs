@@ -238,9 +238,14 @@ fn where_alpha_is_cut_what_is_behind_is_seen() {
         }
     }
     assert!(counts.iter().all(|count| *count > 1000), "{counts:?}");
-    // Without a texture the diffuse alpha decides for the whole material.
-    let glassy = Shade { diffuse: Vec4::new(1.0, 1.0, 1.0, 0.4), texture: None, ..floor };
-    let none = draw(&RasterJob { shades: &[glassy, grey()], ..job });
+    // The diffuse colour's alpha plays no part: a cut-out that is mapped to another material keeps its shape.
+    let mapped = Shade { diffuse: Vec4::new(1.0, 0.0, 1.0, 0.0), ..floor };
+    assert_eq!(draw(&RasterJob { shades: &[mapped, grey()], ..job }).triangle, cut.triangle);
+    // Nothing is cut without a texture, and nothing stays above an infinite cutoff.
+    let bare = Shade { texture: None, ..mapped };
+    assert_eq!(draw(&RasterJob { shades: &[bare, grey()], ..job }).triangle, whole.triangle);
+    let gone = Shade { alpha_cutoff: Some(f32::INFINITY), ..floor };
+    let none = draw(&RasterJob { shades: &[gone, grey()], ..job });
     assert!(none.triangle.iter().all(|id| *id == 2 || *id == NO_TRIANGLE));
 }
 

@@ -8,8 +8,9 @@ mod support;
 use common::ALL;
 use curitiba_passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
 use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect};
+use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use scenes::{Setup, hills, marked, plain};
 use std::sync::Arc;
 use support::rasteriser;
@@ -150,13 +151,15 @@ fn coincident() -> Setup {
     let geometry = Geometry {
         positions: corners.to_vec(),
         normals: vec![Vec3::Z; 3],
+        texcoords: vec![Vec2::ZERO; 3],
         triangles: vec![[0, 1, 2]; 2],
         batches: (0..2).map(|i| Batch { material: i, first: i, count: 1 }).collect(),
         ..Geometry::default()
     };
+    let white = Texture::new("white".to_owned(), 1, 1, vec![[255; 4]]);
     Setup {
         name: "coincident",
-        scene: Arc::new(RenderScene { geometry, ..RenderScene::default() }),
+        scene: Arc::new(RenderScene { geometry, textures: vec![white], ..RenderScene::default() }),
         shades: vec![plain([1.0, 0.0, 0.0]), plain([0.0, 1.0, 0.0])],
         eye: Vec3::ZERO,
         target: -Vec3::Z,
@@ -177,7 +180,7 @@ fn of_equal_depths_the_lower_triangle_stays() {
     assert!(target.color.iter().all(|color| *color == [0.3, 0.0, 0.0, 0.3]), "{:?}", target.color[0]);
     // With the first triangle out of the way, the second is there.
     let mut shades = setup.shades.clone();
-    shades[0].alpha_cutoff = Some(2.0);
+    (shades[0].texture, shades[0].alpha_cutoff) = (Some(0), Some(f32::INFINITY));
     let job = RasterJob { shades: &shades, ..setup.job(33, 20, ALL) };
     let target = render(&mut rasteriser, &job, 33, 20);
     assert!(target.triangle.iter().all(|id| *id == 1));

@@ -35,7 +35,9 @@ pub struct Shade {
     pub emission: Vec4,
     /// Index into [`RenderScene::textures`], where the material has a texture and the pass reads it.
     pub texture: Option<u32>,
-    /// Where the texture's alpha is below this, there is no surface; `None` in thesis fidelity and for opaque materials.
+    /// Where the texture's alpha alone is below this, there is no surface, whatever the diffuse colour's alpha; infinite
+    /// where nothing is left of the material. `None` in thesis fidelity and for opaque materials; without effect where
+    /// there is no texture.
     pub alpha_cutoff: Option<f32>,
 }
 

@@ -25,7 +25,7 @@ impl Coverage for Opaque {
     }
 }
 
-/// Triangles are cut out where the texture's alpha times the diffuse colour's is below the material's cutoff.
+/// Triangles are cut out where the texture's alpha (level 0) is below the material's cutoff.
 #[derive(Debug, Clone, Copy)]
 pub struct AlphaTested<'a> {
     /// Whose triangles are hit.
@@ -37,11 +37,9 @@ pub struct AlphaTested<'a> {
 impl Coverage for AlphaTested<'_> {
     fn covers(&self, hit: &Hit) -> bool {
         let shade = &self.shades[self.scene.geometry.material_of(hit.triangle) as usize];
-        let Some(cutoff) = shade.alpha_cutoff else { return true };
-        let texel_alpha = shade.texture.map_or(1.0, |texture| {
-            self.scene.textures[texture as usize].sample(texture_coordinates(&self.scene.geometry, hit), 0.0).w
-        });
-        texel_alpha * shade.diffuse.w >= cutoff
+        let (Some(texture), Some(cutoff)) = (shade.texture, shade.alpha_cutoff) else { return true };
+        let uv = texture_coordinates(&self.scene.geometry, hit);
+        self.scene.textures[texture as usize].sample(uv, 0.0).w >= cutoff
     }
 }
 

@@ -170,7 +170,7 @@ pub fn grazing() -> Setup {
     }
 }
 
-/// Fences with holes in front of a wall, and a pane whose own alpha is below its cutoff.
+/// Fences with holes in front of a wall, drawn in a colour without alpha, and a pane that has a cutoff and no texture.
 pub fn cut_out() -> Setup {
     let mut geometry = Geometry::default();
     let (x, y) = (Vec3::X, Vec3::Y);
@@ -187,7 +187,7 @@ pub fn cut_out() -> Setup {
         name: "alpha cut",
         scene: Arc::new(RenderScene { geometry, textures: vec![picture("fence", 96, 64)], ..RenderScene::default() }),
         shades: vec![
-            Shade { diffuse: Vec4::new(0.8, 0.8, 0.8, 0.9), ..fence },
+            Shade { diffuse: Vec4::new(0.8, 0.8, 0.8, 0.0), ..fence },
             plain([0.2, 0.3, 0.9]),
             Shade { texture: None, ..pane },
         ],

@@ -202,12 +202,20 @@ impl Renderer {
     }
 }
 
+/// What the texture's alpha is compared with: the material's cutoff is one of the product of texture and own opacity. A
+/// map of the project recolours a surface and leaves its shape, so the injected opacity plays no part.
+fn cutoff(material: &Material) -> Option<f32> {
+    let opacity = material.diffuse.w;
+    let scaled = |cutoff: f32| if opacity > 0.0 { cutoff / opacity } else { f32::INFINITY };
+    material.alpha_cutoff.filter(|cutoff| *cutoff > 0.0).map(scaled)
+}
+
 fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
     let mut shade = Shade {
         diffuse: material.diffuse,
         emission: material.emission,
         texture: material.texture,
-        alpha_cutoff: material.alpha_cutoff.filter(|_| corrected && material.texture.is_some()),
+        alpha_cutoff: if corrected && material.texture.is_some() { cutoff(material) } else { None },
     };
     for map in colors.iter().filter(|map| map.to.matches(&material.name)) {
         shade.diffuse = map.diffuse.unwrap_or(shade.diffuse);
@@ -218,4 +226,38 @@ fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
         }
     }
     shade
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::project::MaterialPattern;
+    use glam::Vec4;
+
+    fn cut_out(opacity: f32) -> Material {
+        let diffuse = Vec4::new(0.1, 0.2, 0.3, opacity);
+        Material { name: "leaf".to_owned(), diffuse, texture: Some(4), alpha_cutoff: Some(0.25), ..Material::default() }
+    }
+
+    #[test]
+    fn an_injected_colour_without_alpha_leaves_a_cut_out_where_it_was() {
+        // The report's `deferredVidro` is (1, 0, 1, 0).
+        let mask = Vec4::new(1.0, 0.0, 1.0, 0.0);
+        let to = MaterialPattern::All;
+        let map = ColorMap { to, diffuse: Some(mask), emission: None, drops_texture: false };
+        for (opacity, expected) in [(1.0, 0.25), (0.5, 0.5), (0.0, f32::INFINITY)] {
+            let material = cut_out(opacity);
+            let plain = shade(&material, &[], true);
+            assert_eq!((plain.diffuse, plain.alpha_cutoff), (material.diffuse, Some(expected)));
+            let mapped = shade(&material, std::slice::from_ref(&map), true);
+            assert_eq!((mapped.diffuse, mapped.texture, mapped.alpha_cutoff), (mask, Some(4), Some(expected)));
+        }
+    }
+
+    #[test]
+    fn nothing_is_cut_without_a_texture_or_in_thesis_fidelity() {
+        assert_eq!(shade(&cut_out(1.0), &[], false).alpha_cutoff, None);
+        let bare = Material { texture: None, ..cut_out(1.0) };
+        assert_eq!(shade(&bare, &[], true).alpha_cutoff, None);
+    }
 }

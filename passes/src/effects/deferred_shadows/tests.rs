@@ -1,7 +1,7 @@
 use crate::effects::testing::{Shot, World, grid};
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram};
-use glam::{Mat3, Vec3};
+use glam::{Mat3, Vec3, Vec4};
 
 const EYE: Vec3 = Vec3::new(0.3, 9.0, 4.0);
 
@@ -105,6 +105,10 @@ fn light_passes_where_a_texture_is_cut_out_in_corrected_only() {
     let values = |fidelity| shadows(&shot, fidelity).0.iter().map(|pixel| pixel[0]).collect::<Vec<_>>();
     assert_eq!(values(Corrected), [0.5, 1.0, 1.0]);
     assert_eq!(values(Thesis), [0.5, 0.5, 1.0]);
+    // Drawn in the report's mask of glass, (1, 0, 1, 0), they keep their shape.
+    world.shades[leaves as usize].diffuse = Vec4::new(1.0, 0.0, 1.0, 0.0);
+    let shot = Shot::of(&world, Vec3::new(0.0, 0.5, 8.0), points);
+    assert_eq!(shadows(&shot, Corrected).0.iter().map(|pixel| pixel[0]).collect::<Vec<_>>(), [0.5, 1.0, 1.0]);
 }
 
 /// Rounds to the 11 binary digits of a 16-bit float.

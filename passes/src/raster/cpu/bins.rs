@@ -1,7 +1,7 @@
 //! Sorts triangles into the tiles that they may cover.
 
 use super::clip::{self, ClippedTriangle};
-use super::frame::{Corners, Cut, Part};
+use super::frame::{Corners, Part};
 use super::simd::Kernel;
 use super::surface::{Grid, TILE};
 use super::vertex::{NEEDS_CLIPPING, Projection, ScreenVertex, UNITS};
@@ -112,7 +112,7 @@ pub(super) struct Fill<'a> {
     pub projection: &'a Projection,
     pub grid: &'a Grid,
     /// By material.
-    pub cuts: &'a [Cut],
+    pub cuts: &'a [bool],
     pub triangles: Range<usize>,
     /// Which bin of the draw this is.
     pub index: usize,
@@ -138,11 +138,7 @@ impl Kernel for Fill<'_> {
             if batch.first as usize >= self.triangles.end {
                 break;
             }
-            let cut = match self.cuts[batch.material as usize] {
-                Cut::Gone => continue,
-                Cut::Opaque => false,
-                Cut::Texture => true,
-            };
+            let cut = self.cuts[batch.material as usize];
             for (offset, indices) in geometry.triangles[start..end].iter().enumerate() {
                 let triangle = (start + offset) as u32;
                 let [a, b, c] = *indices;

@@ -51,26 +51,9 @@ impl Part {
     }
 }
 
-/// What a material's alpha does to its triangles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Cut {
-    /// Nothing.
-    Opaque,
-    /// They are not there at all.
-    Gone,
-    /// The texture says where they are.
-    Texture,
-}
-
-impl Cut {
-    pub fn of(shade: &Shade) -> Self {
-        match (shade.alpha_cutoff, shade.texture) {
-            (None, _) => Self::Opaque,
-            (Some(_), Some(_)) => Self::Texture,
-            (Some(cutoff), None) if shade.diffuse.w < cutoff => Self::Gone,
-            (Some(_), None) => Self::Opaque,
-        }
-    }
+/// Whether a material's texture says where its triangles are.
+pub(super) fn is_cut(shade: &Shade) -> bool {
+    shade.texture.is_some() && shade.alpha_cutoff.is_some()
 }
 
 /// One draw.

@@ -28,7 +28,7 @@ use bins::Bins;
 use clip::ClippedTriangle;
 use curitiba_pipeline::backend::{BackendError, DrawStats, GBuffer, RasterJob, Rasteriser};
 use curitiba_pipeline::scene::RenderScene;
-use frame::{BIN_TRIANGLES, Cut, Frame, MAX_TRIANGLES};
+use frame::{BIN_TRIANGLES, Frame, MAX_TRIANGLES, is_cut};
 use rayon::prelude::*;
 use simd::{Detected, Kernel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -58,7 +58,7 @@ pub struct Stages {
 pub struct CpuRasteriser {
     detected: Detected,
     vertices: Vec<ScreenVertex>,
-    cuts: Vec<Cut>,
+    cuts: Vec<bool>,
     bins: Vec<Bins>,
     clipped: Vec<Vec<ClippedTriangle>>,
     /// By thread where a draw has one round, otherwise by tile.
@@ -147,7 +147,7 @@ impl Rasteriser for CpuRasteriser {
         self.stages.vertices = start.elapsed();
 
         self.cuts.clear();
-        self.cuts.extend(job.shades.iter().map(Cut::of));
+        self.cuts.extend(job.shades.iter().map(is_cut));
         let bins = triangles.div_ceil(BIN_TRIANGLES);
         let rounds = bins.div_ceil(self.round).max(1);
         let threads = rayon::current_num_threads();

@@ -162,7 +162,7 @@ pub(super) fn is_solid(frame: &Frame<'_>, placed: &Placed<'_>, x: i32, y: i32) -
     let uv = attribute(frame, placed, &frame.geometry.texcoords);
     let texture = &frame.job.scene.textures[texture as usize];
     let texel = Barycentric::new(&placed.corners, x, y).texel(0.0, texture, &uv);
-    texel.w * shade.diffuse.w >= cutoff
+    texel.w >= cutoff
 }
 
 /// Which attributes are needed.

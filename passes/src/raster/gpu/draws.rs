@@ -65,9 +65,6 @@ impl DrawList {
                 return Err(failure(&format!("the job has no shade for material {}", part.material)));
             };
             let variant = Variant::new(job.attachments, geometry.has_normals, shade);
-            if !variant.alpha_cut && shade.alpha_cutoff.is_some_and(|cutoff| shade.diffuse.w < cutoff) {
-                continue;
-            }
             if let Some(last) = self.draws.last_mut() {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
                 if adjacent && last.variant == variant && !variant.reads_material() {

@@ -119,7 +119,7 @@ fn fragment_main(
 //#if TEXTURED
     let texel = sample_texture(in.texcoord);
 //#if ALPHA_CUT
-    if texel.a * draw.diffuse.a < draw.alpha_cutoff {
+    if texel.a < draw.alpha_cutoff {
         discard;
     }
 //#endif

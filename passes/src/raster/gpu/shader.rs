@@ -125,7 +125,8 @@ impl DrawUniform {
             diffuse: shade.diffuse,
             emission: shade.emission,
             first_triangle: first_triangle.wrapping_add(1),
-            alpha_cutoff: shade.alpha_cutoff.unwrap_or(0.0),
+            // A shader need not tell an infinity from other numbers.
+            alpha_cutoff: shade.alpha_cutoff.unwrap_or(0.0).min(f32::MAX),
             padding: [0; 2],
         }
     }
