@@ -90,10 +90,10 @@ fn difference(rendered: &Image, reference: &image::RgbImage) -> (f64, f64) {
     let (mut squares, mut outliers) = (0.0, 0);
     for (pixel, reference) in rendered.pixels.iter().zip(reference.pixels()) {
         let mut worst: f64 = 0.0;
-        for channel in 0..3 {
-            assert!(pixel[channel].is_finite(), "a pixel is not finite");
-            let value = f64::from((pixel[channel].clamp(0.0, 1.0) * 255.0).round());
-            let error = (value - f64::from(reference.0[channel])).abs() / 255.0;
+        for (value, reference) in pixel.iter().zip(reference.0) {
+            assert!(value.is_finite(), "a pixel is not finite");
+            let value = f64::from((value.clamp(0.0, 1.0) * 255.0).round());
+            let error = (value - f64::from(reference)).abs() / 255.0;
             squares += error * error;
             worst = worst.max(error);
         }

@@ -113,9 +113,8 @@ fn textures_are_uploaded_when_a_material_or_a_shade_reads_them() {
     render(&mut rasteriser, &setup.job(32, 32, position), 32, 32);
     assert_eq!(rasteriser.memory().textures, 0, "positions need no texture");
     render(&mut rasteriser, &setup.job(32, 32, ALL), 32, 32);
-    let texels = |texture: &curitiba_pipeline::scene::texture::Texture| -> u64 {
-        texture.levels.iter().map(|level| u64::from(level.width * level.height)).sum()
-    };
+    let texels =
+        |texture: &Texture| -> u64 { texture.levels.iter().map(|level| u64::from(level.width * level.height)).sum() };
     assert_eq!(rasteriser.memory().textures, setup.scene.textures.iter().map(|t| 4 * texels(t)).sum::<u64>());
 }
 
@@ -154,7 +153,6 @@ fn coincident() -> Setup {
         texcoords: vec![Vec2::ZERO; 3],
         triangles: vec![[0, 1, 2]; 2],
         batches: (0..2).map(|i| Batch { material: i, first: i, count: 1 }).collect(),
-        ..Geometry::default()
     };
     let white = Texture::new("white".to_owned(), 1, 1, vec![[255; 4]]);
     Setup {

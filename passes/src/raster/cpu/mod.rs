@@ -2,10 +2,10 @@
 //!
 //! A draw has three stages, each run on all threads of the current rayon pool:
 //!
-//! 1. [`vertex`]: every vertex is projected and snapped to 1/256 pixel.
-//! 2. [`bins`]: runs of triangles are sorted into tiles of 64 x 64 pixels, in their order. Those that need it are
-//!    [clipped](clip), those that contain no pixel centre dropped.
-//! 3. [`tile`]: each tile finds the nearest triangle of each pixel, then [shades](shade) each pixel once.
+//! 1. `vertex`: every vertex is projected and snapped to 1/256 pixel.
+//! 2. `bins`: runs of triangles are sorted into tiles of 64 x 64 pixels, in their order. Those that need it are
+//!    clipped, those that contain no pixel centre dropped.
+//! 3. `tile`: each tile finds the nearest triangle of each pixel, then shades each pixel once.
 //!
 //! Scenes of many triangles are drawn in several rounds of 2 and 3 so that the bins' memory is bounded; tiles then keep
 //! their depth from round to round. Nothing is allocated in a draw of a size that was drawn before. The result is the
