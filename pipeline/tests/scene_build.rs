@@ -125,12 +125,43 @@ fn a_transform_that_flattens_leaves_no_triangle() {
 }
 
 #[test]
-fn computed_normals_of_a_cube_point_along_its_diagonals() {
-    // Weighted by angle, each of the three faces at a corner counts π/2, however it is cut into triangles.
+fn computed_normals_of_a_cube_are_those_of_its_faces() {
     let (built, _) = build(scene(vec![cube()], vec![object(0, Mat4::IDENTITY)], 1), &BuildOptions::default());
-    for (position, normal) in built.geometry.positions.iter().zip(&built.geometry.normals) {
-        assert!(normal.distance(position.normalize()) < 1e-6, "{normal} at {position}");
+    let geometry = &built.geometry;
+    assert_eq!(geometry.positions.len(), 24, "each corner is split in three");
+    for (id, triangle) in geometry.triangles.iter().enumerate() {
+        let [a, b, c] = geometry.corners(id as u32);
+        let face = (b - a).cross(c - a).normalize();
+        assert!(triangle.iter().all(|vertex| geometry.normals[*vertex as usize].distance(face) < 1e-6), "{id}");
     }
+}
+
+/// A fan of `sides` faces around the top of a pyramid whose faces lean by `slope` radians.
+fn pyramid(sides: u32, slope: f32) -> Mesh {
+    let rim = (0..sides).map(|i| {
+        let (sin, cos) = (i as f32 * std::f32::consts::TAU / sides as f32).sin_cos();
+        Vec3::new(cos, sin, -slope.tan())
+    });
+    let triangles = (0..sides).map(|i| [0, 1 + i, 1 + (i + 1) % sides]).collect();
+    Mesh {
+        positions: std::iter::once(Vec3::ZERO).chain(rim).collect(),
+        groups: vec![Group { material: 0, triangles }],
+        ..Mesh::default()
+    }
+}
+
+#[test]
+fn computed_normals_are_smooth_below_the_crease_angle_and_weighted_by_angle() {
+    // Neighbours of a fine fan differ little, though opposite faces meet at far more than 60 degrees.
+    let fan = |sides| {
+        let scene = scene(vec![pyramid(sides, 1.0)], vec![object(0, Mat4::IDENTITY)], 1);
+        build(scene, &BuildOptions::default()).0.geometry
+    };
+    let smooth = fan(40);
+    assert_eq!(smooth.positions.len(), 41);
+    assert!(smooth.normals[0].distance(Vec3::Z) < 1e-5, "{}", smooth.normals[0]);
+    // The faces of one with three sides meet at more than 60 degrees: three corners each.
+    assert_eq!(fan(3).positions.len(), 9);
 }
 
 #[test]

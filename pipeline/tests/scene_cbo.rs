@@ -274,9 +274,13 @@ fn what_the_format_cannot_keep_is_counted() {
     let folder = Folder::new();
     let mut scene = load_one(&folder.write("a.cbo", object_list(Layout::Cbo2014).0)).unwrap();
     scene.materials[0].transmission = 1.0;
+    scene.materials[0].thickness = 2.0;
+    scene.materials[0].ior = 1.1;
     scene.objects[0].name = "日本".to_owned();
     let warnings = write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap();
-    assert_eq!(count(&warnings, "materials with properties that the format lacks"), 1);
+    assert_eq!(count(&warnings, "materials with transmission"), 1);
+    assert_eq!(count(&warnings, "materials with absorption"), 1);
+    assert_eq!(warnings.groups().len(), 3, "no program reads the index of refraction: {:?}", warnings.groups());
     assert_eq!(count(&warnings, "names with letters outside Latin-1"), 1);
     assert_eq!(load_one(&folder.path("b.cbo")).unwrap().objects[0].name, "??");
 }
@@ -292,8 +296,29 @@ fn the_alpha_test_is_kept_by_the_2014_layout_and_counted_as_lost_by_todays() {
     assert!(warnings.is_empty(), "{:?}", warnings.groups());
     assert_eq!(load_one(&folder.path("b.cbo")).unwrap().materials[0].alpha_cutoff, Some(0.25));
     let warnings = write_cbo(&scene, &folder.path("b.nbo"), Layout::NboToday).unwrap();
-    assert_eq!(count(&warnings, "materials with properties that the format lacks"), 1);
+    assert_eq!(count(&warnings, "materials with an alpha cutoff"), 1);
+    // The texture tells that it is one: it has texels that are less than half opaque.
+    assert_eq!(load_one(&folder.path("b.nbo")).unwrap().materials[0].alpha_cutoff, Some(0.5));
+    folder.png("grade.png", 1, 1, [0, 0, 0, 128]);
     assert_eq!(load_one(&folder.path("b.nbo")).unwrap().materials[0].alpha_cutoff, None);
+}
+
+#[test]
+fn texture_paths_of_another_machine_are_found_by_their_ends() {
+    let folder = Folder::new();
+    folder.png("Texturas/agua.png", 2, 2, [9, 9, 9, 255]);
+    folder.png("pedra.png", 2, 2, [9, 9, 9, 255]);
+    let mut bytes = Bytes::default().u32(3);
+    for (name, texture) in
+        [("Agua", "C:\\Modelos\\Texturas\\agua.png"), ("Pedra", "..\\..\\Maps\\pedra.png"), ("Nada", "D:\\nada.png")]
+    {
+        bytes = bytes.material(Layout::NboToday, name, texture);
+    }
+    let scene = load_one(&folder.write("a.nbo", bytes.string("OctreeUnified").u32(0).0)).unwrap();
+    assert_eq!(scene.textures[0], TextureSource::File(folder.path("Texturas/agua.png")));
+    assert_eq!(scene.textures[1], TextureSource::File(folder.path("pedra.png")));
+    assert_eq!(count(&scene.warnings, "texture paths that lead nowhere"), 2);
+    assert_eq!(count(&scene.warnings, "missing textures"), 1);
 }
 
 #[cfg(unix)]

@@ -220,6 +220,22 @@ fn materials_and_their_extensions_are_read() {
 }
 
 #[test]
+fn contents_that_are_not_drawn_are_counted_each_by_its_kind() {
+    let (mut json, binary) = square();
+    json["extensionsUsed"] = json!(["KHR_materials_volume", "KHR_materials_clearcoat"]);
+    json["materials"][0] = json!({"emissiveTexture": {"index": 0}});
+    json["textures"] = json!([{"source": 0}]);
+    json["images"] = json!([{"uri": "none.png"}]);
+    json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 0.into();
+    let scene = read(&json, &binary).unwrap();
+    for what in ["extensions that are not read", "materials with an emissive texture", "primitives with vertex colours"]
+    {
+        assert_eq!(count(&scene.warnings, what), 1, "{what}");
+    }
+    assert_eq!(scene.warnings.groups().len(), 3, "{:?}", scene.warnings.groups());
+}
+
+#[test]
 fn texture_transforms_are_baked_into_the_coordinates() {
     let (mut json, binary) = square();
     json["textures"] = json!([{"source": 0}]);

@@ -133,12 +133,39 @@ fn groups_become_objects_and_materials_divide_them() {
 
 #[test]
 fn normals_are_smooth_across_materials_where_the_file_has_none() {
-    // A ridge: two squares that meet at a right angle along the y axis.
-    let text = "v 0 0 0\nv 0 1 0\nv 1 1 0\nv 1 0 0\nv 0 0 1\nv 0 1 1\nusemtl a\nf 1 4 3 2\nusemtl b\nf 1 2 6 5\n";
+    // A valley: two rectangles that meet along the y axis, with 45 degrees between their normals.
+    let text = "v 0 0 0\nv 0 1 0\nv 1 1 0\nv 1 0 0\nv -1 0 1\nv -1 1 1\nusemtl a\nf 1 4 3 2\nusemtl b\nf 1 2 6 5\n";
     let (built, _) = RenderScene::build(obj(text), &BuildOptions::default()).unwrap();
     let on_the_ridge = built.geometry.positions.iter().position(|p| *p == Vec3::ZERO).unwrap();
-    let expected = Vec3::new(1.0, 0.0, 1.0).normalize();
+    let expected = (Vec3::Z + Vec3::new(1.0, 0.0, 1.0).normalize()).normalize();
     assert!(built.geometry.normals[on_the_ridge].distance(expected) < 1e-6);
+}
+
+#[test]
+fn vertices_that_the_file_lists_twice_stay_apart_in_later_runs_too() {
+    // After a face of another material, the valley with vertices of its own for each side: flat.
+    let text = "v 9 0 0\nv 9 1 0\nv 8 0 0\nusemtl a\nf 1 2 3\nusemtl b\n\
+                v 0 0 0\nv 0 1 0\nv 1 1 0\nv 1 0 0\nf 4 7 6 5\nv 0 0 0\nv 0 1 0\nv -1 1 1\nv -1 0 1\nf 8 9 10 11\n";
+    let (built, _) = RenderScene::build(obj(text), &BuildOptions::default()).unwrap();
+    let geometry = &built.geometry;
+    assert_eq!(geometry.positions.len(), 3 + 8);
+    for (position, normal) in geometry.positions.iter().zip(&geometry.normals).filter(|(p, _)| p.x.abs() > 0.5) {
+        let flat = if position.x < 0.0 { Vec3::new(1.0, 0.0, 1.0).normalize() } else { Vec3::Z };
+        assert!(normal.distance(flat) < 1e-6 || position.x > 7.0, "{normal} at {position}");
+    }
+    for (position, normal) in geometry.positions.iter().zip(&geometry.normals).filter(|(p, _)| p.x == 0.0) {
+        let flat = [Vec3::Z, Vec3::new(1.0, 0.0, 1.0).normalize()].map(|flat| normal.distance(flat) < 1e-6);
+        assert!(flat.contains(&true), "{normal} at {position}");
+    }
+}
+
+#[test]
+fn files_without_triangles_are_counted() {
+    let scene = obj("v 0 0 0\nv 1 0 0\nl 1 2\n");
+    assert_eq!(count(&scene.warnings, "scenes without triangles"), 1);
+    let group = scene.warnings.groups().iter().find(|group| group.what == "scenes without triangles").unwrap();
+    assert!(group.file.ends_with("a.obj") && group.places[0].contains("a.obj"));
+    assert_eq!(count(&obj(&format!("{SQUARE}f 1 2 3\n")).warnings, "scenes without triangles"), 0);
 }
 
 #[test]

@@ -65,6 +65,73 @@ fn the_level_of_detail_is_the_logarithm_of_the_longer_footprint() {
     assert_eq!(texture.lod(step(f32::NAN, 0.0), step(0.0, 0.0)), 0.0);
 }
 
+/// The share of a level's texels with at least half the alpha.
+fn covered(level: &Level) -> f32 {
+    level.texels.iter().filter(|texel| texel[3] >= 128).count() as f32 / level.texels.len() as f32
+}
+
+/// Green wires, two of each eight texels wide, over holes that are stored red.
+fn wires() -> Vec<[u8; 4]> {
+    (0..64 * 64).map(|i| if i % 8 < 2 { [0, 200, 0, 255] } else { [255, 0, 0, 0] }).collect()
+}
+
+#[test]
+fn cut_outs_keep_their_coverage_in_every_level_and_show_nothing_of_their_holes() {
+    let texture = Texture::cut_out("wires".to_owned(), 64, 64, wires(), 0.5);
+    let plain = Texture::new("wires".to_owned(), 64, 64, wires());
+    assert_eq!(texture.levels[0], plain.levels[0]);
+    for level in &texture.levels[..2] {
+        assert_eq!(covered(level), 0.25, "{} texels wide", level.width);
+        let solid = level.texels.iter().filter(|texel| texel[3] > 0);
+        assert!(solid.into_iter().all(|texel| texel[..3] == [0, 200, 0]));
+    }
+    // Noise, where any share can be met to the nearest texel.
+    let random = |i: u32| {
+        let i = i.wrapping_mul(2_654_435_761);
+        let i = (i ^ i >> 15).wrapping_mul(0x2c1b_3c6d);
+        (i ^ i >> 12) >> 24
+    };
+    let faint: Vec<[u8; 4]> = (0..128 * 128).map(|i| [9, 9, 9, (random(i) * 7 / 10) as u8]).collect();
+    let texture = Texture::cut_out("noise".to_owned(), 128, 128, faint.clone(), 0.5);
+    let plain = Texture::new("noise".to_owned(), 128, 128, faint);
+    let wanted = covered(&texture.levels[0]);
+    for level in &texture.levels[1..3] {
+        assert!((covered(level) - wanted).abs() < 0.03, "{}: {} for {wanted}", level.width, covered(level));
+    }
+    assert!((covered(&plain.levels[3]) - wanted).abs() > 0.1, "averages alone do not keep it");
+}
+
+#[test]
+fn a_texture_of_a_cut_out_and_an_opaque_material_is_built_as_a_cut_out() {
+    let folder = Folder::new();
+    let path = folder.path("wires.png");
+    image::RgbaImage::from_raw(64, 64, wires().concat()).unwrap().save(&path).unwrap();
+    let build = |cutoffs: &[Option<f32>]| {
+        let mut scene = Scene { textures: vec![TextureSource::File(path.clone())], ..Scene::default() };
+        for (index, alpha_cutoff) in cutoffs.iter().enumerate() {
+            let (name, index) = (format!("m{index}"), index as u32);
+            scene.materials.push(Material {
+                name,
+                texture: Some(0),
+                alpha_cutoff: *alpha_cutoff,
+                ..Material::default()
+            });
+            scene.meshes.push(Mesh {
+                positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+                groups: vec![Group { material: index, triangles: vec![[0, 1, 2]] }],
+                ..Mesh::default()
+            });
+            scene.objects.push(Object { name: String::new(), mesh: index, transform: Mat4::IDENTITY });
+        }
+        RenderScene::build(scene, &BuildOptions::default()).unwrap().0.textures.remove(0).levels
+    };
+    let cut_out = Texture::cut_out(String::new(), 64, 64, wires(), 0.5).levels;
+    let plain = Texture::new(String::new(), 64, 64, wires()).levels;
+    assert_ne!(cut_out, plain);
+    assert_eq!(build(&[None, Some(0.5)]), cut_out);
+    assert_eq!(build(&[None, None]), plain, "without a cutoff the levels are plain means");
+}
+
 /// Decodes image files through a scene of one triangle for each.
 fn decode(files: &[std::path::PathBuf]) -> Vec<Texture> {
     let mut scene = Scene::default();

@@ -87,9 +87,14 @@ impl Renderer {
             });
             let mut loaded = loaded.map_err(wrong)?;
             self.warnings.append(std::mem::take(&mut loaded.warnings));
+            let thesis = self.plan.settings.fidelity == Fidelity::Thesis;
+            if thesis {
+                // The report's programs cut nothing out; textures get plain mip levels.
+                loaded.materials.iter_mut().for_each(|material| material.alpha_cutoff = None);
+            }
             let options = BuildOptions {
                 needs: self.plan.needs,
-                model_space_normals: self.plan.settings.fidelity == Fidelity::Thesis,
+                model_space_normals: thesis,
                 swap_yz: declared.swap_yz,
                 unitize: declared.unitize,
                 max_bytes,
@@ -202,20 +207,13 @@ impl Renderer {
     }
 }
 
-/// What the texture's alpha is compared with: the material's cutoff is one of the product of texture and own opacity. A
-/// map of the project recolours a surface and leaves its shape, so the injected opacity plays no part.
-fn cutoff(material: &Material) -> Option<f32> {
-    let opacity = material.diffuse.w;
-    let scaled = |cutoff: f32| if opacity > 0.0 { cutoff / opacity } else { f32::INFINITY };
-    material.alpha_cutoff.filter(|cutoff| *cutoff > 0.0).map(scaled)
-}
-
+/// A map of the project recolours a surface and leaves its shape: cutoffs are of the material's own opacity.
 fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
     let mut shade = Shade {
         diffuse: material.diffuse,
         emission: material.emission,
         texture: material.texture,
-        alpha_cutoff: if corrected && material.texture.is_some() { cutoff(material) } else { None },
+        alpha_cutoff: material.texture_cutoff().filter(|_| corrected),
     };
     for map in colors.iter().filter(|map| map.to.matches(&material.name)) {
         shade.diffuse = map.diffuse.unwrap_or(shade.diffuse);

@@ -82,11 +82,11 @@ impl Loader {
         };
         let found = table.iter().find(|info| info.stem == stem);
         if found.is_none() {
-            let message = format!(
-                "pass `{pass}`: shader `{}` is `{}`, which is not a {kind} program",
-                shown(&name),
-                shown(&stem)
-            );
+            let message = if name == stem {
+                format!("pass `{pass}`: shader `{}` is not a {kind} program", shown(&name))
+            } else {
+                format!("pass `{pass}`: shader `{}` is `{}`, which is not a {kind} program", shown(&name), shown(&stem))
+            };
             self.report.error_help(at, message, || suggest(&stem, table.iter().map(|info| info.stem)));
         }
         found.map(|info| info.program)

@@ -36,8 +36,11 @@ impl<'a> Reader<'a> {
                 self.at += bytes;
                 Ok(block)
             }
-            None => Err(self
-                .error(format!("{what}: {count} of {size} bytes each are announced, {} bytes are left", self.left()))),
+            None => {
+                let items = if count == 1 { "item" } else { "items" };
+                let bytes = if size == 1 { "byte" } else { "bytes" };
+                Err(self.error(format!("{what} announces {count} {items} of {size} {bytes}; {} are left", self.left())))
+            }
         }
     }
 

@@ -1,7 +1,7 @@
 //! Loading scene files of any format, and merging several into one scene.
 
 use super::error::{Budget, SceneError};
-use super::{LoadedFile, Material, Needs, Scene, TextureSource};
+use super::{LoadedFile, Material, Needs, Object, Scene, TextureSource};
 use crate::diagnostic::Warnings;
 use crate::paths::resolve_path;
 use std::collections::HashMap;
@@ -26,6 +26,9 @@ impl Default for LoadOptions {
         Self { needs: Needs::ALL, max_bytes: Self::DEFAULT_MAX_BYTES }
     }
 }
+
+/// The cutoff of materials that are cut out by a texture, where the file names no number.
+pub(crate) const MASK_CUTOFF: f32 = 0.5;
 
 /// Told before each file is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -148,6 +151,10 @@ fn load_one(file: &Path, size: u64, needs: Needs, budget: &mut Budget) -> Result
 /// Appends what `file` holds.
 fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     let first_mesh = scene.meshes.len() as u32;
+    let is_empty = |object: &Object| other.meshes[object.mesh as usize].groups.iter().all(|g| g.triangles.is_empty());
+    if other.objects.iter().all(is_empty) {
+        other.warnings.add(file, "scenes without triangles", "nothing of them is drawn", || file.display().to_string());
+    }
     scene.warnings.append(std::mem::take(&mut other.warnings));
     scene.files.push(LoadedFile {
         path: file.to_owned(),
@@ -256,6 +263,32 @@ pub(crate) fn texture_file(
         });
     }
     Some(resolved.path)
+}
+
+/// [`texture_file`] for the engine's own files, whose paths are those of the machine that wrote them: where one leads
+/// nowhere, its ends serve from the scene's folder on, the longest first (`Texturas/water.jpg`, then `water.jpg`).
+pub(crate) fn texture_file_or_suffix(
+    context: &Context<'_>,
+    written: &str,
+    warnings: &mut Warnings,
+    material: &str,
+) -> Option<PathBuf> {
+    let find = |path: &str| resolve_path(context.folder(), path).filter(|resolved| resolved.path.is_file());
+    if find(written).is_none() {
+        let portable = crate::paths::portable(written);
+        let written_path = portable.to_str().unwrap_or_default();
+        let names: Vec<&str> = written_path.split('/').filter(|name| !name.is_empty() && *name != ".").collect();
+        let first = names.iter().rposition(|name| *name == "..").map_or(0, |last| last + 1);
+        let found = (first..names.len()).find_map(|start| find(&names[start..].join("/")));
+        if let Some(found) = found {
+            let what = "texture paths that lead nowhere";
+            warnings.add(context.file, what, "a file of that name beside the scene serves", || {
+                format!("`{written}` of material `{material}` is {}", found.path.display())
+            });
+            return Some(found.path);
+        }
+    }
+    texture_file(context, written, warnings, material)
 }
 
 /// The materials of one file, by name.

@@ -136,7 +136,7 @@ pub struct Material {
     pub shininess: f32,
     /// Texture of unit 0: index into [`Scene::textures`].
     pub texture: Option<u32>,
-    /// Where the texture's alpha (times [`Self::texture`]'s own) is below this, there is no surface. `None`: opaque.
+    /// Where the texture's alpha times [`Self::diffuse`]'s is below this, there is no surface. `None`: opaque.
     pub alpha_cutoff: Option<f32>,
     /// Share of the light that enters (glTF `KHR_materials_transmission`), 0..=1.
     pub transmission: f32,
@@ -168,6 +168,16 @@ impl Default for Material {
             attenuation_color: Vec3::ONE,
             attenuation_distance: f32::INFINITY,
         }
+    }
+}
+
+impl Material {
+    /// What the texture's alpha alone is compared with, from [`Self::alpha_cutoff`] and the diffuse opacity; infinite
+    /// where the opacity is 0. `None` where nothing is cut.
+    pub(crate) fn texture_cutoff(&self) -> Option<f32> {
+        let opacity = self.diffuse.w;
+        let scaled = |cutoff: f32| if opacity > 0.0 { cutoff / opacity } else { f32::INFINITY };
+        self.alpha_cutoff.filter(|cutoff| *cutoff > 0.0 && self.texture.is_some()).map(scaled)
     }
 }
 

@@ -63,9 +63,28 @@ impl Texture {
     pub fn new(name: String, width: u32, height: u32, texels: Vec<[u8; 4]>) -> Self {
         assert!(width > 0 && height > 0, "texture {name} is empty");
         assert_eq!(texels.len(), width as usize * height as usize, "texture {name}: texel count");
-        let mut levels = vec![Level { width, height, texels }];
-        while let Some(last) = levels.last().filter(|level| level.width > 1 || level.height > 1) {
-            levels.push(halve(last));
+        Self { name, levels: chain(Level { width, height, texels }, mean) }
+    }
+
+    /// Builds the mip chain of a texture whose texels with less alpha than `cutoff` (0..=1) are holes.
+    ///
+    /// Colours are weighted by alpha, so that what is stored in the holes does not show at their edges. The alpha of
+    /// each level is scaled until as large a share of its texels is solid as of level 0, to the nearest texel (Castaño,
+    /// "Computing Alpha Mipmaps", 2010); plain averages would let leaves and railings vanish with the distance.
+    ///
+    /// # Panics
+    /// If the image is empty or `texels` does not match its size.
+    #[must_use]
+    pub fn cut_out(name: String, width: u32, height: u32, texels: Vec<[u8; 4]>, cutoff: f32) -> Self {
+        assert!(width > 0 && height > 0, "texture {name} is empty");
+        assert_eq!(texels.len(), width as usize * height as usize, "texture {name}: texel count");
+        let mut levels = chain(Level { width, height, texels }, mean_by_alpha);
+        // The lowest alpha that is solid; with none, or with all, every level is as level 0 anyway.
+        let solid = (0..=u8::MAX).find(|alpha| f32::from(*alpha) / 255.0 >= cutoff).filter(|alpha| *alpha > 0);
+        if let (Some(solid), [base, smaller @ ..]) = (solid, &mut levels[..]) {
+            let covered = base.texels.iter().filter(|texel| texel[3] >= solid).count() as u64;
+            let total = base.texels.len() as u64;
+            smaller.iter_mut().for_each(|level| keep_coverage(level, solid, covered, total));
         }
         Self { name, levels }
     }
@@ -94,7 +113,15 @@ impl Texture {
     }
 }
 
-fn halve(level: &Level) -> Level {
+fn chain(base: Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4]) -> Vec<Level> {
+    let mut levels = vec![base];
+    while let Some(last) = levels.last().filter(|level| level.width > 1 || level.height > 1) {
+        levels.push(halve(last, &mean));
+    }
+    levels
+}
+
+fn halve(level: &Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4]) -> Level {
     let (width, height) = ((level.width / 2).max(1), (level.height / 2).max(1));
     let mut texels = Vec::with_capacity(width as usize * height as usize);
     for y in 0..height {
@@ -102,12 +129,52 @@ fn halve(level: &Level) -> Level {
             let (x0, y0) = ((2 * x).min(level.width - 1), (2 * y).min(level.height - 1));
             let (x1, y1) = ((x0 + 1).min(level.width - 1), (y0 + 1).min(level.height - 1));
             let at = |x: u32, y: u32| level.texels[y as usize * level.width as usize + x as usize];
-            let (a, b, c, d) = (at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1));
-            texels.push(std::array::from_fn(|channel| {
-                let sum = u32::from(a[channel]) + u32::from(b[channel]) + u32::from(c[channel]) + u32::from(d[channel]);
-                ((sum + 2) / 4) as u8
-            }));
+            texels.push(mean([at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1)]));
         }
     }
     Level { width, height, texels }
+}
+
+fn mean(four: [[u8; 4]; 4]) -> [u8; 4] {
+    std::array::from_fn(|channel| {
+        let sum: u32 = four.iter().map(|texel| u32::from(texel[channel])).sum();
+        ((sum + 2) / 4) as u8
+    })
+}
+
+/// Colours weighted by alpha; the plain mean where nothing is solid at all.
+fn mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
+    let plain = mean(four);
+    let weight: u32 = four.iter().map(|texel| u32::from(texel[3])).sum();
+    if weight == 0 {
+        return plain;
+    }
+    let color = |channel: usize| {
+        let sum: u32 = four.iter().map(|texel| u32::from(texel[channel]) * u32::from(texel[3])).sum();
+        ((sum + weight / 2) / weight) as u8
+    };
+    [color(0), color(1), color(2), plain[3]]
+}
+
+/// Scales a level's alpha so that the share of texels with at least `solid` is nearest to `covered / total`.
+fn keep_coverage(level: &mut Level, solid: u8, covered: u64, total: u64) {
+    let mut histogram = [0_u64; 256];
+    for texel in &level.texels {
+        histogram[usize::from(texel[3])] += 1;
+    }
+    let texels = level.texels.len() as u64;
+    // The threshold that covers as much before scaling; the one that scales least where several do equally well.
+    let (mut best, mut threshold, mut above) = ((u128::MAX, u16::MAX), u16::from(solid), 0);
+    for alpha in (1..=256_u16).rev() {
+        above += histogram.get(usize::from(alpha)).copied().unwrap_or(0);
+        let error = (u128::from(above) * u128::from(total)).abs_diff(u128::from(covered) * u128::from(texels));
+        let candidate = (error, alpha.abs_diff(u16::from(solid)));
+        if candidate < best {
+            (best, threshold) = (candidate, alpha);
+        }
+    }
+    // Rounded down: the threshold itself becomes `solid`, and all below stay below.
+    for texel in &mut level.texels {
+        texel[3] = (u32::from(texel[3]) * u32::from(solid) / u32::from(threshold)).min(255) as u8;
+    }
 }

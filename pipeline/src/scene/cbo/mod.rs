@@ -14,7 +14,8 @@
 //! ```
 //! A `str` is a `u32` length, that many Latin-1 bytes and a NUL; a `mat4` is 16 `f32`, column by column. The extension
 //! does not tell the layout. Neither layout keeps transmission or refraction. Of the 2014 layout's render states the
-//! alpha test is read and written, as [`Material::alpha_cutoff`](super::Material::alpha_cutoff); today's has no states.
+//! alpha test is read and written, as [`Material::alpha_cutoff`](super::Material::alpha_cutoff); today's has no states,
+//! and a texture with texels that are less than half opaque is cut out at 0.5 there.
 
 mod read;
 mod write;

@@ -2,11 +2,13 @@
 
 use super::super::bytes::{Reader, f32_at};
 use super::super::error::SceneError;
-use super::super::load::{Context, MaterialTable, add_texture, texture_file};
+use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file_or_suffix};
+use super::super::render::texture;
 use super::super::{Group, Material, Mesh, Object, Scene, TextureSource};
 use super::{Layout, NO_TEXTURE, NULL_OBJECT, OCTREE_SCENE, alpha_test};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 /// An octree deeper than this is not believed: its smallest node would be 2^-64 of the scene.
 const MAX_OCTREE_DEPTH: u32 = 64;
@@ -26,6 +28,7 @@ pub(super) fn read(bytes: &[u8], layout: Layout, context: &mut Context<'_>) -> R
         scene: Scene::default(),
         table: MaterialTable::default(),
         by_renderable: HashMap::new(),
+        cutoffs: HashMap::new(),
     };
     match parser.file() {
         Ok(()) => {
@@ -44,6 +47,8 @@ struct Parser<'b, 'c, 'f> {
     scene: Scene,
     table: MaterialTable,
     by_renderable: HashMap<String, u32>,
+    /// By texture file; today's layout only.
+    cutoffs: HashMap<PathBuf, Option<f32>>,
 }
 
 impl Parser<'_, '_, '_> {
@@ -85,9 +90,9 @@ impl Parser<'_, '_, '_> {
         let mut material = Material { name, ambient, specular, diffuse, emission, shininess, ..Material::default() };
         let [unit0, ..] = &textures;
         if self.context.needs.textures && !unit0.is_empty() && unit0 != NO_TEXTURE {
-            let path = texture_file(self.context, unit0, &mut self.scene.warnings, &material.name);
+            let path = texture_file_or_suffix(self.context, unit0, &mut self.scene.warnings, &material.name);
             if let Some(path) = path {
-                material.alpha_cutoff = alpha_cutoff;
+                material.alpha_cutoff = if self.layout.is_2014() { alpha_cutoff } else { self.cutoff_of(&path)? };
                 material.texture = Some(add_texture(&mut self.scene.textures, TextureSource::File(path)));
             }
         }
@@ -101,6 +106,17 @@ impl Parser<'_, '_, '_> {
             );
         }
         Ok(())
+    }
+
+    /// Today's layout has no alpha test: a texture with texels that are less than half opaque is a cut-out.
+    fn cutoff_of(&mut self, texture: &Path) -> Result<Option<f32>, SceneError> {
+        if let Some(known) = self.cutoffs.get(texture) {
+            return Ok(*known);
+        }
+        let is_cut_out = texture::is_cut_out(texture, MASK_CUTOFF, self.context.budget)?;
+        let cutoff = is_cut_out.then_some(MASK_CUTOFF);
+        self.cutoffs.insert(texture.to_owned(), cutoff);
+        Ok(cutoff)
     }
 
     /// Shaders and render state of a 2014 material. The render path decides about all of it but the alpha test, whose

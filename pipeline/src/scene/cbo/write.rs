@@ -22,7 +22,7 @@ const STATE_BOOL4S: [u8; 4] = [1; 4];
 ///
 /// Meshes are shared by the objects that place them. Texture paths are stored relative to the file; images that are
 /// embedded in the scene's files or put together from two are written beside it, as `NAME.texture0.png`. The warnings
-/// returned count what the format cannot keep: transmission, refraction, absorption, alpha cutoffs (today's layout only),
+/// returned count what the format cannot keep, each by its kind: transmission, absorption, alpha cutoffs (today's layout only),
 /// letters outside Latin-1.
 ///
 /// # Errors
@@ -174,26 +174,22 @@ impl SceneWriter<'_> {
 
     fn warn_about_losses(&mut self, material: &Material) {
         let defaults = Material::default();
-        let mut lost = Vec::new();
-        if material.transmission != defaults.transmission {
-            lost.push("transmission");
-        }
-        if material.ior != defaults.ior {
-            lost.push("index of refraction");
-        }
-        if material.thickness != defaults.thickness
+        let absorption = material.thickness != defaults.thickness
             || material.attenuation_color != defaults.attenuation_color
-            || material.attenuation_distance != defaults.attenuation_distance
-        {
-            lost.push("absorption");
-        }
-        if material.alpha_cutoff.is_some() && !self.layout.is_2014() {
-            lost.push("alpha cutoff");
-        }
-        if !lost.is_empty() {
-            self.warnings.add(self.path, "materials with properties that the format lacks", "not written", || {
-                format!("{} of `{}`", lost.join(", "), material.name)
-            });
+            || material.attenuation_distance != defaults.attenuation_distance;
+        // An index of refraction is not missed: no program reads it.
+        for (lost, what, remedy) in [
+            (material.transmission != defaults.transmission, "materials with transmission", "not written"),
+            (absorption, "materials with absorption", "not written"),
+            (
+                material.alpha_cutoff.is_some() && !self.layout.is_2014(),
+                "materials with an alpha cutoff",
+                "not written; read as 0.5 where the texture has texels below that",
+            ),
+        ] {
+            if lost {
+                self.warnings.add(self.path, what, remedy, || format!("`{}`", material.name));
+            }
         }
     }
 

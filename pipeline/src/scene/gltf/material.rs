@@ -144,11 +144,13 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
             warn("texture maps that no program reads", "ignored", "thickness of ");
         }
     }
+    if written.emissive_texture.is_some() {
+        warn("materials with an emissive texture", "the emissive factor alone serves", "");
+    }
     let pbr = &written.pbr_metallic_roughness;
     for (present, what) in [
         (written.normal_texture.is_some(), "normals of "),
         (written.occlusion_texture.is_some(), "occlusion of "),
-        (written.emissive_texture.is_some(), "emission of "),
         (pbr.metallic_roughness_texture.is_some(), "metalness and roughness of "),
     ] {
         if present {

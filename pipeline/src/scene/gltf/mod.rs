@@ -69,6 +69,12 @@ fn check_extensions(root: &json::Root, file: &Path, warnings: &mut Warnings) -> 
 
 /// Counts what an asset has besides what is drawn.
 fn count_unread(root: &json::Root, file: &Path, warnings: &mut Warnings) {
+    for name in &root.extensions_used {
+        // Those that are required were counted, or refused.
+        if !READ_EXTENSIONS.contains(&name.as_str()) && !root.extensions_required.contains(name) {
+            warnings.add(file, "extensions that are not read", "the asset is drawn without them", || name.clone());
+        }
+    }
     for (kind, count) in
         [("animation", root.animations.len()), ("camera", root.cameras.len()), ("skin", root.skins.len())]
     {
@@ -159,6 +165,9 @@ impl Assembler<'_> {
             self.scene.warnings.add(file, "primitives without positions", "left out", || format!("`{name}`"));
             return Ok(None);
         };
+        if primitive.attributes.keys().any(|key| matches!(key, Checked::Valid(Semantic::Colors(_)))) {
+            self.scene.warnings.add(file, "primitives with vertex colours", "ignored", || format!("`{name}`"));
+        }
         if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
             self.scene.warnings.add(file, "primitives with morph targets", "drawn without", || format!("`{name}`"));
         }

@@ -2,6 +2,7 @@
 //!
 //! Objects and groups (`o`, `g`) become objects by name. Where one is spread over several materials or places in the
 //! file, vertices with equal contents are shared again, so that normals computed for it are smooth across.
+//! Smoothing groups (`s`) are not read: where normals are missing, the crease angle decides (see `render`).
 
 mod lines;
 mod mtl;
@@ -117,23 +118,29 @@ impl Joiner<'_> {
 }
 
 impl Piece {
-    /// Appends the vertices that `target` does not hold yet, and returns where each of them is now.
+    /// Appends the vertices that `target` does not hold from earlier runs, and returns where each of them is now. Those
+    /// of one run stay as they are: where the file lists equal ones, it wants them apart.
     fn share_vertices(&mut self, target: &mut Mesh, added: Mesh) -> Vec<u32> {
         if self.vertices.is_empty() {
             for vertex in 0..target.positions.len() {
                 self.vertices.entry(key(target, vertex)).or_insert(vertex as u32);
             }
         }
-        (0..added.positions.len())
+        let first_new = target.positions.len();
+        let new_index = (0..added.positions.len())
             .map(|vertex| {
-                *self.vertices.entry(key(&added, vertex)).or_insert_with(|| {
+                self.vertices.get(&key(&added, vertex)).copied().unwrap_or_else(|| {
                     target.positions.push(added.positions[vertex]);
                     target.normals.extend(added.normals.get(vertex));
                     target.texcoords.extend(added.texcoords.get(vertex));
                     target.positions.len() as u32 - 1
                 })
             })
-            .collect()
+            .collect();
+        for vertex in first_new..target.positions.len() {
+            self.vertices.entry(key(target, vertex)).or_insert(vertex as u32);
+        }
+        new_index
     }
 }
 

@@ -5,15 +5,12 @@
 use super::super::Material;
 use super::super::TextureSource;
 use super::super::error::SceneError;
-use super::super::load::{Context, MaterialTable, add_texture, texture_file};
+use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file};
 use super::super::render::texture::image_has_alpha;
 use super::lines::{Lines, number, split_word, text, words};
 use crate::diagnostic::Warnings;
 use glam::{Vec2, Vec3, Vec4};
 use std::path::Path;
-
-/// The alpha cutoff of a material with a mask.
-const ALPHA_CUTOFF: f32 = 0.5;
 
 /// A map statement: the file as written and how its coordinates are changed.
 #[derive(Debug, Clone, PartialEq)]
@@ -102,11 +99,11 @@ impl Library {
             if let Some(color) = color {
                 let source = match mask {
                     Some(mask) if mask != color => {
-                        material.alpha_cutoff = Some(ALPHA_CUTOFF);
+                        material.alpha_cutoff = Some(MASK_CUTOFF);
                         TextureSource::Masked { color, mask }
                     }
                     Some(mask) if image_has_alpha(&mask) => {
-                        material.alpha_cutoff = Some(ALPHA_CUTOFF);
+                        material.alpha_cutoff = Some(MASK_CUTOFF);
                         TextureSource::File(color)
                     }
                     Some(mask) => {

@@ -36,7 +36,6 @@ pub(super) fn flatten(
     budget: &mut Budget,
     warnings: &mut Warnings,
 ) -> Result<Geometry, SceneError> {
-    let total = total_size(&meshes, objects, options, files, budget)?;
     let mut uses = vec![0_u32; meshes.len()];
     for object in objects {
         uses[object.mesh as usize] += 1;
@@ -44,6 +43,7 @@ pub(super) fn flatten(
     if options.needs.normals {
         ensure_normals(&mut meshes, objects, &uses, files, warnings);
     }
+    let total = total_size(&meshes, objects, options, files, budget)?;
     if options.needs.textures {
         mend_texcoords(&mut meshes, objects, &uses, files, warnings);
     }

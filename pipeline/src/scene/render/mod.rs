@@ -47,7 +47,8 @@ impl RenderScene {
     ///   material without exchanging equals; ids therefore do not depend on the number of threads.
     /// - Normals are transformed by the inverse transpose and made unit length. Where a mesh has none, each vertex gets
     ///   the mean of the normals of its faces, weighted by the face's angle there (Thürmer and Wüthrich, "Computing
-    ///   Vertex Normals from Polygonal Facets", 1998); vertices that are not shared stay flat.
+    ///   Vertex Normals from Polygonal Facets", 1998); faces on both sides of a crease of more than
+    ///   60 degrees are not averaged, and the vertices there are split; vertices that are not shared stay flat.
     /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
     ///   its material has none.
     ///

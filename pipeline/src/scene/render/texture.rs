@@ -25,6 +25,7 @@ pub(super) fn decode_used(
     for texture in materials.iter().filter_map(|material| material.texture) {
         used[texture as usize] = true;
     }
+    let cutoffs = cutoffs(materials, sources.len());
     // The headers first: what all of them need is known before anything is decoded.
     let sizes: Vec<Option<Result<(u32, u32), String>>> =
         sources.par_iter().zip(used).map(|(source, used)| used.then(|| size(source))).collect();
@@ -39,7 +40,8 @@ pub(super) fn decode_used(
     let decoded: Vec<Option<Result<Texture, String>>> = sources
         .par_iter()
         .zip(sizes)
-        .map(|(source, size)| size.map(|size| size.and_then(|_| decode(source))))
+        .zip(cutoffs)
+        .map(|((source, size), cutoff)| size.map(|size| size.and_then(|_| decode(source, cutoff))))
         .collect();
 
     let mut textures = Vec::new();
@@ -86,12 +88,27 @@ fn within_limits((width, height): (u32, u32)) -> Result<(u32, u32), String> {
     Ok((width, height))
 }
 
-fn decode(source: &TextureSource) -> Result<Texture, String> {
+/// By texture: the cutoff that its mip levels keep the coverage of. Of several materials' the lowest serves.
+fn cutoffs(materials: &[Material], textures: usize) -> Vec<Option<f32>> {
+    let mut cutoffs: Vec<Option<f32>> = vec![None; textures];
+    for material in materials {
+        if let (Some(texture), Some(cutoff)) = (material.texture, material.texture_cutoff()) {
+            let known = &mut cutoffs[texture as usize];
+            *known = Some(known.map_or(cutoff, |known| known.min(cutoff)));
+        }
+    }
+    cutoffs
+}
+
+fn decode(source: &TextureSource, cutoff: Option<f32>) -> Result<Texture, String> {
     let image = pixels(source)?;
     let (width, height) = image.dimensions();
     // Four bytes a texel either way; the copy is only made where the decoder's list has room left over.
     let texels = bytemuck::try_cast_vec(image.into_raw()).unwrap_or_else(|(_, bytes)| bytes.as_chunks().0.to_vec());
-    Ok(Texture::new(source.name(), width, height, texels))
+    Ok(match cutoff {
+        Some(cutoff) => Texture::cut_out(source.name(), width, height, texels, cutoff),
+        None => Texture::new(source.name(), width, height, texels),
+    })
 }
 
 fn pixels(source: &TextureSource) -> Result<RgbaImage, String> {
@@ -176,4 +193,21 @@ pub(in crate::scene) fn encoded(source: &TextureSource) -> Result<(Vec<u8>, &'st
 /// Whether an image file has an alpha channel, from its header alone; `false` where it cannot be read.
 pub(in crate::scene) fn image_has_alpha(path: &Path) -> bool {
     open(path).and_then(|bytes| decoder(bytes, Some(path))).is_ok_and(|decoder| decoder.color_type().has_alpha())
+}
+
+/// Whether an image file has an alpha channel and a texel below that alpha; `false` where it cannot be read.
+pub(in crate::scene) fn is_cut_out(path: &Path, cutoff: f32, budget: &mut Budget) -> Result<bool, SceneError> {
+    let header = open(path).and_then(|bytes| decoder(bytes, Some(path)));
+    let Ok((width, height)) = header.and_then(|decoder| match decoder.color_type().has_alpha() {
+        true => within_limits(decoder.dimensions()),
+        false => Err(String::new()),
+    }) else {
+        return Ok(false);
+    };
+    let bytes = u64::from(width) * u64::from(height) * 4;
+    budget.take(path, "the texels", bytes)?;
+    let image = open(path).and_then(|bytes| read(bytes, Some(path)));
+    let found = image.is_ok_and(|image| image.pixels().any(|pixel| f32::from(pixel.0[3]) < cutoff * 255.0));
+    budget.give_back(bytes);
+    Ok(found)
 }
