@@ -15,7 +15,7 @@
 //! | 8 | a surface's side follows its winding (`final`: the wrong one) or the shading normal | the geometric normal decides, whatever the winding |
 //! | 9 | a pixel is glass if its colour is the mask (x > 0, 0, z > 0, 0); its normal is used as stored | if its triangle's material is; its normal is turned to the viewer |
 //! | 10 | textures' alpha is ignored | rays pass where a material is cut out |
-//! | 11 | the occlusion hemisphere lies where the normal points | on the viewer's side; directions below the triangle are blocked, without a ray |
+//! | 11 | the occlusion hemisphere lies where the normal points | on the viewer's side; directions below the triangle are mirrored at its plane |
 //! | 12 | shadows and `ssao` write their value into the alpha too | alpha is 1 |
 //!
 //! Where the printed code leaves a choice, this is what `thesis` does:

@@ -115,7 +115,11 @@ impl Renderer {
         let corrected = self.plan.settings.fidelity == Fidelity::Corrected;
         let (set, colors) = match (&planned.work, &pass.kind) {
             (Work::Raster { scene_set, .. }, PassKind::Raster(raster)) => (*scene_set, &raster.colors),
-            (Work::Rays { scene_set, .. }, PassKind::Ray(ray)) => (*scene_set, &ray.colors),
+            // A program that shades no hit reads no colour: what materials are mapped to must not cost them their holes.
+            (Work::Rays { scene_set, .. }, PassKind::Ray(ray)) => {
+                let shades_hits = ray.program.info().material_attributes.contains(&"diffuse");
+                (*scene_set, if shades_hits { &ray.colors } else { const { &Vec::new() } })
+            }
             _ => {
                 self.materials.push(PassMaterials::default());
                 return;
