@@ -89,6 +89,12 @@ pub fn print_warning(text: &str) {
     anstream::eprintln!("{WARNING}warning:{WARNING:#} {text}");
 }
 
+/// Prints the problems that are worth interrupting a rendering for; `check` and `plan` print the notes too.
+pub fn print_warnings_of(problems: &Problems) {
+    let warnings = problems.0.iter().filter(|problem| problem.severity != Severity::Note);
+    print_problems(&Problems(warnings.cloned().collect()));
+}
+
 /// Prints every problem with its place; on a terminal with the lines around it, and a closing count.
 pub fn print_problems(problems: &Problems) {
     let graphical = std::io::stderr().is_terminal();

@@ -24,7 +24,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut bars = Bars::default();
     let settings = args.project.settings();
     let mut renderer = curitiba::open(&args.project.path, settings, args.project.choice(), &mut bars)?;
-    failure::print_problems(&renderer.plan().project.problems);
+    failure::print_warnings_of(&renderer.plan().project.problems);
     print_warnings(renderer.warnings());
     if !args.json {
         print_header(&renderer);
