@@ -22,9 +22,10 @@ const COVERAGE: f64 = 0.9999;
 /// Positions differ by at most this share of the distance from the eye, where both show one triangle…
 const POSITION: f32 = 1e-4;
 
-/// …on all but this share of those pixels: slivers whose corners, snapped to 1/256 pixel as the processor's rasteriser
-/// interpolates them, lie that far from the unsnapped ones.
-const SLIVERS: f64 = 1e-4;
+/// …on all but this share of those pixels: the processor's rasteriser interpolates between corners snapped to 1/256
+/// pixel, which at grazing angles lie farther apart than that. On lavapipe 22.3.6 it is 28 (Fonte) and 23 (Vidro) of
+/// 262,000 pixels, and no pixel is covered by one only.
+const SLIVERS: f64 = 5e-4;
 
 fn open(name: &str, camera: Option<&str>) -> Renderer {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/Scene{name}.xml"));

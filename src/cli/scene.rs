@@ -1,11 +1,14 @@
 //! `curitiba scene`: describe scene files, convert them, or generate the square.
 
 use super::args::SceneArgs;
+use super::progress::Bars;
 use super::{Failure, print_warnings};
 use anstyle::Style;
+use curitiba::pipeline::executor::{Observer as _, Progress, StepKind};
 use curitiba::pipeline::scene::{self, Layout, LoadOptions, Needs, Scene, Statistics, statistics};
 use curitiba::pipeline::square;
 use std::path::Path;
+use std::sync::Arc;
 
 const HEADER: Style = Style::new().bold();
 
@@ -14,22 +17,31 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
     let output = args.output.as_deref();
     if let Some(triangles) = args.generate {
         let folder = output.ok_or_else(|| Failure::Usage("--generate needs a folder: -o FOLDER".to_owned()))?;
-        let square = square::generate(triangles);
+        let square = working(StepKind::Load, "generating the square", || square::generate(triangles));
         describe(&square.scene, args.json)?;
-        let path = square.write(folder)?;
+        let path = working(StepKind::Write, "writing", || square.write(folder))?;
         say(args.json, &format!("wrote {} and its textures", path.display()));
         return Ok(());
     }
     let layout = output.map(layout_of).transpose()?;
     let options = LoadOptions { needs: Needs::ALL, max_bytes: args.max_memory };
-    let scene = scene::load(&args.files, &options, &|_| {})?;
+    let scene = working(StepKind::Load, "scene files", || scene::load(&args.files, &options, &|_| {}))?;
     print_warnings(&scene.warnings);
     describe(&scene, args.json)?;
     if let (Some(path), Some(layout)) = (output, layout) {
-        print_warnings(&scene::write_cbo(&scene, path, layout)?);
+        print_warnings(&working(StepKind::Write, "scene file", || scene::write_cbo(&scene, path, layout))?);
         say(args.json, &format!("wrote {}", path.display()));
     }
     Ok(())
+}
+
+/// Shows that something long is going on.
+fn working<T>(kind: StepKind, name: &str, work: impl FnOnce() -> T) -> T {
+    let mut bars = Bars::default();
+    bars.begin(kind, name, &Arc::new(Progress::default()));
+    let result = work();
+    bars.end();
+    result
 }
 
 /// The layout that a file name asks for.
