@@ -16,7 +16,7 @@ use curitiba::pipeline::diagnostic::Warnings;
 
 /// Prints a line to the output stream, with colours only where it is a terminal.
 ///
-/// A closed pipe ends the program quietly, as `head` expects; a full disk ends it with a message.
+/// A closed pipe is no error, as `head` expects: the files are still written. A full disk ends the program with a message.
 #[macro_export]
 macro_rules! say {
     ($($argument:tt)*) => { $crate::cli::print_line(format_args!($($argument)*)) };
@@ -25,11 +25,12 @@ macro_rules! say {
 /// See [`say!`].
 pub fn print_line(line: std::fmt::Arguments<'_>) {
     use std::io::Write as _;
-    if let Err(error) = writeln!(anstream::stdout(), "{line}") {
-        if error.kind() != std::io::ErrorKind::BrokenPipe {
+    match writeln!(anstream::stdout(), "{line}") {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Failure::Work(format!("the output stream cannot be written: {error}")).print();
+            std::process::exit(1);
         }
-        std::process::exit(1);
+        _ => {}
     }
 }
 
