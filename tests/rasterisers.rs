@@ -30,7 +30,6 @@ const SLIVERS: f64 = 5e-4;
 fn open(name: &str, camera: Option<&str>) -> Renderer {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/Scene{name}.xml"));
     let camera = camera.map(str::to_owned);
-    // Nothing is traced here: without samples no tree is needed for occlusion.
     let settings = Settings { size: Some([SIDE, SIDE]), camera, ..Settings::default() };
     let choice = Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu };
     curitiba::open(path, settings, choice, &mut Silent).expect("the project opens")

@@ -85,14 +85,9 @@ fn empty() -> Bvh {
 
 /// Whether a job can trace any ray: where it cannot, the executor builds no structure.
 fn may_trace(job: &RayJob<'_>) -> bool {
-    match job.program {
-        RayProgram::Dummy => false,
-        RayProgram::DeferredShadows | RayProgram::Final => true,
-        RayProgram::Ssao => job.params.samples > 0,
-        RayProgram::Reflection | RayProgram::Refraction => {
-            job.fidelity == Fidelity::Thesis || job.glass.contains(&true)
-        }
-    }
+    let needs_glass = matches!(job.program, RayProgram::Reflection | RayProgram::Refraction);
+    let finds_glass = job.fidelity == Fidelity::Thesis || job.glass.contains(&true);
+    job.program.can_trace(&job.params) && (!needs_glass || finds_glass)
 }
 
 /// Runs a program other than `dummy` on any tracer of the job's scene.

@@ -303,6 +303,16 @@ impl RayProgram {
     pub fn info(self) -> &'static RayProgramInfo {
         RAY_PROGRAMS.iter().find(|info| info.program == self).expect("every program has an entry")
     }
+
+    /// Whether it traces rays with these parameters, in a scene that has what it looks for.
+    #[must_use]
+    pub fn can_trace(self, params: &RayParams) -> bool {
+        match self {
+            Self::Dummy => false,
+            Self::Ssao => params.samples > 0,
+            Self::DeferredShadows | Self::Reflection | Self::Refraction | Self::Final => true,
+        }
+    }
 }
 
 /// A raster or quad program, selected by the stem of a shader's pixel-shader file.

@@ -92,7 +92,7 @@ impl Plan {
         camera: Option<usize>,
         wanted: &mut Wanted,
     ) -> Work {
-        let reads_triangle = self.settings.fidelity == Fidelity::Corrected && can_trace(ray.program, &params);
+        let reads_triangle = self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
         wanted.channels.extend(inputs(ray, &params));
         if reads_triangle && let Some(position) = ray.position {
             wanted.triangles.insert(position.target);
@@ -208,15 +208,6 @@ fn dead(pass: &Pass, live: Attachments, wanted: &Wanted) -> Option<&'static str>
         return wanted.window_filled.then_some("a later pass fills the whole window");
     }
     (live == Attachments::default()).then_some("nothing reads what it writes")
-}
-
-/// Whether a program traces any ray with these parameters.
-fn can_trace(program: RayProgram, params: &RayParams) -> bool {
-    match program {
-        RayProgram::Dummy => false,
-        RayProgram::Ssao => params.samples > 0,
-        RayProgram::DeferredShadows | RayProgram::Reflection | RayProgram::Refraction | RayProgram::Final => true,
-    }
 }
 
 /// The channels that a ray pass reads.
