@@ -1,14 +1,14 @@
 //! What machine a timing was taken on.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The machine and the build.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Environment {
     /// Version of this program.
-    pub version: &'static str,
+    pub version: String,
     /// `release` or `debug`.
-    pub profile: &'static str,
+    pub profile: String,
     /// Operating system and architecture.
     pub platform: String,
     /// Processor, as the system names it.
@@ -22,8 +22,8 @@ impl Environment {
     #[must_use]
     pub fn here() -> Self {
         Self {
-            version: env!("CARGO_PKG_VERSION"),
-            profile: if cfg!(debug_assertions) { "debug" } else { "release" },
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            profile: if cfg!(debug_assertions) { "debug" } else { "release" }.to_owned(),
             platform: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             cpu: cpu_name().unwrap_or_else(|| "unknown processor".to_owned()),
             threads: rayon::current_num_threads(),

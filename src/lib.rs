@@ -21,6 +21,7 @@
 //! and loads its scenes; [`Renderer::frame`](pipeline::executor::Renderer::frame) renders.
 #![forbid(unsafe_code)]
 
+pub mod bench;
 pub mod engines;
 pub mod environment;
 

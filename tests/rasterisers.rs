@@ -65,7 +65,7 @@ fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBu
     rasteriser.upload(&scene).expect("the scene fits");
     rasteriser.draw(&job, &mut buffer).expect("it draws");
     if rasteriser.needs_read_back() {
-        rasteriser.read_back(&job, &mut buffer).expect("it reads back");
+        rasteriser.read_back(&job, job.attachments, &mut buffer).expect("it reads back");
     }
     buffer
 }

@@ -31,7 +31,9 @@ fn raster(criterion: &mut Criterion) {
             gpu.upload(&scene).expect("uploads");
             group.bench_function("wgpu/draw", |b| b.iter(|| gpu.draw(&job, &mut target).expect("draws")));
             gpu.draw(&job, &mut target).expect("draws");
-            group.bench_function("wgpu/read back", |b| b.iter(|| gpu.read_back(&job, &mut target).expect("reads")));
+            group.bench_function("wgpu/read back", |b| {
+                b.iter(|| gpu.read_back(&job, job.attachments, &mut target).expect("reads"))
+            });
         }
         Err(error) => println!("skipped: {error}"),
     }

@@ -160,7 +160,7 @@ fn render(rasteriser: &mut dyn Rasteriser, setup: &Setup, job: &RasterJob<'_>, w
     rasteriser.upload(&setup.scene).expect("uploads");
     rasteriser.draw(job, &mut target).expect("draws");
     if rasteriser.needs_read_back() {
-        rasteriser.read_back(job, &mut target).expect("reads back");
+        rasteriser.read_back(job, job.attachments, &mut target).expect("reads back");
     }
     target
 }

@@ -27,7 +27,7 @@ fn all_attachment_sets() -> impl Iterator<Item = Attachments> {
 fn render(rasteriser: &mut WgpuRasteriser, job: &RasterJob<'_>, width: u32, height: u32) -> GBuffer {
     let mut target = marked(width, height, job.attachments);
     rasteriser.draw(job, &mut target).expect("draws");
-    rasteriser.read_back(job, &mut target).expect("reads back");
+    rasteriser.read_back(job, job.attachments, &mut target).expect("reads back");
     target
 }
 
@@ -204,7 +204,7 @@ fn jobs_that_do_not_fit_their_scene_or_target_are_errors() {
     let message = rasteriser.draw(&job, &mut target).expect_err("nothing uploaded").to_string();
     assert!(message.contains("not uploaded"), "{message}");
     rasteriser.upload(&setup.scene).expect("uploads");
-    let message = rasteriser.read_back(&job, &mut target).expect_err("nothing drawn").to_string();
+    let message = rasteriser.read_back(&job, job.attachments, &mut target).expect_err("nothing drawn").to_string();
     assert!(message.contains("drawn last"), "{message}");
     let outside = Rect { x: 1, y: 0, width: 64, height: 64 };
     let message = rasteriser.draw(&RasterJob { viewport: outside, ..job }, &mut target).expect_err("outside");

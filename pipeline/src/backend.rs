@@ -3,6 +3,7 @@
 use crate::executor::Progress;
 use crate::image::Image;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
+use crate::raster_effects::{EffectParams, EffectProgram};
 use crate::scene::RenderScene;
 use glam::{Mat4, Vec3, Vec4};
 use std::sync::Arc;
@@ -180,11 +181,84 @@ pub trait Rasteriser {
     fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError>;
     /// Whether [`Rasteriser::read_back`] has anything to do.
     fn needs_read_back(&self) -> bool;
-    /// Copies what was drawn last into `target`.
+    /// Copies those of the attachments drawn last that are wanted into `target`; the others of `target` stay as they are.
     ///
     /// # Errors
     /// If the device fails.
-    fn read_back(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<(), BackendError>;
+    fn read_back(&mut self, job: &RasterJob<'_>, wanted: Attachments, target: &mut GBuffer)
+    -> Result<(), BackendError>;
+    /// Runs a raster effect: draws the maps that it needs, then computes every pixel of `output`, which has the job's size.
+    ///
+    /// # Errors
+    /// If the device fails, or the job lacks what the program reads.
+    fn effect(
+        &mut self,
+        job: &EffectJob<'_>,
+        output: &mut Image,
+        progress: &Progress,
+    ) -> Result<EffectStats, BackendError>;
+}
+
+/// One effect pass. All images have the same size.
+#[derive(Debug, Clone, Copy)]
+pub struct EffectJob<'a> {
+    /// What is drawn into maps; it was uploaded.
+    pub scene: &'a RenderScene,
+    /// What runs per pixel.
+    pub program: EffectProgram,
+    /// Its constants.
+    pub params: EffectParams,
+    /// Seed of the random numbers.
+    pub seed: u32,
+    /// The camera that drew the G-buffer, over the whole of it.
+    pub view: View,
+    /// The light, for programs that read it.
+    pub sun: Option<Sun>,
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Whether the G-buffer is what this rasteriser drew last, whole and unchanged, with every attachment that the program
+    /// reads. Then it may use its own copy, and the slices below are empty if it needs read-back.
+    pub resident: bool,
+    /// World position and light cosine, 0 where nothing is seen; empty where the program does not read it.
+    pub position: &'a [[f32; 4]],
+    /// Shading normal; empty where the program does not read it.
+    pub normal: &'a [[f32; 4]],
+    /// Shaded colour; empty where the program does not read it.
+    pub color: &'a [[f32; 4]],
+    /// Triangle ids; empty where the program looks for no glass.
+    pub triangle: &'a [u32],
+    /// By material: what maps show.
+    pub shades: &'a [Shade],
+    /// By material: whether it is glass. Glass is in no cube map.
+    pub glass: &'a [bool],
+}
+
+/// What a part of an effect took.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Part {
+    /// Host time with synchronisation.
+    pub host: Duration,
+    /// Time on the device's own clock, where it has one.
+    pub device: Option<Duration>,
+}
+
+/// What an effect pass did.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct EffectStats {
+    /// Drawing the maps; `None` for an effect that has none, or drew none because nothing calls for it.
+    pub maps: Option<Part>,
+    /// Computing the pixels.
+    pub pixels: Part,
+    /// Copying the G-buffer to the device and the result back; `None` in host memory.
+    pub transfer: Option<Duration>,
+    /// Maps drawn; a cube map is one.
+    pub map_count: u32,
+    /// Triangles submitted for the maps.
+    pub triangles: u64,
+    /// Bytes that the maps take.
+    pub bytes: u64,
 }
 
 /// What a draw did.
@@ -234,7 +308,7 @@ pub struct RayJob<'a> {
 }
 
 /// Rays traced, by kind.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct RayCounts {
     /// Towards the light.
     pub shadow: u64,

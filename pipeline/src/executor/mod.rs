@@ -214,7 +214,7 @@ impl Renderer {
         });
         if result.is_ok() && self.engines.raster.needs_read_back() {
             let start = Instant::now();
-            result = self.engines.raster.read_back(&job, &mut buffer);
+            result = self.engines.raster.read_back(&job, attachments, &mut buffer);
             self.timeline.record(StepKind::ReadBack, name, start.elapsed());
         }
         *self.buffer(target) = buffer;

@@ -1,12 +1,12 @@
 //! The one definition of time: every step's host time with synchronisation, and the device's own clock where it has one.
 
 use crate::backend::RayCounts;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// What a step is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StepKind {
     /// Reading scene files and making their geometry and textures ready.
@@ -17,6 +17,10 @@ pub enum StepKind {
     Upload,
     /// Drawing triangles.
     Raster,
+    /// Drawing the maps of a raster effect.
+    Maps,
+    /// Computing the pixels of a raster effect.
+    Effect,
     /// Copying what was drawn into host memory.
     ReadBack,
     /// Tracing rays.
@@ -36,6 +40,8 @@ impl StepKind {
             Self::Build => "build",
             Self::Upload => "upload",
             Self::Raster => "raster",
+            Self::Maps => "maps",
+            Self::Effect => "effect",
             Self::ReadBack => "read-back",
             Self::Rays => "rays",
             Self::Quad => "quad",
@@ -46,7 +52,7 @@ impl StepKind {
     /// Whether the step is done again for every frame.
     #[must_use]
     pub fn per_frame(self) -> bool {
-        matches!(self, Self::Raster | Self::ReadBack | Self::Rays | Self::Quad)
+        matches!(self, Self::Raster | Self::Maps | Self::Effect | Self::ReadBack | Self::Rays | Self::Quad)
     }
 }
 

@@ -26,7 +26,11 @@ pub use simd::InstructionSet;
 
 use bins::Bins;
 use clip::ClippedTriangle;
-use curitiba_pipeline::backend::{BackendError, DrawStats, GBuffer, RasterJob, Rasteriser};
+use curitiba_pipeline::backend::{
+    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser,
+};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
 use frame::{BIN_TRIANGLES, Frame, MAX_TRIANGLES, is_cut};
 use rayon::prelude::*;
@@ -207,8 +211,23 @@ impl Rasteriser for CpuRasteriser {
         false
     }
 
-    fn read_back(&mut self, _job: &RasterJob<'_>, _target: &mut GBuffer) -> Result<(), BackendError> {
+    fn read_back(
+        &mut self,
+        _job: &RasterJob<'_>,
+        _wanted: Attachments,
+        _target: &mut GBuffer,
+    ) -> Result<(), BackendError> {
         Ok(())
+    }
+
+    fn effect(
+        &mut self,
+        job: &EffectJob<'_>,
+        _output: &mut Image,
+        _progress: &Progress,
+    ) -> Result<EffectStats, BackendError> {
+        let what = job.program.info().name.to_owned();
+        Err(BackendError::Unsupported { backend: self.name(), what, why: "not written".to_owned() })
     }
 }
 

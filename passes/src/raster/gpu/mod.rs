@@ -22,7 +22,11 @@ mod timer;
 
 pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, adapters};
 
-use curitiba_pipeline::backend::{Attachments, BackendError, DrawStats, GBuffer, RasterJob, Rasteriser, Rect};
+use curitiba_pipeline::backend::{
+    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, Rect,
+};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
 use device::{Gpu, NAME, failure, unsupported};
 use draws::DrawList;
@@ -171,16 +175,31 @@ impl Rasteriser for WgpuRasteriser {
         true
     }
 
-    fn read_back(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<(), BackendError> {
+    fn read_back(
+        &mut self,
+        job: &RasterJob<'_>,
+        wanted: Attachments,
+        target: &mut GBuffer,
+    ) -> Result<(), BackendError> {
         job::check_target(job, target)?;
         if self.drawn != Some((job.viewport, job.attachments)) {
             return Err(failure("this job is not what was drawn last"));
         }
         match self.targets.last() {
             Some(targets) if !job::is_empty(job) => {
-                targets.read_back(&self.gpu, &mut self.staging, job.viewport, target)
+                targets.read_back(&self.gpu, &mut self.staging, job.viewport, wanted, target)
             }
             _ => Ok(()),
         }
+    }
+
+    fn effect(
+        &mut self,
+        job: &EffectJob<'_>,
+        _output: &mut Image,
+        _progress: &Progress,
+    ) -> Result<EffectStats, BackendError> {
+        let what = job.program.info().name.to_owned();
+        Err(BackendError::Unsupported { backend: self.name(), what, why: "not written".to_owned() })
     }
 }

@@ -21,7 +21,7 @@ const KEPT: usize = 4;
 /// Largest buffer for reading back; larger frames come in several pieces.
 const STAGING_BYTES: u64 = 256 << 20;
 
-fn wanted(attachments: Attachments) -> [bool; 4] {
+fn in_order(attachments: Attachments) -> [bool; 4] {
     let Attachments { color, position, normal, triangle } = attachments;
     [color, position, normal, triangle]
 }
@@ -47,7 +47,7 @@ pub(super) struct Targets {
 
 impl Targets {
     fn new(gpu: &Gpu, width: u32, height: u32, attachments: Attachments) -> Result<Self, BackendError> {
-        let wanted = wanted(attachments);
+        let wanted = in_order(attachments);
         let pixel_bytes: u32 = (0..4).filter(|c| wanted[*c]).map(|c| TEXEL_BYTES[c]).sum();
         let limits = &gpu.limits;
         if pixel_bytes > limits.max_color_attachment_bytes_per_sample {
@@ -111,17 +111,19 @@ impl Targets {
         }
     }
 
-    /// Copies the attachments into the viewport's part of `target`, whose channels are allocated.
+    /// Copies the wanted attachments into the viewport's part of `target`, whose channels are allocated.
     pub fn read_back(
         &self,
         gpu: &Gpu,
         staging: &mut Staging,
         viewport: Rect,
+        wanted: Attachments,
         target: &mut GBuffer,
     ) -> Result<(), BackendError> {
+        let wanted = in_order(wanted);
         let pitches =
             TEXEL_BYTES.map(|bytes| (bytes * self.width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT));
-        let present = |channel: &usize| self.channels[*channel].is_some();
+        let present = |channel: &usize| wanted[*channel] && self.channels[*channel].is_some();
         let total = (0..4).filter(present).map(|c| u64::from(pitches[c]) * u64::from(self.height)).sum::<u64>();
         let widest = u64::from(pitches[0]);
         let capacity = total.min(STAGING_BYTES.min(gpu.max_buffer_bytes).max(widest));

@@ -70,7 +70,7 @@ fn render(rasteriser: &mut WgpuRasteriser, scene: &Arc<RenderScene>) -> Result<G
     let mut target = GBuffer::new(SIZE, SIZE, ALL);
     rasteriser.upload(scene)?;
     rasteriser.draw(&job, &mut target)?;
-    rasteriser.read_back(&job, &mut target)?;
+    rasteriser.read_back(&job, job.attachments, &mut target)?;
     Ok(target)
 }
 
@@ -106,7 +106,7 @@ fn a_destroyed_device_gives_errors() {
     let job = job(&scene, &shades);
     let mut target = GBuffer::new(SIZE, SIZE, ALL);
     for error in [
-        rasteriser.read_back(&job, &mut target).expect_err("nothing to read"),
+        rasteriser.read_back(&job, job.attachments, &mut target).expect_err("nothing to read"),
         rasteriser.draw(&job, &mut target).expect_err("no device"),
         rasteriser.draw(&job, &mut target).expect_err("still none"),
         rasteriser.upload(&scene).expect_err("no device"),

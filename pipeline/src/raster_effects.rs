@@ -1,0 +1,248 @@
+//! The one table of raster effects: what a ray program computes, by raster maps and loops over the G-buffer instead.
+//!
+//! A pass of `class="effect"` names one of these programs. It reads what the ray pass in its place would read and writes
+//! what that would write, so that either can stand in a project. Help, XML validation, `curitiba list`, reports and tests
+//! iterate these tables.
+
+use crate::programs::{ParamInfo, RayProgram};
+
+/// What an effect pass runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum EffectProgram {
+    /// Shadows of a directional light from a depth map.
+    ShadowMap,
+    /// Reflection in glass from cube maps.
+    CubeReflection,
+    /// Reflection and refraction in glass from cube maps.
+    CubeRefraction,
+    /// Ambient occlusion by the difference of depths.
+    DepthOcclusion,
+    /// Ambient occlusion by horizons: GTAO.
+    HorizonOcclusion,
+}
+
+/// The parameters of the raster effects; a program reads those that [`EffectProgramInfo::params`] lists for it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EffectParams {
+    /// Texels a side of the shadow map, or of each face of a cube map.
+    pub map_size: u32,
+    /// Texels on each side of the middle one that a shadow test averages: 0 tests one texel, 1 tests 3 x 3.
+    pub pcf: u32,
+    /// Depth bias of a shadow test, in texels of the map along the surface's slope.
+    pub bias: f32,
+    /// Most cube maps of a frame.
+    pub probes: u32,
+    /// Index of refraction of a whole pane.
+    pub index: f32,
+    /// Longest distance to an occluder, scene units.
+    pub radius: f32,
+    /// Exponent of the open share.
+    pub intensity: f32,
+    /// Directions in which occluders are looked for.
+    pub slices: u32,
+    /// Depths read in each half of a direction.
+    pub steps: u32,
+}
+
+impl Default for EffectParams {
+    /// The report's constants where it has one.
+    fn default() -> Self {
+        Self {
+            map_size: 2048,
+            pcf: 1,
+            bias: 1.5,
+            probes: 4,
+            index: 1.1,
+            radius: 0.5,
+            intensity: 1.6,
+            slices: 4,
+            steps: 8,
+        }
+    }
+}
+
+/// Every parameter of a raster effect.
+pub const EFFECT_PARAMS: &[ParamInfo] = &[
+    ParamInfo {
+        name: "mapsize",
+        about: "texels a side of the shadow map or of each cube-map face [default: 2048, cube maps 512]",
+        valid: "16..=16384",
+    },
+    ParamInfo { name: "pcf", about: "texels on each side that a shadow test averages", valid: "0..=8" },
+    ParamInfo { name: "bias", about: "depth bias of a shadow test, texels along the slope", valid: "0..=100" },
+    ParamInfo { name: "probes", about: "most cube maps of a frame", valid: "1..=64" },
+    ParamInfo { name: "index", about: "index of refraction that stands for a whole pane", valid: "0.1..=10" },
+    ParamInfo {
+        name: "radius",
+        about: "longest distance to an occluder, in scene units",
+        valid: "a finite number above 0",
+    },
+    ParamInfo { name: "intensity", about: "exponent of the open share", valid: "0..=100" },
+    ParamInfo { name: "slices", about: "directions in which occluders are looked for", valid: "1..=64" },
+    ParamInfo { name: "steps", about: "depths read in each half of a direction", valid: "1..=64" },
+];
+
+impl EffectParams {
+    /// The defaults of a program.
+    #[must_use]
+    pub fn of(program: EffectProgram) -> Self {
+        let cube = matches!(program, EffectProgram::CubeReflection | EffectProgram::CubeRefraction);
+        Self { map_size: if cube { 512 } else { 2048 }, ..Self::default() }
+    }
+
+    /// Sets a parameter by its name in [`EFFECT_PARAMS`].
+    ///
+    /// # Errors
+    /// What would be valid, if the name or the value is not.
+    pub fn set(&mut self, name: &str, value: &str) -> Result<(), String> {
+        let Some(info) = EFFECT_PARAMS.iter().find(|info| info.name == name) else {
+            return Err(crate::diagnostic::valid_names(name, EFFECT_PARAMS.iter().map(|info| info.name)));
+        };
+        let wrong = || format!("`{name}` is {}; valid: {}", info.about, info.valid);
+        let float = |valid: fn(f32) -> bool| value.parse::<f32>().ok().filter(|v| valid(*v)).ok_or_else(wrong);
+        let integer = |valid: std::ops::RangeInclusive<u32>| {
+            value.parse::<u32>().ok().filter(|value| valid.contains(value)).ok_or_else(wrong)
+        };
+        match name {
+            "mapsize" => self.map_size = integer(16..=16_384)?,
+            "pcf" => self.pcf = integer(0..=8)?,
+            "bias" => self.bias = float(|v| (0.0..=100.0).contains(&v))?,
+            "probes" => self.probes = integer(1..=64)?,
+            "index" => self.index = float(|v| (0.1..=10.0).contains(&v))?,
+            "radius" => self.radius = float(|v| v.is_finite() && v > 0.0)?,
+            "intensity" => self.intensity = float(|v| (0.0..=100.0).contains(&v))?,
+            "slices" => self.slices = integer(1..=64)?,
+            "steps" => self.steps = integer(1..=64)?,
+            _ => unreachable!("every name in EFFECT_PARAMS is matched"),
+        }
+        Ok(())
+    }
+
+    /// The value of a parameter as it is written.
+    ///
+    /// # Panics
+    /// If the name is not in [`EFFECT_PARAMS`].
+    #[must_use]
+    pub fn get(&self, name: &str) -> String {
+        match name {
+            "mapsize" => self.map_size.to_string(),
+            "pcf" => self.pcf.to_string(),
+            "bias" => self.bias.to_string(),
+            "probes" => self.probes.to_string(),
+            "index" => self.index.to_string(),
+            "radius" => self.radius.to_string(),
+            "intensity" => self.intensity.to_string(),
+            "slices" => self.slices.to_string(),
+            "steps" => self.steps.to_string(),
+            _ => panic!("`{name}` is not a parameter"),
+        }
+    }
+}
+
+/// A raster effect: what a project must hand it.
+#[derive(Debug, Clone, Copy)]
+pub struct EffectProgramInfo {
+    /// Which.
+    pub program: EffectProgram,
+    /// Its name in `<program name="…"/>`.
+    pub name: &'static str,
+    /// What it computes, in one sentence.
+    pub about: &'static str,
+    /// The ray program that computes the same by rays.
+    pub counterpart: RayProgram,
+    /// Variables of `<input>` that it reads: `pos_buffer`, `norm_buffer`, `color_buffer`.
+    pub buffers: &'static [&'static str],
+    /// Whether it reads the light.
+    pub lit: bool,
+    /// Whether it looks for glass, by the ids of the triangles seen.
+    pub glass: bool,
+    /// Parameters that it reads, by their names in [`EFFECT_PARAMS`].
+    pub params: &'static [&'static str],
+}
+
+/// Every raster effect.
+pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
+    EffectProgramInfo {
+        program: EffectProgram::ShadowMap,
+        name: "shadowMap",
+        about: "shadow of a directional light from a depth map: 0.5 in shadow, 1 in light",
+        counterpart: RayProgram::DeferredShadows,
+        buffers: &["pos_buffer", "norm_buffer"],
+        lit: true,
+        glass: false,
+        params: &["mapsize", "pcf", "bias"],
+    },
+    EffectProgramInfo {
+        program: EffectProgram::CubeReflection,
+        name: "cubeReflection",
+        about: "reflection in glass from cube maps centred on the panes; other pixels keep their colour",
+        counterpart: RayProgram::Reflection,
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        lit: true,
+        glass: true,
+        params: &["mapsize", "probes"],
+    },
+    EffectProgramInfo {
+        program: EffectProgram::CubeRefraction,
+        name: "cubeRefraction",
+        about: "reflection and refraction in glass from cube maps centred on the panes; other pixels keep their colour",
+        counterpart: RayProgram::Refraction,
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        lit: true,
+        glass: true,
+        params: &["mapsize", "probes", "index"],
+    },
+    EffectProgramInfo {
+        program: EffectProgram::DepthOcclusion,
+        name: "depthOcclusion",
+        about: "ambient occlusion by the difference of depths alone, with its error where near things cross far ones",
+        counterpart: RayProgram::Ssao,
+        buffers: &["pos_buffer", "norm_buffer"],
+        lit: false,
+        glass: false,
+        params: &["radius", "intensity", "slices", "steps"],
+    },
+    EffectProgramInfo {
+        program: EffectProgram::HorizonOcclusion,
+        name: "gtao",
+        about: "ambient occlusion by the horizons that the G-buffer shows (GTAO)",
+        counterpart: RayProgram::Ssao,
+        buffers: &["pos_buffer", "norm_buffer"],
+        lit: false,
+        glass: false,
+        params: &["radius", "intensity", "slices", "steps"],
+    },
+];
+
+impl EffectProgram {
+    /// Its entry in [`EFFECT_PROGRAMS`].
+    #[must_use]
+    pub fn info(self) -> &'static EffectProgramInfo {
+        EFFECT_PROGRAMS.iter().find(|info| info.program == self).expect("every program has an entry")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_parameter_is_settable_by_its_name_and_read_by_a_program() {
+        let mut params = EffectParams::default();
+        for (info, value) in EFFECT_PARAMS.iter().zip(["64", "3", "2.5", "7", "1.5", "2", "1", "9", "11"]) {
+            assert_ne!(params.get(info.name), value);
+            params.set(info.name, value).expect("valid");
+            assert_eq!(params.get(info.name), value);
+            assert!(EFFECT_PROGRAMS.iter().any(|program| program.params.contains(&info.name)), "{}", info.name);
+        }
+    }
+
+    #[test]
+    fn wrong_parameters_say_what_is_valid() {
+        let mut params = EffectParams::default();
+        assert!(params.set("mapsiez", "4").unwrap_err().contains("did you mean `mapsize`?"));
+        assert!(params.set("mapsize", "8").unwrap_err().contains("16..=16384"));
+        assert!(params.set("radius", "NaN").unwrap_err().contains("above 0"));
+        assert_eq!(params, EffectParams::default());
+    }
+}
