@@ -101,15 +101,28 @@ pub fn trace<T: Tracer>(
     progress: &Progress,
 ) -> Result<RayStats, BackendError> {
     check::images(job, output)?;
+    let rays = run(tracer, job, Whole { output, progress })?;
+    Ok(RayStats { rays, device_time: None })
+}
+
+/// What a program other than `dummy` writes at one pixel, which lies inside the job's images.
+///
+/// # Errors
+/// As [`trace`].
+pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
+    check::buffers(job)?;
+    run(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
+}
+
+fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
     check::scene(job)?;
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
-    let rays = if cut {
+    Ok(if cut {
         let coverage = AlphaTested { scene: job.scene, shades: job.shades };
-        run_program(&new_pass(job, tracer, coverage)?, output, progress)
+        run_program(&new_pass(job, tracer, coverage)?, runner)
     } else {
-        run_program(&new_pass(job, tracer, Opaque)?, output, progress)
-    };
-    Ok(RayStats { rays, device_time: None })
+        run_program(&new_pass(job, tracer, Opaque)?, runner)
+    })
 }
 
 fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result<Pass<'a, T, C>, BackendError> {
@@ -124,23 +137,54 @@ fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result
     Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata })
 }
 
-fn run_program<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, output: &mut Image, progress: &Progress) -> RayCounts {
+/// The pixels for which a program is run.
+trait Runner {
+    type Output;
+
+    fn each(self, pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync) -> Self::Output;
+}
+
+/// All of them, over rayon's global pool.
+struct Whole<'o> {
+    output: &'o mut Image,
+    progress: &'o Progress,
+}
+
+impl Runner for Whole<'_> {
+    type Output = RayCounts;
+
+    fn each(self, pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync) -> RayCounts {
+        each_pixel((self.output, self.progress), pixel)
+    }
+}
+
+/// One.
+struct One(Pixel);
+
+impl Runner for One {
+    type Output = [f32; 4];
+
+    fn each(self, pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync) -> [f32; 4] {
+        pixel(self.0, &mut Workspace::default())
+    }
+}
+
+fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     use Fidelity::{Corrected, Thesis};
-    let output = (output, progress);
     match (pass.job.program, pass.job.fidelity) {
         (RayProgram::Dummy, _) => unreachable!("dummy traces nothing"),
-        (RayProgram::DeferredShadows, Thesis) => each_pixel(output, |p, w| deferred_shadows::thesis::pixel(pass, p, w)),
+        (RayProgram::DeferredShadows, Thesis) => pixels.each(|p, w| deferred_shadows::thesis::pixel(pass, p, w)),
         (RayProgram::DeferredShadows, Corrected) => {
-            each_pixel(output, |p, w| deferred_shadows::corrected::pixel(pass, p, w))
+            pixels.each(|p, w| deferred_shadows::corrected::pixel(pass, p, w))
         }
-        (RayProgram::Reflection, Thesis) => each_pixel(output, |p, w| reflection::thesis::pixel(pass, p, w)),
-        (RayProgram::Reflection, Corrected) => each_pixel(output, |p, w| reflection::corrected::pixel(pass, p, w)),
-        (RayProgram::Refraction, Thesis) => each_pixel(output, |p, w| refraction::thesis::pixel(pass, p, w)),
-        (RayProgram::Refraction, Corrected) => each_pixel(output, |p, w| refraction::corrected::pixel(pass, p, w)),
-        (RayProgram::Ssao, Thesis) => each_pixel(output, |p, w| ssao::thesis::pixel(pass, p, w)),
-        (RayProgram::Ssao, Corrected) => each_pixel(output, |p, w| ssao::corrected::pixel(pass, p, w)),
-        (RayProgram::Final, Thesis) => each_pixel(output, |p, w| combined::thesis::pixel(pass, p, w)),
-        (RayProgram::Final, Corrected) => each_pixel(output, |p, w| combined::corrected::pixel(pass, p, w)),
+        (RayProgram::Reflection, Thesis) => pixels.each(|p, w| reflection::thesis::pixel(pass, p, w)),
+        (RayProgram::Reflection, Corrected) => pixels.each(|p, w| reflection::corrected::pixel(pass, p, w)),
+        (RayProgram::Refraction, Thesis) => pixels.each(|p, w| refraction::thesis::pixel(pass, p, w)),
+        (RayProgram::Refraction, Corrected) => pixels.each(|p, w| refraction::corrected::pixel(pass, p, w)),
+        (RayProgram::Ssao, Thesis) => pixels.each(|p, w| ssao::thesis::pixel(pass, p, w)),
+        (RayProgram::Ssao, Corrected) => pixels.each(|p, w| ssao::corrected::pixel(pass, p, w)),
+        (RayProgram::Final, Thesis) => pixels.each(|p, w| combined::thesis::pixel(pass, p, w)),
+        (RayProgram::Final, Corrected) => pixels.each(|p, w| combined::corrected::pixel(pass, p, w)),
     }
 }
 

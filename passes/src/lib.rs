@@ -2,6 +2,7 @@
 
 pub mod cpu;
 pub mod effects;
+pub mod explain;
 pub mod raster;
 pub mod sampling;
 pub mod trace;

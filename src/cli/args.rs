@@ -38,7 +38,9 @@ Examples:
   curitiba render xml_projects/SceneFinal.xml --camera Vidro --fidelity thesis
   curitiba render xml_projects/SceneShadows.xml --show pos --show norm -o out.png
   curitiba render xml_projects/SceneFinal.xml --set pass2.samples=49 --set pass2.sampler=strata
-  curitiba render xml_projects/SceneSSAO.xml --frames 10 --json")]
+  curitiba render xml_projects/SceneSSAO.xml --frames 10 --json
+  curitiba render xml_projects/SceneRefract.xml --camera Vidro --pixel 512,512
+  curitiba render xml_projects/SceneFinal.xml --check-numerics")]
     Render(RenderArgs),
     /// Print what would be done for a project, and why.
     Plan(ProjectArgs),
@@ -80,6 +82,12 @@ pub struct RenderArgs {
     /// Print the report as JSON, with every sample
     #[arg(long)]
     pub json: bool,
+    /// Print every ray of one pixel (column and row from the top left): origin, direction, offset, weight and what it hit
+    #[arg(long, value_name = "X,Y", value_parser = parse_pixel, conflicts_with = "json")]
+    pub pixel: Option<[u32; 2]>,
+    /// Count values of every pass that are not numbers, infinite, negative or out of range, and fail if there are any
+    #[arg(long)]
+    pub check_numerics: bool,
 }
 
 /// A project and what is asked of it.
@@ -206,6 +214,12 @@ fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([width.trim().parse().map_err(|_| wrong())?, height.trim().parse().map_err(|_| wrong())?])
 }
 
+fn parse_pixel(text: &str) -> Result<[u32; 2], String> {
+    let wrong = || format!("`{text}` is not COLUMN,ROW, such as 512,300");
+    let (x, y) = text.split_once(',').ok_or_else(wrong)?;
+    Ok([x.trim().parse().map_err(|_| wrong())?, y.trim().parse().map_err(|_| wrong())?])
+}
+
 fn parse_bytes(text: &str) -> Result<u64, String> {
     let wrong = || format!("`{text}` is not a number of bytes, such as 512MiB or 8GiB");
     let digits = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
@@ -229,6 +243,12 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn pixels_are_a_column_and_a_row() {
+        assert_eq!(parse_pixel("3, 40"), Ok([3, 40]));
+        assert!(parse_pixel("3").is_err() && parse_pixel("3x4").is_err() && parse_pixel("-1,2").is_err());
     }
 
     #[test]

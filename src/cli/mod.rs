@@ -3,6 +3,7 @@
 pub mod args;
 pub mod check;
 mod failure;
+mod inspect;
 pub mod list;
 pub mod plan;
 mod progress;

@@ -1,6 +1,7 @@
 //! `curitiba render`: a picture, and what each step took.
 
 use super::args::RenderArgs;
+use super::inspect::Inspector;
 use super::progress::Bars;
 use super::{Failure, failure, print_warnings, set_threads, table};
 use curitiba::environment::{Environment, peak_memory};
@@ -21,17 +22,22 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     }
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.project.path));
     check_output(&output)?;
-    let mut bars = Bars::default();
+    let mut inspector = Inspector::new(Bars::default(), args.pixel, args.check_numerics);
     let settings = args.project.settings();
-    let mut renderer = curitiba::open(&args.project.path, settings, args.project.choice(), &mut bars)?;
+    let mut renderer = curitiba::open(&args.project.path, settings, args.project.choice(), &mut inspector)?;
     failure::print_warnings_of(&renderer.plan().project.problems);
     print_warnings(renderer.warnings());
     if !args.json {
         print_header(&renderer);
     }
+    if args.pixel.is_some() || args.check_numerics {
+        inspector.check_pixel(renderer.plan().window)?;
+        renderer.read_back_everything();
+    }
     let mut picture = renderer.window_image();
     for _ in 0..args.frames {
-        picture = renderer.frame(&mut bars)?;
+        picture = renderer.frame(&mut inspector)?;
+        inspector.print_pixel()?;
     }
     let bad = picture.count_non_finite();
     if bad > 0 {
@@ -39,10 +45,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
             "{bad} pixels of the picture are not finite numbers; they are written as 0 to .png"
         ));
     }
-    let files = renderer.save(&output, &mut bars).map_err(Failure::work)?;
-    drop(bars);
+    let files = renderer.save(&output, &mut inspector).map_err(Failure::work)?;
     if args.json {
-        print_json(&renderer, args.frames, &files)
+        print_json(&renderer, args.frames, &files)?;
     } else {
         table::print(renderer.timeline(), args.frames);
         if let Some(peak) = peak_memory() {
@@ -51,8 +56,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         for file in &files {
             crate::say!("wrote {} ({})", file.path.display(), file.what);
         }
-        Ok(())
     }
+    inspector.verdict(args.json)
 }
 
 fn default_output(project: &Path) -> PathBuf {

@@ -18,6 +18,13 @@ pub fn images(job: &RayJob<'_>, output: &Image) -> Result<(), BackendError> {
         let found = format!("{} x {} ({} pixels)", output.width, output.height, output.pixels.len());
         return Err(missing(job, &format!("the output is {found}, not {size}")));
     }
+    buffers(job)
+}
+
+/// Checks the sizes of the images that the program reads.
+pub fn buffers(job: &RayJob<'_>) -> Result<(), BackendError> {
+    let size = format!("{} x {}", job.width, job.height);
+    let pixels = job.width as usize * job.height as usize;
     let reads = |name: &str| job.program.info().buffers.contains(&name);
     let triangles = job.program != RayProgram::Dummy && job.fidelity == Fidelity::Corrected;
     let buffers = [

@@ -3,7 +3,7 @@
 use super::surface::Surface;
 use super::{Coverage, Pass, Workspace, optix};
 use crate::sampling::sine_noise;
-use crate::trace::{Hit, Ray, Tracer};
+use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
 use glam::Vec3;
 
 /// What light keeps behind an opaque surface.
@@ -37,6 +37,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             *direction -= 2.0 * below * surface.facing;
         }
         work.rays.occlusion += work.directions.len() as u64;
+        self.announce_visibility(Purpose::Occlusion, 1.0 / sampler.samples() as f32);
         let open = self.tracer.count_open(origin, 0.0, self.job.params.radius, &work.directions, stops);
         (open as f32 / sampler.samples() as f32).powf(self.job.params.intensity)
     }
@@ -57,6 +58,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         work.directions.retain(|direction| direction.is_finite() && position.is_finite());
         let traced = work.directions.len();
         work.rays.occlusion += traced as u64;
+        self.announce_visibility(Purpose::Occlusion, 1.0 / samples as f32);
         let radius = self.job.params.radius;
         let open = self.tracer.count_open(position, optix::EPSILON, radius, &work.directions, stops) as usize;
         let open = open + (samples - traced);
@@ -65,7 +67,12 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// Whether nothing lies between an origin off its surface and the light.
     pub(super) fn sees_light(&self, origin: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
+        self.announce_visibility(Purpose::Shadow, 1.0);
         !self.tracer.occluded(&self.light_ray(origin), stops)
+    }
+
+    pub(super) fn announce_visibility(&self, purpose: Purpose, weight: f32) {
+        self.tracer.announce(Announcement { purpose, bounce: 0, weight });
     }
 
     /// What reaches a surface of the light in `final`: [`SHADOWED`] where the side of normal `facing` is turned away or
@@ -78,6 +85,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let ray = self.light_ray(surface.origin(self.to_light));
         let crossings = &mut work.crossings;
         crossings.clear();
+        self.announce_visibility(Purpose::Shadow, 1.0);
         let blocked = self.tracer.occluded(&ray, |hit| {
             if !self.coverage.covers(hit) {
                 return false;

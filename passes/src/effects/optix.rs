@@ -2,7 +2,7 @@
 
 use super::material::interpolate;
 use super::{Coverage, Pass};
-use crate::trace::{Hit, Ray, Tracer};
+use crate::trace::{Hit, Purpose, Ray, Tracer};
 use glam::{Vec3, Vec4};
 
 /// Hits nearer than this are skipped.
@@ -64,6 +64,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// Whether nothing that `stops` lies between a position and the light.
     pub(super) fn thesis_sees_light(&self, position: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
+        self.announce_visibility(Purpose::Shadow, 1.0);
         let ray = Ray { origin: position, direction: self.to_light, t_min: EPSILON, t_max: f32::INFINITY };
         !position.is_finite() || !self.tracer.occluded(&ray, stops)
     }

@@ -5,6 +5,7 @@
 //!   2013), with conservative box tests.
 //! * [`BruteForce`] is the reference that tests compare with.
 //! * [`Double`] gives the same answers as it, fast enough for reference pictures.
+//! * [`Recorder`] keeps every ray of a pixel, for people to read.
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 
 mod block;
@@ -19,6 +20,7 @@ mod lanes;
 mod node;
 mod offset;
 mod query;
+mod record;
 mod stack;
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -28,6 +30,7 @@ pub use bvh::{Bvh, Quality};
 pub use dispatch::Lanes;
 pub use double::Double;
 pub use offset::SurfacePoint;
+pub use record::{Event, Outcome, RecordedRay, Recorder};
 
 use glam::Vec3;
 
@@ -61,6 +64,43 @@ pub struct Hit {
     pub v: f32,
 }
 
+/// What a ray is traced for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// Whether light arrives.
+    Shadow,
+    /// Whether something is near.
+    Occlusion,
+    /// What a surface mirrors.
+    Reflected,
+    /// What is seen through a surface.
+    Refracted,
+}
+
+impl Purpose {
+    /// As it is printed.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Shadow => "shadow",
+            Self::Occlusion => "occlusion",
+            Self::Reflected => "reflected",
+            Self::Refracted => "refracted",
+        }
+    }
+}
+
+/// What a program says of the rays that it is about to trace.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Announcement {
+    /// What for.
+    pub purpose: Purpose,
+    /// Glass surfaces met before; only for reflected and refracted rays.
+    pub bounce: u32,
+    /// What the ray's result is multiplied by in the colour of the surface that it leaves.
+    pub weight: f32,
+}
+
 /// What effects ask of a scene.
 ///
 /// Each query takes a closure that says whether there really is a surface at a candidate hit: it is how alpha-cut
@@ -73,6 +113,12 @@ pub trait Tracer: Sync {
 
     /// Whether any accepted hit exists; the order of the search is free.
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool;
+
+    /// Told what the next rays are for. Tracers ignore it, at no cost; a [`Recorder`] keeps it.
+    #[inline(always)]
+    fn announce(&self, rays: Announcement) {
+        let _ = rays;
+    }
 
     /// Whether it is certain that no ray from `origin` into the half space of `normal` (a unit vector) meets a triangle
     /// within `t_max`. False says nothing: a tracer may always answer so.

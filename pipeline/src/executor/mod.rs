@@ -1,11 +1,13 @@
 //! The executor: carries out a plan with a rasteriser and a ray backend, and times every step.
 
 mod effect;
+mod output;
 mod prepare;
 mod quad;
 mod save;
 mod timeline;
 
+pub use output::{Faults, Output, Range, Triangles};
 pub use save::Written;
 pub use timeline::{Observer, Progress, Row, Silent, StepKind, Timeline, median};
 
@@ -167,16 +169,17 @@ impl Renderer {
         for index in 0..self.plan.passes.len() {
             let planned = self.plan.passes[index].clone();
             let name = self.plan.pass(&planned).name.clone();
-            let result = match planned.work {
+            let result = match &planned.work {
                 Work::Raster { .. } => self.raster(index, &planned, &name, observer),
                 Work::Rays { .. } => self.trace(index, &planned, &name, observer),
                 Work::Effect { .. } => self.effect(index, &planned, &name, observer),
                 Work::Quad { viewport } => {
-                    self.quad(&planned, &name, viewport, observer);
+                    self.quad(&planned, &name, *viewport, observer);
                     Ok(())
                 }
             };
             result.map_err(|error| RenderError::Pass { pass: name, error })?;
+            self.show_outputs(&planned, observer);
         }
         Ok(self.window_image())
     }
@@ -284,6 +287,9 @@ impl Renderer {
         let traced = self.engines.rays.run(&job, &mut output, &progress);
         let elapsed = start.elapsed();
         observer.end();
+        if traced.is_ok() {
+            observer.traced(name, &job, &output);
+        }
         self.targets[target] = GBuffer { color: output.pixels, ..buffer };
         self.round_to_formats(Some(target));
         let stats = traced?;

@@ -1,6 +1,8 @@
 //! The one definition of time: every step's host time with synchronisation, and the device's own clock where it has one.
 
-use crate::backend::RayCounts;
+use super::{Output, Triangles};
+use crate::backend::{RayCounts, RayJob};
+use crate::image::Image;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -161,12 +163,24 @@ impl Progress {
     }
 }
 
-/// Told when steps begin and end, to show progress.
+/// Told when steps begin and end, to show progress, and what passes write, to look into it.
 pub trait Observer {
     /// A step begins; `progress` moves while it runs, if the step can tell.
     fn begin(&mut self, kind: StepKind, name: &str, progress: &std::sync::Arc<Progress>);
     /// It ended.
     fn end(&mut self);
+    /// A pass wrote a channel.
+    fn wrote(&mut self, output: &Output<'_>) {
+        let _ = output;
+    }
+    /// A raster pass wrote triangle ids.
+    fn wrote_triangles(&mut self, triangles: &Triangles<'_>) {
+        let _ = triangles;
+    }
+    /// A ray pass ran; the picture is not yet rounded to the format of its target.
+    fn traced(&mut self, pass: &str, job: &RayJob<'_>, picture: &Image) {
+        let _ = (pass, job, picture);
+    }
 }
 
 /// Shows nothing.

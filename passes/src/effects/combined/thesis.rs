@@ -11,12 +11,12 @@ use glam::{Vec3, Vec4};
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let color = pass.job.color[pixel.index];
     let position = pass.position(pixel).truncate();
+    let open = pass.thesis_occlusion(position, pass.normal(pixel), work, |hit| !pass.passes_light(hit));
     let color = if optix::is_glass_mask(color) {
         glass_pixel(pass, pixel, work, &shade)
     } else {
         Vec4::from_array(color).truncate() * light_share(pass, position, work)
     };
-    let open = pass.thesis_occlusion(position, pass.normal(pixel), work, |hit| !pass.passes_light(hit));
     opaque(color * open)
 }
 

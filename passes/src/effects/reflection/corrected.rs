@@ -2,7 +2,7 @@
 
 use crate::effects::optics::reflect;
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
-use crate::trace::Tracer;
+use crate::trace::{Announcement, Purpose, Tracer};
 use glam::Vec3;
 
 /// The reflected colour of a glass pixel, else the colour as it is.
@@ -11,9 +11,10 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
         return pass.job.color[pixel.index];
     };
     let (mut surface, mut view) = pass.surface_at(pixel, triangle, pass.normal(pixel));
-    for _ in 0..=pass.job.params.depth {
+    for bounce in 0..=pass.job.params.depth {
         let direction = reflect(view, surface.interface_normal(view));
         work.rays.reflected += 1;
+        pass.tracer.announce(Announcement { purpose: Purpose::Reflected, bounce, weight: 1.0 });
         let (ray, Some(hit)) = pass.closest(surface.origin(direction), direction) else { break };
         surface = pass.surface_hit(&ray, &hit);
         if !pass.is_glass(hit.triangle) {

@@ -3,7 +3,7 @@
 use crate::effects::optics::reflect;
 use crate::effects::optix::{self, face_forward};
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
-use crate::trace::Tracer;
+use crate::trace::{Announcement, Purpose, Tracer};
 use glam::Vec3;
 
 /// The reflected colour of a glass pixel (by its mask), else the colour as it is.
@@ -22,8 +22,9 @@ fn chain<T: Tracer, C: Coverage>(
     mut direction: Vec3,
     work: &mut Workspace,
 ) -> Vec3 {
-    for _ in 0..=pass.job.params.depth {
+    for bounce in 0..=pass.job.params.depth {
         work.rays.reflected += 1;
+        pass.tracer.announce(Announcement { purpose: Purpose::Reflected, bounce, weight: 1.0 });
         let (ray, Some(hit)) = pass.thesis_closest(origin, direction, optix::EPSILON) else { return Vec3::ZERO };
         let (geometric, shading) = pass.thesis_normals(&hit);
         let normal = face_forward(shading, -ray.direction, geometric);

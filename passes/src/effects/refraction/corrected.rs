@@ -5,7 +5,7 @@ use crate::effects::optix::BOUNCE;
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
 use crate::sampling::hash::path_key;
-use crate::trace::{Hit, Tracer};
+use crate::trace::{Announcement, Hit, Purpose, Tracer};
 use glam::Vec3;
 
 /// The blended colour of a glass pixel, else the colour as it is.
@@ -44,16 +44,23 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3>
         let mut color = Vec3::ZERO;
         if interface.reflectance > 0.0 {
             work.rays.reflected += 1;
+            self.announce(Purpose::Reflected, bounces, interface.reflectance);
             let direction = reflect(view, normal);
             let radiance = self.radiance(surface, direction, bounces, path_key(key, REFLECTED), work);
             color += interface.reflectance * radiance;
         }
         if let Some(direction) = refracted {
             work.rays.refracted += 1;
+            self.announce(Purpose::Refracted, bounces, 1.0 - interface.reflectance);
             let radiance = self.radiance(surface, direction, bounces, path_key(key, REFRACTED), work);
             color += (1.0 - interface.reflectance) * radiance;
         }
         color
+    }
+
+    fn announce(&self, purpose: Purpose, bounce: u32, share: f32) {
+        let weight = if bounce == 0 { share } else { BOUNCE * share };
+        self.pass.tracer.announce(Announcement { purpose, bounce, weight });
     }
 
     fn radiance(&self, from: &Surface, direction: Vec3, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {

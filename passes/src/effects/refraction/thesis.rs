@@ -3,7 +3,7 @@
 use crate::effects::optics::reflect;
 use crate::effects::optix::{self, face_forward};
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
-use crate::trace::{Hit, Ray, Tracer};
+use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
 use glam::Vec3;
 
 /// The blended colour of a glass pixel (by its mask), else the colour as it is.
@@ -27,47 +27,48 @@ pub(in crate::effects) fn glass_pixel<'a, T: Tracer, C: Coverage>(
 ) -> Vec3 {
     let (position, view) = optix::view(pass.position(pixel), pass.job.eye);
     let normal = pass.normal(pixel);
-    let reflected = chain(pass, position, reflect(view, normal), optix::EPSILON, Kind::Reflected, work, shade);
     let index = pass.job.params.index;
-    let Some(direction) = optix::refract(view, normal, index) else { return reflected };
-    let refracted = chain(pass, position, direction, optix::REFRACTED_EPSILON, Kind::Refracted, work, shade);
+    let mirrored = reflect(view, normal);
+    let Some(direction) = optix::refract(view, normal, index) else {
+        return chain(pass, (position, mirrored, optix::EPSILON), (Purpose::Reflected, 1.0), work, shade);
+    };
     let weight = optix::coefficient(index, normal, view);
+    let reflected = chain(pass, (position, mirrored, optix::EPSILON), (Purpose::Reflected, 1.0 - weight), work, shade);
+    let through = (position, direction, optix::REFRACTED_EPSILON);
+    let refracted = chain(pass, through, (Purpose::Refracted, weight), work, shade);
     weight * refracted + (1.0 - weight) * reflected
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Reflected,
-    Refracted,
 }
 
 /// `rtTrace` of a radiance ray. `closest_hit_glass` keeps the reflected colour only, so the bounces are a chain: dimmed by
 /// 0.99 where refraction is possible, and not where it is not, since only the refracting branch writes its result.
+///
+/// `start` is origin, direction and least distance of the first ray; `first` says what it is for and what it will weigh.
 fn chain<'a, T: Tracer, C: Coverage>(
     pass: &Pass<'a, T, C>,
-    mut origin: Vec3,
-    mut direction: Vec3,
-    mut t_min: f32,
-    kind: Kind,
+    start: (Vec3, Vec3, f32),
+    first: (Purpose, f32),
     work: &mut Workspace,
     shade: &impl Fn(&Pass<'a, T, C>, &Ray, &Hit, &mut Workspace) -> Vec3,
 ) -> Vec3 {
+    let (mut origin, mut direction, mut t_min) = start;
+    let (mut purpose, mut share) = first;
     let mut weight = 1.0;
     for bounce in 0..=pass.job.params.depth {
-        if bounce == 0 && kind == Kind::Refracted {
+        if purpose == Purpose::Refracted {
             work.rays.refracted += 1;
         } else {
             work.rays.reflected += 1;
         }
+        pass.tracer.announce(Announcement { purpose, bounce, weight: share });
         let (ray, Some(hit)) = pass.thesis_closest(origin, direction, t_min) else { break };
         if !pass.is_glass(hit.triangle) {
             return weight * shade(pass, &ray, &hit, work);
         }
         let (geometric, shading) = pass.thesis_normals(&hit);
         let normal = face_forward(shading, -ray.direction, geometric);
-        if optix::refract(ray.direction, normal, pass.job.params.index).is_some() {
-            weight *= optix::BOUNCE;
-        }
+        let dims = optix::refract(ray.direction, normal, pass.job.params.index).is_some();
+        (purpose, share) = (Purpose::Reflected, if dims { optix::BOUNCE } else { 1.0 });
+        weight *= share;
         origin = optix::position(&ray, &hit);
         direction = reflect(ray.direction, normal);
         t_min = optix::EPSILON;

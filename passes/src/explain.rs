@@ -1,0 +1,155 @@
+//! Every ray of one pixel, for people who want to know why it has its colour.
+
+use crate::cpu;
+use crate::trace::{Bvh, Event, Hit, Outcome, Quality, RecordedRay, Recorder, SurfacePoint, Tracer};
+use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
+use curitiba_pipeline::programs::RayProgram;
+use glam::{Vec3, Vec4};
+use std::fmt;
+
+/// What a ray pass did at a pixel.
+#[derive(Debug, Clone)]
+pub struct PixelRays<'a> {
+    job: RayJob<'a>,
+    /// Column and row from the top.
+    pub pixel: [u32; 2],
+    /// What the program wrote.
+    pub value: [f32; 4],
+    /// What it asked of the tracer, in order.
+    pub events: Vec<Event>,
+}
+
+/// Runs the program of a job for one pixel of it, on a tree built for that, and records every ray.
+///
+/// The value is that of the whole pass at this pixel, to the bit.
+///
+/// # Errors
+/// If the job lacks what its program reads.
+///
+/// # Panics
+/// If the pixel is outside the job's images.
+pub fn pixel<'a>(job: &RayJob<'a>, x: u32, y: u32) -> Result<PixelRays<'a>, BackendError> {
+    let transparent: Vec<bool> =
+        job.shades.iter().zip(job.shadow_glass).map(|(shade, glass)| shade.alpha_cutoff.is_some() || *glass).collect();
+    let tree = Bvh::build(&job.scene.geometry, &transparent, Quality::default());
+    pixel_on(&tree, job, x, y)
+}
+
+/// The same on any tracer of the job's scene.
+///
+/// # Errors
+/// As [`pixel`].
+///
+/// # Panics
+/// As [`pixel`].
+pub fn pixel_on<'a>(tracer: &impl Tracer, job: &RayJob<'a>, x: u32, y: u32) -> Result<PixelRays<'a>, BackendError> {
+    assert!(x < job.width && y < job.height, "pixel {x},{y} of {} x {}", job.width, job.height);
+    let index = y as usize * job.width as usize + x as usize;
+    let shown = job.triangle.get(index).copied().filter(|triangle| *triangle != NO_TRIANGLE);
+    let recorder = Recorder::new(tracer, &job.scene.geometry, shown);
+    let value = if job.program == RayProgram::Dummy {
+        job.color.get(index).copied().unwrap_or_default()
+    } else {
+        cpu::trace_pixel(&recorder, job, x, y)?
+    };
+    Ok(PixelRays { job: *job, pixel: [x, y], value, events: recorder.events() })
+}
+
+impl PixelRays<'_> {
+    fn index(&self) -> usize {
+        let [x, y] = self.pixel;
+        y as usize * self.job.width as usize + x as usize
+    }
+
+    fn triangle(&self, triangle: u32) -> String {
+        let material = self.job.scene.geometry.material_of(triangle) as usize;
+        let name = self.job.scene.materials.get(material).map_or("", |material| material.name.as_str());
+        let glass = if self.job.glass.get(material) == Some(&true) { ", glass" } else { "" };
+        format!("triangle {triangle} `{name}`{glass}")
+    }
+
+    fn hit(&self, hit: &Hit) -> String {
+        format!("{} at t {}, u {}, v {}", self.triangle(hit.triangle), hit.t, hit.u, hit.v)
+    }
+
+    fn write_ray(&self, f: &mut fmt::Formatter<'_>, number: usize, recorded: &RecordedRay) -> fmt::Result {
+        let RecordedRay { purpose, bounce, weight, ray, leaves, offset, outcome, asked } = recorded;
+        let bounce = if *bounce > 0 { format!(" after {bounce} bounces") } else { String::new() };
+        writeln!(f, "  {number:4} {} ray{bounce}, weight {weight}", purpose.name())?;
+        let leaves = match leaves {
+            Some(triangle) => format!(", {offset:.3e} off triangle {triangle}"),
+            None => String::new(),
+        };
+        writeln!(f, "       from   {}{leaves}", vector(ray.origin))?;
+        writeln!(f, "       along  {}, t above {} and below {}", vector(ray.direction), ray.t_min, ray.t_max)?;
+        for (hit, accepted) in asked {
+            let what = if *accepted { "stops at" } else { "passes" };
+            writeln!(f, "       {what} {}", self.hit(hit))?;
+        }
+        match outcome {
+            Outcome::Hit(hit) => writeln!(f, "       hits   {}", self.hit(hit)),
+            Outcome::Blocked(hit) => writeln!(f, "       blocked by {}", self.hit(hit)),
+            Outcome::Miss => writeln!(f, "       misses"),
+            Outcome::Open => writeln!(f, "       open"),
+        }
+    }
+}
+
+fn vector(v: Vec3) -> String {
+    format!("({}, {}, {})", v.x, v.y, v.z)
+}
+
+fn channels([x, y, z, w]: [f32; 4]) -> String {
+    format!("({x}, {y}, {z}, {w})")
+}
+
+impl fmt::Display for PixelRays<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (job, index) = (&self.job, self.index());
+        let geometry = &job.scene.geometry;
+        for (name, buffer) in [("colour", job.color), ("position", job.position), ("normal", job.normal)] {
+            if let Some(stored) = buffer.get(index) {
+                writeln!(f, "  {name:9} {}", channels(*stored))?;
+            }
+        }
+        match job.triangle.get(index) {
+            Some(&NO_TRIANGLE) => writeln!(f, "  shows no triangle")?,
+            Some(&triangle) => {
+                writeln!(f, "  shows     {}", self.triangle(triangle))?;
+                if let Some(stored) = job.position.get(index) {
+                    let stored = Vec4::from_array(*stored).truncate();
+                    let point = SurfacePoint::snap(geometry, triangle, stored);
+                    let off = (stored.as_dvec3() - geometry.corners(triangle)[0].as_dvec3()).dot(point.normal.as_dvec3());
+                    writeln!(f, "  snapped   {}", vector(point.position))?;
+                    writeln!(
+                        f,
+                        "  the stored position is {off:.3e} off the triangle's plane, a snapped one at most {:.3e}",
+                        point.error
+                    )?;
+                }
+            }
+            None => {}
+        }
+        let rays = self.events.iter().filter(|event| matches!(event, Event::Ray(_))).count();
+        writeln!(f, "  wrote     {} after {rays} rays", channels(self.value))?;
+        let mut number = 0;
+        for event in &self.events {
+            match event {
+                Event::Ray(ray) => {
+                    number += 1;
+                    self.write_ray(f, number, ray)?;
+                }
+                Event::Certain { origin, normal, t_max } => writeln!(
+                    f,
+                    "       certain without a ray: nothing within {t_max} of {} on the side of {}",
+                    vector(*origin),
+                    vector(*normal)
+                )?,
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;
