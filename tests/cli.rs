@@ -273,3 +273,84 @@ fn an_existing_picture_survives_a_run_that_fails() {
     fails_with(3, folder.path(), &["render", "nowhere.xml", "-o", "out.png"]);
     assert_eq!(std::fs::read(folder.path().join("out.png")).expect("still there"), b"precious");
 }
+
+#[test]
+fn a_pixel_is_explained_by_its_rays_in_both_fidelities() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let explain = |name: &str, more: &[&str]| {
+        let project = project(name);
+        let arguments = ["render", path(&project), "--size", "48x48", "--raster", "cpu", "-o", "p.png"];
+        succeeds(folder.path(), &[&arguments[..], more].concat())
+    };
+    for fidelity in ["corrected", "thesis"] {
+        let printed = explain("SceneShadows.xml", &["--pixel", "24,40", "--fidelity", fidelity]);
+        for part in ["pixel 24,40", fidelity, "position", "shadow ray, weight 1", "from", "along", "wrote"] {
+            assert!(printed.contains(part), "no `{part}` in\n{printed}");
+        }
+        assert!(!printed.contains("another ray backend"), "the explained value is the pass's:\n{printed}");
+        let printed = explain("SceneRefract.xml", &["--camera", "Vidro", "--pixel", "24,24", "--fidelity", fidelity]);
+        assert!(printed.contains("reflected ray, weight") && printed.contains("refracted ray, weight"), "{printed}");
+    }
+    let printed = explain("SceneSSAO.xml", &["--pixel", "30,30", "--set", "pass2.samples=4", "--frames", "2"]);
+    assert!(printed.contains("occlusion ray, weight 0.25") || printed.contains("certain without a ray"), "{printed}");
+    assert_eq!(printed.matches("ssao, corrected, pixel 30,30").count(), 1, "once, in the first frame");
+    let project = project("SceneShadows.xml");
+    let arguments = ["render", path(&project), "--size", "48x48", "--raster", "cpu"];
+    let outside = fails_with(2, folder.path(), &[&arguments[..], &["--pixel", "48,0"]].concat());
+    assert!(outside.contains("outside the window of 48 x 48"), "{outside}");
+    assert!(fails_with(2, folder.path(), &[&arguments[..], &["--pixel", "4"]].concat()).contains("512,300"));
+}
+
+#[test]
+fn sound_numbers_pass_the_check() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["NoEffects", "Dummy", "Shadows", "Reflect", "Refract", "SSAO", "Final"] {
+        let project = project(&format!("Scene{name}.xml"));
+        let set: &[&str] = if matches!(name, "SSAO" | "Final") { &["--set", "pass2.samples=4"] } else { &[] };
+        let arguments =
+            ["render", path(&project), "--size", "64x64", "--raster", "cpu", "--check-numerics", "-o", "p.png"];
+        let printed = succeeds(folder.path(), &[&arguments[..], set].concat());
+        assert!(printed.contains("channels checked, every value is finite and in its range"), "{printed}");
+    }
+}
+
+#[test]
+fn numbers_out_of_range_fail_the_check_with_1_and_name_pass_and_channel() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // The report's weights leave 0..1 on a pane seen at a slant.
+    let refract = project("SceneRefract.xml");
+    let arguments = ["render", path(&refract), "--camera", "Vidro", "--size", "64x64", "--raster", "cpu"];
+    let arguments = [&arguments[..], &["--fidelity", "thesis", "--check-numerics", "-o", "p.png"]].concat();
+    let message = fails_with(1, folder.path(), &arguments);
+    assert!(message.contains("pass `pass2`") && message.contains(".red: ") && message.contains(" negative; first at"));
+    assert!(message.contains("--pixel "), "{message}");
+    assert_eq!(files(folder.path()), ["p.png"], "the picture is written, to look at");
+
+    // Positions beyond what 16-bit floats hold: the target's declared format makes them infinite.
+    std::fs::create_dir(folder.path().join("mlibs")).expect("made");
+    for library in ["optixTest.mlib", "DeferredRenderTargets.mlib"] {
+        let text = std::fs::read_to_string(project("mlibs").join(library)).expect("the library");
+        std::fs::write(folder.path().join("mlibs").join(library), text.replace("RGBA32F", "RGBA16F")).expect("written");
+    }
+    std::fs::write(
+        folder.path().join("far.obj"),
+        "v 99990 -10 -5\nv 100010 -10 -5\nv 100000 10 -5\nvn 0 0 1\nf 1//1 2//1 3//1\n",
+    )
+    .expect("written");
+    let text = std::fs::read_to_string(project("SceneShadows.xml")).expect("the project");
+    let camera = text.find("<position ").expect("a camera");
+    let end = camera + text[camera..].find("<up ").expect("its end");
+    let text = format!(
+        "{}<position x=\"100000.0\" y=\"0.0\" z=\"5.0\"/><view x=\"0.0\" y=\"0.0\" z=\"-1.0\"/>{}",
+        &text[..camera],
+        &text[end..]
+    );
+    std::fs::write(folder.path().join("p.xml"), text.replace("3dsmodels\\largoCamoes.cbo", "far.obj"))
+        .expect("written");
+    let arguments = ["render", "p.xml", "--size", "32x32", "--raster", "cpu", "--check-numerics"];
+    let message = fails_with(1, folder.path(), &arguments);
+    assert!(
+        message.contains("pass `pass1`") && message.contains("::pos.x: ") && message.contains(" infinite"),
+        "{message}"
+    );
+}

@@ -174,9 +174,7 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
     match (pass.job.program, pass.job.fidelity) {
         (RayProgram::Dummy, _) => unreachable!("dummy traces nothing"),
         (RayProgram::DeferredShadows, Thesis) => pixels.each(|p, w| deferred_shadows::thesis::pixel(pass, p, w)),
-        (RayProgram::DeferredShadows, Corrected) => {
-            pixels.each(|p, w| deferred_shadows::corrected::pixel(pass, p, w))
-        }
+        (RayProgram::DeferredShadows, Corrected) => pixels.each(|p, w| deferred_shadows::corrected::pixel(pass, p, w)),
         (RayProgram::Reflection, Thesis) => pixels.each(|p, w| reflection::thesis::pixel(pass, p, w)),
         (RayProgram::Reflection, Corrected) => pixels.each(|p, w| reflection::corrected::pixel(pass, p, w)),
         (RayProgram::Refraction, Thesis) => pixels.each(|p, w| refraction::thesis::pixel(pass, p, w)),

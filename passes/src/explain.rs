@@ -119,7 +119,8 @@ impl fmt::Display for PixelRays<'_> {
                 if let Some(stored) = job.position.get(index) {
                     let stored = Vec4::from_array(*stored).truncate();
                     let point = SurfacePoint::snap(geometry, triangle, stored);
-                    let off = (stored.as_dvec3() - geometry.corners(triangle)[0].as_dvec3()).dot(point.normal.as_dvec3());
+                    let off =
+                        (stored.as_dvec3() - geometry.corners(triangle)[0].as_dvec3()).dot(point.normal.as_dvec3());
                     writeln!(f, "  snapped   {}", vector(point.position))?;
                     writeln!(
                         f,

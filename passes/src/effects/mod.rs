@@ -122,4 +122,8 @@ fn opaque(color: Vec3) -> [f32; 4] {
 }
 
 #[cfg(test)]
+mod agreement;
+#[cfg(test)]
+mod terminator;
+#[cfg(test)]
 pub(crate) mod testing;

@@ -1,0 +1,196 @@
+//! Positions as G-buffers store them: their error, and what that does to shadows and ambient occlusion.
+
+use curitiba_passes::cpu::trace;
+use curitiba_passes::raster::cpu::CpuRasteriser;
+use curitiba_passes::trace::{Bvh, Quality};
+use curitiba_pipeline::backend::{
+    Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, RayJob, Rect, Shade, Sun, View,
+};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::{Image, PixelFormat};
+use curitiba_pipeline::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
+use curitiba_pipeline::scene::{BuildOptions, RenderScene};
+use curitiba_pipeline::square;
+use glam::camera::rh;
+use glam::{DMat4, DVec4, Mat4, Vec3, Vec4};
+use std::sync::Arc;
+
+const SIDE: u32 = 128;
+const NEAR: f32 = 0.3;
+const FAR: f32 = 1000.0;
+
+struct Setting {
+    scene: Arc<RenderScene>,
+    shades: Vec<Shade>,
+    tree: Bvh,
+    view: View,
+    sun: Sun,
+    buffer: GBuffer,
+}
+
+/// The generated square as the report's camera sees it, moved by `offset`.
+fn setting(offset: Vec3) -> Setting {
+    let (mut scene, _) = RenderScene::build(square::generate(10_000).scene, &BuildOptions::default()).expect("sound");
+    scene.geometry.positions.iter_mut().for_each(|position| *position += offset);
+    for material in &mut scene.materials {
+        material.alpha_cutoff = None;
+    }
+    let shades: Vec<Shade> = scene
+        .materials
+        .iter()
+        .map(|material| Shade { diffuse: material.diffuse, emission: Vec4::ZERO, texture: None, alpha_cutoff: None })
+        .collect();
+    let eye = Vec3::new(7.42, 18.61, -38.62) + offset;
+    let toward = Vec3::new(0.31, -0.36, 0.87);
+    let projection = rh::proj::directx::perspective(60_f32.to_radians(), 1.0, FAR, NEAR);
+    let view = View { clip_from_world: projection * rh::view::look_to_mat4(eye, toward.normalize(), Vec3::Y), eye };
+    let sun = Sun { direction: Vec3::new(0.597, -0.390, 0.700).normalize(), color: Vec3::splat(0.9) };
+    let attachments = Attachments { color: false, position: true, normal: true, triangle: true };
+    let scene = Arc::new(scene);
+    let mut buffer = GBuffer::new(SIDE, SIDE, attachments);
+    let mut rasteriser = CpuRasteriser::new();
+    rasteriser.upload(&scene).expect("enough memory");
+    let viewport = Rect { x: 0, y: 0, width: SIDE, height: SIDE };
+    let job = RasterJob {
+        scene: &scene,
+        program: RasterProgram::Deferred,
+        view,
+        sun: Some(sun),
+        shades: &shades,
+        viewport,
+        clear_color: Vec4::ZERO,
+        attachments,
+    };
+    rasteriser.draw(&job, &mut buffer).expect("drawn");
+    let tree = Bvh::build(&scene.geometry, &vec![false; scene.materials.len()], Quality::Balanced);
+    Setting { scene, shades, tree, view, sun, buffer }
+}
+
+impl Setting {
+    /// What a program writes, from these positions.
+    fn run(&self, program: RayProgram, fidelity: Fidelity, position: &[[f32; 4]]) -> Vec<f32> {
+        let none = vec![false; self.shades.len()];
+        let job = RayJob {
+            scene: &self.scene,
+            program,
+            params: RayParams { samples: 16, intensity: 1.0, ..RayParams::default() },
+            fidelity,
+            seed: 0,
+            eye: self.view.eye,
+            sun: Some(self.sun),
+            width: SIDE,
+            height: SIDE,
+            position,
+            normal: &self.buffer.normal,
+            color: &[],
+            triangle: if fidelity == Fidelity::Corrected { &self.buffer.triangle } else { &[] },
+            shades: &self.shades,
+            glass: &none,
+            shadow_glass: &none,
+        };
+        let mut output = Image::filled(SIDE, SIDE, [f32::NAN; 4]);
+        trace(&self.tree, &job, &mut output, &Progress::default()).expect("a complete job");
+        output.pixels.iter().map(|pixel| pixel[0]).collect()
+    }
+
+    /// The position of a pixel's centre at a depth that a buffer of this projection holds.
+    fn from_depth(&self, projection: Mat4, store: fn(f64) -> f64) -> Vec<[f32; 4]> {
+        let toward = Vec3::new(0.31, -0.36, 0.87).normalize();
+        let clip = (projection * rh::view::look_to_mat4(self.view.eye, toward, Vec3::Y)).as_dmat4();
+        let back: DMat4 = clip.inverse();
+        let unproject = |(index, position): (usize, &[f32; 4])| {
+            if self.buffer.triangle[index] == NO_TRIANGLE {
+                return *position;
+            }
+            let at = clip * Vec4::from_array(*position).with_w(1.0).as_dvec4();
+            let depth = store(at.z / at.w);
+            let centre = |k: u32| (f64::from(k) + 0.5) / f64::from(SIDE) * 2.0 - 1.0;
+            let (x, y) = (centre(index as u32 % SIDE), -centre(index as u32 / SIDE));
+            // Unprojected in f32, as a shader does.
+            let [column_x, column_y, column_z, column_w] = back.as_mat4().to_cols_array_2d().map(Vec4::from_array);
+            let world = column_x * x as f32 + column_y * y as f32 + column_z * depth as f32 + column_w;
+            (world / world.w).with_w(position[3]).to_array()
+        };
+        self.buffer.position.iter().enumerate().map(unproject).collect()
+    }
+}
+
+fn f16(position: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    let mut rounded = position.to_vec();
+    PixelFormat::Rgba16Float.round(&mut rounded);
+    // The cosine is not what this is about.
+    rounded.iter_mut().zip(position).for_each(|(rounded, exact)| rounded[3] = exact[3]);
+    rounded
+}
+
+/// What a form does: largest distance from the exact position, false shadows by fidelity, and the error of occlusion.
+#[derive(Debug)]
+struct Effect {
+    most: f64,
+    shadows: [usize; 2],
+    occlusion: [f64; 2],
+}
+
+fn effects(setting: &Setting) -> Vec<(&'static str, Effect)> {
+    let exact = &setting.buffer.position;
+    let reversed = rh::proj::directx::perspective(60_f32.to_radians(), 1.0, FAR, NEAR);
+    let standard = rh::proj::directx::perspective(60_f32.to_radians(), 1.0, NEAR, FAR);
+    let forms = [
+        ("position f32", exact.clone()),
+        ("position f16", f16(exact)),
+        ("reversed depth f32", setting.from_depth(reversed, |depth| f64::from(depth as f32))),
+        ("depth f32", setting.from_depth(standard, |depth| f64::from(depth as f32))),
+        ("depth 24 bits", setting.from_depth(standard, |depth| (depth * 16_777_215.0).round() / 16_777_215.0)),
+    ];
+    // The truth: exact positions on their triangles.
+    let truth =
+        [RayProgram::DeferredShadows, RayProgram::Ssao].map(|program| setting.run(program, Fidelity::Corrected, exact));
+    let covered: Vec<usize> = (0..exact.len()).filter(|index| setting.buffer.triangle[*index] != NO_TRIANGLE).collect();
+    assert!(covered.len() > 10_000, "{}", covered.len());
+    let mut found = Vec::new();
+    for (name, position) in forms {
+        let off = |index: &usize| {
+            let [a, b] = [exact, &position].map(|p| DVec4::from(Vec4::from_array(p[*index])).truncate());
+            (a - b).length()
+        };
+        let most = covered.iter().map(off).fold(0.0, f64::max);
+        let mut effect = Effect { most, shadows: [0; 2], occlusion: [0.0; 2] };
+        for (slot, fidelity) in [Fidelity::Corrected, Fidelity::Thesis].into_iter().enumerate() {
+            let shadow = setting.run(RayProgram::DeferredShadows, fidelity, &position);
+            effect.shadows[slot] = covered.iter().filter(|i| shadow[**i] != truth[0][**i]).count();
+            // The programs' noise differs between fidelities: each is compared with itself on exact positions.
+            let own = if slot == 0 { truth[1].clone() } else { setting.run(RayProgram::Ssao, fidelity, exact) };
+            let open = setting.run(RayProgram::Ssao, fidelity, &position);
+            let square = covered.iter().map(|i| f64::from(open[*i] - own[*i]).powi(2)).sum::<f64>();
+            effect.occlusion[slot] = (square / covered.len() as f64).sqrt();
+        }
+        println!(
+            "{name}: {:.1e} off at most; shadows wrong at {} pixels (thesis {}), occlusion off by {:.4} (thesis {:.4}) of {}",
+            effect.most,
+            effect.shadows[0],
+            effect.shadows[1],
+            effect.occlusion[0],
+            effect.occlusion[1],
+            covered.len()
+        );
+        found.push((name, effect));
+    }
+    found
+}
+
+#[test]
+fn snapped_positions_make_every_stored_form_safe_and_stored_ones_do_not() {
+    let setting = setting(Vec3::ZERO);
+    let found = effects(&setting);
+    let of = |name: &str| &found.iter().find(|(form, _)| *form == name).expect("a form of the table").1;
+    let (float, half) = (of("position f32"), of("position f16"));
+    assert_eq!((float.shadows[0], float.occlusion[0]), (0, 0.0), "the truth itself");
+    assert!(of("reversed depth f32").most < 1e-3 && of("depth 24 bits").most > 1e-3 && half.most > 1e-2);
+    // In corrected, a form moves shadow edges by its error and makes no false shadow.
+    for (name, effect) in &found {
+        assert!(effect.shadows[0] <= 60, "{name}: {effect:?}");
+    }
+    // In thesis, rays start at what is stored.
+    assert!(half.shadows[1] > 20 * half.shadows[0].max(20), "negative control: {half:?}");
+    assert!(half.occlusion[1] > 5.0 * half.occlusion[0].max(0.005), "negative control: {half:?}");
+}
