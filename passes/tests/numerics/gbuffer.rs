@@ -12,7 +12,7 @@ use curitiba_pipeline::programs::{Fidelity, RasterProgram, RayParams, RayProgram
 use curitiba_pipeline::scene::{BuildOptions, RenderScene};
 use curitiba_pipeline::square;
 use glam::camera::rh;
-use glam::{DMat4, DVec4, Mat4, Vec3, Vec4};
+use glam::{DMat4, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
 const SIDE: u32 = 128;
@@ -150,7 +150,7 @@ fn effects(setting: &Setting) -> Vec<(&'static str, Effect)> {
     let mut found = Vec::new();
     for (name, position) in forms {
         let off = |index: &usize| {
-            let [a, b] = [exact, &position].map(|p| DVec4::from(Vec4::from_array(p[*index])).truncate());
+            let [a, b] = [exact, &position].map(|p| Vec4::from_array(p[*index]).as_dvec4().truncate());
             (a - b).length()
         };
         let most = covered.iter().map(off).fold(0.0, f64::max);
@@ -179,9 +179,21 @@ fn effects(setting: &Setting) -> Vec<(&'static str, Effect)> {
 }
 
 #[test]
+fn far_from_the_origin_only_snapped_positions_keep_their_shadows() {
+    let found = effects(&setting(Vec3::new(5000.0, 100.0, -3000.0)));
+    let exact = &found[0].1;
+    assert_eq!((exact.shadows[0], exact.occlusion[0]), (0, 0.0), "the truth itself");
+    assert!(exact.shadows[1] > 500, "negative control, f32 positions as they are stored: {exact:?}");
+    // Half a unit in the last place of a 16-bit float is 2 here: what is stored is not the pixel's point any more.
+    assert!(found[1].1.most > 1.0, "{found:?}");
+    for (name, effect) in &found[2..] {
+        assert!(effect.shadows[0] <= 60, "{name}: {effect:?}");
+    }
+}
+
+#[test]
 fn snapped_positions_make_every_stored_form_safe_and_stored_ones_do_not() {
-    let setting = setting(Vec3::ZERO);
-    let found = effects(&setting);
+    let found = effects(&setting(Vec3::ZERO));
     let of = |name: &str| &found.iter().find(|(form, _)| *form == name).expect("a form of the table").1;
     let (float, half) = (of("position f32"), of("position f16"));
     assert_eq!((float.shadows[0], float.occlusion[0]), (0, 0.0), "the truth itself");

@@ -85,7 +85,9 @@ fn light_takes_the_same_way_back_with_the_same_weight() {
             let back = fresnel(refracted.dot(-normal), 1.0 / index);
             assert!((back.reflectance - there.reflectance).abs() < 5e-6, "{index} {angle}: {there:?} {back:?}");
             let returned = back.refract(-refracted, -normal, 1.0 / index).expect("the way back is open");
-            assert!((returned + incoming).length() < 5e-6, "{index} {angle}: {returned} {incoming}");
+            // Bending to a denser side and back magnifies the rounding of the direction.
+            let bound = 2e-6 * index.max(1.0 / index) / slope as f32;
+            assert!((returned + incoming).length() < bound, "{index} {angle}: {returned} {incoming}");
         }
     }
     assert!(compared > 8000, "{compared}");

@@ -88,12 +88,12 @@ fn a_triangle_is_not_in_its_own_shadow_at_any_scale_place_and_angle() {
 }
 
 #[test]
-fn an_occluder_is_seen_from_a_hundred_thousandth_of_size_and_distance() {
+fn an_occluder_is_seen_from_a_fifty_thousandth_of_size_and_distance() {
     let mut random = Random::new(21);
     let (mut tested, mut fixed_missed) = (0, 0);
     for scale in SCALES {
         for place in PLACES {
-            let gap = 1e-5 * (scale + place);
+            let gap = 2e-5 * (scale + place);
             if gap > 0.1 * scale {
                 // The offset would have to be finer than the numbers that place the triangle.
                 continue;
