@@ -118,8 +118,10 @@ class Scene:
             mesh = mi.Mesh(f"material{number}", 3 * count, count, has_vertex_normals=True, props=properties)
             values = mi.traverse(mesh)
             values["vertex_positions"] = vertices.ravel()
-            values["vertex_normals"] = normals.ravel()
             values["faces"] = np.arange(3 * count, dtype=np.uint32)
+            values.update()
+            # New positions make it compute normals of its own, so ours come after them.
+            values["vertex_normals"] = normals.ravel()
             values.update()
             made[f"material{number}"] = mesh
         return made

@@ -197,7 +197,8 @@ fn snapped_positions_make_every_stored_form_safe_and_stored_ones_do_not() {
     let of = |name: &str| &found.iter().find(|(form, _)| *form == name).expect("a form of the table").1;
     let (float, half) = (of("position f32"), of("position f16"));
     assert_eq!((float.shadows[0], float.occlusion[0]), (0, 0.0), "the truth itself");
-    assert!(of("reversed depth f32").most < 1e-3 && of("depth 24 bits").most > 1e-3 && half.most > 1e-2);
+    let depths = [of("reversed depth f32").most, of("depth f32").most, of("depth 24 bits").most];
+    assert!(depths[0] * 5.0 < depths[1].min(depths[2]) && half.most > depths[1], "{depths:?} {}", half.most);
     // In corrected, a form moves shadow edges by its error and makes no false shadow.
     for (name, effect) in &found {
         assert!(effect.shadows[0] <= 60, "{name}: {effect:?}");
