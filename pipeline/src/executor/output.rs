@@ -14,7 +14,7 @@ const NORMAL_TOLERANCE: f32 = 1e-2;
 /// What the pixels of an output may be. A value that is not a number or infinite is wrong everywhere.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Range {
-    /// Red, green and blue are 0 or more, alpha is 0..=1.
+    /// Every channel is 0 or more. All may be above 1, alpha too: the raster pass lights the four channels alike.
     Color,
     /// Every channel is a share, 0..=1: light that arrives, openness.
     Share,
@@ -113,7 +113,7 @@ impl Output<'_> {
         let count = |(index, pixel): (usize, &[f32; 4])| {
             let mut faults = [Faults::default(); 4];
             let limits = match self.range {
-                Range::Color => [(0.0, f32::MAX), (0.0, f32::MAX), (0.0, f32::MAX), (0.0, 1.0)],
+                Range::Color => [(0.0, f32::MAX); 4],
                 Range::Share => [(0.0, 1.0); 4],
                 Range::Position => [(f32::MIN, f32::MAX), (f32::MIN, f32::MAX), (f32::MIN, f32::MAX), (0.0, 1.0)],
                 Range::Normal => {
@@ -260,13 +260,17 @@ mod tests {
         pixels[77][1] = f32::NAN;
         pixels[50][2] = f32::NEG_INFINITY;
         pixels[60][0] = -1e-20;
-        pixels[70][3] = 1.001;
+        pixels[70][3] = -0.25;
         let found = faults(Range::Color, &pixels);
         let clean = Faults::default();
         assert_eq!(found[0], Faults { negative: 1, first: Some(60), ..clean });
         assert_eq!(found[1], Faults { nan: 2, first: Some(77), ..clean });
         assert_eq!(found[2], Faults { infinite: 1, first: Some(50), ..clean });
-        assert_eq!(found[3], Faults { out_of_range: 1, first: Some(70), ..clean });
+        assert_eq!(found[3], Faults { negative: 1, first: Some(70), ..clean });
+        assert_eq!(
+            faults(Range::Share, &[[0.5, 0.5, 0.5, 1.001]])[3],
+            Faults { out_of_range: 1, first: Some(0), ..clean }
+        );
         assert_eq!(faults(Range::Share, &[[1.5, 0.5, -0.5, 1.0]]).map(|faults| faults.total()), [1, 0, 1, 0]);
         // A colour may be above 1, a share may not; a position may be negative, its cosine may not.
         assert_eq!(faults(Range::Color, &[[1.5, 0.5, 0.5, 1.0]]), [clean; 4]);
