@@ -84,12 +84,12 @@ fn light_takes_the_same_way_back_with_the_same_weight() {
             compared += 1;
             let back = fresnel(refracted.dot(-normal), 1.0 / index);
             assert!(
-                f64::from((back.reflectance - there.reflectance).abs()) < 5e-6 / slope,
+                f64::from((back.reflectance - there.reflectance).abs()) < 2e-5 / slope,
                 "{index} {angle}: {there:?} {back:?}"
             );
             let returned = back.refract(-refracted, -normal, 1.0 / index).expect("the way back is open");
             // Bending to a denser side and back magnifies the rounding of the direction.
-            let bound = 2e-6 * index.max(1.0 / index) / slope as f32;
+            let bound = 2e-6 * index.max(1.0 / index).powi(2) / slope as f32;
             assert!((returned + incoming).length() < bound, "{index} {angle}: {returned} {incoming}");
         }
     }
