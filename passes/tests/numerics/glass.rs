@@ -67,7 +67,8 @@ fn what_is_reflected_and_what_is_transmitted_add_up_to_one() {
 fn light_takes_the_same_way_back_with_the_same_weight() {
     let mut random = Random::new(30);
     let mut compared = 0;
-    for index in indices() {
+    // An index of 100 brings all light within half a degree of the normal, where an f32 direction says little of its angle.
+    for index in indices().into_iter().filter(|index| *index <= 4.0) {
         for angle in angles(index) {
             let normal = random.direction();
             let across = normal.any_orthonormal_vector();
