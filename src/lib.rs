@@ -22,8 +22,10 @@
 #![forbid(unsafe_code)]
 
 pub mod bench;
+pub mod compare;
 pub mod engines;
 pub mod environment;
+pub mod spec;
 
 pub use curitiba_passes as passes;
 pub use curitiba_pipeline as pipeline;

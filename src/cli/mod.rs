@@ -2,6 +2,7 @@
 
 pub mod args;
 pub mod check;
+pub mod compare;
 mod failure;
 pub mod list;
 pub mod plan;
