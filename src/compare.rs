@@ -148,9 +148,11 @@ pub fn compare(
             reference.channels.join(" ")
         )));
     }
-    let explain = |error| CompareError::Mismatch(explain(error, &test.name, &reference.name));
-    let comparison = metrics::compare(&test.image, &reference.image, options).map_err(explain)?;
-    let flip = metrics::flip_map(&test.image, &reference.image, options).map_err(explain)?;
+    let explain = |error| match error {
+        MetricError::Option { .. } => CompareError::Usage(error.to_string()),
+        error => CompareError::Mismatch(explain(&error, &test.name, &reference.name)),
+    };
+    let (comparison, flip) = metrics::compare_with_map(&test.image, &reference.image, options).map_err(explain)?;
     let z_test = match (&test.variance, &reference.variance) {
         (Some(a), Some(b)) => Some(metrics::z_test(estimate(&test, a), estimate(&reference, b)).map_err(explain)?),
         _ => None,
@@ -293,12 +295,12 @@ impl Moments {
 }
 
 /// The same facts with the names that the user gave, and what to do.
-fn explain(error: MetricError, test: &str, reference: &str) -> String {
+fn explain(error: &MetricError, test: &str, reference: &str) -> String {
     let name = |which: Which| match which {
         Which::Test => test,
         Which::Reference => reference,
     };
-    match &error {
+    match error {
         MetricError::Size { test: a, reference: b } => format!(
             "{test} is {} x {} pixels and {reference} is {} x {}\n       only pictures of one size can be compared; \
              render at one size: PROJECT.xml@size={}x{}",

@@ -212,17 +212,23 @@ fn in_words(found: &ZTest) -> String {
         Verdict::Different => "the difference is larger than the noise explains",
         Verdict::Equal => return "neither has noise and both are equal: there is nothing to test".to_owned(),
     };
+    let without = match found.tiles_different_without_noise {
+        0 => String::new(),
+        count => format!("; {count} colours of tiles without noise differ"),
+    };
+    let chi_square = number(found.chi_square);
+    // Few samples of a pixel are far from normal, so these shares alone decide nothing.
+    let few = if found.beyond_3 > 4.0 * EXPECTED_BEYOND_3 && found.verdict == Verdict::Noise {
+        "; as single pixels have too few samples for a normal distribution, the tiles decide"
+    } else {
+        ""
+    };
     format!(
-        "{verdict}: chi-square {} per degree of freedom over {} tiles (1 expected){}; {} of {} values beyond 2 standard \
-         deviations ({} expected), {} beyond 3 ({} expected)",
-        number(found.chi_square),
+        "{verdict}: chi-square {chi_square} per degree of freedom over {} tiles of 8 x 8 pixels (1 expected){without}\n  \
+         of {} noisy values of pixels {} lie beyond 2 standard deviations ({} expected), {} beyond 3 ({} expected){few}",
         found.tiles,
-        match found.tiles_different_without_noise {
-            0 => String::new(),
-            count => format!(", {count} tile colours without noise differ"),
-        },
-        percent(found.beyond_2),
         found.values,
+        percent(found.beyond_2),
         percent(EXPECTED_BEYOND_2),
         percent(found.beyond_3),
         percent(EXPECTED_BEYOND_3),

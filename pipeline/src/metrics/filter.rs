@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// Rows that a band writes. It reads as many more as its filters reach.
-const ROWS: usize = 32;
+const ROWS: usize = 64;
 
 /// The bands of a picture, computed in parallel, in order.
 pub fn bands<T: Send>(height: usize, band: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
@@ -68,23 +68,28 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The rows `rows` of the picture and `halo` more above and below, filled by `fill(row of the picture, values)`. Rows
-    /// outside the picture repeat the nearest one inside.
-    pub fn new(
+    /// The rows `rows` of a picture and `halo` more above and below, of N quantities that `values` computes together from
+    /// the index of a pixel. Rows outside the picture repeat the nearest one inside.
+    pub fn stack<const N: usize>(
         width: usize,
         height: usize,
         rows: &Range<usize>,
         halo: usize,
-        mut fill: impl FnMut(usize, &mut [f64]),
-    ) -> Self {
+        values: impl Fn(usize) -> [f64; N],
+    ) -> [Self; N] {
         let first = rows.start as i64 - halo as i64;
         let last = rows.end as i64 + halo as i64;
-        let mut values = vec![0.0; width * (last - first) as usize];
-        for (offset, row) in values.chunks_exact_mut(width).enumerate() {
-            let y = (first + offset as i64).clamp(0, height as i64 - 1);
-            fill(y as usize, row);
+        let size = width * (last - first) as usize;
+        let mut planes: [Self; N] = std::array::from_fn(|_| Self { width, first, values: Vec::with_capacity(size) });
+        for y in first..last {
+            let start = y.clamp(0, height as i64 - 1) as usize * width;
+            for index in start..start + width {
+                for (plane, value) in planes.iter_mut().zip(values(index)) {
+                    plane.values.push(value);
+                }
+            }
         }
-        Self { width, first, values }
+        planes
     }
 
     /// `of` each value.
@@ -131,13 +136,13 @@ mod tests {
 
     #[test]
     fn a_separable_filter_is_the_sum_over_its_window_with_repeated_edges() {
-        let (width, height) = (7_usize, 70_usize);
+        let (width, height) = (7_usize, 140_usize);
         let value = |x: usize, y: usize| ((x * 31 + y * 17) % 23) as f64;
         let across = Kernel::new(2, |x| 1.0 + x * 0.25);
         let down = Kernel::new(3, |y| 2.0 - y * 0.125);
         let filtered: Vec<Vec<f64>> = bands(height, |rows| {
-            let fill = |y: usize, row: &mut [f64]| row.iter_mut().enumerate().for_each(|(x, v)| *v = value(x, y));
-            let plane = Plane::new(width, height, &rows, 3, fill).along_rows(&across);
+            let [plane] = Plane::stack(width, height, &rows, 3, |index| [value(index % width, index / width)]);
+            let plane = plane.along_rows(&across);
             let mut out = Vec::new();
             for y in rows {
                 let mut row = vec![0.0; width];

@@ -120,15 +120,10 @@ impl Filters {
     fn see(&self, image: &Image, rows: &std::ops::Range<usize>) -> Vec<Seen> {
         let (width, height) = (image.width as usize, image.height as usize);
         let halo = self.sensitivity[0][0].0.radius().max(self.features[0].radius());
-        let plane = |channel: usize| {
-            let fill = |y: usize, row: &mut [f64]| {
-                for (value, pixel) in row.iter_mut().zip(&image.pixels[y * width..]) {
-                    *value = opponent([0, 1, 2].map(|c| linear(displayed(pixel[c]))))[channel];
-                }
-            };
-            Plane::new(width, height, rows, halo, fill)
-        };
-        let planes = [plane(0), plane(1), plane(2)];
+        let planes = Plane::stack(width, height, rows, halo, |index| {
+            let pixel = &image.pixels[index];
+            opponent([0, 1, 2].map(|channel| linear(displayed(pixel[channel]))))
+        });
         let sensed: [Vec<(Plane, &Kernel)>; 3] = std::array::from_fn(|channel| {
             let gaussians = self.sensitivity[channel].iter();
             gaussians.map(|(across, down)| (planes[channel].along_rows(across), down)).collect()

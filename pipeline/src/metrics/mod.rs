@@ -195,20 +195,33 @@ pub enum MetricError {
 /// If the sizes differ, there is no pixel to compare, a value is not finite (masked or not: SSIM and FLIP look at
 /// neighbours), or an option is out of range.
 pub fn compare(test: &Image, reference: &Image, options: &Options<'_>) -> Result<Comparison, MetricError> {
+    Ok(compare_with_map(test, reference, options)?.0)
+}
+
+/// As [`compare`], and the FLIP error of every pixel, as [`flip_map`] computes it.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_with_map(
+    test: &Image,
+    reference: &Image,
+    options: &Options<'_>,
+) -> Result<(Comparison, ErrorMap), MetricError> {
     check(test, reference, options)?;
     let linear = linear::errors(test, reference, options);
-    let flip = flip::map(test, reference, options);
-    Ok(Comparison {
+    let map = flip::map(test, reference, options);
+    let comparison = Comparison {
         pixels: linear.pixels,
         rmse: linear.mse.sqrt(),
         relative_mse: linear.relative_mse,
         max: linear.max,
         psnr: -10.0 * linear.mse.log10(),
         ssim: ssim::mean(test, reference, options.mask),
-        flip: flip.mean(options.mask),
+        flip: map.mean(options.mask),
         energy_ratio: linear.energy_ratio,
         outliers: linear.outliers,
-    })
+    };
+    Ok((comparison, map))
 }
 
 /// Whether two pictures can be compared.

@@ -59,17 +59,11 @@ fn map(test: &Image, reference: &Image) -> Vec<f64> {
     let across = Kernel::new(radius(width), gauss).normalised();
     let down = Kernel::new(radius(height), gauss).normalised();
     let parts = bands(height, |rows| {
-        let moment = |of: fn(f64, f64) -> f64| {
-            let fill = |y: usize, row: &mut [f64]| {
-                let start = y * width;
-                for (x, value) in row.iter_mut().enumerate() {
-                    *value = of(luminance(&test.pixels[start + x]), luminance(&reference.pixels[start + x]));
-                }
-            };
-            Plane::new(width, height, &rows, down.radius(), fill).along_rows(&across)
-        };
-        let moments =
-            [moment(|t, _| t), moment(|_, r| r), moment(|t, _| t * t), moment(|_, r| r * r), moment(|t, r| t * r)];
+        let moments = Plane::stack(width, height, &rows, down.radius(), |index| {
+            let (t, r) = (luminance(&test.pixels[index]), luminance(&reference.pixels[index]));
+            [t, r, t * t, r * r, t * r]
+        });
+        let moments = moments.map(|moment| moment.along_rows(&across));
         let mut out = Vec::with_capacity(rows.len() * width);
         let mut lines = moments.each_ref().map(|_| vec![0.0; width]);
         for y in rows.clone() {

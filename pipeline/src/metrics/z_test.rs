@@ -348,7 +348,7 @@ mod tests {
         let good = [image(4, |_| 0.0), image(4, |_| 1.0)];
         let negative = [image(4, |_| 0.0), image(4, |index| if index == 6 { -1.0 } else { 1.0 })];
         let found = z_test(of(&good, None), of(&negative, None));
-        assert_eq!(found, Err(MetricError::Variance { which: Which::Reference, x: 2, y: 0, value: -1.0 }));
+        assert_eq!(found, Err(MetricError::Variance { which: Which::Reference, x: 2, y: 1, value: -1.0 }));
         assert!(matches!(z_test(of(&good, Some(1)), of(&good, None)), Err(MetricError::Option { .. })));
     }
 }
