@@ -26,13 +26,16 @@ fn rms(a: &Image, b: &Image) -> f64 {
 
 #[test]
 fn each_effect_is_nearer_to_its_rays_than_no_effect_is() {
-    for (raster, rays, most) in [
-        ("raster/SceneShadowMap", "SceneShadows", 0.6),
-        ("raster/SceneCubeReflect", "SceneReflect", 1.0),
-        ("raster/SceneCubeRefract", "SceneRefract", 1.0),
-        ("raster/SceneGTAO", "SceneSSAO", 0.7),
+    // Not the shadows of `Vidro`: the sun grazes its pane, and the bias of a map over the whole town with its hills is
+    // longer there than the way to what casts the shadow. What is refracted has no parallax in a map, so chairs behind the
+    // pane are displaced: hardly nearer to the rays than the bare pane. Not the mirrors of `MainCamera`: four probes for all its windows.
+    for (raster, rays, cameras, most) in [
+        ("raster/SceneShadowMap", "SceneShadows", &["MainCamera"][..], 0.6),
+        ("raster/SceneCubeReflect", "SceneReflect", &["Vidro"], 0.8),
+        ("raster/SceneCubeRefract", "SceneRefract", &["Vidro"], 1.0),
+        ("raster/SceneGTAO", "SceneSSAO", &["MainCamera", "Vidro"], 0.7),
     ] {
-        for camera in ["MainCamera", "Vidro"] {
+        for camera in cameras {
             let [found, expected, none] = [raster, rays, "SceneNoEffects"].map(|name| picture(name, camera));
             let (error, without) = (rms(&found, &expected), rms(&none, &expected));
             println!("{raster}, {camera}: {error:.4}, without the effect {without:.4}");
