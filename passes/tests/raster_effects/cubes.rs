@@ -63,11 +63,11 @@ fn a_pane_mirrors_and_refracts_a_far_room_as_rays_do() {
             let mirrored: Vec<[f32; 4]> = expected.iter().rev().copied().collect();
             assert!(difference(&shot, &found, &mirrored).0 > 0.2);
             let glass = glass_pixels(&shot);
-            for index in 0..found.len() {
+            for (index, pixel) in found.iter().enumerate() {
                 if glass.contains(&index) {
-                    assert_eq!(found[index][3], 1.0);
+                    assert_eq!(pixel[3], 1.0);
                 } else {
-                    assert_eq!(found[index], shot.buffer.color[index]);
+                    assert_eq!(*pixel, shot.buffer.color[index]);
                 }
             }
         }
