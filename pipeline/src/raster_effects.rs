@@ -65,7 +65,7 @@ impl Default for EffectParams {
 pub const EFFECT_PARAMS: &[ParamInfo] = &[
     ParamInfo {
         name: "mapsize",
-        about: "texels a side of the shadow map or of each cube-map face [default: 2048, cube maps 512]",
+        about: "texels a side of the shadow map or of each cube-map face",
         valid: "16..=16384",
     },
     ParamInfo { name: "pcf", about: "texels on each side that a shadow test averages", valid: "0..=8" },
@@ -219,6 +219,12 @@ impl EffectProgram {
     #[must_use]
     pub fn info(self) -> &'static EffectProgramInfo {
         EFFECT_PROGRAMS.iter().find(|info| info.program == self).expect("every program has an entry")
+    }
+
+    /// Whether its maps show shaded surfaces, so that materials and textures are needed.
+    #[must_use]
+    pub fn shades_maps(self) -> bool {
+        matches!(self, Self::CubeReflection | Self::CubeRefraction)
     }
 }
 
