@@ -116,6 +116,11 @@ impl Targets {
         }
     }
 
+    /// What is written.
+    pub fn attachments(&self) -> Attachments {
+        self.attachments
+    }
+
     /// Pixels a row, and rows.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
@@ -224,12 +229,7 @@ impl Staging {
 
 impl Staging {
     /// Copies a whole texture of [`wgpu::TextureFormat::Rgba32Float`] to `pixels`, which has its size.
-    pub fn read(
-        &mut self,
-        gpu: &Gpu,
-        texture: &wgpu::Texture,
-        pixels: &mut [[f32; 4]],
-    ) -> Result<(), BackendError> {
+    pub fn read(&mut self, gpu: &Gpu, texture: &wgpu::Texture, pixels: &mut [[f32; 4]]) -> Result<(), BackendError> {
         let (width, height) = (texture.width(), texture.height());
         let pitch = (16 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let most = STAGING_BYTES.min(gpu.max_buffer_bytes) / u64::from(pitch);
@@ -250,11 +250,7 @@ impl Staging {
                 },
                 wgpu::TexelCopyBufferInfo {
                     buffer,
-                    layout: wgpu::TexelCopyBufferLayout {
-                        offset: 0,
-                        bytes_per_row: Some(pitch),
-                        rows_per_image: None,
-                    },
+                    layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None },
                 },
                 wgpu::Extent3d { width, height: rows, depth_or_array_layers: 1 },
             );

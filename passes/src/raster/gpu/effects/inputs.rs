@@ -14,7 +14,7 @@ const TRIANGLE: usize = 3;
 pub fn wanted(job: &EffectJob<'_>) -> [bool; 4] {
     let info = job.program.info();
     let reads = |buffer| info.buffers.contains(&buffer);
-    [reads("color_buffer"), reads("pos_buffer"), reads("norm_buffer"), info.glass]
+    [reads("color_buffer"), reads("pos_buffer"), reads("norm_buffer"), info.glass && job.glass.contains(&true)]
 }
 
 /// The layout of group 0, and the textures that stand in for channels that a program does not read.
@@ -132,13 +132,13 @@ impl Inputs {
         });
         let filled = result.and_then(|(upload, _)| {
             let channels = upload.channels.iter().zip(data);
-            channels.filter_map(|(channel, data)| Some((channel.as_ref()?, data))).try_for_each(|(texture, data)| {
-                fill(gpu, texture, data)
-            })
+            channels
+                .filter_map(|(channel, data)| Some((channel.as_ref()?, data)))
+                .try_for_each(|(texture, data)| fill(gpu, texture, data))
         });
         self.uploads = uploads;
         filled?;
-        self.uploads.values().last().ok_or_else(|| failure("the uploaded G-buffer is gone"))
+        self.uploads.last().ok_or_else(|| failure("the uploaded G-buffer is gone"))
     }
 
     /// Bytes of device memory.
@@ -183,26 +183,12 @@ fn fill(gpu: &Gpu, texture: &wgpu::Texture, data: &[u8]) -> Result<(), BackendEr
     Ok(())
 }
 
-/// Refuses jobs whose parts do not have the size that they say.
-pub fn check(gpu: &Gpu, job: &EffectJob<'_>, output: usize) -> Result<(), BackendError> {
-    let what = job.program.info().name;
+/// Refuses pictures larger than the device's textures.
+pub fn check_size(gpu: &Gpu, job: &EffectJob<'_>) -> Result<(), BackendError> {
     let largest = gpu.limits.max_texture_dimension_2d;
-    if job.width.max(job.height) > largest {
-        let why = format!("{} takes {largest} x {largest} pixels at most;", gpu.adapter);
-        return Err(unsupported(&format!("{what} on {} x {} pixels", job.width, job.height), &why));
+    if job.width.max(job.height) <= largest {
+        return Ok(());
     }
-    let pixels = job.width as usize * job.height as usize;
-    if output != pixels {
-        return Err(unsupported(what, &format!("its output has {output} pixels, not {pixels};")));
-    }
-    let lengths = [job.color.len(), job.position.len(), job.normal.len(), job.triangle.len()];
-    let lacks = |channel: &usize| wanted(job)[*channel] && lengths[*channel] != pixels;
-    if let Some(channel) = (0..4).find(lacks).filter(|_| !job.resident) {
-        let (channel, length) = (CHANNELS[channel], lengths[channel]);
-        return Err(unsupported(what, &format!("its input `{channel}` has {length} pixels, not {pixels};")));
-    }
-    if job.program.info().lit && job.sun.is_none() {
-        return Err(unsupported(what, "the pass has no light: name one in <lights>;"));
-    }
-    Ok(())
+    let what = format!("{} on {} x {} pixels", job.program.info().name, job.width, job.height);
+    Err(unsupported(&what, &format!("{} takes {largest} x {largest} pixels at most;", gpu.adapter)))
 }

@@ -46,6 +46,11 @@ impl<K: PartialEq, V> Kept<K, V> {
         Ok((&self.0[self.0.len() - 1].1, made))
     }
 
+    /// What was required last.
+    pub fn last(&self) -> Option<&V> {
+        self.0.last().map(|(_, value)| value)
+    }
+
     /// What is kept.
     pub fn values(&self) -> impl Iterator<Item = &V> {
         self.0.iter().map(|(_, value)| value)

@@ -13,33 +13,67 @@ use glam::Vec4;
 use std::time::Instant;
 
 /// Faces of a cube map.
-pub const FACES: u32 = 6;
+const FACES: u32 = crate::raster::effects::cube::FACES as u32;
+
+/// What maps are for, and their size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum MapsKey {
+    /// Depths as a light sees them.
+    Depth {
+        /// Texels a side.
+        size: u32,
+    },
+    /// Colours all around some points.
+    Cubes {
+        /// Texels a side of a face.
+        size: u32,
+        /// How many points.
+        probes: u32,
+    },
+}
+
+impl MapsKey {
+    /// Bytes of device memory, a depth buffer that faces share included.
+    pub fn bytes(self) -> u64 {
+        let texels = |size: u32| u64::from(size) * u64::from(size);
+        match self {
+            Self::Depth { size } => 4 * texels(size),
+            Self::Cubes { size, probes } => (16 * u64::from(FACES) * u64::from(probes) + 4) * texels(size),
+        }
+    }
+}
 
 /// Square maps of one size: one with depths only, or the faces of cube maps with colours.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Maps {
     /// What the pixel program reads: the depths, or an array of all faces, probe by probe.
     pub read: wgpu::TextureView,
     /// What each face is drawn to; empty for depths.
-    faces: Vec<wgpu::TextureView>,
+    faces: std::sync::Arc<[wgpu::TextureView]>,
     depth: wgpu::TextureView,
-    /// Bytes of device memory, a depth buffer that faces share included.
+    /// Bytes of device memory, as [`MapsKey::bytes`].
     pub bytes: u64,
 }
 
 impl Maps {
-    /// A map of `size * size` depths.
-    pub fn depth(gpu: &Gpu, size: u32) -> Result<Self, BackendError> {
+    /// Room for maps; what is drawn to them comes later.
+    pub fn new(gpu: &Gpu, key: MapsKey) -> Result<Self, BackendError> {
+        match key {
+            MapsKey::Depth { size } => Self::depth(gpu, size),
+            MapsKey::Cubes { size, probes } => Self::cubes(gpu, size, probes),
+        }
+    }
+
+    fn depth(gpu: &Gpu, size: u32) -> Result<Self, BackendError> {
         check_size(gpu, "a shadow map", size)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
         let texture = texture(gpu, "shadow map", DEPTH_FORMAT, usage, size, 1);
         gpu.check("creation of the shadow map")?;
         let depth = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        Ok(Self { read: depth.clone(), faces: Vec::new(), depth, bytes: 4 * u64::from(size) * u64::from(size) })
+        Ok(Self { read: depth.clone(), faces: [].into(), depth, bytes: MapsKey::Depth { size }.bytes() })
     }
 
-    /// Room for cube maps whose faces have `size * size` texels.
-    pub fn cubes(gpu: &Gpu, size: u32, probes: u32) -> Result<Self, BackendError> {
+    fn cubes(gpu: &Gpu, size: u32, probes: u32) -> Result<Self, BackendError> {
         check_size(gpu, "a cube map", size)?;
         let most = gpu.limits.max_texture_array_layers / FACES;
         if probes > most {
@@ -64,8 +98,7 @@ impl Maps {
         let read = view(0, layers, wgpu::TextureViewDimension::D2Array);
         let depth = depth.create_view(&wgpu::TextureViewDescriptor::default());
         gpu.check("creation of the cube maps")?;
-        let texels = u64::from(size) * u64::from(size);
-        Ok(Self { read, faces, depth, bytes: (16 * u64::from(layers) + 4) * texels })
+        Ok(Self { read, faces, depth, bytes: MapsKey::Cubes { size, probes }.bytes() })
     }
 }
 
@@ -124,7 +157,7 @@ pub fn draw(
         attachments: Attachments { color, ..Attachments::default() },
     };
     check_scene(&raster)?;
-    let Context { gpu, layouts, pipelines, timer, geometry, textures } = context;
+    let Context { gpu, layouts, pipelines, timer, geometry, textures, .. } = context;
     draws.prepare(gpu, layouts, pipelines, geometry, textures, &raster, left_out)?;
     let mut device = None;
     for (index, view) in views.iter().enumerate() {
@@ -136,10 +169,7 @@ pub fn draw(
             view,
             depth_slice: None,
             resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                store: wgpu::StoreOp::Store,
-            },
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
         });
         let store = if color { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
         let attachments = [face, None, None, None];

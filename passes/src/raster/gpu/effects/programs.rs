@@ -31,11 +31,8 @@ pub struct Program {
 
 /// What a program binds besides its uniforms and the output, in the order of its bindings from 3.
 fn resources(program: EffectProgram) -> Vec<wgpu::BindingType> {
-    let texture = |sample_type, view_dimension| wgpu::BindingType::Texture {
-        sample_type,
-        view_dimension,
-        multisampled: false,
-    };
+    let texture =
+        |sample_type, view_dimension| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
     let table = wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Storage { read_only: true },
         has_dynamic_offset: false,
@@ -57,7 +54,8 @@ impl Program {
     pub fn new(gpu: &Gpu, inputs: &Inputs, program: EffectProgram) -> Result<Self, BackendError> {
         let limits = &gpu.limits;
         let most = limits.max_compute_invocations_per_workgroup;
-        if most < GROUP * GROUP || limits.max_compute_workgroup_size_x.min(limits.max_compute_workgroup_size_y) < GROUP {
+        if most < GROUP * GROUP || limits.max_compute_workgroup_size_x.min(limits.max_compute_workgroup_size_y) < GROUP
+        {
             let why = format!("{} has no compute shaders of {GROUP} x {GROUP} threads;", gpu.adapter);
             return Err(unsupported(program.info().name, &why));
         }
@@ -83,8 +81,7 @@ impl Program {
             })
             .collect();
         let label = Some(program.info().name);
-        let layout =
-            gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
             source: wgpu::ShaderSource::Wgsl(shader::source(program).into()),
@@ -206,7 +203,9 @@ mod tests {
 
     #[test]
     fn submissions_cover_every_row_once_and_are_short() {
-        for (width, height, texels) in [(1, 1, 1), (1024, 1024, 3), (3840, 2160, 8192), (16_384, 16_384, 8192), (8, 9, 9)] {
+        for (width, height, texels) in
+            [(1, 1, 1), (1024, 1024, 3), (3840, 2160, 8192), (16_384, 16_384, 8192), (8, 9, 9)]
+        {
             let task = Task { width, height, id_base: 0, params: &[], texels };
             let mut next = 0;
             for band in task.bands() {
