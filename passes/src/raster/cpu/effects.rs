@@ -158,7 +158,8 @@ impl Effects {
             raster.render(&map_job, job.glass, Target::Attachments(face, attachments))?;
             progress.advance(1);
         }
-        let seen = job.scene.geometry.batches.iter().filter(|batch| !job.glass[batch.material as usize]);
+        let seen =
+            job.scene.geometry.batches.iter().filter(|batch| job.glass.get(batch.material as usize) != Some(&true));
         stats.triangles = maps as u64 * seen.map(|batch| u64::from(batch.count)).sum::<u64>();
         stats.map_count = probes.len() as u32;
         stats.maps = Some(Part { host: start.elapsed(), device: None });

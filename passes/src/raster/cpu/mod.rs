@@ -34,7 +34,7 @@ use curitiba_pipeline::backend::{
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
-use frame::{BIN_TRIANGLES, Frame, MAX_TRIANGLES, is_cut};
+use frame::{BIN_TRIANGLES, Frame, is_cut};
 use rayon::prelude::*;
 use simd::{Detected, Kernel};
 use std::sync::{Arc, Mutex, PoisonError};
