@@ -124,13 +124,23 @@ impl Table {
     }
 }
 
-/// The maps of a pass once they are drawn, and what reads them.
+/// The maps of a pass once they are drawn, and the uniforms of the program that reads them.
 #[derive(Debug, Default)]
 struct Prepared {
     maps: Option<MapsKey>,
     params: Vec<u8>,
-    /// Texels that a pixel reads, about.
-    texels: u64,
+}
+
+/// Texels that a pixel of a program reads, about.
+fn texels(job: &EffectJob<'_>) -> u64 {
+    let params = &job.params;
+    match job.program {
+        EffectProgram::ShadowMap => 1 + (2 * u64::from(params.pcf) + 2).pow(2),
+        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => 12 + u64::from(params.probes),
+        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
+            2 + 2 * u64::from(params.slices) * u64::from(params.steps)
+        }
+    }
 }
 
 impl Effects {
@@ -180,17 +190,18 @@ impl Effects {
         let (id_base, upload) = (ready.id_base, ready.upload);
         let gbuffer = ready.group.clone();
 
+        let task = Task { width: job.width, height: job.height, id_base, texels: texels(job) };
         let mut stats = EffectStats::default();
+        // The programs that draw maps start it again.
+        progress.start(task.submissions());
         let prepared = match job.program {
-            EffectProgram::ShadowMap => self.shadow_map(context, job, &mut stats, progress)?,
+            EffectProgram::ShadowMap => self.shadow_map(context, job, &task, &mut stats, progress)?,
             EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
-                self.cube_maps(context, job, &mut stats, progress)?
+                self.cube_maps(context, job, &task, &mut stats, progress)?
             }
-            EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => Prepared {
-                maps: None,
-                params: bytemuck::bytes_of(&OcclusionUniform::new(job)).to_vec(),
-                texels: 2 + 2 * u64::from(job.params.slices) * u64::from(job.params.steps),
-            },
+            EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
+                Prepared { maps: None, params: bytemuck::bytes_of(&OcclusionUniform::new(job)).to_vec() }
+            }
         };
 
         let size = (job.width, job.height);
@@ -199,11 +210,8 @@ impl Effects {
             self.groups.clear();
         }
         let group = self.group(gpu, job.program, size, prepared.maps)?;
-        let task =
-            Task { width: job.width, height: job.height, id_base, params: &prepared.params, texels: prepared.texels };
         let Some(program) = self.programs.get(&job.program) else { return Ok(stats) };
-        progress.start(task.submissions());
-        stats.pixels = program.run(gpu, context.timer, [&gbuffer, &group], &task, progress)?;
+        stats.pixels = program.run(gpu, context.timer, [&gbuffer, &group], &prepared.params, &task, progress)?;
 
         let start = Instant::now();
         if let Some(texture) = self.outputs.last().map(|output| &output.texture) {
@@ -218,6 +226,7 @@ impl Effects {
         &mut self,
         context: &mut Context<'_>,
         job: &EffectJob<'_>,
+        task: &Task,
         stats: &mut EffectStats,
         progress: &Progress,
     ) -> Result<Prepared, BackendError> {
@@ -229,15 +238,14 @@ impl Effects {
         let key = MapsKey::Depth { size: fit.map_or(1, |fit| fit.size) };
         let maps = self.require_maps(context.gpu, key)?;
         if let Some(fit) = &fit {
-            progress.start(1);
+            progress.start(1 + task.submissions());
             self.views.clear();
             self.views.push(fit.view);
             let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.views, &[], progress)?;
             (stats.maps, stats.triangles, stats.map_count, stats.bytes) = (Some(part), triangles, 1, maps.bytes);
         }
-        let side = 2 * u64::from(job.params.pcf) + 2;
         let params = bytemuck::bytes_of(&ShadowUniform::new(job, fit.as_ref())).to_vec();
-        Ok(Prepared { maps: Some(key), params, texels: 1 + side * side })
+        Ok(Prepared { maps: Some(key), params })
     }
 
     /// What the panes that matter most see.
@@ -245,6 +253,7 @@ impl Effects {
         &mut self,
         context: &mut Context<'_>,
         job: &EffectJob<'_>,
+        task: &Task,
         stats: &mut EffectStats,
         progress: &Progress,
     ) -> Result<Prepared, BackendError> {
@@ -271,13 +280,13 @@ impl Effects {
         }
         let maps = self.require_maps(context.gpu, key)?;
         if chosen > 0 {
-            progress.start(self.views.len() as u64);
+            progress.start(self.views.len() as u64 + task.submissions());
             let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.views, job.glass, progress)?;
             stats.map_count = chosen as u32;
             (stats.maps, stats.triangles, stats.bytes) = (Some(part), triangles, maps.bytes);
         }
         let params = bytemuck::bytes_of(&CubeUniform::new(job, chosen, self.ranges.len())).to_vec();
-        Ok(Prepared { maps: Some(key), params, texels: 12 })
+        Ok(Prepared { maps: Some(key), params })
     }
 
     fn require_maps(&mut self, gpu: &Gpu, key: MapsKey) -> Result<Maps, BackendError> {

@@ -137,12 +137,13 @@ impl Program {
         gpu: &Gpu,
         timer: Option<&Timer>,
         groups: [&wgpu::BindGroup; 2],
-        task: &Task<'_>,
+        params: &[u8],
+        task: &Task,
         progress: &Progress,
     ) -> Result<Part, BackendError> {
         let start = Instant::now();
         let doing = "computing an effect";
-        gpu.queue.write_buffer(&self.params, 0, task.params);
+        gpu.queue.write_buffer(&self.params, 0, params);
         let mut device = None;
         for band in task.bands() {
             let frame = FrameUniform::new(task.width, task.height, band.start, task.id_base);
@@ -171,17 +172,15 @@ impl Program {
 
 /// What a program computes.
 #[derive(Debug, Clone, Copy)]
-pub struct Task<'a> {
+pub struct Task {
     pub width: u32,
     pub height: u32,
     pub id_base: u32,
-    /// The program's own uniforms.
-    pub params: &'a [u8],
     /// Texels that a pixel reads, about.
     pub texels: u64,
 }
 
-impl Task<'_> {
+impl Task {
     /// Rows of one submission each, in whole workgroups but for the last.
     fn bands(self) -> impl Iterator<Item = std::ops::Range<u32>> {
         let per_row = self.texels.max(1) * u64::from(self.width);
@@ -206,7 +205,7 @@ mod tests {
         for (width, height, texels) in
             [(1, 1, 1), (1024, 1024, 3), (3840, 2160, 8192), (16_384, 16_384, 8192), (8, 9, 9)]
         {
-            let task = Task { width, height, id_base: 0, params: &[], texels };
+            let task = Task { width, height, id_base: 0, texels };
             let mut next = 0;
             for band in task.bands() {
                 assert_eq!(band.start, next);
