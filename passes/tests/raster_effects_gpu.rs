@@ -23,19 +23,13 @@ use world::{BACKGROUND, Shot, World};
 
 const SIDE: u32 = 160;
 
-/// Largest difference of a component that counts as rounding: a hundredth of what a filtered texel's weight may be off.
+/// Largest difference of a component that counts as rounding: interpolation, filtering and the sums are in 32-bit floats.
 const ROUNDING: f32 = 2e-3;
 
 /// Share of pixels that may differ by more: those whose looked-up texel or pixel changes where a coordinate rounds to the
-/// other side, and map texels at outlines, which the two rasterisers cover differently in one of ten thousand.
-fn outliers(program: EffectProgram) -> f64 {
-    match program {
-        EffectProgram::ShadowMap => 2e-3,
-        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => 5e-3,
-        // One of some dozen looked-up pixels is another at an outline.
-        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => 5e-3,
-    }
-}
+/// other side, and map texels at outlines, which the two rasterisers cover differently. On lavapipe 22.3.6 it is at most
+/// 2 of 25,600 pixels.
+const OUTLIERS: f64 = 1e-3;
 
 fn params(program: EffectProgram) -> EffectParams {
     EffectParams { map_size: 256, index: 1.5, ..EffectParams::of(program) }
@@ -51,12 +45,17 @@ fn street() -> World {
     world.block(red, Vec3::new(2.5, 0.5, -1.0), Vec3::new(0.5, 0.5, 1.5));
     world.block(white, Vec3::new(0.2, 0.15, 1.5), Vec3::splat(0.15));
     world.quad(fence, Vec3::new(0.5, 1.0, -3.5), Vec3::new(1.0, 0.0, 0.3), Vec3::Y);
+    // Behind the camera, for the panes to mirror.
+    for i in 0..6u8 {
+        let x = 3.0 * f32::from(i) - 8.0;
+        world.block([red, white][usize::from(i % 2)], Vec3::new(x, 2.0, 9.0), Vec3::new(0.7, 2.0, 0.4));
+    }
     world.quad(glass, Vec3::new(1.4, 0.9, 0.8), Vec3::new(0.6, 0.0, -0.3), Vec3::Y * 0.8);
     world.quad(glass, Vec3::new(-1.6, 0.8, 0.9), Vec3::new(-0.5, 0.0, 0.3), Vec3::new(0.1, 0.6, 0.0));
     world
 }
 
-/// An orange room of uneven ground, without glass.
+/// Orange blocks of many sizes, without glass.
 fn hollow() -> World {
     let mut world = World::lit_along(Vec3::new(-0.6, -0.8, 0.2));
     world.ground(6.0);
@@ -127,7 +126,7 @@ fn every_effect_agrees_with_the_processors() {
             println!("{name}, {}: outliers {outlying:.5}, mean {mean:.2e}", info.name);
             keep_picture(&format!("{name} {} gpu", info.name), &found);
             keep_picture(&format!("{name} {} cpu", info.name), &expected);
-            if outlying > outliers(info.program) || mean.is_nan() {
+            if outlying > OUTLIERS || mean.is_nan() {
                 failed.push((name, info.name, outlying));
             }
             assert_eq!((stats.map_count, stats.triangles), (cpu.map_count, cpu.triangles), "{name}, {}", info.name);
@@ -153,14 +152,14 @@ fn a_wrong_light_eye_or_parameter_is_found_out() {
                     sun
                 });
             }
-            EffectProgram::CubeReflection => job.view.eye += Vec3::X * 0.2,
+            EffectProgram::CubeReflection => job.view.eye += Vec3::X * 0.5,
             EffectProgram::CubeRefraction => job.params.index = 1.6,
             EffectProgram::DepthOcclusion => job.params.radius *= 1.1,
             EffectProgram::HorizonOcclusion => job.seed = 1,
         }
         let (found, _) = run(&mut gpu, &job).expect("a whole job");
         let (outlying, _) = difference(&found, &expected);
-        assert!(outlying > outliers(info.program), "{}: {outlying}", info.name);
+        assert!(outlying > OUTLIERS, "{}: {outlying}", info.name);
     }
 }
 
@@ -243,7 +242,7 @@ fn a_frame_like_the_last_allocates_nothing_and_is_the_same() {
     let (_, mut shot) = shots().into_iter().next().expect("one");
     gpu.upload(&shot.scene).expect("uploads");
     draw(&mut gpu, &mut shot);
-    let mut frame = |gpu: &mut WgpuRasteriser| -> Vec<Vec<[f32; 4]>> {
+    let frame = |gpu: &mut WgpuRasteriser| -> Vec<Vec<[f32; 4]>> {
         EFFECT_PROGRAMS.iter().map(|info| run(gpu, &resident(&shot, info.program)).expect("a whole job").0).collect()
     };
     let first = frame(&mut gpu);
@@ -259,7 +258,12 @@ fn a_frame_like_the_last_allocates_nothing_and_is_the_same() {
 fn no_map_is_drawn_where_no_glass_is_seen() {
     let Some(mut gpu) = rasteriser() else { return };
     let away = street().seen(Vec3::new(0.0, 1.0, 5.0), Vec3::new(0.0, 0.5, 30.0), 64);
-    for mut shot in [hollow().seen(Vec3::new(2.0, 3.0, 3.0), Vec3::ZERO, 64), away] {
+    // Panes in view, behind a wall.
+    let mut hidden = street();
+    let wall = hidden.paint(Vec3::ONE);
+    hidden.quad(wall, Vec3::new(0.0, 0.0, 3.0), Vec3::X * 20.0, Vec3::Y * 20.0);
+    let hidden = hidden.seen(Vec3::new(1.0, 2.2, 5.5), Vec3::new(0.1, 0.7, 0.0), 64);
+    for mut shot in [hollow().seen(Vec3::new(2.0, 3.0, 3.0), Vec3::ZERO, 64), away, hidden] {
         gpu.upload(&shot.scene).expect("uploads");
         draw(&mut gpu, &mut shot);
         for program in [EffectProgram::CubeReflection, EffectProgram::CubeRefraction] {
@@ -273,11 +277,30 @@ fn no_map_is_drawn_where_no_glass_is_seen() {
 }
 
 #[test]
+fn no_shadow_map_is_drawn_where_nothing_faces_the_light() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let mut world = street();
+    world.sun = World::lit_along(Vec3::Y).sun;
+    let mut shot = world.seen(Vec3::new(0.0, 6.0, 0.1), Vec3::ZERO, 64);
+    gpu.upload(&shot.scene).expect("uploads");
+    draw(&mut gpu, &mut shot);
+    let program = EffectProgram::ShadowMap;
+    for job in [resident(&shot, program), EffectJob { resident: false, ..shot.job(program, params(program)) }] {
+        let (found, stats) = run(&mut gpu, &job).expect("a whole job");
+        let lit = shot.buffer.position.iter().any(|position| position[3] > 0.0);
+        assert_eq!(stats.maps.is_some(), lit);
+        assert!(lit || found.iter().all(|pixel| *pixel == [1.0; 4]));
+        assert!(!lit, "from above, only what looks up is seen");
+    }
+}
+
+#[test]
 fn maps_and_parameters_beyond_what_is_valid_are_refused() {
+    use EffectProgram::{CubeReflection, HorizonOcclusion, ShadowMap};
     let Some(mut gpu) = rasteriser() else { return };
     let (_, shot) = shots().into_iter().next().expect("one");
     let job = |program| EffectJob { resident: false, ..shot.job(program, params(program)) };
-    let message = run(&mut gpu, &job(EffectProgram::ShadowMap)).expect_err("no scene").to_string();
+    let message = run(&mut gpu, &job(ShadowMap)).expect_err("no scene").to_string();
     assert!(message.contains("not uploaded"), "{message}");
     gpu.upload(&shot.scene).expect("uploads");
     let mut refused = |program, edit: fn(&mut EffectJob<'_>)| {
@@ -285,7 +308,6 @@ fn maps_and_parameters_beyond_what_is_valid_are_refused() {
         edit(&mut job);
         run(&mut gpu, &job).expect_err("refused").to_string()
     };
-    use EffectProgram::{CubeReflection, HorizonOcclusion, ShadowMap};
     let message = refused(ShadowMap, |job| job.sun = None);
     assert!(message.contains("light"), "{message}");
     let message = refused(ShadowMap, |job| job.params.map_size = 1 << 20);

@@ -56,20 +56,6 @@ fn compute(pixel: vec2<u32>) -> vec4<f32> {
 //#endif
 }
 
-fn is_glass(triangle: u32) -> bool {
-    var low = 0u;
-    var high = params.ranges;
-    while low < high {
-        let middle = (low + high) / 2u;
-        if glass[middle].x <= triangle {
-            low = middle + 1u;
-        } else {
-            high = middle;
-        }
-    }
-    return low > 0u && triangle < glass[low - 1u].y;
-}
-
 fn nearest(position: vec3<f32>) -> u32 {
     var best = 0u;
     var shortest = LARGEST;

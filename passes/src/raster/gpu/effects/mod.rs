@@ -6,6 +6,7 @@
 //!
 //! A G-buffer that was drawn last is read where it lies. Textures, pipelines, bindings and buffers stay for the next frame.
 
+mod ask;
 mod inputs;
 mod kept;
 mod maps;
@@ -21,7 +22,8 @@ use super::textures::DeviceTextures;
 use super::timer::Timer;
 use crate::raster::effects::panes::Probes;
 use crate::raster::effects::shadow::ShadowFit;
-use crate::raster::effects::{SceneCache, check, check_map_bytes, cube};
+use crate::raster::effects::{SceneCache, check, check_map_bytes, cube, is_glass};
+use ask::Ask;
 use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, View};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
@@ -30,7 +32,8 @@ use inputs::Inputs;
 use kept::Kept;
 use maps::{Maps, MapsKey};
 use programs::{OUTPUT_FORMAT, Program, Task};
-use shader::{CubeUniform, OcclusionUniform, ProbeBox, ShadowUniform};
+use rayon::prelude::*;
+use shader::{AskUniform, CubeUniform, OcclusionUniform, ProbeBox, ShadowUniform};
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
@@ -52,6 +55,8 @@ pub(super) struct Effects {
     inputs: Inputs,
     draws: DrawList,
     programs: HashMap<EffectProgram, Program>,
+    /// Whether light or glass is seen.
+    asks: [Option<Ask>; 2],
     maps: Kept<MapsKey, Maps>,
     outputs: Kept<(u32, u32), Output>,
     /// Group 1 of programs, by output and maps; none that binds what is no longer kept.
@@ -149,6 +154,7 @@ impl Effects {
             inputs: Inputs::new(gpu)?,
             draws: DrawList::new(gpu, layouts)?,
             programs: HashMap::new(),
+            asks: [None, None],
             maps: Kept::default(),
             outputs: Kept::default(),
             groups: HashMap::new(),
@@ -189,15 +195,18 @@ impl Effects {
         let ready = self.inputs.ready(gpu, drawn, job)?;
         let (id_base, upload) = (ready.id_base, ready.upload);
         let gbuffer = ready.group.clone();
+        let start = Instant::now();
+        let called = self.called_for(gpu, job, &gbuffer, id_base)?;
+        let asking = start.elapsed();
 
         let task = Task { width: job.width, height: job.height, id_base, texels: texels(job) };
         let mut stats = EffectStats::default();
         // The programs that draw maps start it again.
         progress.start(task.submissions());
         let prepared = match job.program {
-            EffectProgram::ShadowMap => self.shadow_map(context, job, &task, &mut stats, progress)?,
+            EffectProgram::ShadowMap => self.shadow_map(context, job, called, &task, &mut stats, progress)?,
             EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
-                self.cube_maps(context, job, &task, &mut stats, progress)?
+                self.cube_maps(context, job, called, &task, &mut stats, progress)?
             }
             EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
                 Prepared { maps: None, params: bytemuck::bytes_of(&OcclusionUniform::new(job)).to_vec() }
@@ -212,6 +221,7 @@ impl Effects {
         let group = self.group(gpu, job.program, size, prepared.maps)?;
         let Some(program) = self.programs.get(&job.program) else { return Ok(stats) };
         stats.pixels = program.run(gpu, context.timer, [&gbuffer, &group], &prepared.params, &task, progress)?;
+        stats.pixels.host += asking;
 
         let start = Instant::now();
         if let Some(texture) = self.outputs.last().map(|output| &output.texture) {
@@ -221,11 +231,46 @@ impl Effects {
         Ok(stats)
     }
 
+    /// Whether any pixel asks the program's maps; none are drawn for a picture without such a pixel.
+    fn called_for(
+        &mut self,
+        gpu: &Gpu,
+        job: &EffectJob<'_>,
+        gbuffer: &wgpu::BindGroup,
+        id_base: u32,
+    ) -> Result<bool, BackendError> {
+        let glass = job.program.info().glass;
+        if glass {
+            glass_ranges(job, &mut self.ranges);
+            if self.glass.write(gpu, bytemuck::cast_slice(&self.ranges))? {
+                self.groups.clear();
+            }
+            if self.ranges.is_empty() {
+                return Ok(false);
+            }
+        } else if job.program != EffectProgram::ShadowMap {
+            return Ok(false);
+        }
+        if !job.resident {
+            return Ok(match glass {
+                true => job.triangle.par_iter().any(|triangle| is_glass(job, *triangle)),
+                false => job.position.par_iter().any(|position| position[3] > 0.0),
+            });
+        }
+        let ask = match &mut self.asks[usize::from(glass)] {
+            Some(ask) => ask,
+            none => none.insert(Ask::new(gpu, &self.inputs, glass)?),
+        };
+        let ranges = self.ranges.len() as u32;
+        ask.any(gpu, gbuffer, &self.glass.buffer, AskUniform { size: [job.width, job.height], id_base, ranges })
+    }
+
     /// The depths that the light sees.
     fn shadow_map(
         &mut self,
         context: &mut Context<'_>,
         job: &EffectJob<'_>,
+        called: bool,
         task: &Task,
         stats: &mut EffectStats,
         progress: &Progress,
@@ -234,7 +279,7 @@ impl Effects {
             return Err(unsupported(job.program.info().name, "the pass has no light: name one in <lights>;"));
         };
         let bounds = context.cache.bounds(job.scene);
-        let fit = ShadowFit::new(sun, &bounds, &job.view, &job.params);
+        let fit = ShadowFit::new(sun, &bounds, &job.view, &job.params).filter(|_| called);
         let key = MapsKey::Depth { size: fit.map_or(1, |fit| fit.size) };
         let maps = self.require_maps(context.gpu, key)?;
         if let Some(fit) = &fit {
@@ -253,12 +298,13 @@ impl Effects {
         &mut self,
         context: &mut Context<'_>,
         job: &EffectJob<'_>,
+        called: bool,
         task: &Task,
         stats: &mut EffectStats,
         progress: &Progress,
     ) -> Result<Prepared, BackendError> {
         let bounds = context.cache.bounds(job.scene);
-        let panes = context.cache.panes(job.scene, job.glass);
+        let panes = if called { context.cache.panes(job.scene, job.glass) } else { &[] };
         // As many as any view can need, so that the maps stay when the camera moves.
         let most = job.params.probes.min(panes.len() as u32);
         let probes = self.probes.choose(panes, &bounds, &job.view, job.params.probes);
@@ -270,12 +316,7 @@ impl Effects {
         self.views.clear();
         self.views.extend(probes.iter().flat_map(|probe| (0..cube::FACES).map(|face| probe.view(face))));
         let boxes: Vec<ProbeBox> = probes.iter().map(ProbeBox::new).collect();
-        glass_ranges(job, &mut self.ranges);
-        let grown = [
-            self.glass.write(context.gpu, bytemuck::cast_slice(&self.ranges))?,
-            self.boxes.write(context.gpu, bytemuck::cast_slice(&boxes))?,
-        ];
-        if grown.contains(&true) {
+        if self.boxes.write(context.gpu, bytemuck::cast_slice(&boxes))? {
             self.groups.clear();
         }
         let maps = self.require_maps(context.gpu, key)?;

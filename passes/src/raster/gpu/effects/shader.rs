@@ -19,6 +19,9 @@ pub const ENTRY: &str = "main";
 /// What all programs share; comes last, so that messages of the compiler count the lines of the program's own file.
 const COMMON: &str = include_str!("common.wgsl");
 
+/// What programs that look for glass share.
+const GLASS: &str = include_str!("glass.wgsl");
+
 /// Slices of less weight than the root of this are left out, as `raster::effects::occlusion` does.
 const LEAST_WEIGHT: f32 = 1e-6;
 
@@ -46,6 +49,25 @@ pub fn source(program: EffectProgram) -> String {
         })
     });
     source.push_str(COMMON);
+    if program.info().glass {
+        source.push_str(GLASS);
+    }
+    push_constants(&mut source);
+    source
+}
+
+/// The question whether a pixel calls for maps: one of glass, or one that faces the light.
+///
+/// # Panics
+/// As [`source`].
+pub fn ask_source(glass: bool) -> String {
+    let mut source = cut("ask.wgsl", include_str!("ask.wgsl"), |name| (name == "GLASS").then_some(glass));
+    source.push_str(GLASS);
+    push_constants(&mut source);
+    source
+}
+
+fn push_constants(source: &mut String) {
     // Infinities are left to no driver: they need not be told from other numbers.
     let floats = [
         ("SHADOWED", SHADOWED),
@@ -65,7 +87,6 @@ pub fn source(program: EffectProgram) -> String {
     for (name, value) in integers {
         _ = writeln!(source, "const {name} = {value}u;");
     }
-    source
 }
 
 /// Bytes of a program's own uniforms.
@@ -90,6 +111,15 @@ impl FrameUniform {
     pub fn new(width: u32, height: u32, first_row: u32, id_base: u32) -> Self {
         Self { size: [width, height], first_row, id_base }
     }
+}
+
+/// `Params` of `ask.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct AskUniform {
+    pub size: [u32; 2],
+    pub id_base: u32,
+    pub ranges: u32,
 }
 
 /// `Params` of `shadow_map.wgsl`.
@@ -198,6 +228,12 @@ mod tests {
     use std::mem::offset_of;
     use wgpu::naga;
 
+    macro_rules! offsets {
+        ($ty:ty: $($field:ident),*) => {
+            (vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),*], size_of::<$ty>())
+        };
+    }
+
     fn validate(source: &str) -> Result<naga::Module, String> {
         let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
         naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
@@ -217,6 +253,16 @@ mod tests {
     }
 
     #[test]
+    fn both_questions_parse_and_validate() {
+        for glass in [false, true] {
+            let module = validate(&ask_source(glass)).unwrap_or_else(|error| panic!("{error}"));
+            let offsets = offsets!(AskUniform: size, id_base, ranges);
+            assert_eq!(layout_in(&module, "Params"), offsets);
+        }
+        assert_ne!(ask_source(false), ask_source(true));
+    }
+
+    #[test]
     fn programs_that_share_a_text_differ() {
         let has = |program, what: &str| source(program).contains(what);
         assert!(has(EffectProgram::CubeRefraction, "fn fresnel") && !has(EffectProgram::CubeReflection, "fn fresnel"));
@@ -232,8 +278,7 @@ mod tests {
     }
 
     /// Offsets of the members of a struct of a shader, and its size.
-    fn layout(program: EffectProgram, name: &str) -> (Vec<(String, usize)>, usize) {
-        let module = validate(&source(program)).expect("valid");
+    fn layout_in(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
         let (_, ty) =
             module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).expect("the shader has the struct");
         let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
@@ -241,10 +286,8 @@ mod tests {
         (offsets, *span as usize)
     }
 
-    macro_rules! offsets {
-        ($ty:ty: $($field:ident),*) => {
-            (vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),*], size_of::<$ty>())
-        };
+    fn layout(program: EffectProgram, name: &str) -> (Vec<(String, usize)>, usize) {
+        layout_in(&validate(&source(program)).expect("valid"), name)
     }
 
     #[test]
