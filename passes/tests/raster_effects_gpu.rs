@@ -71,7 +71,7 @@ fn hollow() -> World {
 
 fn shots() -> [(&'static str, Shot); 3] {
     [
-        ("street", street().seen(Vec3::new(1.0, 2.2, 5.5), Vec3::new(0.1, 0.7, 0.0), SIDE)),
+        ("street", street().seen(Vec3::new(1.0, 0.8, 5.5), Vec3::new(0.1, 0.9, 0.0), SIDE)),
         ("beside the street", street().seen(Vec3::new(-4.0, 1.0, 3.0), Vec3::new(0.3, 0.9, -0.5), SIDE)),
         ("hollow", hollow().seen(Vec3::new(2.0, 3.0, 3.0), Vec3::new(0.0, 0.1, 0.0), SIDE)),
     ]
