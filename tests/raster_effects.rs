@@ -15,12 +15,16 @@ const SIDE: u32 = 192;
 /// levels to 1/256 (Vulkan 1.3, section 16.9.1).
 const ROUNDING: f32 = 0.02;
 
-/// Share of pixels that may differ by more: outlines in the picture and in the maps, at which the two rasterisers' G-buffers
-/// and depths differ by a pixel.
-const OUTLIERS: f64 = 0.01;
-
-const PROJECTS: [(&str, usize); 5] =
-    [("ShadowMap", 1), ("CubeReflect", 1), ("CubeRefract", 1), ("DepthOcclusion", 0), ("GTAO", 0)];
+/// A project, how many of its steps draw maps, and the share of pixels that may differ by more than [`ROUNDING`]: outlines
+/// in the picture and in the maps, at which the two rasterisers' G-buffers and depths differ by a pixel. On lavapipe 22.3.6 it
+/// is 0.0012 at most, and 0.0077 for the difference of depths, which magnifies every outline.
+const PROJECTS: [(&str, usize, f64); 5] = [
+    ("ShadowMap", 1, 0.003),
+    ("CubeReflect", 1, 0.003),
+    ("CubeRefract", 1, 0.003),
+    ("DepthOcclusion", 0, 0.012),
+    ("GTAO", 0, 0.003),
+];
 
 fn open(name: &str, camera: Option<&str>, raster: RasterChoice, set: &[&str]) -> Result<Renderer, OpenError> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/raster/Scene{name}.xml"));
@@ -51,7 +55,7 @@ fn both_rasterisers_compute_the_same_effects_on_the_square() {
         return;
     }
     let mut failed = Vec::new();
-    for (name, maps) in PROJECTS {
+    for (name, maps, allowed) in PROJECTS {
         let set: &[&str] = if maps > 0 { &["pass2.mapsize=256"] } else { &["pass2.steps=6"] };
         for camera in [None, Some("Vidro")] {
             let render = |raster, set: &[&str]| {
@@ -70,7 +74,7 @@ fn both_rasterisers_compute_the_same_effects_on_the_square() {
             keep_picture(&format!("square {name} {} gpu", camera.unwrap_or("Fonte")), &gpu);
             assert_eq!((cpu_maps, effects), (maps, 1), "{name}, camera {camera:?}");
             assert_eq!(gpu_maps, maps, "{name}, camera {camera:?}");
-            if share > OUTLIERS {
+            if share > allowed {
                 failed.push((name, camera, share));
             }
         }
@@ -91,6 +95,7 @@ fn another_parameter_is_found_out() {
             renderer.frame(&mut Silent).expect("the frame renders")
         };
         let share = outliers(&render(a), &render(b));
-        assert!(share > OUTLIERS, "{name}: {share}");
+        let allowed = PROJECTS.iter().find(|project| project.0 == name).expect("in the list").2;
+        assert!(share > allowed, "{name}: {share}");
     }
 }

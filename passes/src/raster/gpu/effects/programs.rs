@@ -184,8 +184,8 @@ impl Task {
     /// Rows of one submission each, in whole workgroups but for the last.
     fn bands(self) -> impl Iterator<Item = std::ops::Range<u32>> {
         let per_row = self.texels.max(1) * u64::from(self.width);
-        let rows = u32::try_from(TEXELS_PER_SUBMISSION / per_row.max(1)).unwrap_or(self.height).max(1);
-        let rows = rows.min(self.height.max(1)).next_multiple_of(GROUP);
+        let rows = u32::try_from(TEXELS_PER_SUBMISSION / per_row.max(1)).unwrap_or(u32::MAX);
+        let rows = (rows.min(self.height) / GROUP * GROUP).max(GROUP);
         let height = self.height;
         (0..height).step_by(rows as usize).map(move |first| first..first.saturating_add(rows).min(height))
     }
