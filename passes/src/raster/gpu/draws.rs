@@ -26,6 +26,8 @@ struct Draw {
 #[derive(Debug)]
 pub(super) struct DrawList {
     draws: Vec<Draw>,
+    /// By material.
+    left_out: Vec<bool>,
     /// `Draw` uniforms, `stride` bytes apart.
     bytes: Vec<u8>,
     /// What the device's buffer holds.
@@ -45,10 +47,26 @@ impl DrawList {
         let uniforms = gpu.buffer("creation of the uniforms", usage, 64 * stride as u64)?;
         let binding = bind(gpu, layouts, &frame, &uniforms);
         gpu.check("binding of the uniforms")?;
-        Ok(Self { draws: Vec::new(), bytes: Vec::new(), written: Vec::new(), stride, frame, uniforms, binding })
+        Ok(Self {
+            draws: Vec::new(),
+            left_out: Vec::new(),
+            bytes: Vec::new(),
+            written: Vec::new(),
+            stride,
+            frame,
+            uniforms,
+            binding,
+        })
     }
 
-    /// Lists the draws of a job without the materials that are to be `left_out`, and hands their uniforms to the device.
+    /// Says which materials, by index, the jobs to come are drawn without; those beyond the end are drawn.
+    pub fn leave_out(&mut self, materials: &[bool]) {
+        self.left_out.clear();
+        self.left_out.extend_from_slice(materials);
+    }
+
+    /// Lists the draws of a job without the materials that are [left out](Self::leave_out), and hands their uniforms to the
+    /// device.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -57,12 +75,11 @@ impl DrawList {
         geometry: &DeviceGeometry,
         textures: &mut DeviceTextures,
         job: &RasterJob<'_>,
-        left_out: &[bool],
     ) -> Result<(), BackendError> {
         self.draws.clear();
         self.bytes.clear();
         for part in &geometry.parts {
-            if left_out.get(part.material as usize).copied().unwrap_or(false) {
+            if self.left_out.get(part.material as usize).copied().unwrap_or(false) {
                 continue;
             }
             let Some(shade) = job.shades.get(part.material as usize) else {

@@ -156,7 +156,7 @@ impl Rasteriser for WgpuRasteriser {
             return Err(unsupported("the triangle attachment", &why));
         }
         let targets = self.targets.require(&self.gpu, job.viewport, job.attachments)?;
-        self.draws.prepare(&self.gpu, &self.layouts, &mut self.pipelines, geometry, textures, job, &[])?;
+        self.draws.prepare(&self.gpu, &self.layouts, &mut self.pipelines, geometry, textures, job)?;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("draw") };
         let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
         {

@@ -158,7 +158,8 @@ pub fn draw(
     };
     check_scene(&raster)?;
     let Context { gpu, layouts, pipelines, timer, geometry, textures, .. } = context;
-    draws.prepare(gpu, layouts, pipelines, geometry, textures, &raster, left_out)?;
+    draws.leave_out(left_out);
+    draws.prepare(gpu, layouts, pipelines, geometry, textures, &raster)?;
     let mut device = None;
     for (index, view) in views.iter().enumerate() {
         let (is_first, is_last) = (index == 0, index + 1 == views.len());

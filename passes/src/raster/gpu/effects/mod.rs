@@ -60,7 +60,7 @@ pub(super) struct Effects {
     maps: Kept<MapsKey, Maps>,
     outputs: Kept<(u32, u32), Output>,
     /// Group 1 of programs, by output and maps; none that binds what is no longer kept.
-    groups: HashMap<(EffectProgram, (u32, u32), Option<MapsKey>), wgpu::BindGroup>,
+    groups: HashMap<GroupKey, wgpu::BindGroup>,
     glass: Table,
     boxes: Table,
     probes: Probes,
@@ -68,6 +68,9 @@ pub(super) struct Effects {
     /// Of [`Self::glass`], before it is uploaded.
     ranges: Vec<[u32; 2]>,
 }
+
+/// A program, the size of its output, and its maps.
+type GroupKey = (EffectProgram, (u32, u32), Option<MapsKey>);
 
 /// Where a program writes.
 #[derive(Debug)]
