@@ -170,8 +170,8 @@ fn effect(
         seed: 0,
         view: View { clip_from_world: Mat4::IDENTITY, eye: Vec3::new(0.0, 0.0, 2.0) },
         sun: Some(Sun { direction: Vec3::NEG_Z, color: Vec3::ONE }),
-        width: SIDE,
-        height: SIDE,
+        width: SIZE,
+        height: SIZE,
         resident: false,
         position: &lit,
         normal: &drawn.normal,
@@ -180,7 +180,7 @@ fn effect(
         shades: &shades,
         glass: &[false, true],
     };
-    let mut output = Image::filled(SIDE, SIDE, [f32::NAN; 4]);
+    let mut output = Image::filled(SIZE, SIZE, [f32::NAN; 4]);
     rasteriser.effect(&job, &mut output, &Progress::default())?;
     Ok(output)
 }
@@ -196,7 +196,7 @@ fn maps_beyond_the_device_are_refused_with_the_numbers() {
         assert!(message.contains(what) && message.contains("128 x 128") && message.contains("127"), "{message}");
         assert!(message.contains("`mapsize`"), "{message}");
     }
-    rasteriser.gpu.limits.max_texture_dimension_2d = SIDE - 1;
+    rasteriser.gpu.limits.max_texture_dimension_2d = SIZE - 1;
     let message = effect(&mut rasteriser, &scene, EffectProgram::ShadowMap, &drawn).expect_err("97 > 96").to_string();
     assert!(message.contains("97 x 97") && message.contains("96 x 96"), "{message}");
     rasteriser.gpu.limits.max_texture_dimension_2d = 128;
