@@ -1,21 +1,25 @@
 use crate::world::{Shot, World, mean};
 use curitiba_pipeline::programs::RayParams;
-use curitiba_pipeline::raster_effects::{
-    EffectParams, EffectProgram, EffectProgram::CubeReflection, EffectProgram::CubeRefraction,
-};
+use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram::CubeReflection, EffectProgram::CubeRefraction};
 use glam::Vec3;
 
-/// A small slanted pane in the middle of a large room whose walls have different colours.
+/// A small slanted pane in the middle of a large room whose walls have tiles of seven colours.
 fn room(pane: bool) -> World {
     let mut world = World::lit_along(Vec3::new(0.3, -1.0, 0.5));
-    let far = 60.0;
+    let (far, tiles) = (60.0, 5);
+    let paints: Vec<u32> = (0..7)
+        .map(|index| world.paint(Vec3::new((index & 1) as f32, (index >> 1 & 1) as f32, (index >> 2 & 1) as f32)))
+        .collect();
     for (index, axis) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
-        for side in [1.0, -1.0] {
-            let mut color = Vec3::splat(0.5 + 0.25 * side);
-            color[index] = 1.0 - color[index];
-            let paint = world.paint(color);
+        for (side, sign) in [1.0, -1.0].into_iter().enumerate() {
             let (u, v) = (Vec3::new(axis.z, axis.x, axis.y), Vec3::new(axis.y, axis.z, axis.x));
-            world.quad(paint, axis * far * side, u * -far * side, v * far);
+            for tile in 0..tiles * tiles {
+                let place = |i: usize| far * ((2 * i + 1) as f32 / tiles as f32 - 1.0);
+                let center = axis * far * sign + u * place(tile % tiles) + v * place(tile / tiles);
+                let half = far / tiles as f32;
+                let paint = paints[(tile * 5 + tile / tiles * 2 + index * 3 + side) % paints.len()];
+                world.quad(paint, center, u * -half * sign, v * half);
+            }
         }
     }
     let glass = world.pane();
@@ -47,23 +51,23 @@ fn a_pane_mirrors_and_refracts_a_far_room_as_rays_do() {
     for eye in [Vec3::new(0.2, 0.3, 1.5), Vec3::new(-1.2, 0.1, 0.4), Vec3::new(0.3, -0.2, -1.4)] {
         let mut shot = room(true).seen(eye, Vec3::ZERO, 128);
         for program in [CubeReflection, CubeRefraction] {
-            let params = EffectParams { index: 1.5, map_size: 256, ..EffectParams::of(program) };
+            let params = EffectParams { index: 1.5, map_size: 512, ..EffectParams::of(program) };
             let (found, stats) = shot.effect(program, params);
-            assert_eq!((stats.map_count, stats.triangles, stats.bytes), (1, 6 * 12, 6 * 256 * 256 * 16));
+            assert_eq!((stats.map_count, stats.triangles, stats.bytes), (1, 6 * 300, 6 * 512 * 512 * 16));
             let expected = shot.rays(program, RayParams { index: 1.5, ..RayParams::default() });
             let (mean, differing) = difference(&shot, &found, &expected);
             println!("{eye} {program:?}: mean {mean}, differing {differing}");
             // Edges of the room are a texel off: what is left.
-            assert!(mean < 0.01 && differing < 0.06, "{eye} {program:?}: {mean} {differing}");
-            // The control: maps of another orientation are far off.
+            assert!(mean < 0.03 && differing < 0.08, "{eye} {program:?}: {mean} {differing}");
+            // The control: the pane's picture upside down is far off.
             let mirrored: Vec<[f32; 4]> = expected.iter().rev().copied().collect();
-            assert!(difference(&shot, &found, &mirrored).0 > 0.05);
+            assert!(difference(&shot, &found, &mirrored).0 > 0.2);
             let glass = glass_pixels(&shot);
-            for index in 0..found.len() {
+            for (index, pixel) in found.iter().enumerate() {
                 if glass.contains(&index) {
-                    assert_eq!(found[index][3], 1.0);
+                    assert_eq!(pixel[3], 1.0);
                 } else {
-                    assert_eq!(found[index], shot.buffer.color[index]);
+                    assert_eq!(*pixel, shot.buffer.color[index]);
                 }
             }
         }
@@ -103,15 +107,15 @@ fn each_pane_has_its_own_probe_and_one_probe_serves_all() {
     let mut world = World::lit_along(Vec3::NEG_Y);
     let (red, green) = (world.paint(Vec3::X), world.paint(Vec3::Y));
     let glass = world.pane();
-    world.quad(red, Vec3::new(-0.01, 0.0, 0.0), Vec3::Z * 50.0, Vec3::Y * 50.0);
-    world.quad(green, Vec3::new(0.01, 0.0, 0.0), Vec3::Y * 50.0, Vec3::Z * 50.0);
+    world.quad(red, Vec3::new(-0.01, 0.0, 0.0), Vec3::Z * 5.0, Vec3::Y * 5.0);
+    world.quad(green, Vec3::new(0.01, 0.0, 0.0), Vec3::Y * 5.0, Vec3::Z * 5.0);
     for side in [-1.0, 1.0] {
         // At 45 degrees: mirrors what comes from the camera into the wall.
         world.quad(glass, Vec3::new(2.0 * side, 0.0, 0.0), Vec3::new(0.5, 0.0, 0.5 * side), Vec3::Y);
     }
     let mut shot = world.seen(Vec3::new(0.0, 0.0, 12.0), Vec3::ZERO, 256);
     let mut shown = |probes: u32| {
-        let params = EffectParams { probes, map_size: 64, ..EffectParams::of(EffectProgram::CubeReflection) };
+        let params = EffectParams { probes, map_size: 64, ..EffectParams::of(CubeReflection) };
         let (found, stats) = shot.effect(CubeReflection, params);
         assert_eq!(stats.map_count, probes.min(2));
         let colors = |left: bool| {
@@ -124,6 +128,6 @@ fn each_pane_has_its_own_probe_and_one_probe_serves_all() {
     assert!(left.iter().all(|pixel| pixel[0] > 0.2 && pixel[1] == 0.0), "{:?}", left[0]);
     assert!(right.iter().all(|pixel| pixel[1] > 0.2 && pixel[0] == 0.0), "{:?}", right[0]);
     let (left, right) = shown(1);
-    let wrong = left.iter().chain(&right).filter(|pixel| pixel[0] + pixel[1] > 0.2).count();
-    assert!(wrong > 0 && left != right, "one probe stands for both panes");
+    let black = |pixels: &[[f32; 4]]| pixels.iter().all(|pixel| pixel[0] + pixel[1] == 0.0);
+    assert!(black(&left) != black(&right), "one probe stands for both panes, and the other looks away from the wall");
 }

@@ -4,4 +4,5 @@ mod cubes;
 mod jobs;
 mod occlusion;
 mod shadows;
+mod square;
 mod world;

@@ -108,24 +108,25 @@ fn more_slices_leave_less_noise() {
 
 #[test]
 fn a_near_object_darkens_what_is_far_behind_it_by_depths_and_not_by_horizons() {
-    // The report's figure 12: a post 3 in front of the camera, a wall 60 behind it.
+    // The report's figure 12: a post 2 in front of the camera, a wall 18 behind it. On the wall its outline is at x = 1.
     let mut world = World::default();
     let white = world.paint(Vec3::ONE);
-    world.quad(white, Vec3::new(0.0, 0.0, -60.0), Vec3::X * 60.0, Vec3::Y * 60.0);
-    world.quad(white, Vec3::new(0.0, 0.0, -3.0), Vec3::X * 0.1, Vec3::Y * 5.0);
+    world.quad(white, Vec3::new(0.0, 0.0, -20.0), Vec3::X * 20.0, Vec3::Y * 20.0);
+    world.quad(white, Vec3::new(0.0, 0.0, -2.0), Vec3::X * 0.1, Vec3::Y * 5.0);
     let mut shot = world.seen(Vec3::ZERO, Vec3::NEG_Z, 256);
-    let wall = |p: Vec3| p.z < -50.0;
-    let beside = shot.pixels_where(|p| wall(p) && p.x.abs() > 2.1 && p.x.abs() < 2.9);
-    let far = shot.pixels_where(|p| wall(p) && p.x.abs() > 6.0);
+    let beside = shot.pixels_where(|p| p.z < -10.0 && p.x.abs() > 1.05 && p.x.abs() < 1.5);
+    let far = shot.pixels_where(|p| p.z < -10.0 && p.x.abs() > 2.2);
     let (depths, _) = shot.effect(DepthOcclusion, params(8, 8));
     let (horizons, _) = shot.effect(HorizonOcclusion, params(8, 8));
     let of = |image: &[[f32; 4]], pixels: &[usize]| mean(pixels.iter().map(|index| image[*index][0]));
     println!("beside the post: depths {:.3}, horizons {:.3}", of(&depths, &beside), of(&horizons, &beside));
-    assert!(of(&depths, &beside) < 0.8, "{}", of(&depths, &beside));
+    // A share of the disk, as beside a wall: 0.05 to 0.5 from the outline it is 0.68 on average.
+    assert!((of(&depths, &beside) - 0.68).abs() < 0.06, "{}", of(&depths, &beside));
     assert_eq!(of(&depths, &far), 1.0);
     // Rays find nothing within reach either.
     let traced = shot.rays(HorizonOcclusion, RayParams { samples: 64, ..rays() });
-    assert_eq!((of(&horizons, &beside), of(&traced, &beside)), (1.0, 1.0));
+    assert!(of(&horizons, &beside) > 1.0 - 1e-6);
+    assert_eq!(of(&traced, &beside), 1.0);
 }
 
 #[test]

@@ -110,8 +110,7 @@ impl Effects {
         let map = self.shadow.depths();
         stats.pixels = each_pixel(output, progress, |_, _, index| {
             let [x, y, z, cos] = job.position[index];
-            // Also where it is not a number.
-            if !(cos > 0.0) {
+            if cos <= 0.0 || cos.is_nan() {
                 return [1.0; 4];
             }
             let value = 0.5 + 0.5 * fit.lit_share(map, Vec3::new(x, y, z), cos, &job.params);

@@ -153,7 +153,11 @@ impl Occlusion {
                             continue;
                         }
                         let delta = delta - shear * delta.dot(aside);
-                        let (x, y) = (delta.dot(slice.across), delta.dot(to_eye));
+                        let (x, y) = (towards * delta.dot(slice.across), delta.dot(to_eye));
+                        // Moving it may have brought a near pixel to the other side.
+                        if x <= 0.0 {
+                            continue;
+                        }
                         *horizon = horizon.max(y / (x * x + y * y).sqrt());
                     }
                 }

@@ -22,6 +22,10 @@ const SMALLEST: f64 = -16.0 * RADIUS_STEPS;
 /// So that edges do not shimmer when the camera moves, the smaller sphere's radius takes fixed steps (eight a doubling) and
 /// its centre moves by whole texels only (Valient, "Stable Rendering of Cascaded Shadow Maps", ShaderX6, 2008): a surface
 /// point keeps its place in its texel until the radius takes a step.
+///
+/// One map serves the whole picture (no cascades): where the camera sees a kilometre of land, a texel of a map of 2048 is
+/// almost a metre. Shadows are then soft where they should be sharp, and [`ShadowFit::bias`], which grows with the texel,
+/// lets light pass below what stands near a surface at a grazing angle. More texels help; rays need none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShadowFit {
     /// World to clip, depth reversed: 1 nearest to the light. The eye is a point at the near plane.
