@@ -94,7 +94,11 @@ fn horizon(
             continue;
         }
         let delta = other.delta - shear * dot(other.delta, aside);
-        let along = dot(delta, slice.across);
+        let along = towards * dot(delta, slice.across);
+        // Moving it may have brought a near pixel to the other side.
+        if !(along > 0.0) {
+            continue;
+        }
         let up = dot(delta, to_eye);
         highest = max(highest, up / sqrt(along * along + up * up));
     }
