@@ -33,7 +33,7 @@ fn each_effect_is_nearer_to_its_rays_than_no_effect_is() {
         ("raster/SceneShadowMap", "SceneShadows", &["MainCamera"][..], 0.6),
         ("raster/SceneCubeReflect", "SceneReflect", &["Vidro"], 0.8),
         ("raster/SceneCubeRefract", "SceneRefract", &["Vidro"], 1.0),
-        ("raster/SceneGTAO", "SceneSSAO", &["MainCamera", "Vidro"], 0.7),
+        ("raster/SceneGTAO", "SceneSSAO", &["MainCamera", "Vidro"], 0.95),
     ] {
         for camera in cameras {
             let [found, expected, none] = [raster, rays, "SceneNoEffects"].map(|name| picture(name, camera));

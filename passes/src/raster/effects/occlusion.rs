@@ -12,8 +12,8 @@ use glam::{Mat4, Vec3, Vec4};
 use std::f32::consts::PI;
 
 /// How far above the tangent plane the depth difference begins to occlude, in radii: what tells an occluder from the surface
-/// itself.
-pub const DEPTH_TOLERANCE: f32 = 0.02;
+/// itself where its shading normal is some degrees off its plane.
+pub const DEPTH_TOLERANCE: f32 = 0.1;
 
 /// What the pixels of an occlusion have in common.
 #[derive(Debug, Clone, Copy)]
