@@ -14,6 +14,7 @@ fn main() -> ExitCode {
         Command::Check(args) => cli::check::run(&args),
         Command::List { program } => cli::list::run(program.as_deref()),
         Command::Scene(args) => cli::scene::run(&args),
+        Command::Bench(args) => cli::bench::run(&args),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Cli::command(), "curitiba", &mut std::io::stdout());
             Ok(())
