@@ -5,7 +5,7 @@ use crate::OpenError;
 use crate::bench::Case;
 use crate::pipeline::plan::{Plan, PlanError, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, Sampler};
-use crate::pipeline::project::{self, EffectPass, Pass, PassKind, RayPass};
+use crate::pipeline::project::{self, ChannelRef, EffectPass, Pass, PassKind, RayPass};
 use crate::pipeline::raster_effects::EffectParams;
 
 /// How a reference is rendered.
@@ -125,15 +125,18 @@ fn by_rays(effect: &EffectPass) -> RayPass {
     let EffectParams { index, radius, intensity, .. } = effect.params;
     let EffectPass { scenes, camera, light, position, normal, color, colors, glass, program, .. } = effect.clone();
     let params = crate::pipeline::programs::RayParams { index, radius, intensity, ..Default::default() };
+    let counterpart = program.info().counterpart;
+    // What the rays do not read need not be drawn: the reference is then the one of the ray project.
+    let read = |channel: Option<ChannelRef>, name: &str| channel.filter(|_| counterpart.info().buffers.contains(&name));
     RayPass {
         scenes,
         camera,
         light,
-        program: program.info().counterpart,
+        program: counterpart,
         params,
-        position,
-        normal,
-        color,
+        position: read(position, "pos_buffer"),
+        normal: read(normal, "norm_buffer"),
+        color: read(color, "color_buffer"),
         colors,
         glass,
         shadow_glass: Vec::new(),
