@@ -25,6 +25,7 @@ pub mod bench;
 pub mod compare;
 pub mod engines;
 pub mod environment;
+pub mod reference;
 pub mod spec;
 
 pub use curitiba_passes as passes;

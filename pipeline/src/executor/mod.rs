@@ -137,6 +137,11 @@ impl Renderer {
         &self.timeline
     }
 
+    /// Forgets the times of the frames so far: what follows a warm-up is measured by itself.
+    pub fn forget_frames(&mut self) {
+        self.timeline.forget_frames();
+    }
+
     /// What was left out or replaced while loading.
     #[must_use]
     pub fn warnings(&self) -> &Warnings {

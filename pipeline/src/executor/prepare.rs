@@ -180,6 +180,7 @@ impl Renderer {
         observer.end();
         let stats = built?;
         let row = self.timeline.record(StepKind::Build, name, start.elapsed());
+        row.bytes = stats.bytes;
         row.note = format!("{} nodes, {}", stats.nodes, mebibytes(stats.bytes));
         self.built = Some(set);
         Ok(())
