@@ -9,7 +9,7 @@ use super::x86::{Avx2, Avx512};
 pub enum Lanes {
     /// AVX-512 F, VL, BW and DQ, at 256 bits.
     Avx512,
-    /// AVX2 and bit manipulation.
+    /// AVX2, FMA and bit manipulation.
     Avx2,
     /// What every processor of the target has.
     Portable,

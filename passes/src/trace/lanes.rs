@@ -1,4 +1,5 @@
-//! Eight numbers at a time. Nothing is fused or reassociated, so every instruction set gives the same bits.
+//! Eight numbers at a time. But for [`Simd::about_mul_add`] nothing is fused or reassociated, so every instruction set gives
+//! the same bits.
 
 /// Triangles in a block and children of a node.
 pub(super) const LANES: usize = 8;
@@ -36,6 +37,8 @@ pub(super) trait Simd: Copy {
     fn store(self, vector: Self::Vector) -> F8;
     fn splat(self, value: f32) -> Self::Vector;
     fn sub(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a * b + c`, fused where the processor can: for estimates with an error bound, since not all give the same bits.
+    fn about_mul_add(self, a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
     fn mul(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// `a > b ? a : b`: `b` where either is NaN.
     fn max_or(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
@@ -79,6 +82,12 @@ impl Simd for Plain {
     #[inline(always)]
     fn sub(self, a: F8, b: F8) -> F8 {
         zip(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn about_mul_add(self, a: F8, b: F8, c: F8) -> F8 {
+        let product = self.mul(a, b);
+        zip(product, c, |product, c| product + c)
     }
 
     #[inline(always)]
