@@ -241,7 +241,7 @@ fn a_fan_asks_for_hits_on_transparent_triangles() {
     let count = geometry.triangles.len() as u32 - half;
     geometry.batches = vec![Batch { material: 0, first: 0, count: half }, Batch { material: 1, first: half, count }];
     let bvh = Bvh::build(&geometry, &[false, true], Quality::Balanced);
-    let accept = |hit: &Hit| hit.triangle % 3 == 0;
+    let accept = |hit: &Hit| hit.triangle.is_multiple_of(3);
     let (mut random, mut refused) = (Random::new(6), 0);
     for _ in 0..2000 {
         let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
