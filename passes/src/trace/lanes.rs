@@ -2,15 +2,15 @@
 //! the same bits.
 
 /// Triangles in a block and children of a node.
-pub(super) const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// Eight floats in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(32))]
-pub(super) struct F8(pub(super) [f32; LANES]);
+pub(crate) struct F8(pub(crate) [f32; LANES]);
 
 /// One bit a lane, lane 0 lowest.
-pub(super) type Mask = u32;
+pub(crate) type Mask = u32;
 
 /// A mask without lanes.
 pub(super) const NO_LANES: Mask = 0;
@@ -31,7 +31,7 @@ pub(super) fn without_first(mask: Mask) -> Mask {
 ///
 /// A value of the implementing type is the proof that the processor has the instruction set. Functions that use it are
 /// `#[inline(always)]` up to the one that is compiled for the instruction set, and hand no vector to a closure.
-pub(super) trait Simd: Copy {
+pub(crate) trait Simd: Copy {
     type Vector: Copy;
     fn load(self, values: &F8) -> Self::Vector;
     fn store(self, vector: Self::Vector) -> F8;

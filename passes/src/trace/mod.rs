@@ -27,7 +27,9 @@ mod x86;
 pub use brute::BruteForce;
 pub use bvh::{Bvh, Quality};
 pub use dispatch::Lanes;
+pub(crate) use dispatch::{Detected, Work};
 pub use double::Double;
+pub(crate) use lanes::Simd;
 pub use offset::SurfacePoint;
 
 use glam::Vec3;

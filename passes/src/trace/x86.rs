@@ -10,11 +10,11 @@ use std::arch::x86_64::{
 
 /// AVX2, FMA and bit manipulation. Exists only where the processor has them: [`Self::detect`] is the one way to make it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Avx2(());
+pub(crate) struct Avx2(());
 
 /// AVX-512 F, VL, BW and DQ besides. Exists only where the processor has them: [`Self::detect`] is the one way to make it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Avx512(());
+pub(crate) struct Avx512(());
 
 impl Avx2 {
     pub(super) fn detect() -> Option<Self> {
