@@ -220,6 +220,12 @@ impl EffectProgram {
     pub fn info(self) -> &'static EffectProgramInfo {
         EFFECT_PROGRAMS.iter().find(|info| info.program == self).expect("every program has an entry")
     }
+
+    /// Whether its maps show shaded surfaces, so that materials and textures are needed.
+    #[must_use]
+    pub fn shades_maps(self) -> bool {
+        matches!(self, Self::CubeReflection | Self::CubeRefraction)
+    }
 }
 
 #[cfg(test)]

@@ -52,6 +52,11 @@ fn describe(plan: &Plan, planned: &curitiba::pipeline::plan::PlannedPass) -> Str
             let values: Vec<String> = info.params.iter().map(|name| format!("{name}={}", params.get(name))).collect();
             format!("runs `{}` {}", info.stem, values.join(" "))
         }
+        (Work::Effect { params, .. }, PassKind::Effect(effect)) => {
+            let info = effect.program.info();
+            let values: Vec<String> = info.params.iter().map(|name| format!("{name}={}", params.get(name))).collect();
+            format!("computes `{}` by raster {}", info.name, values.join(" "))
+        }
         _ => "fills a rectangle".to_owned(),
     };
     format!("{}: {} into {target}, {width} x {height}", pass.name, what.trim_end())

@@ -17,19 +17,7 @@ impl BruteForce {
     /// Takes all triangles whose corners are finite; `transparent` as in [`Bvh::build`](super::Bvh::build).
     #[must_use]
     pub fn new(geometry: &Geometry, transparent: &[bool]) -> Self {
-        let mut flags = geometry.batches.iter().flat_map(|batch| {
-            let flag = transparent.get(batch.material as usize).copied().unwrap_or(false);
-            std::iter::repeat_n(flag, batch.count as usize)
-        });
-        let mut triangles = Vec::with_capacity(geometry.triangles.len());
-        for (triangle, id) in geometry.triangles.iter().zip(0_u32..) {
-            let flag = flags.next().unwrap_or(false);
-            let corners = triangle.map(|vertex| geometry.positions.get(vertex as usize).copied().unwrap_or(Vec3::NAN));
-            if corners.iter().all(|corner| corner.is_finite()) {
-                triangles.push((corners.map(|corner| corner.as_dvec3()), id, flag));
-            }
-        }
-        Self { triangles }
+        Self { triangles: finite_triangles(geometry, transparent) }
     }
 
     /// All candidates of a ray, in the order of their ids: distance and barycentric coordinates in `f64`, triangle,
@@ -38,25 +26,47 @@ impl BruteForce {
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
         let finite = origin.is_finite() && direction.is_finite();
         let (t_min, t_max) = (f64::from(ray.t_min.max(0.0)), f64::from(ray.t_max));
-        self.triangles.iter().filter(move |_| finite).filter_map(move |&([a, b, c], id, transparent)| {
-            let (e1, e2) = (b - a, c - a);
-            let p = direction.cross(e2);
-            let determinant = e1.dot(p);
-            if determinant == 0.0 {
-                return None;
-            }
-            let s = origin - a;
-            let u = s.dot(p) / determinant;
-            let q = s.cross(e1);
-            let v = direction.dot(q) / determinant;
-            let t = e2.dot(q) / determinant;
-            let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
-            (inside && t > t_min && t < t_max).then_some((DVec3::new(t, u, v), id, transparent))
+        self.triangles.iter().filter(move |_| finite).filter_map(move |(corners, id, transparent)| {
+            let found = intersect(corners, origin, direction)?;
+            (found.x > t_min && found.x < t_max).then_some((found, *id, *transparent))
         })
     }
 }
 
-fn hit((found, triangle, _): (DVec3, u32, bool)) -> Hit {
+/// Distance and barycentric coordinates of corners 1 and 2 where a line meets a triangle, edges included.
+pub(super) fn intersect([a, b, c]: &[DVec3; 3], origin: DVec3, direction: DVec3) -> Option<DVec3> {
+    let (e1, e2) = (*b - *a, *c - *a);
+    let p = direction.cross(e2);
+    let determinant = e1.dot(p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let s = origin - *a;
+    let u = s.dot(p) / determinant;
+    let q = s.cross(e1);
+    let v = direction.dot(q) / determinant;
+    let t = e2.dot(q) / determinant;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(DVec3::new(t, u, v))
+}
+
+/// The triangles whose corners are finite, their ids, and whether they are transparent.
+pub(super) fn finite_triangles(geometry: &Geometry, transparent: &[bool]) -> Vec<([DVec3; 3], u32, bool)> {
+    let mut flags = geometry.batches.iter().flat_map(|batch| {
+        let flag = transparent.get(batch.material as usize).copied().unwrap_or(false);
+        std::iter::repeat_n(flag, batch.count as usize)
+    });
+    let mut triangles = Vec::with_capacity(geometry.triangles.len());
+    for (triangle, id) in geometry.triangles.iter().zip(0_u32..) {
+        let flag = flags.next().unwrap_or(false);
+        let corners = triangle.map(|vertex| geometry.positions.get(vertex as usize).copied().unwrap_or(Vec3::NAN));
+        if corners.iter().all(|corner| corner.is_finite()) {
+            triangles.push((corners.map(|corner| corner.as_dvec3()), id, flag));
+        }
+    }
+    triangles
+}
+
+pub(super) fn hit((found, triangle, _): (DVec3, u32, bool)) -> Hit {
     Hit { t: found.x as f32, triangle, u: found.y as f32, v: found.z as f32 }
 }
 

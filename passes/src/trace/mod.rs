@@ -4,6 +4,7 @@
 //! * [`Bvh`] is the fast one: watertight (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1),
 //!   2013), with conservative box tests.
 //! * [`BruteForce`] is the reference that tests compare with.
+//! * [`Double`] gives the same answers as it, fast enough for reference pictures.
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 
 mod block;
@@ -12,6 +13,7 @@ mod build;
 mod bvh;
 mod clear;
 mod dispatch;
+mod double;
 mod gather;
 mod lanes;
 mod node;
@@ -24,6 +26,7 @@ mod x86;
 pub use brute::BruteForce;
 pub use bvh::{Bvh, Quality};
 pub use dispatch::Lanes;
+pub use double::Double;
 pub use offset::SurfacePoint;
 
 use glam::Vec3;

@@ -1,5 +1,6 @@
 //! The executor: carries out a plan with a rasteriser and a ray backend, and times every step.
 
+mod effect;
 mod prepare;
 mod quad;
 mod save;
@@ -8,7 +9,9 @@ mod timeline;
 pub use save::Written;
 pub use timeline::{Observer, Progress, Row, Silent, StepKind, Timeline, median};
 
-use crate::backend::{BackendError, GBuffer, RasterJob, Rasteriser, RayBackend, RayCounts, RayJob, Shade, Sun};
+use crate::backend::{
+    Attachments, BackendError, GBuffer, RasterJob, Rasteriser, RayBackend, RayCounts, RayJob, Shade, Sun,
+};
 use crate::diagnostic::Warnings;
 use crate::image::Image;
 use crate::plan::{Decision, Plan, PlannedPass, Work};
@@ -134,6 +137,11 @@ impl Renderer {
         &self.timeline
     }
 
+    /// Forgets the times of the frames so far: what follows a warm-up is measured by itself.
+    pub fn forget_frames(&mut self) {
+        self.timeline.forget_frames();
+    }
+
     /// What was left out or replaced while loading.
     #[must_use]
     pub fn warnings(&self) -> &Warnings {
@@ -162,6 +170,7 @@ impl Renderer {
             let result = match planned.work {
                 Work::Raster { .. } => self.raster(index, &planned, &name, observer),
                 Work::Rays { .. } => self.trace(index, &planned, &name, observer),
+                Work::Effect { .. } => self.effect(index, &planned, &name, observer),
                 Work::Quad { viewport } => {
                     self.quad(&planned, &name, viewport, observer);
                     Ok(())
@@ -191,7 +200,9 @@ impl Renderer {
         name: &str,
         observer: &mut dyn Observer,
     ) -> Result<(), BackendError> {
-        let Work::Raster { scene_set, view, viewport, clear_color, attachments } = planned.work else { return Ok(()) };
+        let Work::Raster { scene_set, view, viewport, clear_color, attachments, host } = planned.work else {
+            return Ok(());
+        };
         let pass = self.plan.pass(planned);
         let PassKind::Raster(raster) = &pass.kind else { return Ok(()) };
         let (program, target) = (raster.program, pass.target);
@@ -212,9 +223,9 @@ impl Renderer {
             row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
             row.note = format!("{} triangles on {}", stats.triangles, self.engines.raster.name());
         });
-        if result.is_ok() && self.engines.raster.needs_read_back() {
+        if result.is_ok() && self.engines.raster.needs_read_back() && host != Attachments::default() {
             let start = Instant::now();
-            result = self.engines.raster.read_back(&job, attachments, &mut buffer);
+            result = self.engines.raster.read_back(&job, host, &mut buffer);
             self.timeline.record(StepKind::ReadBack, name, start.elapsed());
         }
         *self.buffer(target) = buffer;

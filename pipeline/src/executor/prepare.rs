@@ -4,7 +4,7 @@ use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Render
 use crate::backend::{Attachments, BackendError, GBuffer, Shade};
 use crate::plan::{Decision, Work, mebibytes};
 use crate::programs::Fidelity;
-use crate::project::{ColorMap, PassKind};
+use crate::project::{ColorMap, MaterialPattern, PassKind};
 use crate::scene::{self, BuildOptions, LoadOptions, Material, RenderScene};
 use std::sync::Arc;
 use std::time::Instant;
@@ -41,7 +41,9 @@ impl Renderer {
         }
         let first = |raster: bool| {
             self.plan.passes.iter().find_map(|planned| match planned.work {
-                Work::Raster { scene_set, .. } if raster => Some((self.plan.pass(planned).name.clone(), scene_set)),
+                Work::Raster { scene_set, .. } | Work::Effect { scene_set, .. } if raster => {
+                    Some((self.plan.pass(planned).name.clone(), scene_set))
+                }
                 Work::Rays { scene_set, .. } if !raster => Some((self.plan.pass(planned).name.clone(), scene_set)),
                 _ => None,
             })
@@ -120,6 +122,7 @@ impl Renderer {
                 let shades_hits = ray.program.info().material_attributes.contains(&"diffuse");
                 (*scene_set, if shades_hits { &ray.colors } else { const { &Vec::new() } })
             }
+            (Work::Effect { scene_set, .. }, PassKind::Effect(effect)) => (*scene_set, &effect.colors),
             _ => {
                 self.materials.push(PassMaterials::default());
                 return;
@@ -130,12 +133,16 @@ impl Renderer {
             shades: materials.iter().map(|material| shade(material, colors, corrected)).collect(),
             ..PassMaterials::default()
         };
+        let matching = |patterns: &[MaterialPattern]| -> Vec<bool> {
+            let matches = |material: &Material| patterns.iter().any(|pattern| pattern.matches(&material.name));
+            materials.iter().map(matches).collect()
+        };
+        if let PassKind::Effect(effect) = &pass.kind {
+            resolved.glass = matching(&effect.glass);
+        }
         if let PassKind::Ray(ray) = &pass.kind {
-            let matches = |patterns: &[crate::project::MaterialPattern], material: &Material| {
-                patterns.iter().any(|pattern| pattern.matches(&material.name))
-            };
-            resolved.glass = materials.iter().map(|material| matches(&ray.glass, material)).collect();
-            resolved.shadow_glass = materials.iter().map(|material| matches(&ray.shadow_glass, material)).collect();
+            resolved.glass = matching(&ray.glass);
+            resolved.shadow_glass = matching(&ray.shadow_glass);
             let (needed, why) = self.plan.needs_structure(&planned, materials);
             let what = format!("acceleration structure for pass `{}`", pass.name);
             self.plan.decisions.push(Decision { what, built: needed, why });
@@ -173,6 +180,7 @@ impl Renderer {
         observer.end();
         let stats = built?;
         let row = self.timeline.record(StepKind::Build, name, start.elapsed());
+        row.bytes = stats.bytes;
         row.note = format!("{} nodes, {}", stats.nodes, mebibytes(stats.bytes));
         self.built = Some(set);
         Ok(())
@@ -233,7 +241,6 @@ fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::project::MaterialPattern;
     use glam::Vec4;
 
     fn cut_out(opacity: f32) -> Material {

@@ -69,6 +69,8 @@ pub struct Row {
     pub device_ms: Vec<f64>,
     /// Rays of one run.
     pub rays: Option<RayCounts>,
+    /// Bytes that what the step made takes while it is kept: an acceleration structure, maps.
+    pub bytes: u64,
     /// What was done: triangles, bytes.
     pub note: String,
 }
@@ -117,6 +119,7 @@ impl Timeline {
                 host_ms: Vec::new(),
                 device_ms: Vec::new(),
                 rays: None,
+                bytes: 0,
                 note: String::new(),
             });
             self.rows.len() - 1
@@ -124,6 +127,11 @@ impl Timeline {
         let row = &mut self.rows[index];
         row.host_ms.push(host.as_secs_f64() * 1e3);
         row
+    }
+
+    /// Forgets the steps that are done again for every frame: what follows a warm-up is measured by itself.
+    pub fn forget_frames(&mut self) {
+        self.rows.retain(|row| !row.kind.per_frame());
     }
 }
 
@@ -186,6 +194,17 @@ mod tests {
         assert_eq!(timeline.rows[0].median_ms(), 3.0);
         assert_eq!(timeline.rows[0].mrays_per_second(), Some(1.0));
         assert_eq!(timeline.rows[1].mrays_per_second(), None);
+    }
+
+    #[test]
+    fn forgetting_frames_keeps_what_is_done_once() {
+        let mut timeline = Timeline::default();
+        timeline.record(StepKind::Load, "scene", Duration::from_millis(7));
+        timeline.record(StepKind::Rays, "pass2", Duration::from_millis(5));
+        timeline.forget_frames();
+        timeline.record(StepKind::Rays, "pass2", Duration::from_millis(3));
+        let left: Vec<_> = timeline.rows.iter().map(|row| (row.kind, row.host_ms.clone())).collect();
+        assert_eq!(left, [(StepKind::Load, vec![7.0]), (StepKind::Rays, vec![3.0])]);
     }
 
     #[test]

@@ -1,19 +1,24 @@
 //! Which passes run and what each writes: a walk from the last pass to the first that keeps what is wanted.
 
+use super::settings::Constants;
 use super::{Decision, Plan, PlanError, PlannedPass, Work, rectangle, view};
 use crate::backend::{Attachments, Rect};
 use crate::programs::{Fidelity, RayParams, RayProgram};
-use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RasterPass, RayPass, Viewport};
+use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RayPass, Viewport};
 use glam::Vec4;
 use std::collections::BTreeSet;
 
 /// What later passes want, as the walk goes backwards.
 #[derive(Debug, Default)]
-struct Wanted {
+pub(super) struct Wanted {
     /// Channels that are read or shown.
-    channels: BTreeSet<ChannelRef>,
+    pub channels: BTreeSet<ChannelRef>,
+    /// Those of them that are read in host memory.
+    pub host: BTreeSet<ChannelRef>,
     /// Targets whose triangle ids are read.
-    triangles: BTreeSet<usize>,
+    pub triangles: BTreeSet<usize>,
+    /// Those of them whose ids are read in host memory.
+    pub host_triangles: BTreeSet<usize>,
     /// Whether a later pass fills the whole window.
     window_filled: bool,
 }
@@ -23,12 +28,14 @@ impl Plan {
     pub(super) fn choose_passes(
         &mut self,
         camera: Option<usize>,
-        params: &[Option<RayParams>],
+        constants: &[Option<Constants>],
     ) -> Result<(), PlanError> {
-        let mut wanted = Wanted { channels: self.shown.iter().copied().collect(), ..Wanted::default() };
+        let shown: BTreeSet<ChannelRef> = self.shown.iter().copied().collect();
+        let mut wanted = Wanted { channels: shown.clone(), host: shown, ..Wanted::default() };
         let passes = self.project.pipelines[self.pipeline].passes.clone();
         for (index, pass) in passes.iter().enumerate().rev() {
-            let live = live_attachments(pass, &wanted);
+            let live = attachments(pass, &wanted.channels, &wanted.triangles);
+            let host = attachments(pass, &wanted.host, &wanted.host_triangles);
             if let Some(reason) = dead(pass, live, &wanted) {
                 self.decide(format!("pass `{}`", pass.name), false, reason.into());
                 continue;
@@ -37,22 +44,38 @@ impl Plan {
             let size = self.target_size(pass.target);
             let rect = rectangle(viewport.as_ref(), size);
             let fills = rect == Rect { x: 0, y: 0, width: size[0], height: size[1] };
-            if fills || matches!(pass.kind, PassKind::Ray(_)) {
+            if fills || matches!(pass.kind, PassKind::Ray(_) | PassKind::Effect(_)) {
                 wanted.satisfied_by(pass);
             }
             let work = match &pass.kind {
                 PassKind::Raster(raster) => {
                     self.explain_attachments(pass, live);
-                    self.raster_work(raster, live, rect, viewport.as_ref(), camera)
+                    let viewport = viewport.as_ref();
+                    Work::Raster {
+                        scene_set: self.scene_set(&raster.scenes),
+                        view: view(&self.project.cameras[camera.unwrap_or(raster.camera)], rect),
+                        viewport: rect,
+                        clear_color: viewport.map_or(Vec4::W, |viewport| viewport.clear_color),
+                        attachments: live,
+                        host,
+                    }
                 }
                 PassKind::Ray(ray) => {
-                    let params = params[index].expect("every ray pass has parameters");
+                    let Some(Constants::Ray(params)) = constants[index] else {
+                        unreachable!("every ray pass has its parameters")
+                    };
                     let work = self.ray_work(ray, params, rect, camera, &mut wanted);
                     self.check_same_scenes(&passes[..index], pass, ray, &work)?;
                     work
                 }
+                PassKind::Effect(_) => {
+                    let Some(Constants::Effect(params)) = constants[index] else {
+                        unreachable!("every effect pass has its parameters")
+                    };
+                    self.effect_work(&passes, index, params, camera, &mut wanted)?
+                }
                 PassKind::Quad(quad) => {
-                    wanted.channels.extend(sources(quad));
+                    wanted.read_in_host(sources(quad));
                     Work::Quad { viewport: rect }
                 }
             };
@@ -67,23 +90,6 @@ impl Plan {
         Ok(())
     }
 
-    fn raster_work(
-        &mut self,
-        raster: &RasterPass,
-        attachments: Attachments,
-        rect: Rect,
-        viewport: Option<&Viewport>,
-        camera: Option<usize>,
-    ) -> Work {
-        Work::Raster {
-            scene_set: self.scene_set(&raster.scenes),
-            view: view(&self.project.cameras[camera.unwrap_or(raster.camera)], rect),
-            viewport: rect,
-            clear_color: viewport.map_or(Vec4::W, |viewport| viewport.clear_color),
-            attachments,
-        }
-    }
-
     fn ray_work(
         &mut self,
         ray: &RayPass,
@@ -93,9 +99,10 @@ impl Plan {
         wanted: &mut Wanted,
     ) -> Work {
         let reads_triangle = self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
-        wanted.channels.extend(inputs(ray, &params));
+        wanted.read_in_host(inputs(ray, &params));
         if reads_triangle && let Some(position) = ray.position {
             wanted.triangles.insert(position.target);
+            wanted.host_triangles.insert(position.target);
         }
         Work::Rays {
             scene_set: self.scene_set(&ray.scenes),
@@ -126,7 +133,7 @@ impl Plan {
             self.decide(
                 format!("triangle ids of pass `{}`", pass.name),
                 true,
-                "rays start exactly on the surface (corrected fidelity)".into(),
+                "read later: they tell where rays start, and what is glass".into(),
             );
         }
         let flags = [written.color, written.position, written.normal];
@@ -144,7 +151,7 @@ impl Plan {
         self.decisions.push(Decision { what, built, why });
     }
 
-    fn scene_set(&mut self, scenes: &[usize]) -> usize {
+    pub(super) fn scene_set(&mut self, scenes: &[usize]) -> usize {
         let found = self.scene_sets.iter().position(|set| set == scenes);
         found.unwrap_or_else(|| {
             self.scene_sets.push(scenes.to_vec());
@@ -152,10 +159,11 @@ impl Plan {
         })
     }
 
-    fn viewport_of(&self, pass: &Pass, camera: Option<usize>) -> Option<&Viewport> {
+    pub(super) fn viewport_of(&self, pass: &Pass, camera: Option<usize>) -> Option<&Viewport> {
         let own_camera = match &pass.kind {
             PassKind::Raster(raster) => Some(camera.unwrap_or(raster.camera)),
             PassKind::Ray(ray) => Some(camera.unwrap_or(ray.camera)),
+            PassKind::Effect(effect) => Some(camera.unwrap_or(effect.camera)),
             PassKind::Quad(_) => None,
         };
         let from_camera = || own_camera.and_then(|camera| self.project.cameras[camera].viewport);
@@ -164,15 +172,24 @@ impl Plan {
 }
 
 impl Wanted {
+    /// Channels that a pass reads in host memory.
+    fn read_in_host(&mut self, channels: Vec<ChannelRef>) {
+        self.channels.extend(channels.iter().copied());
+        self.host.extend(channels);
+    }
+
     /// What a pass writes completely is not wanted from the passes before it.
     fn satisfied_by(&mut self, pass: &Pass) {
         match pass.target {
             None => self.window_filled = true,
             Some(target) => {
                 let written = channels_written(&pass.kind);
-                self.channels.retain(|channel| channel.target != target || channel.channel >= written);
+                for channels in [&mut self.channels, &mut self.host] {
+                    channels.retain(|channel| channel.target != target || channel.channel >= written);
+                }
                 if matches!(pass.kind, PassKind::Raster(_)) {
                     self.triangles.remove(&target);
+                    self.host_triangles.remove(&target);
                 }
             }
         }
@@ -183,22 +200,21 @@ impl Wanted {
 pub(super) fn channels_written(kind: &PassKind) -> usize {
     match kind {
         PassKind::Raster(_) => 3,
-        PassKind::Ray(_) | PassKind::Quad(_) => 1,
+        PassKind::Ray(_) | PassKind::Effect(_) | PassKind::Quad(_) => 1,
     }
 }
 
-/// What of a pass's target is wanted; the window only ever takes the colour.
-fn live_attachments(pass: &Pass, wanted: &Wanted) -> Attachments {
+/// What of a pass's target is among these channels and triangle ids; the window only ever takes the colour.
+fn attachments(pass: &Pass, channels: &BTreeSet<ChannelRef>, triangles: &BTreeSet<usize>) -> Attachments {
     let Some(target) = pass.target else { return Attachments { color: true, ..Attachments::default() } };
     let raster = matches!(pass.kind, PassKind::Raster(_));
-    let channel = |channel: usize| {
-        channel < channels_written(&pass.kind) && wanted.channels.contains(&ChannelRef { target, channel })
-    };
+    let channel =
+        |channel: usize| channel < channels_written(&pass.kind) && channels.contains(&ChannelRef { target, channel });
     Attachments {
         color: channel(0),
         position: channel(1),
         normal: channel(2),
-        triangle: raster && wanted.triangles.contains(&target),
+        triangle: raster && triangles.contains(&target),
     }
 }
 

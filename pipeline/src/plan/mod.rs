@@ -3,6 +3,7 @@
 //! A channel is written only if a later pass reads it or it is shown; a pass runs only if something it writes is
 //! wanted. [`Plan::decisions`] holds every choice with its reason, and `curitiba plan` prints them.
 
+mod effect;
 mod liveness;
 mod settings;
 
@@ -11,10 +12,11 @@ pub use settings::{PlanError, Settings};
 use crate::backend::{Attachments, Rect, View};
 use crate::programs::{Fidelity, RayParams, RayProgram};
 use crate::project::{Camera, ChannelRef, Pass, PassKind, Project, Viewport};
+use crate::raster_effects::EffectParams;
 use crate::scene::{Material, Needs};
 use glam::camera::rh;
 use glam::{Mat4, Vec4};
-use settings::{check_size, ray_params, shown_channels};
+use settings::{check_size, constants, shown_channels};
 
 /// Largest side of any target, pixels.
 pub const MAX_SIDE: u32 = 65_536;
@@ -90,6 +92,8 @@ pub enum Work {
         clear_color: Vec4,
         /// What is written.
         attachments: Attachments,
+        /// What of it is read in host memory: by ray passes, by quad passes, for inspection.
+        host: Attachments,
     },
     /// Traces rays.
     Rays {
@@ -101,6 +105,19 @@ pub enum Work {
         params: RayParams,
         /// Whether triangle ids are read.
         reads_triangle: bool,
+    },
+    /// Computes by raster what rays would.
+    Effect {
+        /// Index into [`Plan::scene_sets`].
+        scene_set: usize,
+        /// Camera of the G-buffer.
+        view: View,
+        /// Constants, after `--set`.
+        params: EffectParams,
+        /// Whether triangle ids are read.
+        reads_triangle: bool,
+        /// Whether its G-buffer is what was drawn last, so that a rasteriser may read its own copy.
+        resident: bool,
     },
     /// Fills a rectangle.
     Quad {
@@ -131,7 +148,7 @@ impl Plan {
             targets.push(PlannedTarget { width: size[0], height: size[1], stored: Attachments::default() });
         }
         let shown = shown_channels(&project, pipeline, &settings.show)?;
-        let params = ray_params(&project, pipeline, &settings)?;
+        let constants = constants(&project, pipeline, &settings)?;
         let mut plan = Self {
             project,
             pipeline,
@@ -144,7 +161,7 @@ impl Plan {
             shown,
             decisions: Vec::new(),
         };
-        plan.choose_passes(camera, &params)?;
+        plan.choose_passes(camera, &constants)?;
         plan.decide_needs();
         plan.check_memory()?;
         Ok(plan)
@@ -174,10 +191,13 @@ impl Plan {
                         colored.push(self.pass(planned).name.clone());
                     }
                 }
-                Work::Rays { .. } => {
-                    if let PassKind::Ray(ray) = &self.pass(planned).kind
-                        && ray.program.info().material_attributes.contains(&"diffuse")
-                    {
+                Work::Rays { .. } | Work::Effect { .. } => {
+                    let shades = match &self.pass(planned).kind {
+                        PassKind::Ray(ray) => ray.program.info().material_attributes.contains(&"diffuse"),
+                        PassKind::Effect(effect) => effect.program.shades_maps(),
+                        PassKind::Raster(_) | PassKind::Quad(_) => false,
+                    };
+                    if shades {
                         hits.push(self.pass(planned).name.clone());
                     }
                 }

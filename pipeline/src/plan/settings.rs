@@ -5,6 +5,7 @@ use super::liveness::channels_written;
 use crate::diagnostic::valid_names;
 use crate::programs::{Fidelity, RayParams, Sampler};
 use crate::project::{ChannelRef, PassKind, Project};
+use crate::raster_effects::EffectParams;
 
 /// What the user asks for beyond the project file.
 #[derive(Debug, Clone)]
@@ -21,7 +22,7 @@ pub struct Settings {
     pub seed: u32,
     /// Channels to keep for inspection, `target channel` names or `library::channel`; `all` keeps every one.
     pub show: Vec<String>,
-    /// Parameters set from outside: `pass.name=value`.
+    /// Parameters of ray and effect passes set from outside: `pass.name=value`.
     pub set: Vec<String>,
     /// Most bytes that scenes and targets may take together.
     pub max_memory: u64,
@@ -66,22 +67,41 @@ pub(super) fn check_size(what: &str, size: [u32; 2]) -> Result<(), PlanError> {
     Ok(())
 }
 
-/// The constants of every ray pass, after `--set`.
-pub(super) fn ray_params(
+/// The constants of a pass that runs a program.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Constants {
+    /// Of a ray pass.
+    Ray(RayParams),
+    /// Of a raster effect.
+    Effect(EffectParams),
+}
+
+/// The program of a pass: its name and the parameters that it reads.
+fn program(kind: &PassKind) -> Option<(&'static str, &'static [&'static str])> {
+    match kind {
+        PassKind::Ray(ray) => Some((ray.program.info().stem, ray.program.info().params)),
+        PassKind::Effect(effect) => Some((effect.program.info().name, effect.program.info().params)),
+        PassKind::Raster(_) | PassKind::Quad(_) => None,
+    }
+}
+
+/// The constants of every pass that has any, after `--set`.
+pub(super) fn constants(
     project: &Project,
     pipeline: usize,
     settings: &Settings,
-) -> Result<Vec<Option<RayParams>>, PlanError> {
+) -> Result<Vec<Option<Constants>>, PlanError> {
     let passes = &project.pipelines[pipeline].passes;
-    let mut params: Vec<Option<RayParams>> = passes
+    let mut constants: Vec<Option<Constants>> = passes
         .iter()
         .map(|pass| match &pass.kind {
-            PassKind::Ray(ray) => Some(ray.params),
-            _ => None,
+            PassKind::Ray(ray) => Some(Constants::Ray(ray.params)),
+            PassKind::Effect(effect) => Some(Constants::Effect(effect.params)),
+            PassKind::Raster(_) | PassKind::Quad(_) => None,
         })
         .collect();
     let tunable: Vec<&str> =
-        passes.iter().filter(|pass| matches!(pass.kind, PassKind::Ray(_))).map(|pass| pass.name.as_str()).collect();
+        passes.iter().filter(|pass| program(&pass.kind).is_some()).map(|pass| pass.name.as_str()).collect();
     let tunable = || tunable.iter().copied();
     for assignment in &settings.set {
         let parts = assignment.split_once('=').and_then(|(key, value)| Some((key.rsplit_once('.')?, value)));
@@ -92,18 +112,21 @@ pub(super) fn ray_params(
         let Some(index) = passes.iter().position(|candidate| candidate.name == pass) else {
             return Err(PlanError::new(format!("there is no pass `{pass}`"), valid_names(pass, tunable())));
         };
-        let (PassKind::Ray(ray), Some(values)) = (&passes[index].kind, params[index].as_mut()) else {
+        let (Some((program, read)), Some(values)) = (program(&passes[index].kind), constants[index].as_mut()) else {
             return Err(PlanError::new(format!("pass `{pass}` has no parameters"), valid_names(pass, tunable())));
         };
-        let read = ray.program.info().params;
         if !read.contains(&name) {
-            let message = format!("pass `{pass}` runs `{}`, which reads no `{name}`", ray.program.info().stem);
+            let message = format!("pass `{pass}` runs `{program}`, which reads no `{name}`");
             return Err(PlanError::new(message, valid_names(name, read.iter().copied())));
         }
-        values.set(name, value.trim()).map_err(|help| PlanError::new(format!("`{assignment}` is not valid"), help))?;
+        let result = match values {
+            Constants::Ray(params) => params.set(name, value.trim()),
+            Constants::Effect(params) => params.set(name, value.trim()),
+        };
+        result.map_err(|help| PlanError::new(format!("`{assignment}` is not valid"), help))?;
     }
-    for (pass, params) in passes.iter().zip(&params) {
-        let (PassKind::Ray(ray), Some(params)) = (&pass.kind, params) else { continue };
+    for (pass, constants) in passes.iter().zip(&constants) {
+        let (PassKind::Ray(ray), Some(Constants::Ray(params))) = (&pass.kind, constants) else { continue };
         let strata = params.sampler == Sampler::Strata || settings.fidelity == Fidelity::Thesis;
         if strata && ray.program.info().params.contains(&"samples") && params.samples.isqrt().pow(2) != params.samples {
             return Err(PlanError::new(
@@ -112,7 +135,7 @@ pub(super) fn ray_params(
             ));
         }
     }
-    Ok(params)
+    Ok(constants)
 }
 
 /// The channels that `--show` names.

@@ -27,11 +27,13 @@
 mod assets;
 mod dom;
 mod draw;
+mod effect;
 mod file;
 mod handed;
 mod library;
 mod loader;
 mod order;
+mod parameters;
 mod passes;
 mod ray;
 mod report;
@@ -40,6 +42,7 @@ mod values;
 use crate::diagnostic::Problems;
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram};
+use crate::raster_effects::{EffectParams, EffectProgram};
 use glam::{Vec3, Vec4};
 use report::{Found, Names, shown, suggest};
 use std::path::{Path, PathBuf};
@@ -238,6 +241,8 @@ pub enum PassKind {
     Raster(RasterPass),
     /// `class="optix"` or `"rt"`.
     Ray(RayPass),
+    /// `class="effect"`.
+    Effect(EffectPass),
     /// `class="quad"`.
     Quad(QuadPass),
 }
@@ -315,6 +320,31 @@ pub struct RayPass {
     pub glass: Vec<MaterialPattern>,
     /// Materials through which shadow rays pass (`any_hit_shadow_glass`).
     pub shadow_glass: Vec<MaterialPattern>,
+}
+
+/// Computes by raster what a ray pass computes by rays, from the same G-buffer.
+#[derive(Debug, Clone)]
+pub struct EffectPass {
+    /// Indices of the scenes that its maps show.
+    pub scenes: Vec<usize>,
+    /// Index of the camera: the one that the G-buffer was drawn with.
+    pub camera: usize,
+    /// Index of the first light, if any.
+    pub light: Option<usize>,
+    /// What runs per pixel.
+    pub program: EffectProgram,
+    /// Its constants, after the XML's attributes.
+    pub params: EffectParams,
+    /// What `pos_buffer` reads.
+    pub position: Option<ChannelRef>,
+    /// What `norm_buffer` reads.
+    pub normal: Option<ChannelRef>,
+    /// What `color_buffer` reads.
+    pub color: Option<ChannelRef>,
+    /// Colours that replace those of the materials that maps show.
+    pub colors: Vec<ColorMap>,
+    /// Materials that are glass.
+    pub glass: Vec<MaterialPattern>,
 }
 
 /// Fills a viewport from textures.

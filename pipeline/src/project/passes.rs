@@ -7,10 +7,11 @@ use super::order::Facts;
 use super::report::{Names, Span, shown, suggest};
 use super::{ChannelRef, ColorMap, MaterialPattern, Pass, PassKind, Pipeline};
 use crate::programs::PARAMS;
+use crate::raster_effects::EFFECT_PARAMS;
 use std::rc::Rc;
 
 /// Classes of passes.
-const CLASSES: [&str; 4] = ["default", "optix", "rt", "quad"];
+const CLASSES: [&str; 5] = ["default", "optix", "rt", "effect", "quad"];
 
 fn is_class(name: &str) -> bool {
     CLASSES.iter().any(|class| name.eq_ignore_ascii_case(class))
@@ -78,6 +79,7 @@ impl Loader {
         let kind = match class.text.to_ascii_lowercase().as_str() {
             "default" => self.raster_pass(context).map(PassKind::Raster),
             "optix" | "rt" => self.ray_pass(context).map(PassKind::Ray),
+            "effect" => self.effect_pass(context).map(PassKind::Effect),
             "quad" => self.quad_pass(context).map(PassKind::Quad),
             _ => {
                 let message = format!("pass `{}` is of class `{}`", shown(&context.name), class.shown());
@@ -120,9 +122,9 @@ impl Loader {
     pub fn no_parameters(&mut self, context: &PassContext<'_>, class: &str) {
         for attribute in &context.element.attributes {
             let name = attribute.name.to_ascii_lowercase();
-            if PARAMS.iter().any(|param| param.name == name) {
+            if PARAMS.iter().chain(EFFECT_PARAMS).any(|param| param.name == name) {
                 let message = format!("a pass of class `{class}` reads no parameter `{name}`");
-                let help = || "only ray passes have parameters".to_owned();
+                let help = || "only ray and effect passes have parameters".to_owned();
                 self.report.error_help(attribute.name_span, message, help);
             } else if name == "axis" {
                 let message = "coordinate axes are not drawn";

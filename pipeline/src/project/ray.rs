@@ -4,9 +4,10 @@ use super::dom::{Element, Value};
 use super::file;
 use super::handed::Program;
 use super::loader::Loader;
+use super::parameters::Reads;
 use super::passes::PassContext;
 use super::report::{Span, shown, suggest};
-use super::{ChannelRef, MaterialPattern, RayPass};
+use super::{MaterialPattern, RayPass};
 use crate::programs::{PARAMS, RAY_PROGRAMS, RayParams, RayProgramInfo, Sampler};
 
 /// Programs that make a material glass.
@@ -18,9 +19,6 @@ const KINDS: [&str; 3] = ["Closest_Hit", "Any_Hit", "Miss"];
 
 /// Kinds that mean nothing in a material.
 const OTHER_KINDS: [&str; 4] = ["RayGen", "Exception", "Geometry_Intersection", "Bounding_Box"];
-
-/// Variables of `<optixInput>`: position, normal, colour.
-const BUFFERS: [&str; 3] = ["pos_buffer", "norm_buffer", "color_buffer"];
 
 const ENTRY_POINT: &[&str] = &["optixEntryPoint", "rtEntryPoint"];
 const DEFAULT_MATERIAL: &[&str] = &["optixDefaultMaterial", "rtDefaultMaterial"];
@@ -61,7 +59,7 @@ impl Loader {
         let maps = self.material_maps(element);
         self.mapped_colors(maps.as_deref().unwrap_or_default(), &mut colors);
         let injected = self.injection_maps(element, &mut colors);
-        let inputs = self.inputs(context, info);
+        let inputs = self.inputs(context, INPUT, info.map(reads));
         let info = info?;
         let whole = self.attributes_handed(element, Program { info, light });
         let light = light?;
@@ -149,106 +147,21 @@ impl Loader {
         found
     }
 
-    /// The attributes of the pass element: name, class and the program's parameters.
+    /// The program's parameters, from the attributes of the pass element.
     fn ray_params(&mut self, context: &PassContext<'_>, info: Option<&RayProgramInfo>) -> Option<RayParams> {
         let mut params = RayParams::default();
-        let mut whole = true;
-        let mut samples_at = None;
-        for attribute in &context.element.attributes {
-            let name = attribute.name.to_ascii_lowercase();
-            if ["name", "class"].contains(&name.as_str()) {
-                continue;
-            }
-            let problem = if !PARAMS.iter().any(|param| param.name == name) {
-                let message = format!("pass `{}` has an unknown attribute `{name}`", shown(&context.name));
-                let valid = ["name", "class"].into_iter().chain(PARAMS.iter().map(|param| param.name));
-                Some((attribute.name_span, message, suggest(&name, valid)))
-            } else if let Some(info) = info.filter(|info| !info.params.contains(&name.as_str())) {
-                let message = format!("program `{}` reads no parameter `{name}`", info.stem);
-                let reads = if info.params.is_empty() { "nothing".to_owned() } else { info.params.join(", ") };
-                Some((attribute.name_span, message, format!("it reads {reads}")))
-            } else {
-                if name == "samples" || name == "sampler" && samples_at.is_none() {
-                    samples_at = Some(attribute.value.span);
-                }
-                params.set(&name, &attribute.value.text).err().map(|help| {
-                    (attribute.value.span, format!("`{}` is not a value of `{name}`", attribute.value.shown()), help)
-                })
-            };
-            if let Some((at, message, help)) = problem {
-                self.report.error_help(at, message, || help);
-                whole = false;
-            }
-        }
+        let whole = self.parameters(context, info.map(reads), PARAMS, |name, value| params.set(name, value));
         let square = params.samples.isqrt().pow(2) == params.samples;
-        if let Some(at) = samples_at.filter(|_| params.sampler == Sampler::Strata && !square) {
+        let at = ["samples", "sampler"].into_iter().find_map(|name| context.element.attribute(name));
+        if let Some(at) = at.filter(|_| params.sampler == Sampler::Strata && !square) {
             let message = format!("{} strata are not N x N", params.samples);
             let side = params.samples.isqrt();
-            self.report.error_help(at, message, || {
+            self.report.error_help(at.span, message, || {
                 format!("with sampler=strata valid: a square number, such as {} or {}", side * side, (side + 1).pow(2))
             });
-            whole = false;
+            return None;
         }
         whole.then_some(params)
-    }
-
-    /// What `<optixInput>` binds to position, normal and colour. All must be there that the program reads.
-    fn inputs(
-        &mut self,
-        context: &mut PassContext<'_>,
-        info: Option<&RayProgramInfo>,
-    ) -> Option<[Option<ChannelRef>; 3]> {
-        let element = context.element;
-        let mut inputs = [None; 3];
-        let mut given = [false; 3];
-        let mut whole = true;
-        let container = self.single(element, INPUT);
-        if let Some(list) = container {
-            self.expect(list, &["buffer"], &[]);
-        }
-        for buffer in container.into_iter().flat_map(|list| list.children_named(&["buffer"])) {
-            self.expect(buffer, &[], &["var", "texture"]);
-            let (var, texture) = (self.required(buffer, "var"), self.required(buffer, "texture"));
-            let channel = texture.and_then(|texture| self.find_texture(texture, None));
-            whole &= channel.is_some();
-            let (Some(var), Some(texture)) = (var, texture) else {
-                whole = false;
-                continue;
-            };
-            let Some(index) = BUFFERS.iter().position(|name| *name == var.text) else {
-                let message = format!("`{}` is not a buffer that a program reads", var.shown());
-                self.report.error_help(var.span, message, || suggest(&var.text, BUFFERS));
-                whole = false;
-                continue;
-            };
-            if given[index] {
-                self.report.error(var.span, format!("`{}` is bound twice", var.shown()));
-                whole = false;
-            }
-            given[index] = true;
-            match info {
-                Some(info) if !info.buffers.contains(&BUFFERS[index]) => {
-                    self.report.note(var.span, format!("program `{}` does not read `{}`", info.stem, BUFFERS[index]));
-                }
-                _ => {
-                    inputs[index] = channel;
-                    Self::reads(context, channel, texture.span);
-                }
-            }
-        }
-        for buffer in info.map_or(&[][..], |info| info.buffers) {
-            let index = BUFFERS.iter().position(|name| name == buffer)?;
-            if !given[index] {
-                let at = container.unwrap_or(element).span;
-                let stem = info.map_or("", |info| info.stem);
-                let message = format!("program `{stem}` reads `{buffer}`, which the pass does not hand it");
-                self.report.error_help(at, message, || {
-                    format!("valid: <buffer var=\"{buffer}\" texture=\"Library::channel\"/> in <optixInput>")
-                });
-                whole = false;
-            }
-        }
-        whole.then_some(inputs)
     }
 
     /// The programs in a material, of one ray type or with a ray type each.
@@ -419,4 +332,8 @@ impl Loader {
 
 fn is(given: &Proc<'_>, kind: &str, ray: &str) -> bool {
     given.kind.text.eq_ignore_ascii_case(kind) && given.ray.text.eq_ignore_ascii_case(ray)
+}
+
+fn reads(info: &RayProgramInfo) -> Reads<'_> {
+    Reads { name: info.stem, buffers: info.buffers, params: info.params }
 }

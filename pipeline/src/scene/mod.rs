@@ -3,6 +3,7 @@
 mod bytes;
 mod cbo;
 mod error;
+mod fingerprint;
 mod gltf;
 mod load;
 mod obj;
@@ -12,6 +13,7 @@ pub mod texture;
 
 pub use cbo::{Layout, write_cbo};
 pub use error::{Place, SceneError};
+pub use fingerprint::fnv1a;
 pub use load::{LoadOptions, LoadProgress, load};
 pub use render::BuildOptions;
 pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics};

@@ -1,0 +1,112 @@
+//! Effect passes in the plan: whose G-buffer they read, and where it lies.
+
+use super::liveness::Wanted;
+use super::{Plan, PlanError, Work, rectangle, view};
+use crate::backend::Rect;
+use crate::image::PixelFormat;
+use crate::project::{ChannelRef, EffectPass, Pass, PassKind, RasterPass};
+use crate::raster_effects::EffectParams;
+
+/// The raster pass that drew a G-buffer.
+struct Source<'a> {
+    index: usize,
+    pass: &'a Pass,
+    raster: &'a RasterPass,
+}
+
+impl Plan {
+    /// Plans the effect pass at `passes[index]`.
+    pub(super) fn effect_work(
+        &mut self,
+        passes: &[Pass],
+        index: usize,
+        params: EffectParams,
+        camera: Option<usize>,
+        wanted: &mut Wanted,
+    ) -> Result<Work, PlanError> {
+        let pass = &passes[index];
+        let PassKind::Effect(effect) = &pass.kind else { unreachable!("the caller looked") };
+        let source = self.source(&passes[..index], pass, effect)?;
+        let own = camera.unwrap_or(effect.camera);
+        if own != camera.unwrap_or(source.raster.camera) {
+            return Err(PlanError::new(
+                format!("{}: pass `{}` has another camera than pass `{}`", pass.place, pass.name, source.pass.name),
+                "an effect pass sees what its G-buffer shows: give both the same <camera>",
+            ));
+        }
+        let info = effect.program.info();
+        if info.glass && source.raster.scenes != effect.scenes {
+            return Err(PlanError::new(
+                format!(
+                    "{}: pass `{}` draws other scenes than pass `{}` drew",
+                    pass.place, pass.name, source.pass.name
+                ),
+                "give both passes the same <scenes>",
+            ));
+        }
+        let size = self.target_size(source.pass.target);
+        let whole = Rect { x: 0, y: 0, width: size[0], height: size[1] };
+        if rectangle(self.viewport_of(source.pass, camera), size) != whole {
+            return Err(PlanError::new(
+                format!("{}: pass `{}` reads a G-buffer that is only drawn in a part", pass.place, pass.name),
+                format!("let pass `{}` draw into the whole of its target", source.pass.name),
+            ));
+        }
+        let resident = self.is_resident(passes, index, effect, &source);
+        let inputs: Vec<ChannelRef> = inputs(effect).collect();
+        wanted.channels.extend(inputs.iter().copied());
+        if !resident {
+            wanted.host.extend(inputs);
+        }
+        if info.glass
+            && let Some(position) = effect.position
+        {
+            wanted.triangles.insert(position.target);
+            if !resident {
+                wanted.host_triangles.insert(position.target);
+            }
+        }
+        Ok(Work::Effect {
+            scene_set: self.scene_set(&effect.scenes),
+            view: view(&self.project.cameras[own], whole),
+            params,
+            reads_triangle: info.glass,
+            resident,
+        })
+    }
+
+    /// The pass that wrote the positions that an effect reads.
+    fn source<'a>(&self, earlier: &'a [Pass], pass: &Pass, effect: &EffectPass) -> Result<Source<'a>, PlanError> {
+        let target = effect.position.map(|position| position.target);
+        let writer = earlier.iter().enumerate().rev().find(|(_, earlier)| earlier.target == target);
+        match (writer, effect.position) {
+            (
+                Some((index, pass @ Pass { kind: PassKind::Raster(raster), .. })),
+                Some(ChannelRef { channel: 1, .. }),
+            ) => Ok(Source { index, pass, raster }),
+            _ => Err(PlanError::new(
+                format!("{}: pass `{}` reads no positions that a raster pass drew", pass.place, pass.name),
+                "bind pos_buffer to the second texture of the target that a pass of class=\"default\" drew",
+            )),
+        }
+    }
+
+    /// Whether all that an effect reads is what was drawn last, as it was drawn: in 32-bit floats and not written since.
+    fn is_resident(&self, passes: &[Pass], index: usize, effect: &EffectPass, source: &Source<'_>) -> bool {
+        let between = &passes[source.index + 1..index];
+        let undisturbed =
+            between.iter().all(|pass| !matches!(pass.kind, PassKind::Raster(_)) && pass.target != source.pass.target);
+        undisturbed
+            && inputs(effect).all(|channel| {
+                let format = self.project.targets[channel.target].channels[channel.channel].format;
+                Some(channel.target) == source.pass.target && format == PixelFormat::Rgba32Float
+            })
+    }
+}
+
+/// The channels that an effect pass reads.
+fn inputs(effect: &EffectPass) -> impl Iterator<Item = ChannelRef> {
+    let buffers = [("pos_buffer", effect.position), ("norm_buffer", effect.normal), ("color_buffer", effect.color)];
+    let info = effect.program.info();
+    buffers.into_iter().filter(|(name, _)| info.buffers.contains(name)).filter_map(|(_, channel)| channel)
+}

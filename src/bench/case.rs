@@ -1,0 +1,147 @@
+//! What one row of a benchmark measures.
+
+use super::model::Technique;
+use crate::pipeline::plan::{Plan, PlannedPass, Settings, Work};
+use crate::pipeline::programs::{Fidelity, RayProgram};
+use crate::pipeline::project::{self, PassKind};
+use crate::{BackendChoice, Choice, OpenError, RasterChoice};
+use std::path::{Path, PathBuf};
+
+/// A project with its settings on one set of engines.
+#[derive(Debug, Clone)]
+pub struct Case {
+    /// What tells it from all other cases of a benchmark.
+    pub key: String,
+    /// What a reader calls it: `AO, 100 samples`.
+    pub label: String,
+    /// `none`, `dummy`, `shadows`, `reflection`, `refraction`, `ao`, `all-but-ao`, `all`.
+    pub effect: String,
+    /// By rays or by raster.
+    pub technique: Technique,
+    /// The view: `Fonte`, `Vidro`, or the camera's name.
+    pub view: String,
+    /// Project file.
+    pub project: PathBuf,
+    /// What is asked of it.
+    pub settings: Settings,
+    /// Which engines.
+    pub choice: Choice,
+}
+
+/// The report names the camera of its first view `MainCamera`, and the view `Fonte`.
+fn view_of(camera: &str) -> String {
+    if camera == "MainCamera" { "Fonte".to_owned() } else { camera.to_owned() }
+}
+
+impl Case {
+    /// Reads what the project computes, and names the case after it. Scenes are not loaded.
+    ///
+    /// # Errors
+    /// All problems of the project's files together; or why its plan cannot be made.
+    pub fn new(path: &Path, settings: Settings, choice: Choice) -> Result<Self, OpenError> {
+        let plan = Plan::new(project::load(path)?, settings)?;
+        let camera = plan.passes.iter().find_map(|planned| match &plan.pass(planned).kind {
+            PassKind::Raster(raster) => Some(raster.camera),
+            _ => None,
+        });
+        let camera = plan.settings.camera.clone().or_else(|| Some(plan.project.cameras[camera?].name.clone()));
+        let (effect, technique) = effect(&plan);
+        let samples = plan.passes.iter().find_map(|planned| samples(&plan, planned));
+        let view = view_of(camera.as_deref().unwrap_or_default());
+        let label = label(&effect, technique, samples, &plan);
+        let settings = plan.settings.clone();
+        let key = key(path, &plan, &view, choice);
+        Ok(Self { key, label, effect, technique, view, project: path.to_owned(), settings, choice })
+    }
+}
+
+/// The name of a fidelity in files and on the command line.
+#[must_use]
+pub fn fidelity_name(fidelity: Fidelity) -> &'static str {
+    match fidelity {
+        Fidelity::Corrected => "corrected",
+        Fidelity::Thesis => "thesis",
+    }
+}
+
+/// The name of an effect in files and reports.
+#[must_use]
+pub fn effect_name(program: RayProgram) -> &'static str {
+    match program {
+        RayProgram::Dummy => "dummy",
+        RayProgram::DeferredShadows => "shadows",
+        RayProgram::Reflection => "reflection",
+        RayProgram::Refraction => "refraction",
+        RayProgram::Ssao => "ao",
+        RayProgram::Final => "all",
+    }
+}
+
+fn effect(plan: &Plan) -> (String, Technique) {
+    for planned in &plan.passes {
+        if let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &plan.pass(planned).kind) {
+            let without_occlusion = ray.program == RayProgram::Final && params.samples == 0;
+            let name = if without_occlusion { "all-but-ao" } else { effect_name(ray.program) };
+            return (name.to_owned(), Technique::Rays);
+        }
+    }
+    ("none".to_owned(), Technique::None)
+}
+
+fn samples(plan: &Plan, planned: &PlannedPass) -> Option<u32> {
+    match (&planned.work, &plan.pass(planned).kind) {
+        (Work::Rays { params, .. }, PassKind::Ray(ray)) if ray.program.info().params.contains(&"samples") => {
+            Some(params.samples)
+        }
+        _ => None,
+    }
+}
+
+fn label(effect: &str, technique: Technique, samples: Option<u32>, plan: &Plan) -> String {
+    let name = match effect {
+        "none" => "no effects",
+        "dummy" => "no effects, through the ray pass",
+        "ao" => "AO",
+        "all-but-ao" => "all but AO",
+        other => other,
+    };
+    let stem = plan.project.path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    match (technique, samples) {
+        (Technique::Raster, _) => format!("{name}, {stem}"),
+        (_, Some(1)) => format!("{name}, 1 sample"),
+        (_, Some(samples)) if samples > 0 => format!("{name}, {samples} samples"),
+        _ => name.to_owned(),
+    }
+}
+
+fn key(path: &Path, plan: &Plan, view: &str, choice: Choice) -> String {
+    let [width, height] = plan.window;
+    let settings = &plan.settings;
+    let mut parts = vec![
+        path.display().to_string(),
+        plan.project.pipelines[plan.pipeline].name.clone(),
+        view.to_owned(),
+        format!("{width}x{height}"),
+        fidelity_name(settings.fidelity).to_owned(),
+        format!("seed {}", settings.seed),
+        format!("raster {}", raster_name(choice.raster)),
+        format!("rays {}", backend_name(choice.backend)),
+    ];
+    parts.extend(settings.set.iter().cloned());
+    parts.join(" | ")
+}
+
+fn raster_name(choice: RasterChoice) -> &'static str {
+    match choice {
+        RasterChoice::Auto => "auto",
+        RasterChoice::Cpu => "cpu",
+        RasterChoice::Wgpu => "wgpu",
+    }
+}
+
+fn backend_name(choice: BackendChoice) -> &'static str {
+    match choice {
+        BackendChoice::Auto => "auto",
+        BackendChoice::Cpu => "cpu",
+    }
+}

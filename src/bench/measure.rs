@@ -1,0 +1,177 @@
+//! Measuring one case: warm-up, frames, and every step of them.
+
+use super::case::{Case, fidelity_name};
+use super::model::{BenchRow, BenchStep, EngineName, RowError, Stats};
+use crate::OpenError;
+use crate::environment::peak_memory;
+use crate::pipeline::executor::{Observer, RenderError, Renderer, Row, StepKind};
+use crate::pipeline::image::Image;
+use crate::pipeline::project::PassKind;
+use std::time::Instant;
+
+/// How much is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MeasureOptions {
+    /// Frames measured, at least 1.
+    pub frames: u32,
+    /// Frames rendered before, and not counted.
+    pub warmup: u32,
+}
+
+impl Default for MeasureOptions {
+    fn default() -> Self {
+        Self { frames: 5, warmup: 1 }
+    }
+}
+
+/// What was measured.
+pub struct Measured {
+    /// The row; its error is [`RowError::Missing`] until the picture is compared with a reference.
+    pub row: BenchRow,
+    /// What rendered it.
+    pub renderer: Renderer,
+    /// The last frame.
+    pub picture: Image,
+}
+
+/// Opens a case, renders its frames and collects what each step took.
+///
+/// Whole frames are timed around [`Renderer::frame`], with all that it does, the copy of the picture included.
+///
+/// # Errors
+/// If the case cannot be opened or a frame fails.
+pub fn measure(case: &Case, options: &MeasureOptions, observer: &mut dyn Observer) -> Result<Measured, OpenError> {
+    let renderer = crate::open(&case.project, case.settings.clone(), case.choice, observer)?;
+    measure_with(renderer, case, options, observer).map_err(OpenError::from)
+}
+
+/// [`measure`] with a renderer that is open already.
+///
+/// # Errors
+/// If a frame fails.
+pub fn measure_with(
+    mut renderer: Renderer,
+    case: &Case,
+    options: &MeasureOptions,
+    observer: &mut dyn Observer,
+) -> Result<Measured, RenderError> {
+    for _ in 0..options.warmup {
+        renderer.frame(observer)?;
+    }
+    renderer.forget_frames();
+    let mut picture = Image::default();
+    let mut samples = Vec::with_capacity(options.frames.max(1) as usize);
+    for _ in 0..options.frames.max(1) {
+        let start = Instant::now();
+        picture = renderer.frame(observer)?;
+        samples.push(start.elapsed().as_secs_f64() * 1e3);
+    }
+    let row = row(&renderer, case, samples);
+    Ok(Measured { row, renderer, picture })
+}
+
+fn row(renderer: &Renderer, case: &Case, samples: Vec<f64>) -> BenchRow {
+    let plan = renderer.plan();
+    let engines = renderer.engines();
+    let timeline = &renderer.timeline().rows;
+    let steps = |per_frame: bool| -> Vec<BenchStep> {
+        timeline.iter().filter(|row| row.kind.per_frame() == per_frame).filter_map(step).collect()
+    };
+    let traces = plan.passes.iter().any(|planned| matches!(plan.pass(planned).kind, PassKind::Ray(_)));
+    let frames = samples.len();
+    let total: f64 = samples.iter().sum();
+    let in_rays: f64 =
+        timeline.iter().filter(|row| row.kind == StepKind::Rays).flat_map(|row| row.host_ms.iter()).sum();
+    BenchRow {
+        key: case.key.clone(),
+        label: case.label.clone(),
+        effect: case.effect.clone(),
+        technique: case.technique,
+        view: case.view.clone(),
+        project: case.project.clone(),
+        set: plan.settings.set.clone(),
+        size: plan.window,
+        fidelity: fidelity_name(plan.settings.fidelity).to_owned(),
+        seed: plan.settings.seed,
+        triangles: renderer.scenes().map(|scene| scene.geometry.triangles.len() as u64).sum(),
+        raster: EngineName { name: engines.raster.name().to_owned(), device: engines.raster.device() },
+        rays: traces.then(|| EngineName { name: engines.rays.name().to_owned(), device: engines.rays.device() }),
+        frame: Stats::new(samples).expect("at least one frame was rendered"),
+        frame_device: frame_device(timeline, frames),
+        steps: steps(true),
+        setup: steps(false),
+        ray_share: traces.then(|| in_rays / total.max(1e-9)),
+        peak_memory_bytes: peak_memory(),
+        held_bytes: plan.target_bytes() + timeline.iter().map(|row| row.bytes).sum::<u64>(),
+        error: RowError::Missing("no reference was asked for".to_owned()),
+        thesis: None,
+    }
+}
+
+fn step(row: &Row) -> Option<BenchStep> {
+    Some(BenchStep {
+        kind: row.kind,
+        name: row.name.clone(),
+        host: Stats::new(row.host_ms.clone())?,
+        device: Stats::new(row.device_ms.clone()),
+        rays: row.rays,
+        mrays_per_second: row.mrays_per_second(),
+        note: row.note.clone(),
+    })
+}
+
+/// Sums of the device times of each frame; `None` where a step other than a copy has none.
+fn frame_device(timeline: &[Row], frames: usize) -> Option<Stats> {
+    let mut sums = vec![0.0; frames];
+    for row in timeline.iter().filter(|row| row.kind.per_frame() && row.kind != StepKind::ReadBack) {
+        if row.device_ms.len() != frames {
+            return None;
+        }
+        sums.iter_mut().zip(&row.device_ms).for_each(|(sum, ms)| *sum += ms);
+    }
+    Stats::new(sums)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pipeline::executor::{Silent, Timeline};
+    use crate::pipeline::plan::Settings;
+    use crate::{BackendChoice, Choice, RasterChoice};
+    use std::path::Path;
+    use std::time::Duration;
+
+    #[test]
+    fn a_row_holds_the_samples_of_its_frames_and_none_of_the_warm_up() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/SceneSSAO.xml");
+        let settings =
+            Settings { size: Some([24, 24]), set: vec!["pass2.samples=4".to_owned()], ..Settings::default() };
+        let choice = Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu };
+        let case = Case::new(&path, settings, choice).expect("the project is valid");
+        assert_eq!((case.label.as_str(), case.view.as_str()), ("AO, 4 samples", "Fonte"));
+        let measured = measure(&case, &MeasureOptions { frames: 3, warmup: 2 }, &mut Silent).expect("measured");
+        let row = measured.row;
+        assert_eq!(row.frame.n(), 3);
+        assert!(!row.steps.is_empty() && row.steps.iter().all(|step| step.host.n() == 3));
+        assert!(row.setup.iter().all(|step| step.host.n() == 1));
+        let rays = row.steps.iter().find(|step| step.kind == StepKind::Rays).expect("a ray step");
+        assert!(rays.rays.is_some_and(|rays| rays.occlusion > 0));
+        let structure: u64 = measured.renderer.timeline().rows.iter().map(|row| row.bytes).sum();
+        assert!(structure > 0 && row.held_bytes == measured.renderer.plan().target_bytes() + structure);
+        let share = row.ray_share.expect("a ray pass ran");
+        assert!(share > 0.0 && share <= 1.0, "{share}");
+        assert!(matches!(row.error, RowError::Missing(_)));
+    }
+
+    #[test]
+    fn a_frame_has_a_device_time_only_where_all_its_steps_have_one() {
+        let mut timeline = Timeline::default();
+        for ms in [2.0, 3.0] {
+            timeline.record(StepKind::Raster, "a", Duration::ZERO).device_ms.push(ms);
+            timeline.record(StepKind::ReadBack, "a", Duration::ZERO);
+        }
+        assert_eq!(frame_device(&timeline.rows, 2).map(|stats| stats.samples), Some(vec![2.0, 3.0]));
+        timeline.record(StepKind::Rays, "b", Duration::ZERO);
+        assert_eq!(frame_device(&timeline.rows, 2), None);
+    }
+}
