@@ -208,6 +208,7 @@ fn chosen(verdicts: &[Verdict], technique: Technique) -> Option<String> {
 /// The error in words.
 fn cost(candidate: &Candidate) -> String {
     match &candidate.error {
+        Ok(quality) if quality.rmse == 0.0 => "no error".to_owned(),
         Ok(quality) if quality.rmse <= quality.own_error => {
             format!("error below the {} that the reference can tell", error(quality.own_error))
         }

@@ -87,7 +87,6 @@ pub fn build(data: &ReportData) -> Page {
 }
 
 fn top(data: &ReportData) -> Markup {
-    let environment = &data.bench.environment;
     let [width, height] = data.size;
     html! {
         header.top {
@@ -111,12 +110,46 @@ fn top(data: &ReportData) -> Markup {
             dl.facts {
                 div { dt { "Scene" } dd { (data.scene.file) ", " (grouped(data.scene.triangles)) " triangles" } }
                 div { dt { "Window" } dd { (width) " × " (height) " pixels" } }
-                @for (name, value) in environment.facts() { div { dt { (name) } dd { (value) } } }
+                @for (name, value) in facts(data) { div { dt { (name) } dd { (value) } } }
                 @for (what, engine) in engines(data) { div { dt { (what) } dd { (engine) } } }
                 div { dt { "Date" } dd { (date(data.bench.started_unix_s)) ", took " (duration(data.took_s)) } }
                 div { dt { "Command" } dd { code { (data.bench.command) } } }
             }
         }
+    }
+}
+
+/// Every field of the environment, under the name that a reader knows it by.
+fn facts(data: &ReportData) -> Vec<(String, String)> {
+    let Ok(serde_json::Value::Object(fields)) = serde_json::to_value(&data.bench.environment) else { return Vec::new() };
+    let title = |field: &str| match field {
+        "cpu" => "Processor".to_owned(),
+        "gpu" | "gpus" => "Graphics processor".to_owned(),
+        "threads" => "Threads".to_owned(),
+        "profile" => "Build".to_owned(),
+        "platform" => "System".to_owned(),
+        other => {
+            let spaced = other.replace('_', " ");
+            let mut letters = spaced.chars();
+            letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+        }
+    };
+    fields.iter().map(|(name, value)| (title(name), words(value))).collect()
+}
+
+/// A JSON value as a reader reads it.
+fn words(value: &serde_json::Value) -> String {
+    match value {
+        serde_json::Value::Null => "not known".to_owned(),
+        serde_json::Value::String(text) if text.is_empty() => "none".to_owned(),
+        serde_json::Value::String(text) => text.clone(),
+        serde_json::Value::Bool(yes) => if *yes { "yes" } else { "no" }.to_owned(),
+        serde_json::Value::Array(parts) if parts.is_empty() => "none".to_owned(),
+        serde_json::Value::Array(parts) => parts.iter().map(words).collect::<Vec<_>>().join("; "),
+        serde_json::Value::Object(fields) => {
+            fields.iter().map(|(name, value)| format!("{name} {}", words(value))).collect::<Vec<_>>().join(", ")
+        }
+        number @ serde_json::Value::Number(_) => number.to_string(),
     }
 }
 

@@ -2,8 +2,7 @@
 
 use super::Plot;
 use plotters::coord::Shift;
-use plotters::coord::combinators::WithKeyPoints;
-use plotters::coord::types::RangedCoordf64;
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -176,6 +175,7 @@ pub fn legend(root: &Root<'_>, entries: &[Entry], places: &[(i32, i32)], at: (i3
 }
 
 /// A logarithmic axis: the coordinate is the decimal logarithm, so that ticks stand where we want them.
+#[derive(Clone)]
 pub struct LogAxis {
     /// Logarithms of the ends.
     pub range: (f64, f64),
@@ -204,10 +204,23 @@ impl LogAxis {
         let ticks = decades.flat_map(|decade| steps.iter().map(move |step| f64::from(decade) + step.log10()));
         Some(Self { range: (low, high), ticks: ticks.filter(|tick| (low..=high).contains(tick)).collect() })
     }
+}
 
-    /// For plotters.
-    pub fn coordinate(&self) -> WithKeyPoints<RangedCoordf64> {
-        (self.range.0..self.range.1).with_key_points(self.ticks.clone())
+impl Ranged for LogAxis {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
+        let share = (value - self.range.0) / (self.range.1 - self.range.0);
+        from + (share * f64::from(to - from)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
+        self.ticks.clone()
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.range.0..self.range.1
     }
 }
 

@@ -89,7 +89,7 @@ pub fn scaling_plot(data: &ReportData, scaling: &Scaling) -> Option<Plot> {
             .margin_top(6)
             .x_label_area_size(46)
             .y_label_area_size(70)
-            .build_cartesian_2d(x.coordinate(), y.coordinate())?;
+            .build_cartesian_2d(x.clone(), y.clone())?;
         chart
             .configure_mesh()
             .axis_style(MUTED.color())

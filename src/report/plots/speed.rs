@@ -55,7 +55,7 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
             .margin_top(6)
             .x_label_area_size(46)
             .y_label_area_size(70)
-            .build_cartesian_2d(x.coordinate(), y.coordinate())?;
+            .build_cartesian_2d(x.clone(), y.clone())?;
         chart
             .configure_mesh()
             .axis_style(MUTED.color())
@@ -112,7 +112,8 @@ fn label(
     bottom: i32,
 ) -> Result<(), super::canvas::Failed> {
     let mut taken: Vec<[i32; 4]> = marks.iter().map(|(x, y)| [x - 5, y - 5, x + 5, y + 5]).collect();
-    for (point, &(x, y)) in named {
+    for (point, place) in named {
+        let (x, y) = **place;
         let wide = text_width(&point.value, 12);
         let corners = [(8, -16), (-8 - wide, -16), (8, 4), (-8 - wide, 4), (8, -7), (-8 - wide, -7)];
         let place = corners.into_iter().find(|(dx, dy)| {
