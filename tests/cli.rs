@@ -1,5 +1,7 @@
 //! The command line as a person or a script uses it: what it prints, what it writes, and its exit codes.
 
+use curitiba::pipeline::programs::RAY_PROGRAMS;
+use curitiba::pipeline::raster_effects::EFFECT_PROGRAMS;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -216,7 +218,8 @@ fn the_list_names_every_program_and_its_snippets_load() {
     let whole = std::fs::read_to_string(project("SceneFinal.xml")).expect("the project");
     let start = whole.find("<pass class=\"optix\"").expect("a ray pass");
     let end = start + whole[start..].find("</pass>").expect("its end") + "</pass>".len();
-    for program in ["dummy", "deferredShadows", "reflection", "refraction", "ssao", "final"] {
+    let rays = RAY_PROGRAMS.iter().map(|info| info.stem);
+    for program in rays.chain(EFFECT_PROGRAMS.iter().map(|info| info.name)) {
         assert!(all.contains(program), "{all}");
         let described = succeeds(folder.path(), &["list", program]);
         let snippet = &described[described.find("<pass").expect("a snippet")..];

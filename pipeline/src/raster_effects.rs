@@ -65,7 +65,7 @@ impl Default for EffectParams {
 pub const EFFECT_PARAMS: &[ParamInfo] = &[
     ParamInfo {
         name: "mapsize",
-        about: "texels a side of the shadow map or of each cube-map face [default: 2048, cube maps 512]",
+        about: "texels a side of the shadow map or of each cube-map face",
         valid: "16..=16384",
     },
     ParamInfo { name: "pcf", about: "texels on each side that a shadow test averages", valid: "0..=8" },

@@ -45,9 +45,9 @@ Examples:
     /// Check a project, its libraries and its scenes; print every problem.
     Check(ProjectArgs),
     /// List programs, parameters, engines and what they can run.
-    #[command(after_help = "Examples:\n  curitiba list\n  curitiba list ssao")]
+    #[command(after_help = "Examples:\n  curitiba list\n  curitiba list ssao\n  curitiba list gtao")]
     List {
-        /// Describe one ray program and print a pass to paste into a project.
+        /// Describe one program and print a pass to paste into a project.
         program: Option<String>,
     },
     /// Describe scene files, convert them, or generate the square.

@@ -1,6 +1,7 @@
 //! Projects and material libraries: what loads, and what is said of what does not.
 
 mod dialects;
+mod effects;
 mod errors;
 mod passes;
 mod real;

@@ -21,7 +21,7 @@ fn classes_must_be_known() {
         "class=\"default\"",
         "class=\"@depthmap\"",
         "pass `gbuffer` is of class `depthmap`",
-        "default, optix, quad, rt",
+        "default, effect, optix, quad, rt",
     );
     wrong_raster(
         "class=\"default\"",
@@ -102,7 +102,7 @@ fn depth_state_and_targets_without_colour_are_refused() {
 #[test]
 fn attributes_of_passes_must_be_known() {
     let message = "a pass of class `default` reads no parameter `samples`";
-    wrong_raster("name=\"gbuffer\"", "name=\"gbuffer\" @samples=4", message, "ray passes");
+    wrong_raster("name=\"gbuffer\"", "name=\"gbuffer\" @samples=4", message, "ray and effect passes");
     wrong_raster(
         "name=\"gbuffer\"",
         "name=\"gbuffer\" @clas=4",
