@@ -43,6 +43,7 @@ pub mod ssao;
 mod surface;
 
 pub use material::{AlphaTested, Coverage, Opaque};
+pub use occlusion::SHADOWED;
 pub use optics::{Interface, fresnel, reflect};
 
 use crate::sampling::HemisphereSampler;

@@ -10,7 +10,7 @@ use glam::{DMat4, DVec3, DVec4, Vec2, Vec3};
 pub const FACES: usize = 6;
 
 /// By face: the directions to its middle, to the right, and down.
-const AXES: [[Vec3; 3]; FACES] = [
+pub(crate) const AXES: [[Vec3; 3]; FACES] = [
     [Vec3::X, Vec3::NEG_Z, Vec3::NEG_Y],
     [Vec3::NEG_X, Vec3::Z, Vec3::NEG_Y],
     [Vec3::Y, Vec3::X, Vec3::Z],

@@ -1,0 +1,70 @@
+// Shadows of a directional light from a depth map: `raster::effects::shadow`.
+
+struct Params {
+    // World to texels: x right and y down from the top left corner of the map, z the depth.
+    map_from_world: mat4x4<f32>,
+    // Texels a side.
+    map_size: i32,
+    // Texels on each side of the middle one that a test averages.
+    reach: i32,
+    // Depth bias for a slope of 1.
+    slope_bias: f32,
+    // Depth bias that is always there.
+    rounding_bias: f32,
+    // 0 where nothing can cast a shadow, and there is no map.
+    has_map: u32,
+}
+
+@group(1) @binding(3) var shadow_map: texture_depth_2d;
+
+fn compute(pixel: vec2<u32>) -> vec4<f32> {
+    let position = textureLoad(position_buffer, pixel, 0);
+    if params.has_map == 0u || !(position.w > 0.0) {
+        return vec4<f32>(1.0);
+    }
+    let share = lit_share(position.xyz, position.w);
+    return vec4<f32>(vec3<f32>(SHADOWED + (1.0 - SHADOWED) * share), 1.0);
+}
+
+fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
+    let place = (params.map_from_world * vec4<f32>(position, 1.0)).xyz;
+    let at = place.xy - 0.5;
+    // Also where the place is not a number.
+    if !(all(abs(at) < vec2<f32>(1e6)) && abs(place.z) < LARGEST) {
+        return 1.0;
+    }
+    let cos = min(cosine, 1.0);
+    let slope = min(sqrt(1.0 - cos * cos) / cos, MAX_SLOPE);
+    let depth = place.z + (params.slope_bias * slope + params.rounding_bias);
+    let corner = floor(at);
+    let last_share = at - corner;
+    let first = vec2<i32>(corner) - params.reach;
+    let width = 2 * params.reach + 2;
+    var lit = 0.0;
+    for (var row = 0; row < width; row++) {
+        var lit_in_row = 0.0;
+        for (var column = 0; column < width; column++) {
+            let texel = first + vec2<i32>(column, row);
+            let inside = all(texel >= vec2<i32>(0)) && all(texel < vec2<i32>(params.map_size));
+            // Texels outside are empty: the far plane.
+            var stored = -1e9;
+            if inside {
+                stored = textureLoad(shadow_map, texel, 0);
+            }
+            if depth >= stored {
+                lit_in_row += weight(column, width, last_share.x);
+            }
+        }
+        lit += lit_in_row * weight(row, width, last_share.y);
+    }
+    let side = f32(2 * params.reach + 1);
+    return min(lit / (side * side), 1.0);
+}
+
+// What of a texel the filter's square covers, in one of its directions.
+fn weight(index: i32, width: i32, last_share: f32) -> f32 {
+    if index == 0 {
+        return 1.0 - last_share;
+    }
+    return select(1.0, last_share, index + 1 == width);
+}
