@@ -13,6 +13,7 @@ fn main() -> ExitCode {
         Command::Plan(args) => cli::plan::run(&args),
         Command::Check(args) => cli::check::run(&args),
         Command::List { program } => cli::list::run(program.as_deref()),
+        Command::Report(args) => cli::report::run(&args),
         Command::Scene(args) => cli::scene::run(&args),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Cli::command(), "curitiba", &mut std::io::stdout());

@@ -7,6 +7,7 @@ pub mod list;
 pub mod plan;
 mod progress;
 pub mod render;
+pub mod report;
 pub mod scene;
 mod table;
 

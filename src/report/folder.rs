@@ -60,6 +60,15 @@ impl Folder {
         self.staging.path()
     }
 
+    /// A temporary folder on the same disk for what is needed meanwhile.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn scratch(&self) -> io::Result<tempfile::TempDir> {
+        let parent = self.path().parent().unwrap_or(Path::new("."));
+        tempfile::Builder::new().prefix(".curitiba-scratch-").tempdir_in(parent)
+    }
+
     /// Writes a file of the report; `name` is relative, with `/`.
     ///
     /// # Errors
