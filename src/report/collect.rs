@@ -4,7 +4,8 @@ use super::folder::{Folder, FolderError};
 use super::model::{Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting};
 use super::plan::{self, Entry, Stage, TimePlan, Wanted};
 use super::{Told, scale};
-use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, Unavailable};
+use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, ThesisFigure, Unavailable};
+use crate::bench::table2::{self, TableRow};
 use crate::bench::{Case, MeasureOptions, measure};
 use crate::environment::Environment;
 use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
@@ -128,7 +129,7 @@ impl<'a> Collector<'a> {
                 format: FORMAT,
                 command: request.command.clone(),
                 started_unix_s: now.as_secs(),
-                environment: Environment::here(),
+                environment: Environment::probe(Choice { raster: request.raster, backend: BackendChoice::Cpu }),
                 frames: wanted.frames().0,
                 warmup: 1,
                 complete: false,
@@ -285,6 +286,7 @@ impl<'a> Collector<'a> {
             // A scene without a view of the panes shows the same twice.
             return Ok(());
         }
+        row.thesis = figure_of_2014(entry, &row);
         row.error = self.judge(entry, &case, &row, &picture, observer);
         if entry.in_table {
             self.table.push(row.key.clone());
@@ -356,7 +358,7 @@ impl<'a> Collector<'a> {
         });
         section.settings.push(Setting { row: row.key.clone(), series, value });
         let Some((role, label)) = &entry.picture else { return Ok(()) };
-        let mut save = |name: &str, image: &Image| -> Result<String, FolderError> {
+        let save = |name: &str, image: &Image| -> Result<String, FolderError> {
             let file = format!("pictures/{}-{name}.png", effect.id());
             let path = folder.path().join(&file);
             write_png(&path, image).map_err(|error| FolderError::Io { path, error })?;
@@ -406,6 +408,14 @@ impl<'a> Collector<'a> {
             scalings,
         }
     }
+}
+
+/// The figure of the report that the projects come from, where it has the same row.
+fn figure_of_2014(entry: &Entry, row: &BenchRow) -> Option<ThesisFigure> {
+    let samples = row.set.iter().find_map(|set| set.strip_prefix("pass2.samples=")?.parse::<u32>().ok());
+    let same = |known: &&TableRow| known.project == entry.file && known.view == row.view && known.samples == samples;
+    let figure = table2::ROWS.iter().find(same).map(|known| known.figure(row));
+    figure.filter(|_| entry.in_table)
 }
 
 fn pixels([width, height]: [u32; 2]) -> f64 {

@@ -264,7 +264,7 @@ fn figures_of_2014(rows: &[&BenchRow]) -> Markup {
         @if let Some(thesis) = thesis {
             p.note {
                 "The column “2014” has the figures of the report that the projects come from, measured on "
-                (thesis.machine) "; the ratio is its time divided by ours."
+                (thesis.machine) "; the ratio is its time divided by ours, and is given where the sizes are the same."
             }
         }
     }

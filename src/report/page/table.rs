@@ -57,7 +57,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                             (number(row.peak_memory_bytes.map(|held| held as f64), |held| bytes(held as u64)))
                             @if thesis {
                                 (number(row.thesis.as_ref().map(|thesis| thesis.frame_ms), significant))
-                                (number(row.thesis.as_ref().map(|thesis| thesis.ratio), significant))
+                                (number(row.thesis.as_ref().and_then(|thesis| thesis.ratio), significant))
                             }
                             (reference(row))
                         }
