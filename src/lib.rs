@@ -24,6 +24,7 @@
 pub mod bench;
 pub mod engines;
 pub mod environment;
+pub mod reference;
 pub mod report;
 
 pub use curitiba_passes as passes;

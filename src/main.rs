@@ -15,6 +15,7 @@ fn main() -> ExitCode {
         Command::List { program } => cli::list::run(program.as_deref()),
         Command::Report(args) => cli::report::run(&args),
         Command::Scene(args) => cli::scene::run(&args),
+        Command::Bench(args) => cli::bench::run(&args),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Cli::command(), "curitiba", &mut std::io::stdout());
             Ok(())

@@ -1,5 +1,6 @@
 //! The arguments of the command line; help and completions come from here.
 
+use super::bench_args::BenchArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
@@ -58,6 +59,19 @@ Examples:
   curitiba scene model.glb -o model.nbo
   curitiba scene --generate 1000000 -o square/")]
     Scene(SceneArgs),
+    /// Measure what each effect costs per frame, and its error against a reference.
+    #[command(after_help = "\
+Examples:
+  curitiba bench xml_projects/SceneFinal.xml --camera MainCamera --camera Vidro --json final.json
+  curitiba bench --table2 --json table2.json --markdown table2.md
+  curitiba bench --table2 --json table2.json --resume
+  curitiba bench xml_projects/SceneSSAO.xml --sweep samples=1,4,9,16 --size 512x512
+  curitiba bench xml_projects/SceneShadows.xml --compare cpu,wgpu
+
+A row's error is of its window picture, in linear values, against a reference that this program renders itself:
+in f64 where there is no noise, else with as many samples as it takes for an error of its own that is ten times
+below the row's. References are kept and used again.")]
+    Bench(Box<BenchArgs>),
     /// Measure every effect by raster and by rays on this machine, and write a page about it.
     #[command(
         long_about = "\
@@ -252,13 +266,13 @@ impl ProjectArgs {
     }
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
+pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let wrong = || format!("`{text}` is not WIDTHxHEIGHT, such as 1024x1024");
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
     Ok([width.trim().parse().map_err(|_| wrong())?, height.trim().parse().map_err(|_| wrong())?])
 }
 
-fn parse_bytes(text: &str) -> Result<u64, String> {
+pub fn parse_bytes(text: &str) -> Result<u64, String> {
     let wrong = || format!("`{text}` is not a number of bytes, such as 512MiB or 8GiB");
     let digits = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);

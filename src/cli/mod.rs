@@ -1,6 +1,9 @@
 //! The verbs of the command line, one module each, and what they share.
 
 pub mod args;
+pub mod bench;
+mod bench_args;
+mod bench_table;
 pub mod check;
 mod failure;
 pub mod list;

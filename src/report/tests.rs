@@ -319,35 +319,3 @@ fn plots_survive_a_single_row_equal_values_and_an_exact_picture() {
     assert!(plots::speed_against_error(&data, &data.sections[0]).is_none());
     assert!(plots::scaling_plot(&data, &data.scalings[0]).is_none());
 }
-
-#[test]
-fn zz_sample() {
-    let Ok(folder) = std::env::var("SAMPLE") else { return };
-    let mut data = report(71.0, (260.0, against(0.0006)), (130.0, against(0.02)));
-    for (i, (side, ms, e)) in [(512, 95.0, 0.06), (1024, 110.0, 0.035), (4096, 210.0, 0.013)].into_iter().enumerate() {
-        for pcf in 0..2 {
-            let key = format!("shadow map {side} pcf {pcf}");
-            let r = row(&key, "shadows", Technique::Raster, ms * (1.0 + pcf as f64 * 0.2), against(e * (1.1 - pcf as f64 * 0.2)));
-            data.sections[0].settings.push(Setting { row: key.clone(), series: format!("shadow map, pcf {pcf}"), value: format!("{side}") });
-            data.bench.rows.push(r);
-            let _ = i;
-        }
-    }
-    for (n, ms, e) in [(1, 100.0, 0.2), (4, 180.0, 0.1), (16, 400.0, 0.03), (100, 2400.0, 0.004)] {
-        let key = format!("{n} samples");
-        data.bench.rows.push(row(&key, "shadows", Technique::Rays, ms, against(e)));
-        data.sections[0].settings.push(Setting { row: key.clone(), series: "rays, Sobol".into(), value: format!("{n} rays") });
-    }
-    let mut keys = vec![];
-    for (n, ms) in [(10_000u64, 40.0), (100_000, 80.0), (1_000_000, 300.0), (10_000_000, 1900.0)] {
-        let mut r = row(&format!("t{n}"), "none", Technique::None, ms, missing());
-        r.triangles = n;
-        keys.push(r.key.clone());
-        data.bench.rows.push(r);
-    }
-    data.scalings[0].series[0].rows = keys;
-    let page = page::build(&data);
-    std::fs::create_dir_all(format!("{folder}/plots")).unwrap();
-    std::fs::write(format!("{folder}/index.html"), page.html).unwrap();
-    for (n, s) in page.plots { std::fs::write(format!("{folder}/plots/{n}"), s).unwrap(); }
-}
