@@ -96,8 +96,8 @@ pub(super) struct Collector<'a> {
     judges: HashMap<(String, String), Case>,
     /// By project and view: weight, pixels, triangles and frame time of the last row.
     known: HashMap<(String, bool), Known>,
-    /// Dearest setup seen, milliseconds a triangle.
-    setup_ms: f64,
+    /// Setup of the last row, milliseconds a triangle: without an acceleration structure, and with one.
+    setup_ms: [f64; 2],
     done: usize,
     to_do: usize,
 }
@@ -147,7 +147,7 @@ impl<'a> Collector<'a> {
             sections: HashMap::new(),
             judges: HashMap::new(),
             known: HashMap::new(),
-            setup_ms: 0.0,
+            setup_ms: [0.0; 2],
             done: 0,
             to_do: 0,
         }
@@ -239,14 +239,15 @@ impl<'a> Collector<'a> {
         let (most, slot_ms) = self.request.wanted.frames();
         let frames = plan::frames(expected_ms, slot_ms, most);
         let warmup = self.file.warmup;
-        let setup_s = self.setup_ms * triangles / 1e3;
+        let traces = usize::from(entry.technique == Technique::Rays);
+        let setup_s = self.setup_ms[traces] * triangles / 1e3;
         self.time().admit(place.stage, f64::from(frames + warmup) * expected_ms / 1e3 + setup_s)?;
         told(Told { label: &entry.label, done: self.done - 1, of: self.to_do, time: self.time() });
         let measured =
             measure(&case, &MeasureOptions { frames, warmup }, observer).map_err(|error| error.to_string())?;
         let row = measured.row;
         let setup: f64 = row.setup.iter().map(|step| step.host.median).sum();
-        self.setup_ms = self.setup_ms.max(setup / (row.triangles.max(1) as f64));
+        self.setup_ms[traces] = setup / (row.triangles.max(1) as f64);
         if self.scene.triangles == 0 && place.triangles.is_none() {
             let plan = measured.renderer.plan();
             let files = plan.project.scenes.iter().flat_map(|scene| &scene.files);

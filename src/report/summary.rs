@@ -194,7 +194,7 @@ fn chosen(verdicts: &[Verdict], technique: Technique) -> Option<String> {
             Advice::Fits(candidate) if candidate.technique == technique => Some(format!(
                 "{} ({}: {}, {})",
                 verdict.effect.in_words(),
-                candidate.label,
+                setting(verdict.effect, candidate),
                 milliseconds(candidate.frame_ms),
                 cost(candidate)
             )),
@@ -203,6 +203,11 @@ fn chosen(verdicts: &[Verdict], technique: Technique) -> Option<String> {
         .collect();
     let verb = if technique == Technique::Rays { "Trace" } else { "Rasterise" };
     (!parts.is_empty()).then(|| format!("{verb} {}.", list(&parts)))
+}
+
+/// The row's label without the effect's name, where it begins with that.
+fn setting(effect: Effect, candidate: &Candidate) -> &str {
+    candidate.label.strip_prefix(effect.title()).map_or(candidate.label.as_str(), str::trim_start)
 }
 
 /// The error in words.
@@ -224,7 +229,7 @@ fn unknown_errors(verdicts: &[Verdict]) -> Option<String> {
             Advice::FitsWithUnknownError(candidate) => Some(format!(
                 "{} ({}: {}, but its error is not known: {})",
                 verdict.effect.in_words(),
-                candidate.label,
+                setting(verdict.effect, candidate),
                 milliseconds(candidate.frame_ms),
                 candidate.error.as_ref().err().map_or("no reason was given", String::as_str)
             )),
@@ -235,15 +240,17 @@ fn unknown_errors(verdicts: &[Verdict]) -> Option<String> {
 }
 
 fn nothing_fits(verdicts: &[Verdict]) -> Option<String> {
-    let describe = |candidate: &Candidate| {
-        format!("{} ({}, {})", candidate.label, milliseconds(candidate.frame_ms), cost(candidate))
-    };
     let parts: Vec<String> = verdicts
         .iter()
         .filter_map(|verdict| match &verdict.advice {
             Advice::NothingFits { cheapest, other } => {
-                let other = other.as_ref().map(|other| format!(", against {}", describe(other))).unwrap_or_default();
-                Some(format!("for {} {}{other}", verdict.effect.in_words(), describe(cheapest)))
+                let figures = |candidate: &Candidate| {
+                    format!("{}, {}", milliseconds(candidate.frame_ms), cost(candidate))
+                };
+                let by = |candidate: &Candidate| setting(verdict.effect, candidate).to_owned();
+                let other = other.as_ref().map(|other| format!("; {} {}", by(other), figures(other)));
+                let name = verdict.effect.in_words();
+                Some(format!("{name} {} ({}{})", by(cheapest), figures(cheapest), other.unwrap_or_default()))
             }
             _ => None,
         })

@@ -59,7 +59,7 @@ fn row(key: &str, effect: &str, technique: Technique, ms: f64, error: RowError) 
     }
     BenchRow {
         key: key.to_owned(),
-        label: format!("{effect}, {key}"),
+        label: format!("Shadows by {key}"),
         effect: effect.to_owned(),
         technique,
         view: "Fonte".to_owned(),
@@ -157,13 +157,13 @@ fn the_most_exact_setting_that_fits_is_chosen_and_its_error_is_told() {
     let data = report(2.0, (12.0, against(0.001)), (4.0, against(0.02)));
     assert!(matches!(advice(&data), Advice::Fits(chosen) if chosen.technique == Technique::Rays));
     let text = in_short(&data).join(" ");
-    assert!(text.contains("Trace shadows (shadows, shadow <rays>: 12.0 ms, RMSE 0.0010, FLIP 0.0020)."), "{text}");
+    assert!(text.contains("Trace shadows (by shadow <rays>: 12.0 ms, RMSE 0.0010, FLIP 0.0020)."), "{text}");
     assert!(text.contains("1 of 4 effects"), "{text}");
     assert!(text.contains("Not measured: reflection, refraction and ambient occlusion"), "{text}");
 
     let data = report(2.0, (17.0, against(0.001)), (4.0, against(0.02)));
     assert!(matches!(advice(&data), Advice::Fits(chosen) if chosen.technique == Technique::Raster));
-    assert!(in_short(&data).join(" ").contains("Rasterise shadows (shadows, shadow map: 4.00 ms, RMSE 0.020"));
+    assert!(in_short(&data).join(" ").contains("Rasterise shadows (by shadow map: 4.00 ms, RMSE 0.020"));
 }
 
 #[test]
@@ -181,8 +181,7 @@ fn where_nothing_fits_the_cheapest_is_named_with_the_other_technique_beside_it()
     let text = in_short(&data).join(" ");
     assert!(text.contains("no effect runs at 60 frames a second"), "{text}");
     assert!(text.contains("the frame without any effect takes 71.0 ms already"), "{text}");
-    assert!(text.contains("for shadows shadows, shadow map (130 ms, RMSE 0.020"), "{text}");
-    assert!(text.contains("against shadows, shadow <rays> (260 ms"), "{text}");
+    assert!(text.contains("shadows by shadow map (130 ms, RMSE 0.020, FLIP 0.040; by shadow <rays> 260 ms"), "{text}");
 }
 
 #[test]

@@ -85,6 +85,7 @@ pub fn scaling_plot(data: &ReportData, scaling: &Scaling) -> Option<Plot> {
         legend(root, &entries, &places, (70, 8))?;
         let (_, body) = root.split_vertically(height + 10);
         let mut chart = ChartBuilder::on(&body)
+            .margin_left(10)
             .margin_right(28)
             .margin_top(6)
             .x_label_area_size(46)

@@ -51,6 +51,7 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
         legend(root, &entries, &places, (70, 8))?;
         let (_, body) = root.split_vertically(height + 10);
         let mut chart = ChartBuilder::on(&body)
+            .margin_left(10)
             .margin_right(24)
             .margin_top(6)
             .x_label_area_size(46)
