@@ -116,6 +116,7 @@ fn a_folder_without_projects_is_named_and_nothing_is_left_behind() {
     let empty = report(place.path(), &["-o", "out", "empty", "--raster", "cpu"]);
     assert_eq!(empty.status.code(), Some(3));
     assert!(text(&empty.stderr).contains("SceneNoEffects.xml"), "{}", text(&empty.stderr));
-    let left: Vec<_> = std::fs::read_dir(place.path()).expect("a folder").map(|e| e.expect("an entry").path()).collect();
+    let left: Vec<_> =
+        std::fs::read_dir(place.path()).expect("a folder").map(|e| e.expect("an entry").path()).collect();
     assert_eq!(left, [place.path().join("empty")]);
 }

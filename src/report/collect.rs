@@ -313,7 +313,10 @@ impl<'a> Collector<'a> {
         let first = !self.judges.contains_key(&judge);
         if first {
             if entry.technique == Technique::Raster {
-                return RowError::Missing(format!("{} by rays, whose reference is needed, was not measured", entry.effect));
+                return RowError::Missing(format!(
+                    "{} by rays, whose reference is needed, was not measured",
+                    entry.effect
+                ));
             }
             // Exact references trace in f64; converged ones two pictures of 256 samples.
             let per_sample = row.frame.median / entry.weight.max(1.0);
@@ -390,6 +393,7 @@ impl<'a> Collector<'a> {
             let mean = map.values.iter().sum::<f64>() / (map.values.len().max(1) as f64);
             let file = save(&format!("{role}-flip"), &heat_map(&map))?;
             section.flip_maps.push(FlipMap { label: label.clone(), file, size: row.size, mean });
+            section.flip_maps.sort_by_key(|map| map.file.contains("-rays-"));
         }
         Ok(())
     }

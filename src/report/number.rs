@@ -112,13 +112,14 @@ mod tests {
 
     #[test]
     fn times_and_errors_keep_their_significant_digits() {
-        assert_eq!(["0.001", "0.870", "1.00", "16.7", "100", "2354"].map(str::to_owned), [
-            0.001, 0.87, 0.9996, 16.67, 99.96, 2354.3
-        ]
-        .map(significant));
-        assert_eq!([0.0, 0.0123, 0.5, 0.000_012, 0.000_95, 12.0].map(error), [
-            "0", "0.012", "0.50", "1.2e-5", "0.00095", "12"
-        ]);
+        assert_eq!(
+            ["0.001", "0.870", "1.00", "16.7", "100", "2354"].map(str::to_owned),
+            [0.001, 0.87, 0.9996, 16.67, 99.96, 2354.3].map(significant)
+        );
+        assert_eq!(
+            [0.0, 0.0123, 0.5, 0.000_012, 0.000_95, 12.0].map(error),
+            ["0", "0.012", "0.50", "1.2e-5", "0.00095", "12"]
+        );
         assert_eq!((significant(f64::NAN), error(f64::INFINITY)), ("–".to_owned(), "–".to_owned()));
     }
 

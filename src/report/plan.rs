@@ -248,7 +248,11 @@ fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entr
         stage,
         panes,
         set,
-        label: format!("{} by {series}, {value}{}", effect.title(), if effect == Effect::Occlusion { "" } else { " wide" }),
+        label: format!(
+            "{} by {series}, {value}{}",
+            effect.title(),
+            if effect == Effect::Occlusion { "" } else { " wide" }
+        ),
         picture: other.is_none().then(|| (role, format!("Raster: {series}, {value} {unit}"))),
         setting: Some((series, value)),
         in_table,

@@ -13,11 +13,8 @@ use std::path::Path;
 use std::time::Instant;
 
 fn empty(lines: &[Entry]) -> Vec<ScalingSeries> {
-    let series = |line: &Entry| ScalingSeries {
-        label: line.label.clone(),
-        technique: line.technique,
-        rows: Vec::new(),
-    };
+    let series =
+        |line: &Entry| ScalingSeries { label: line.label.clone(), technique: line.technique, rows: Vec::new() };
     lines.iter().map(series).collect()
 }
 
@@ -56,8 +53,11 @@ pub(super) fn by_triangles(
         let room = memory_left().map_or(collector.request.max_memory, |left| left.min(collector.request.max_memory));
         if plan::peak_bytes(triangles) > room {
             let bytes = super::number::bytes;
-            let why =
-                format!("left out: it needs about {}, and {} are free", bytes(plan::peak_bytes(triangles)), bytes(room));
+            let why = format!(
+                "left out: it needs about {}, and {} are free",
+                bytes(plan::peak_bytes(triangles)),
+                bytes(room)
+            );
             collector.miss(&name, why);
             continue;
         }

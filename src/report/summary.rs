@@ -102,7 +102,8 @@ pub fn advise(candidates: &[Candidate], limit_ms: f64) -> Advice {
     if let Some((best, _)) = best {
         return Advice::Fits(best.clone());
     }
-    let fastest = |of: &mut dyn Iterator<Item = &Candidate>| of.min_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms)).cloned();
+    let fastest =
+        |of: &mut dyn Iterator<Item = &Candidate>| of.min_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms)).cloned();
     if let Some(fastest) = fastest(&mut fits()) {
         return Advice::FitsWithUnknownError(fastest);
     }
@@ -240,13 +241,19 @@ fn unknown_errors(verdicts: &[Verdict]) -> Option<String> {
 }
 
 fn nothing_fits(verdicts: &[Verdict]) -> Option<String> {
+    // FLIP stands in the table: a sentence with eight pairs of errors is not read.
+    let figures = |candidate: &Candidate| {
+        let quality = match &candidate.error {
+            Ok(quality) if quality.rmse == 0.0 => "no error".to_owned(),
+            Ok(quality) => format!("RMSE {}", error(quality.rmse)),
+            Err(_) => "error unknown".to_owned(),
+        };
+        format!("{}, {quality}", milliseconds(candidate.frame_ms))
+    };
     let parts: Vec<String> = verdicts
         .iter()
         .filter_map(|verdict| match &verdict.advice {
             Advice::NothingFits { cheapest, other } => {
-                let figures = |candidate: &Candidate| {
-                    format!("{}, {}", milliseconds(candidate.frame_ms), cost(candidate))
-                };
                 let by = |candidate: &Candidate| setting(verdict.effect, candidate).to_owned();
                 let other = other.as_ref().map(|other| format!("; {} {}", by(other), figures(other)));
                 let name = verdict.effect.in_words();

@@ -195,6 +195,10 @@ def look(browser, folder, shots):
     browser.size(1280, 900)
     browser.scheme("light", "print")
     check("printed pictures stand side by side", browser.run(side_by_side))
+    if shots:
+        browser.size(794, 1123)
+        (shots / "printed.png").write_bytes(browser.picture())
+        browser.size(1280, 900)
     browser.scheme("light")
     check("on the screen they do not", not browser.run(side_by_side))
     if shots:
@@ -206,7 +210,8 @@ def look(browser, folder, shots):
     asked = set()
     for entry in browser.log("performance"):
         message = json.loads(entry["message"])["message"]
-        if message["method"] == "Network.requestWillBeSent":
+        # The browser's own start page asks for things too.
+        if message["method"] == "Network.requestWillBeSent" and message["params"]["documentURL"] == page:
             asked.add(message["params"]["request"]["url"])
     outside = [url for url in asked if not url.startswith(("file:", "data:"))]
     check("requests were seen", any(url.endswith(".png") for url in asked), asked)

@@ -25,7 +25,7 @@ pub fn section(data: &ReportData, section: &Section, plots: &mut Plots) -> Marku
                 plots::speed_against_error(data, section),
                 &html! {
                     "Every mark is one setting; the line joins those that no other beats in both speed and error (the Pareto "
-                    "front), and they are named where there is room. Marks on the lowest edge have no measurable error."
+                    "front), and they are named where there is room."
                 },
                 "No setting of this effect has both a time and an error.",
             ))
@@ -38,7 +38,7 @@ pub fn section(data: &ReportData, section: &Section, plots: &mut Plots) -> Marku
             h3 { "Where the time goes" }
             (plots.figure(
                 &format!("{id}-frames"),
-                plots::frame_bars(&format!("{}: median time of each step of a frame", section.effect.title()), &rows),
+                plots::frame_bars(&format!("{}: median time of each step of a frame", section.effect.title()), &rows, section.effect.title()),
                 &html! { "Median host time of each step. The figure at the end of a bar is the median of the whole frame." },
                 "No setting of this effect was measured.",
             ))

@@ -115,13 +115,20 @@ fn top(data: &ReportData) -> Markup {
                 div { dt { "Date" } dd { (date(data.bench.started_unix_s)) ", took " (duration(data.took_s)) } }
                 div { dt { "Command" } dd { code { (data.bench.command) } } }
             }
+            (busy(data))
         }
     }
 }
 
 /// Every field of the environment, under the name that a reader knows it by.
 fn facts(data: &ReportData) -> Vec<(String, String)> {
-    let Ok(serde_json::Value::Object(fields)) = serde_json::to_value(&data.bench.environment) else { return Vec::new() };
+    const ORDER: [&str; 10] =
+        ["cpu", "threads", "gpu", "driver", "platform", "version", "commit", "profile", "flags", "load_average"];
+    let Ok(serde_json::Value::Object(fields)) = serde_json::to_value(&data.bench.environment) else {
+        return Vec::new();
+    };
+    let mut fields: Vec<_> = fields.into_iter().collect();
+    fields.sort_by_key(|(name, _)| ORDER.iter().position(|known| known == name).unwrap_or(ORDER.len()));
     let title = |field: &str| match field {
         "cpu" => "Processor".to_owned(),
         "gpu" | "gpus" => "Graphics processor".to_owned(),
@@ -150,6 +157,21 @@ fn words(value: &serde_json::Value) -> String {
             fields.iter().map(|(name, value)| format!("{name} {}", words(value))).collect::<Vec<_>>().join(", ")
         }
         number @ serde_json::Value::Number(_) => number.to_string(),
+    }
+}
+
+/// A caution where other programs ran beside the measurements.
+fn busy(data: &ReportData) -> Markup {
+    let environment = &data.bench.environment;
+    let others = environment.load_average.filter(|load| *load > environment.threads as f64 * 0.5);
+    html! {
+        @if let Some(load) = others {
+            p.note {
+                strong { "Other programs were at work: " }
+                "the load average was " (super::number::significant(load)) " on " (environment.threads)
+                " threads when the report began. An idle machine is faster, and its times vary less."
+            }
+        }
     }
 }
 
@@ -249,7 +271,7 @@ fn effects(data: &ReportData, plots: &mut Plots) -> Markup {
             h3 { "Where a frame’s time goes: no effect, and all together" }
             (plots.figure(
                 "frames",
-                plots::frame_bars("Median time of each step of a frame", &whole),
+                plots::frame_bars("Median time of each step of a frame", &whole, ""),
                 &html! { "Median host time of each step. The figure at the end of a bar is the median of the whole frame." },
                 "No such row was measured.",
             ))

@@ -23,6 +23,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
         columns.extend(["ms", "ratio"]);
     }
     columns.push("Reference");
+    let references = References::of(rows);
     html! {
         div.scroll tabindex="0" role="group" aria-label=(format!("Table: {caption}")) {
             table.sortable {
@@ -39,7 +40,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                     }
                     tr {
                         @for (index, column) in columns.iter().enumerate() {
-                            @let text = matches!(*column, "Row" | "By" | "View" | "Reference");
+                            @let text = matches!(*column, "Row" | "By" | "View");
                             th.text[text] scope="col" data-column=(index) { (column) }
                         }
                     }
@@ -59,12 +60,13 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                                 (number(row.thesis.as_ref().map(|thesis| thesis.frame_ms), significant))
                                 (number(row.thesis.as_ref().and_then(|thesis| thesis.ratio), significant))
                             }
-                            (reference(row))
+                            (references.cell(row))
                         }
                     }
                 }
             }
         }
+        (references.list())
     }
 }
 
@@ -116,16 +118,41 @@ fn errors(row: &BenchRow) -> Markup {
     }
 }
 
-fn reference(row: &BenchRow) -> Markup {
-    html! {
-        td.text.wrap {
-            @match &row.error {
-                RowError::Against { reference, own_error, .. } => {
-                    (reference)
-                    @if *own_error > 0.0 { " (its own error: " (error(*own_error)) ")" }
-                }
-                RowError::Missing(why) => span.none { (why) }
+/// What the errors of a table are against, each once: the cells have numbers.
+struct References(Vec<String>);
+
+impl References {
+    fn of(rows: &[&BenchRow]) -> Self {
+        let mut found = Vec::new();
+        for row in rows {
+            let words = Self::words(row);
+            if !found.contains(&words) {
+                found.push(words);
             }
+        }
+        Self(found)
+    }
+
+    fn words(row: &BenchRow) -> String {
+        match &row.error {
+            RowError::Against { reference, own_error, .. } if *own_error > 0.0 => {
+                format!("{reference}; its own error: {}", error(*own_error))
+            }
+            RowError::Against { reference, .. } => reference.clone(),
+            RowError::Missing(why) => format!("No error: {why}"),
+        }
+    }
+
+    fn cell(&self, row: &BenchRow) -> Markup {
+        let words = Self::words(row);
+        let index = self.0.iter().position(|known| *known == words).unwrap_or_default() + 1;
+        html! { td data-v=(index) { (index) } }
+    }
+
+    fn list(&self) -> Markup {
+        html! {
+            p.note { "References:" }
+            ol.references.note { @for words in &self.0 { li { (words) } } }
         }
     }
 }

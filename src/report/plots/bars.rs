@@ -24,10 +24,10 @@ const KINDS: [(StepKind, Ink, &str); 6] = [
     (StepKind::Quad, RAYS[1], "quad"),
 ];
 
-/// Horizontal bars of the median time of each kind of step, with the whole frame's median at the end. `None` without
-/// rows.
+/// Horizontal bars of the median time of each kind of step, with the whole frame's median at the end. What all labels
+/// begin with, `common`, is left out of them. `None` without rows.
 #[must_use]
-pub fn frame_bars(title: &str, rows: &[&BenchRow]) -> Option<Plot> {
+pub fn frame_bars(title: &str, rows: &[&BenchRow], common: &str) -> Option<Plot> {
     let most = rows.iter().map(|row| row.frame.median.max(pieces(row).iter().sum())).fold(0.0, f64::max);
     if !(most > 0.0 && most.is_finite()) {
         return None;
@@ -38,7 +38,8 @@ pub fn frame_bars(title: &str, rows: &[&BenchRow]) -> Option<Plot> {
         .filter(|(kind, _, _)| used(*kind))
         .map(|(_, ink, label)| Entry { mark: Mark::Square, ink: *ink, label: (*label).to_owned() })
         .collect();
-    let labels: Vec<String> = rows.iter().map(|row| shorten(&row.label)).collect();
+    let labels: Vec<String> =
+        rows.iter().map(|row| shorten(row.label.strip_prefix(common).unwrap_or(&row.label).trim_start())).collect();
     let names = labels.iter().map(|label| text_width(label, FONT)).max().unwrap_or(0) + 12;
     let (places, legend_height) = lay_out(&entries, WIDTH as i32 - names - 16);
     let height = legend_height + 10 + PITCH * rows.len() as i32 + 46;
@@ -94,7 +95,7 @@ fn pieces(row: &BenchRow) -> [f64; KINDS.len()] {
 }
 
 fn shorten(label: &str) -> String {
-    const LONGEST: usize = 40;
+    const LONGEST: usize = 44;
     if label.chars().count() <= LONGEST {
         return label.to_owned();
     }

@@ -36,14 +36,21 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
             entries.push(Entry { mark: Mark::of(entries.len()), ink, label: setting.series.clone() });
             entries.len() - 1
         });
-        points.push(Point { series, value: setting.value.clone(), frame_ms: row.frame.median, error });
+        let value = if error == 0.0 { format!("{}: no error", setting.value) } else { setting.value.clone() };
+        points.push(Point { series, value, frame_ms: row.frame.median, error });
     }
-    // Errors of zero have no place on a logarithmic axis: they stand on its lower end.
+    // Errors of zero have no place on a logarithmic axis: they stand below its least tick, and say what they are.
     let least = points.iter().map(|point| point.error).filter(|error| *error > 0.0).fold(f64::INFINITY, f64::min);
-    let floor = if least.is_finite() { least.min(if own_error > 0.0 { own_error } else { least }) / 2.0 } else { 1e-6 };
+    let least = if least.is_finite() { least } else { 1e-5 };
+    let exact = points.iter().any(|point| point.error == 0.0);
+    let lowest = if own_error > 0.0 { least.min(own_error) } else { least };
+    let floor = lowest / if exact { 4.0 } else { 1.5 };
     let limit = points.iter().any(|point| point.frame_ms < FRAME_60_MS * 6.0).then_some(FRAME_60_MS);
     let x = LogAxis::around(points.iter().map(|point| point.frame_ms).chain(limit))?;
-    let y = LogAxis::around(points.iter().map(|point| point.error.max(floor)).chain(Some(floor)))?;
+    let mut y = LogAxis::around(points.iter().map(|point| point.error.max(floor)).chain(Some(floor)))?;
+    if exact {
+        y.ticks.retain(|tick| *tick > floor.log10() + 0.3);
+    }
     let front = pareto_front(&points.iter().map(|point| (point.frame_ms, point.error)).collect::<Vec<_>>());
     let title = format!("{}: error against frame time", section.effect.title());
     draw(SIZE, &title, |root| {
@@ -98,7 +105,8 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
             root.draw_text("error of the reference itself", &style, (px - 4, py - 3))?;
         }
         let (width, bottom) = (SIZE.0 as i32, pixel((x.range.0, y.range.0)).1);
-        let named: Vec<_> = points.iter().zip(&marks).zip(&front).filter(|(_, on)| **on).map(|(named, _)| named).collect();
+        let named: Vec<_> =
+            points.iter().zip(&marks).zip(&front).filter(|(_, on)| **on).map(|(named, _)| named).collect();
         label(root, &named, &marks, width, bottom)
     })
 }
