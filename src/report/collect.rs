@@ -400,7 +400,7 @@ impl<'a> Collector<'a> {
 
     fn finish(mut self, scalings: Vec<Scaling>) -> ReportData {
         let took_s = self.start.elapsed().as_secs_f64();
-        self.file.complete = self.file.unavailable.iter().all(|missing| !missing.why.starts_with("left out: it would"));
+        self.file.complete = self.file.unavailable.iter().all(|missing| !missing.why.starts_with(plan::OUT_OF_TIME));
         ReportData {
             scene: self.scene,
             size: self.request.wanted.size,

@@ -275,7 +275,7 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
             let others: Vec<_> = pairs.into_iter().filter(|pair| *pair != (2048, 1)).collect();
             every(by_raster[0], &others)
         }
-        Effect::Reflection | Effect::Refraction if quick => every(by_raster[0], &[(128, 0), (1024, 0)]),
+        Effect::Reflection | Effect::Refraction if quick => every(by_raster[0], &[(128, 0), (256, 0)]),
         Effect::Reflection | Effect::Refraction => every(by_raster[0], &[(128, 0), (256, 0), (1024, 0), (2048, 0)]),
         Effect::Occlusion => {
             let pairs: &[(u32, u32)] =
@@ -322,6 +322,9 @@ pub fn scaling_name(against: Against, amount: u64) -> String {
     }
 }
 
+/// How the reason begins where something is left out for lack of time.
+pub const OUT_OF_TIME: &str = "left out: it would take";
+
 /// The time: what is allowed and what is spent, seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimePlan {
@@ -349,10 +352,9 @@ impl TimePlan {
         }
         let plural = |seconds: f64| format!("{} s", super::number::significant(seconds));
         Err(format!(
-            "left out: it would take about {}, and {} are left for this part of the {} allowed",
+            "{OUT_OF_TIME} about {}, and {} were left for this part of the report",
             plural(expected_s),
-            plural(left),
-            super::number::duration(self.total_s)
+            plural(left)
         ))
     }
 }

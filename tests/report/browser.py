@@ -195,6 +195,9 @@ def look(browser, folder, shots):
     browser.size(1280, 900)
     browser.scheme("light", "print")
     check("printed pictures stand side by side", browser.run(side_by_side))
+    browser.size(700, 1000)
+    check("printed tables fit on the paper", browser.run(overflow) <= 0, browser.run(overflow))
+    browser.size(1280, 900)
     if shots:
         browser.size(794, 1123)
         (shots / "printed.png").write_bytes(browser.picture())

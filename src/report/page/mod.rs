@@ -5,6 +5,7 @@ mod table;
 
 use super::model::{Against, Effect, ReportData};
 use super::number::{date, duration, error, grouped, milliseconds};
+use super::plan::OUT_OF_TIME;
 use super::plots::{self, Plot};
 use super::summary::{self, Advice, Candidate, FRAME_60_MS, Verdict};
 use crate::bench::model::{BenchRow, Technique};
@@ -242,13 +243,25 @@ fn advice(verdict: &Verdict) -> Markup {
 }
 
 fn missing(data: &ReportData) -> Markup {
+    let (late, other): (Vec<_>, Vec<_>) =
+        data.bench.unavailable.iter().partition(|entry| entry.why.starts_with(OUT_OF_TIME));
     html! {
         @if !data.bench.unavailable.is_empty() {
             section aria-labelledby="missing" {
                 h2 id="missing" { "What is missing" }
                 p { "Nothing below was replaced by something else; it is absent from the tables and plots." }
                 ul.missing {
-                    @for entry in &data.bench.unavailable { li { strong { (entry.what) } ": " (entry.why) } }
+                    @for entry in &other { li { strong { (entry.what) } ": " (entry.why) } }
+                }
+                @if !late.is_empty() {
+                    p {
+                        "For lack of time (" (duration(data.budget_s)) " were allowed), each with what it was expected to take:"
+                    }
+                    ul.missing.late.note {
+                        @for entry in &late {
+                            li { strong { (entry.what) } ": " (entry.why.trim_start_matches(OUT_OF_TIME).trim_start()) }
+                        }
+                    }
                 }
             }
         }

@@ -41,7 +41,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                     tr {
                         @for (index, column) in columns.iter().enumerate() {
                             @let text = matches!(*column, "Row" | "By" | "View");
-                            th.text[text] scope="col" data-column=(index) { (column) }
+                            th.text[text].extra[EXTRA.contains(column)] scope="col" data-column=(index) { (column) }
                         }
                     }
                 }
@@ -55,7 +55,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                             @if device { (number(row.frame_device.as_ref().map(|stats| stats.median), significant)) }
                             @if rays { (traced(row)) }
                             (errors(row))
-                            (number(row.peak_memory_bytes.map(|held| held as f64), |held| bytes(held as u64)))
+                            (extra(row.peak_memory_bytes.map(|held| held as f64), |held| bytes(held as u64)))
                             @if thesis {
                                 (number(row.thesis.as_ref().map(|thesis| thesis.frame_ms), significant))
                                 (number(row.thesis.as_ref().and_then(|thesis| thesis.ratio), significant))
@@ -66,16 +66,30 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                 }
             }
         }
+        p.note.on-paper { "More columns are on the screen and in data.csv." }
         (references.list())
     }
 }
 
 /// A cell with the value that it is sorted by; a dash where there is none.
-pub fn number(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
+fn number(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
     html! {
         @match value {
             Some(value) => td data-v=(value) { (print(value)) },
             None => td.none data-v="" { "–" },
+        }
+    }
+}
+
+/// Columns that paper has no room for.
+const EXTRA: [&str; 5] = ["rel. MSE", "PSNR, dB", "energy", "outliers", "Memory"];
+
+/// [`number`] in one of the columns of [`EXTRA`].
+fn extra(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
+    html! {
+        @match value {
+            Some(value) => td.extra data-v=(value) { (print(value)) },
+            None => td.extra.none data-v="" { "–" },
         }
     }
 }
@@ -109,12 +123,12 @@ fn errors(row: &BenchRow) -> Markup {
     };
     html! {
         (number(found.map(|found| found.rmse), error))
-        (number(found.map(|found| found.relative_mse), error))
-        (number(found.map(|found| found.psnr), |psnr| if psnr.is_finite() { format!("{psnr:.1}") } else { "∞".to_owned() }))
+        (extra(found.map(|found| found.relative_mse), error))
+        (extra(found.map(|found| found.psnr), |psnr| if psnr.is_finite() { format!("{psnr:.1}") } else { "∞".to_owned() }))
         (number(found.map(|found| found.ssim), |ssim| format!("{ssim:.4}")))
         (number(found.map(|found| found.flip), error))
-        (number(found.map(|found| found.energy_ratio), |ratio| format!("{ratio:.4}")))
-        (number(found.map(|found| found.outliers), |share| format!("{:.2} %", share * 100.0)))
+        (extra(found.map(|found| found.energy_ratio), |ratio| format!("{ratio:.4}")))
+        (extra(found.map(|found| found.outliers), |share| format!("{:.2} %", share * 100.0)))
     }
 }
 
