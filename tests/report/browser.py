@@ -130,7 +130,11 @@ def look(browser, folder, shots):
     slider = "const box = document.querySelector('.compare'); const range = box && box.querySelector('input[type=range]');"
     check("there is a slider", browser.run(slider + "return Boolean(range) && !box.hidden"))
     clip = slider + "return getComputedStyle(box.querySelector('.over')).clipPath"
-    browser.run(slider + "box.scrollIntoView(); range.focus()")
+    # The page scrolls smoothly: places measured meanwhile would be wrong.
+    browser.run(
+        slider + "box.querySelector('.stage').scrollIntoView({behavior: 'instant', block: 'center'});"
+        "range.focus({preventScroll: true})"
+    )
     before, shown = browser.run(clip), browser.picture(False)
     for _ in range(10):
         browser.press(RIGHT)
