@@ -113,7 +113,7 @@ pub struct EngineName {
 }
 
 /// Error of a row's picture.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RowError {
     /// Measured.

@@ -1,7 +1,7 @@
 //! Carries out the plan: measures rows, compares them with references, and writes their pictures into the folder.
 
 use super::folder::{Folder, FolderError};
-use super::model::{Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting};
+use super::model::{Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting, Without};
 use super::plan::{self, Entry, Stage, TimePlan, Wanted};
 use super::{Told, scale};
 use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, ThesisFigure, Unavailable};
@@ -92,6 +92,8 @@ pub(super) struct Collector<'a> {
     references: References,
     table: Vec<String>,
     sections: HashMap<Effect, Section>,
+    /// By view: row and picture of the frame without effects.
+    plain: HashMap<String, (String, Image)>,
     /// The case whose reference all rows of an effect and view are compared with.
     judges: HashMap<(String, String), Case>,
     /// By project and view: weight, pixels, triangles and frame time of the last row.
@@ -145,6 +147,7 @@ impl<'a> Collector<'a> {
             ),
             table: Vec::new(),
             sections: HashMap::new(),
+            plain: HashMap::new(),
             judges: HashMap::new(),
             known: HashMap::new(),
             setup_ms: [0.0; 2],
@@ -293,6 +296,9 @@ impl<'a> Collector<'a> {
             self.table.push(row.key.clone());
         }
         self.show(entry, &row, &picture, folder, observer)?;
+        if entry.effect == "none" {
+            self.plain.insert(row.view.clone(), (row.key.clone(), picture));
+        }
         self.file.rows.push(row);
         Ok(())
     }
@@ -327,19 +333,27 @@ impl<'a> Collector<'a> {
             }
             self.judges.insert(judge.clone(), case.clone());
         }
-        let error = match self.references.compare(&self.judges[&judge], picture, observer) {
-            Ok(error) => error,
-            Err(error) => {
-                if first {
-                    self.judges.remove(&judge);
-                }
-                RowError::Missing(error.to_string())
-            }
-        };
+        let error = self.against(&judge, picture, observer);
+        if first && matches!(error, RowError::Missing(_)) {
+            self.judges.remove(&judge);
+        }
+        error
+    }
+
+    /// The error of a picture against the reference of an effect in a view that has one.
+    fn against(&mut self, judge: &(String, String), picture: &Image, observer: &mut dyn Observer) -> RowError {
+        let compared = self.references.compare(&self.judges[judge], picture, observer);
         for warning in self.references.take_warnings() {
             self.miss("kept references", warning);
         }
-        error
+        compared.unwrap_or_else(|error| RowError::Missing(error.to_string()))
+    }
+
+    /// What leaving an effect out costs in a view.
+    fn without(&mut self, effect: Effect, view: &str, observer: &mut dyn Observer) -> Option<Without> {
+        let judge = (effect.id().to_owned(), view.to_owned());
+        let (row, picture) = self.plain.get(view).filter(|_| self.judges.contains_key(&judge))?.clone();
+        Some(Without { row, error: self.against(&judge, &picture, observer) })
     }
 
     /// Puts the row into the section of its effect, with its picture and its FLIP map.
@@ -353,13 +367,13 @@ impl<'a> Collector<'a> {
     ) -> Result<(), FolderError> {
         let Some((series, value)) = entry.setting.clone() else { return Ok(()) };
         let Some(effect) = Effect::ALL.into_iter().find(|effect| effect.id() == entry.effect) else { return Ok(()) };
-        let section = self.sections.entry(effect).or_insert_with(|| Section {
-            effect,
-            view: row.view.clone(),
-            pictures: Vec::new(),
-            flip_maps: Vec::new(),
-            settings: Vec::new(),
-        });
+        if !self.sections.contains_key(&effect) {
+            let without = self.without(effect, &row.view, observer);
+            let (pictures, flip_maps, settings) = (Vec::new(), Vec::new(), Vec::new());
+            let section = Section { effect, view: row.view.clone(), pictures, flip_maps, without, settings };
+            self.sections.insert(effect, section);
+        }
+        let Some(section) = self.sections.get_mut(&effect) else { return Ok(()) };
         section.settings.push(Setting { row: row.key.clone(), series, value });
         let Some((role, label)) = &entry.picture else { return Ok(()) };
         let save = |name: &str, image: &Image| -> Result<String, FolderError> {

@@ -100,8 +100,19 @@ pub struct Section {
     pub pictures: Vec<Picture>,
     /// FLIP maps against the reference.
     pub flip_maps: Vec<FlipMap>,
+    /// What leaving the effect out costs; `None` where it was not measured.
+    pub without: Option<Without>,
     /// Every setting, in the order of the table.
     pub settings: Vec<Setting>,
+}
+
+/// A frame without the effect, against the effect's reference: what an effect has to be better than.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Without {
+    /// Row of the frame.
+    pub row: String,
+    /// Its error, as of a row that computes the effect.
+    pub error: RowError,
 }
 
 /// A rendered picture.

@@ -43,6 +43,13 @@ impl Quality {
 pub enum Advice {
     /// The least error of all settings that fit into the frame.
     Fits(Candidate),
+    /// What fits is no better than a frame without the effect.
+    LeaveOut {
+        /// The least error of what fits.
+        best: Candidate,
+        /// The frame without the effect.
+        without: Candidate,
+    },
     /// Something fits, but no setting that fits has an error: the fastest.
     FitsWithUnknownError(Candidate),
     /// Nothing fits.
@@ -70,7 +77,8 @@ pub struct Verdict {
 pub fn verdicts(data: &ReportData, limit_ms: f64) -> Vec<Verdict> {
     let verdict = |effect| {
         let candidates = data.section(effect).map(|section| candidates(data, section)).unwrap_or_default();
-        Verdict { effect, advice: advise(&candidates, limit_ms) }
+        let without = data.section(effect).and_then(|section| without(data, section));
+        Verdict { effect, advice: advise(&candidates, without.as_ref(), limit_ms) }
     };
     Effect::ALL.into_iter().map(verdict).collect()
 }
@@ -81,26 +89,43 @@ pub fn candidates(data: &ReportData, section: &Section) -> Vec<Candidate> {
     data.settings(section).map(|(_, row)| candidate(row)).collect()
 }
 
+/// A frame without a section's effect, as a candidate; `None` where it or its error was not measured.
+#[must_use]
+pub fn without(data: &ReportData, section: &Section) -> Option<Candidate> {
+    let without = section.without.as_ref()?;
+    let row = data.row(&without.row)?;
+    let candidate = Candidate { error: quality(&without.error), ..candidate(row) };
+    candidate.error.is_ok().then_some(candidate)
+}
+
 fn candidate(row: &BenchRow) -> Candidate {
-    let error = match &row.error {
+    let (technique, label) = (row.technique, row.label.clone());
+    Candidate { technique, label, frame_ms: row.frame.median, error: quality(&row.error) }
+}
+
+fn quality(error: &RowError) -> Result<Quality, String> {
+    match error {
         RowError::Against { own_error, comparison, .. } => {
             Ok(Quality { rmse: comparison.rmse, flip: comparison.flip, own_error: *own_error })
         }
         RowError::Missing(why) => Err(why.clone()),
-    };
-    Candidate { technique: row.technique, label: row.label.clone(), frame_ms: row.frame.median, error }
+    }
 }
 
-/// The least error among what fits, errors below the reference's own counting as equal and the faster of equals; else
-/// the fastest of what fits; else the fastest of all.
+/// The least error among what fits, errors below the reference's own counting as equal and the faster of equals, if that is
+/// better than a frame `without` the effect; else the fastest of what fits; else the fastest of all.
 #[must_use]
-pub fn advise(candidates: &[Candidate], limit_ms: f64) -> Advice {
+pub fn advise(candidates: &[Candidate], without: Option<&Candidate>, limit_ms: f64) -> Advice {
     let fits = || candidates.iter().filter(|candidate| candidate.frame_ms <= limit_ms);
     let best = fits()
         .filter_map(|candidate| Some((candidate, candidate.error.as_ref().ok()?.known())))
         .min_by(|(a, x), (b, y)| x.total_cmp(y).then(a.frame_ms.total_cmp(&b.frame_ms)));
-    if let Some((best, _)) = best {
-        return Advice::Fits(best.clone());
+    if let Some((best, error)) = best {
+        let plain = without.and_then(|without| Some((without, without.error.as_ref().ok()?.known())));
+        return match plain.filter(|(_, plain)| *plain <= error) {
+            Some((without, _)) => Advice::LeaveOut { best: best.clone(), without: without.clone() },
+            None => Advice::Fits(best.clone()),
+        };
     }
     let fastest =
         |of: &mut dyn Iterator<Item = &Candidate>| of.min_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms)).cloned();
@@ -133,6 +158,7 @@ pub fn verb(advice: &Advice) -> &'static str {
             Technique::Raster => "rasterise",
             Technique::None => "leave out",
         },
+        Advice::LeaveOut { .. } => "leave out",
         Advice::NothingFits { .. } => "nothing fits",
         Advice::NotMeasured => "not measured",
     }
@@ -146,6 +172,7 @@ pub fn in_short(data: &ReportData) -> Vec<String> {
     for technique in [Technique::Rays, Technique::Raster] {
         sentences.extend(chosen(&verdicts, technique));
     }
+    sentences.extend(left_out(&verdicts));
     sentences.extend(unknown_errors(&verdicts));
     sentences.extend(nothing_fits(&verdicts));
     sentences.extend(together(data, &verdicts));
@@ -221,6 +248,25 @@ fn cost(candidate: &Candidate) -> String {
         Ok(quality) => format!("RMSE {}, FLIP {}", error(quality.rmse), error(quality.flip)),
         Err(_) => "error unknown".to_owned(),
     }
+}
+
+/// "Leave out …: what fits is no better than nothing."
+fn left_out(verdicts: &[Verdict]) -> Option<String> {
+    let parts: Vec<String> = verdicts
+        .iter()
+        .filter_map(|verdict| match &verdict.advice {
+            Advice::LeaveOut { best, without } => Some(format!(
+                "{}, since the best that fits ({}: {}, {}) is no nearer to the reference than a frame without it ({})",
+                verdict.effect.in_words(),
+                setting(verdict.effect, best),
+                milliseconds(best.frame_ms),
+                cost(best),
+                cost(without)
+            )),
+            _ => None,
+        })
+        .collect();
+    (!parts.is_empty()).then(|| format!("Leave out {}.", parts.join("; ")))
 }
 
 fn unknown_errors(verdicts: &[Verdict]) -> Option<String> {

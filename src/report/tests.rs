@@ -1,7 +1,7 @@
 //! The page and its summary from invented numbers: nothing is rendered.
 
 use super::model::{
-    Against, Effect, FlipMap, Picture, ReportData, Scaling, ScalingSeries, SceneFacts, Section, Setting,
+    Against, Effect, FlipMap, Picture, ReportData, Scaling, ScalingSeries, SceneFacts, Section, Setting, Without,
 };
 use super::summary::{Advice, FRAME_60_MS, in_short, pareto_front, verdicts};
 use super::{page, plots};
@@ -112,6 +112,7 @@ fn report(base_ms: f64, rays: (f64, RowError), raster: (f64, RowError)) -> Repor
             size: [64, 64],
             mean: 0.03,
         }],
+        without: None,
         settings: vec![setting(&rows[1], "rays", "1 ray"), setting(&rows[2], "shadow map", "2048")],
     };
     ReportData {
@@ -171,6 +172,26 @@ fn errors_that_the_reference_cannot_tell_are_equal_and_the_faster_wins() {
     let data = report(2.0, (12.0, against(0.000_1)), (4.0, against(0.000_3)));
     assert!(matches!(advice(&data), Advice::Fits(chosen) if chosen.technique == Technique::Raster));
     assert!(in_short(&data).join(" ").contains("error below the 0.00040 that the reference can tell"));
+}
+
+#[test]
+fn what_fits_is_advised_only_where_it_is_better_than_nothing() {
+    let mut data = report(2.0, (17.0, against(0.001)), (4.0, against(0.02)));
+    data.sections[0].without = Some(Without { row: "none".to_owned(), error: against(0.05) });
+    assert!(matches!(advice(&data), Advice::Fits(chosen) if chosen.technique == Technique::Raster));
+    data.sections[0].without = Some(Without { row: "none".to_owned(), error: against(0.015) });
+    let Advice::LeaveOut { best, without } = advice(&data) else { panic!("an effect that harms is advised") };
+    assert_eq!((best.frame_ms, without.frame_ms), (4.0, 2.0));
+    let text = in_short(&data).join(" ");
+    let expected = "Leave out shadows, since the best that fits (by shadow map: 4.00 ms, RMSE 0.020";
+    assert!(text.contains(expected) && text.contains("(RMSE 0.015"), "{text}");
+    assert!(page::build(&data).html.contains("leave out"));
+    // Rays that fit are better.
+    let mut data = report(2.0, (12.0, against(0.001)), (4.0, against(0.02)));
+    data.sections[0].without = Some(Without { row: "none".to_owned(), error: against(0.015) });
+    assert!(matches!(advice(&data), Advice::Fits(chosen) if chosen.technique == Technique::Rays));
+    data.sections[0].without = Some(Without { row: "none".to_owned(), error: missing() });
+    assert!(matches!(advice(&data), Advice::Fits(_)));
 }
 
 #[test]

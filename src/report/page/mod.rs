@@ -208,23 +208,26 @@ fn in_short(data: &ReportData) -> Markup {
                         tr {
                             th.text scope="col" { "Effect" } th.text scope="col" { "At 60 frames a second" }
                             th.text scope="col" { "Setting" } th scope="col" { "Frame, ms" }
-                            th scope="col" { "RMSE" } th scope="col" { "FLIP" }
+                            th scope="col" { "RMSE" } th scope="col" { "FLIP" } th scope="col" { "RMSE without it" }
                         }
                     }
-                    tbody { @for verdict in &verdicts { (advice(verdict)) } }
+                    tbody { @for verdict in &verdicts { (advice(data, verdict)) } }
                 }
             }
         }
     }
 }
 
-fn advice(verdict: &Verdict) -> Markup {
+fn advice(data: &ReportData, verdict: &Verdict) -> Markup {
     let (candidate, prefix): (Option<&Candidate>, &str) = match &verdict.advice {
         Advice::Fits(candidate) | Advice::FitsWithUnknownError(candidate) => (Some(candidate), ""),
+        Advice::LeaveOut { best, .. } => (Some(best), "best that fits: "),
         Advice::NothingFits { cheapest, .. } => (Some(cheapest), "cheapest: "),
         Advice::NotMeasured => (None, ""),
     };
     let quality = candidate.and_then(|candidate| candidate.error.as_ref().ok());
+    let without = data.section(verdict.effect).and_then(|section| summary::without(data, section));
+    let without = without.as_ref().and_then(|candidate| candidate.error.as_ref().ok());
     html! {
         tr {
             th scope="row" { (verdict.effect.title()) }
@@ -238,6 +241,7 @@ fn advice(verdict: &Verdict) -> Markup {
             td { (candidate.map_or("–".to_owned(), |candidate| super::number::significant(candidate.frame_ms))) }
             td { (quality.map_or("–".to_owned(), |quality| error(quality.rmse))) }
             td { (quality.map_or("–".to_owned(), |quality| error(quality.flip))) }
+            td { (without.map_or("–".to_owned(), |quality| error(quality.rmse))) }
         }
     }
 }

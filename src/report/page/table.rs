@@ -2,6 +2,7 @@
 
 use super::tag;
 use crate::bench::model::{BenchRow, RowError, Stats};
+use crate::pipeline::metrics::Comparison;
 use crate::report::model::{Against, ReportData, Scaling};
 use crate::report::number::{bytes, error, grouped, significant};
 use maud::{Markup, html};
@@ -11,32 +12,33 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     let device = rows.iter().any(|row| row.frame_device.is_some());
     let rays = rows.iter().any(|row| row.rays.is_some());
     let thesis = rows.iter().any(|row| row.thesis.is_some());
-    let mut columns = vec!["Row", "By", "View", "median", "mean ± sd", "min", "max", "n"];
-    if device {
-        columns.push("device");
-    }
+    let mut columns = vec!["Row", "By", "View", "median", "RMSE", "FLIP", "SSIM", "against"];
     if rays {
         columns.extend(["in rays", "rays", "M/s"]);
     }
-    columns.extend(["RMSE", "rel. MSE", "PSNR, dB", "SSIM", "FLIP", "energy", "outliers", "Memory"]);
+    columns.extend(["mean ± sd", "min", "max", "n"]);
+    if device {
+        columns.push("device");
+    }
+    columns.extend(["rel. MSE", "PSNR, dB", "energy", "outliers", "Memory"]);
     if thesis {
         columns.extend(["ms", "ratio"]);
     }
-    columns.push("Reference");
     let references = References::of(rows);
     html! {
-        div.scroll tabindex="0" role="group" aria-label=(format!("Table: {caption}")) {
+        div.scroll.wide tabindex="0" role="group" aria-label=(format!("Table: {caption}")) {
             table.sortable {
                 caption { (caption) "; " (data.size[0]) " × " (data.size[1]) " pixels" }
                 thead {
                     tr.groups {
                         th colspan="3" {}
-                        th scope="colgroup" colspan=(5 + usize::from(device)) { "Time of a frame, ms" }
+                        th scope="colgroup" { "Frame, ms" }
+                        th scope="colgroup" colspan="4" { "Error against the reference" }
                         @if rays { th scope="colgroup" colspan="3" { "Rays of a frame" } }
-                        th scope="colgroup" colspan="7" { "Error against the reference" }
+                        th scope="colgroup" colspan=(4 + usize::from(device)) { "Time of a frame, ms" }
+                        th.extra scope="colgroup" colspan="4" { "More errors" }
                         th {}
                         @if thesis { th scope="colgroup" colspan="2" { "2014" } }
-                        th {}
                     }
                     tr {
                         @for (index, column) in columns.iter().enumerate() {
@@ -51,16 +53,18 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                             th scope="row" { (row.label) }
                             td.text { (tag(row.technique)) }
                             td.text { (row.view) }
-                            (times(&row.frame))
-                            @if device { (number(row.frame_device.as_ref().map(|stats| stats.median), significant)) }
-                            @if rays { (traced(row)) }
+                            td data-v=(row.frame.median) { strong { (significant(row.frame.median)) } }
                             (errors(row))
+                            (references.cell(row))
+                            @if rays { (traced(row)) }
+                            (spread(&row.frame))
+                            @if device { (number(row.frame_device.as_ref().map(|stats| stats.median), significant)) }
+                            (more_errors(row))
                             (extra(row.peak_memory_bytes.map(|held| held as f64), |held| bytes(held as u64)))
                             @if thesis {
                                 (number(row.thesis.as_ref().map(|thesis| thesis.frame_ms), significant))
                                 (number(row.thesis.as_ref().and_then(|thesis| thesis.ratio), significant))
                             }
-                            (references.cell(row))
                         }
                     }
                 }
@@ -97,6 +101,12 @@ fn extra(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
 fn times(stats: &Stats) -> Markup {
     html! {
         td data-v=(stats.median) { strong { (significant(stats.median)) } }
+        (spread(stats))
+    }
+}
+
+fn spread(stats: &Stats) -> Markup {
+    html! {
         td data-v=(stats.mean) { (significant(stats.mean)) " ± " (significant(stats.sd)) }
         (number(Some(stats.min), significant))
         (number(Some(stats.max), significant))
@@ -116,17 +126,27 @@ fn traced(row: &BenchRow) -> Markup {
     }
 }
 
-fn errors(row: &BenchRow) -> Markup {
-    let found = match &row.error {
+fn comparison(row: &BenchRow) -> Option<&Comparison> {
+    match &row.error {
         RowError::Against { comparison, .. } => Some(comparison),
         RowError::Missing(_) => None,
-    };
+    }
+}
+
+fn errors(row: &BenchRow) -> Markup {
+    let found = comparison(row);
     html! {
         (number(found.map(|found| found.rmse), error))
+        (number(found.map(|found| found.flip), error))
+        (number(found.map(|found| found.ssim), |ssim| format!("{ssim:.4}")))
+    }
+}
+
+fn more_errors(row: &BenchRow) -> Markup {
+    let found = comparison(row);
+    html! {
         (extra(found.map(|found| found.relative_mse), error))
         (extra(found.map(|found| found.psnr), |psnr| if psnr.is_finite() { format!("{psnr:.1}") } else { "∞".to_owned() }))
-        (number(found.map(|found| found.ssim), |ssim| format!("{ssim:.4}")))
-        (number(found.map(|found| found.flip), error))
         (extra(found.map(|found| found.energy_ratio), |ratio| format!("{ratio:.4}")))
         (extra(found.map(|found| found.outliers), |share| format!("{:.2} %", share * 100.0)))
     }
