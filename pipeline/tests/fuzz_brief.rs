@@ -22,6 +22,9 @@ fn rounds() -> usize {
     std::env::var("CURITIBA_FUZZ_ROUNDS").map_or(ROUNDS, |rounds| rounds.parse().expect("a number"))
 }
 
+/// What is changed about a thing, for messages, and how.
+type Change<T> = (&'static str, fn(&mut T));
+
 fn seeds_of(target: &Target) -> Vec<Vec<u8>> {
     seeds::of(target.name).into_iter().map(|(_, bytes)| bytes).collect()
 }
@@ -93,7 +96,7 @@ fn scenes_that_break_a_promise_are_found_out() {
     let path = folder.write("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let whole = load(&[path], &LoadOptions::default(), &|_| {}).expect("a triangle");
     check::scene(&whole);
-    let broken: [(&str, fn(&mut Scene)); 7] = [
+    let broken: [Change<Scene>; 7] = [
         ("an object without a mesh", |scene| scene.objects[0].mesh = 9),
         ("a group without a material", |scene| scene.meshes[0].groups[0].material = 9),
         ("a material without its texture", |scene| scene.materials[0].texture = Some(0)),
@@ -113,7 +116,7 @@ fn scenes_that_break_a_promise_are_found_out() {
     let options = BuildOptions::default();
     let (built, _) = RenderScene::build(whole, &options).expect("it is built");
     check::render_scene(&built, &options);
-    let broken: [(&str, fn(&mut RenderScene)); 5] = [
+    let broken: [Change<RenderScene>; 5] = [
         ("an index out of range", |built| built.geometry.triangles[0][1] = 3),
         ("a position that is not finite", |built| built.geometry.positions[0].x = f32::INFINITY),
         ("a normal that is not unit length", |built| built.geometry.normals[0] *= 1.01),
@@ -134,7 +137,7 @@ fn scenes_that_differ_are_not_taken_for_the_same() {
     let path = folder.write("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let whole = load(&[path], &LoadOptions::default(), &|_| {}).expect("a triangle");
     check::same(&whole, &whole);
-    let changes: [(&str, fn(&mut Scene)); 5] = [
+    let changes: [Change<Scene>; 5] = [
         ("a position", |scene| scene.meshes[0].positions[2].x = -0.0),
         ("a transform", |scene| scene.objects[0].transform = Mat4::from_scale(Vec3::splat(2.0))),
         ("a triangle", |scene| scene.meshes[0].groups[0].triangles[0] = [1, 2, 0]),

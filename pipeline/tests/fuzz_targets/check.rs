@@ -6,7 +6,8 @@ use curitiba_pipeline::plan::{MAX_SIDE, Plan, Settings, Work};
 use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::project::{ChannelRef, Pass, PassKind, Project, QuadSource};
 use curitiba_pipeline::scene::{
-    BuildOptions, Layout, LoadOptions, Material, Needs, Object, RenderScene, Scene, SceneError, load, statistics, write_cbo,
+    BuildOptions, Layout, LoadOptions, Material, Needs, Object, RenderScene, Scene, SceneError, load, statistics,
+    write_cbo,
 };
 use glam::Vec3;
 use std::collections::HashSet;
@@ -95,9 +96,7 @@ pub fn same(written: &Scene, read: &Scene) {
         assert_eq!(positions(written, ours), positions(read, theirs), "positions");
         let groups = |scene: &Scene, object: &Object| -> Vec<(Vec<u32>, Vec<[u32; 3]>)> {
             let groups = scene.meshes[object.mesh as usize].groups.iter().filter(|group| !group.triangles.is_empty());
-            groups
-                .map(|group| (kept_of(&scene.materials[group.material as usize]), group.triangles.clone()))
-                .collect()
+            groups.map(|group| (kept_of(&scene.materials[group.material as usize]), group.triangles.clone())).collect()
         };
         assert_eq!(groups(written, ours), groups(read, theirs), "triangles and their materials");
     }
@@ -234,7 +233,11 @@ fn problems_shown(problems: &Problems) {
         assert!(!problem.message.is_empty());
         if let Some((source, range)) = &problem.place {
             assert!(range.start <= range.end, "{}: {range:?}", problem.message);
-            assert!(source.text.get(range.clone()).is_some() || source.text.is_empty(), "{}: {range:?}", problem.message);
+            assert!(
+                source.text.get(range.clone()).is_some() || source.text.is_empty(),
+                "{}: {range:?}",
+                problem.message
+            );
         }
     }
     let text = problems.to_string();

@@ -41,7 +41,8 @@ pub fn write_cbo(scene: &Scene, path: &Path, layout: Layout) -> Result<Warnings,
     let names = scene.materials.iter().map(|material| material.name.as_str());
     let materials = unique_names(names, HashSet::new(), path, &mut warnings);
     let out = BufWriter::new(temporary);
-    let mut writer = SceneWriter { out, path, layout, scene, textures, renderables, materials, warnings: &mut warnings };
+    let mut writer =
+        SceneWriter { out, path, layout, scene, textures, renderables, materials, warnings: &mut warnings };
     writer.scene().map_err(failed)?;
     let temporary = writer.out.into_inner().map_err(|error| failed(error.into_error()))?;
     temporary.persist(path).map_err(|error| failed(error.error))?;

@@ -96,7 +96,10 @@ impl Joiner<'_> {
         match self.pieces.get_mut(&key) {
             None => {
                 let index = self.scene.meshes.len();
-                self.pieces.insert(key, Piece { mesh: index, vertices: HashMap::new(), groups: HashMap::from([(material, 0)]) });
+                self.pieces.insert(
+                    key,
+                    Piece { mesh: index, vertices: HashMap::new(), groups: HashMap::from([(material, 0)]) },
+                );
                 self.scene.objects.push(Object {
                     name: name.to_owned(),
                     mesh: index as u32,
