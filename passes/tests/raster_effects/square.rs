@@ -9,8 +9,12 @@ use curitiba_pipeline::plan::{Plan, Settings};
 use std::path::Path;
 
 fn picture(name: &str, camera: &str) -> Image {
+    picture_with(name, camera, &[], 192)
+}
+
+fn picture_with(name: &str, camera: &str, set: &[&str], side: u32) -> Image {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../xml_projects/{name}.xml"));
-    let settings = Settings { size: Some([192, 192]), camera: Some(camera.to_owned()), ..Settings::default() };
+    let settings = Settings { size: Some([side; 2]), camera: Some(camera.to_owned()), set: set.iter().map(|s| (*s).to_owned()).collect(), ..Settings::default() };
     let project = curitiba_pipeline::project::load(&path).expect("the project is valid");
     let plan = Plan::new(project, settings).expect("the project has a plan");
     let engines = Engines { raster: Box::new(CpuRasteriser::new()), rays: Box::new(CpuRays::new()) };
@@ -41,6 +45,29 @@ fn each_effect_is_nearer_to_its_rays_than_no_effect_is() {
             println!("{raster}, {camera}: {error:.4}, without the effect {without:.4}");
             assert_eq!(found.count_non_finite(), 0);
             assert!(error < most * without, "{raster}, {camera}: {error} {without}");
+        }
+    }
+}
+
+#[test]
+#[ignore]
+fn measure() {
+    let side: u32 = std::env::var("SIDE").map_or(192, |v| v.parse().unwrap());
+    let biases = std::env::var("BIAS").unwrap_or("1.5".into());
+    for camera in ["MainCamera", "Vidro"] {
+        let [expected, none] = ["SceneShadows", "SceneNoEffects"].map(|name| picture_with(name, camera, &[], side));
+        println!("{camera} none {:.4}", rms(&none, &expected));
+        for bias in biases.split(',') {
+            for cascades in std::env::var("CASC").unwrap_or("1,2,3,4,6".into()).split(',') {
+                for size in std::env::var("SIZE").unwrap_or("512,1024,2048".into()).split(',') {
+                    let bias = format!("pass2.bias={bias}");
+                    let cascades = format!("pass2.cascades={cascades}");
+                    let size = format!("pass2.mapsize={size}");
+                    let set = [bias.as_str(), &cascades, &size];
+                    let found = picture_with("raster/SceneShadowMap", camera, &set, side);
+                    println!("{camera} {set:?} {:.4}", rms(&found, &expected));
+                }
+            }
         }
     }
 }

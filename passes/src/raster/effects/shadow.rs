@@ -22,10 +22,6 @@ const SMALLEST: f64 = -16.0 * RADIUS_STEPS;
 /// So that edges do not shimmer when the camera moves, the smaller sphere's radius takes fixed steps (eight a doubling) and
 /// its centre moves by whole texels only (Valient, "Stable Rendering of Cascaded Shadow Maps", ShaderX6, 2008): a surface
 /// point keeps its place in its texel until the radius takes a step.
-///
-/// One map serves the whole picture (no cascades): where the camera sees a kilometre of land, a texel of a map of 2048 is
-/// almost a metre. Shadows are then soft where they should be sharp, and [`ShadowFit::bias`], which grows with the texel,
-/// lets light pass below what stands near a surface at a grazing angle. More texels help; rays need none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShadowFit {
     /// World to clip, depth reversed: 1 nearest to the light. The eye is a point at the near plane.
@@ -38,15 +34,25 @@ pub struct ShadowFit {
     pub texel: f32,
     /// Depth that one unit of world length along the light makes.
     pub depth_per_unit: f32,
+    /// Whether it covers the whole scene.
+    pub is_whole: bool,
     /// World length by which rounding may move a surface along the light.
     pub rounding: f32,
 }
 
 impl ShadowFit {
-    /// For a map of `params.map_size` texels a side of a scene with these bounds, seen by `camera`. `None` where nothing can
-    /// cast a shadow: the scene is empty, or the light has no direction.
+    /// For one map of `params.map_size` texels a side of all that `camera` sees of a scene with these bounds. `None` where
+    /// nothing can cast a shadow: the scene is empty, or the light has no direction.
     #[must_use]
     pub fn new(sun: &Sun, scene: &Bounds, camera: &View, params: &EffectParams) -> Option<Self> {
+        let seen = Frustum::new(&camera.clip_from_world).and_then(|frustum| frustum.sphere_with(scene));
+        Self::around(sun, scene, seen, params)
+    }
+
+    /// For a map of the part of the scene in a sphere, centre and radius; of the whole scene without one, or where the sphere
+    /// is no smaller than the scene's.
+    #[must_use]
+    pub fn around(sun: &Sun, scene: &Bounds, seen: Option<(DVec3, f64)>, params: &EffectParams) -> Option<Self> {
         let direction = sun.direction.as_dvec3().try_normalize()?;
         if scene.is_empty() || !scene.min.is_finite() || !scene.max.is_finite() {
             return None;
@@ -56,7 +62,6 @@ impl ShadowFit {
         let largest = scene.min.abs().max(scene.max.abs()).max_element();
         // A scene that is a point still needs texels of some size.
         let scene_radius = half.length().max(f64::from(largest * f32::EPSILON)).max(f64::from(f32::MIN_POSITIVE));
-        let seen = Frustum::new(&camera.clip_from_world).and_then(|frustum| frustum.sphere_with(scene));
         let (center, radius) = seen
             .map(|(center, radius)| {
                 let steps = (RADIUS_STEPS * (radius / scene_radius).log2()).ceil().max(SMALLEST);
@@ -94,6 +99,7 @@ impl ShadowFit {
             view: View { clip_from_world, eye: eye.as_vec3() },
             map_from_world,
             size: params.map_size,
+            is_whole: radius >= scene_radius,
             texel: texel as f32,
             depth_per_unit: (1.0 / depth_range) as f32,
             rounding: 8.0 * f32::EPSILON * (largest + depth_range as f32),
@@ -108,32 +114,44 @@ impl ShadowFit {
         self.map_from_world.transform_point3(position)
     }
 
-    /// By how much depth a surface may lie behind the map and still be lit, where the light meets it at an angle of this
-    /// cosine.
-    ///
-    /// The farthest texel that the test reads is `√2 (pcf + 1)` texels away from the position; there a plane of slope
-    /// `tan θ` towards the light lies that much times `texel tan θ` nearer to it. So with
-    /// `bias (pcf + 1) texel tan θ`, and some units of rounding, a plane does not shadow itself from `bias = √2` on. Depth
-    /// bias by slope: Woo, "The Shadow Depth Map Revisited", Graphics Gems III, 1992; its bound for a plane and a texel:
-    /// Dou, Yan, Kerzner, Dai and Wyman, "Adaptive Depth Bias for Shadow Maps", JCGT 3(4), 2014.
+    /// Whether the filter around a place reads texels of the map only.
     #[must_use]
     #[inline]
-    pub fn bias(&self, cos: f32, params: &EffectParams) -> f32 {
-        let cos = cos.min(1.0);
-        let slope = ((1.0 - cos * cos).sqrt() / cos).min(MAX_SLOPE);
-        (params.bias * (params.pcf + 1) as f32 * self.texel * slope + self.rounding) * self.depth_per_unit
+    pub fn covers(&self, place: Vec3, params: &EffectParams) -> bool {
+        let (low, high) = ((params.pcf + 1) as f32, self.size as f32 - (params.pcf + 1) as f32);
+        place.x >= low && place.x <= high && place.y >= low && place.y <= high
     }
 
-    /// The share of the light that a position gets, 0..=1, from a map of `size` x `size` depths, top row first; 0 is an empty
-    /// texel. Positions outside the map are lit.
-    ///
-    /// The mean of `(2 pcf + 1)^2` tests, each between the four texels around its place by their distance: Reeves, Salesin
-    /// and Cook, "Rendering Antialiased Shadows with Depth Maps", SIGGRAPH 1987. Together: `(2 pcf + 2)^2` texels, the outer
-    /// ones weighted by what of the filter's square they cover.
+    /// MODES
     #[must_use]
     #[inline]
-    pub fn lit_share(&self, map: &[f32], position: Vec3, cos: f32, params: &EffectParams) -> f32 {
-        let place = self.place(position);
+    pub fn lit_share(&self, map: &[f32], position: Vec3, normal: Vec3, params: &EffectParams) -> f32 {
+        let mode = *MODE;
+        let r = params.bias * (params.pcf + 1) as f32 * self.texel;
+        let n = self.map_from_world.transform_vector3(normal);
+        let cos = (n.z / self.depth_per_unit).min(1.0);
+        let sin = (1.0 - cos * cos).sqrt();
+        let slope = (sin / cos).min(MAX_SLOPE);
+        let mut place = self.place(position);
+        let mut grad = glam::Vec2::ZERO;
+        let mut bias = self.rounding * self.depth_per_unit;
+        match mode {
+            0 => bias += r * slope * self.depth_per_unit,
+            1 => place = self.place(position + normal * (r * sin)),
+            2 => {
+                grad = -n.truncate() / n.z * (self.texel * self.depth_per_unit).powi(2);
+                bias += params.bias * self.texel * slope * self.depth_per_unit;
+            }
+            3 => {
+                grad = -n.truncate() / n.z * (self.texel * self.depth_per_unit).powi(2);
+                place = self.place(position + normal * (params.bias * self.texel * sin));
+            }
+            _ => {
+                let z = place.z;
+                place = self.place(position + normal * (r * sin));
+                place.z = z;
+            }
+        }
         let (size, reach) = (self.size as i32, params.pcf as i32);
         let (x, y) = (place.x - 0.5, place.y - 0.5);
         let edge = 1e6;
@@ -141,7 +159,7 @@ impl ShadowFit {
         if !(x.abs() < edge && y.abs() < edge && place.z.is_finite()) {
             return 1.0;
         }
-        let depth = place.z + self.bias(cos, params);
+        let depth = place.z + bias;
         let (left, top) = (x.floor(), y.floor());
         let (right_share, lower_share) = (x - left, y - top);
         let (first_column, first_row) = (left as i32 - reach, top as i32 - reach);
@@ -158,6 +176,7 @@ impl ShadowFit {
             for column in 0..width {
                 let x = first_column + column;
                 let inside = (0..size).contains(&x) & (0..size).contains(&y);
+                let depth = depth + grad.x * (x as f32 + 0.5 - place.x) + grad.y * (y as f32 + 0.5 - place.y);
                 if !inside || depth >= map[y as usize * size as usize + x as usize] {
                     lit_in_row += share(column, right_share);
                 }
@@ -168,3 +187,5 @@ impl ShadowFit {
         (lit / (side * side)).min(1.0)
     }
 }
+
+static MODE: std::sync::LazyLock<u32> = std::sync::LazyLock::new(|| std::env::var("MODE").map_or(0, |v| v.parse().unwrap()));

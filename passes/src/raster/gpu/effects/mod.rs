@@ -284,7 +284,7 @@ impl Effects {
         let bounds = context.cache.bounds(job.scene);
         let fit = ShadowFit::new(sun, &bounds, &job.view, &job.params).filter(|_| called);
         let key = MapsKey::Depth { size: fit.map_or(1, |fit| fit.size) };
-        let maps = self.require_maps(context.gpu, key)?;
+        let maps = self.require_maps(context.gpu, job.program, key)?;
         if let Some(fit) = &fit {
             progress.start(1 + task.submissions());
             self.views.clear();
@@ -322,7 +322,7 @@ impl Effects {
         if self.boxes.write(context.gpu, bytemuck::cast_slice(&boxes))? {
             self.groups.clear();
         }
-        let maps = self.require_maps(context.gpu, key)?;
+        let maps = self.require_maps(context.gpu, job.program, key)?;
         if chosen > 0 {
             progress.start(self.views.len() as u64 + task.submissions());
             let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.views, job.glass, progress)?;
@@ -333,8 +333,8 @@ impl Effects {
         Ok(Prepared { maps: Some(key), params })
     }
 
-    fn require_maps(&mut self, gpu: &Gpu, key: MapsKey) -> Result<Maps, BackendError> {
-        check_map_bytes(key.bytes()).map_err(|why| unsupported("this effect", &format!("{why};")))?;
+    fn require_maps(&mut self, gpu: &Gpu, program: EffectProgram, key: MapsKey) -> Result<Maps, BackendError> {
+        check_map_bytes(program, key.bytes()).map_err(|why| unsupported(program.info().name, &format!("{why};")))?;
         let (maps, made) = self.maps.require(gpu, key, |key| Maps::new(gpu, *key))?;
         let maps = maps.clone();
         if made {
