@@ -69,11 +69,7 @@ impl Default for EffectParams {
 
 /// Every parameter of a raster effect.
 pub const EFFECT_PARAMS: &[ParamInfo] = &[
-    ParamInfo {
-        name: "mapsize",
-        about: "texels a side of each shadow map or cube-map face",
-        valid: "16..=16384",
-    },
+    ParamInfo { name: "mapsize", about: "texels a side of each shadow map or cube-map face", valid: "16..=16384" },
     ParamInfo { name: "cascades", about: "most shadow maps of a frame, the nearer the finer", valid: "1..=8" },
     ParamInfo { name: "pcf", about: "texels on each side that a shadow test averages", valid: "0..=8" },
     ParamInfo { name: "bias", about: "depth bias of a shadow test, texels along the slope", valid: "0..=100" },

@@ -123,9 +123,8 @@ impl Effects {
             if cos <= 0.0 || cos.is_nan() {
                 return [1.0; 4];
             }
-            let normal = Vec4::from_array(job.normal[index]).truncate();
             let map = |index: usize| maps[index].depths();
-            let value = 0.5 + 0.5 * cascades.lit_share(map, Vec3::new(x, y, z), normal, &job.params);
+            let value = 0.5 + 0.5 * cascades.lit_share(map, Vec3::new(x, y, z), cos, &job.params);
             [value, value, value, 1.0]
         });
         Ok(())

@@ -1,10 +1,11 @@
 //! Cascaded shadow maps: the depths that the camera sees are split, and each part has a map of its own.
 //!
-//! Engel, "Cascaded Shadow Maps", ShaderX5, 2006. The splits are those of Zhang, Sun, Xu and Lun, "Parallel-Split Shadow
-//! Maps for Large-scale Virtual Environments", VRCIA 2006: between logarithmic ones, which give a texel the same size on the
-//! screen at all depths, and uniform ones. The depths split are those of the lit pixels, and not the camera's planes, which
-//! would leave the first maps to the empty space before the eye: Lauritzen, Salvi and Lefohn, "Sample Distribution Shadow
-//! Maps", I3D 2011.
+//! Engel, "Cascaded Shadow Maps", ShaderX5, 2006. The splits are logarithmic: then a texel has the same size on the screen in
+//! all parts (Zhang, Sun, Xu and Lun, "Parallel-Split Shadow Maps for Large-scale Virtual Environments", VRCIA 2006). That
+//! paper's practical splits are half way to uniform ones, because logarithmic ones between the camera's planes leave the first
+//! maps to the empty space before the eye. Here the depths of the lit pixels are split instead (Lauritzen, Salvi and Lefohn,
+//! "Sample Distribution Shadow Maps", I3D 2011), and both views of the shipped square are the nearer to ray traced shadows the
+//! less of uniform splits is in the mixture.
 //!
 //! # Which map serves a pixel
 //! The first one that contains the pixel's filter. It needs no depth of the pixel, and is never farther than the map of the
@@ -25,9 +26,6 @@ use rayon::prelude::*;
 
 /// Steps of the nearest and the farthest depth for each doubling.
 const DEPTH_STEPS: f64 = 4.0;
-
-/// How far splits are from uniform ones towards logarithmic ones, 0..=1.
-const LOGARITHMIC: f64 = 0.9;
 
 /// The nearest and the farthest depth of the lit pixels of a picture. `None` without such a pixel.
 ///
@@ -68,9 +66,8 @@ impl Cascades {
         let parts = frustum.and_then(|frustum| {
             let plane = frustum.depth_plane()?;
             let [near, far] = frustum.depths(plane);
-            let step = |depth: f32, round: fn(f64) -> f64| {
-                (round(f64::from(depth).log2() * DEPTH_STEPS) / DEPTH_STEPS).exp2()
-            };
+            let step =
+                |depth: f32, round: fn(f64) -> f64| (round(f64::from(depth).log2() * DEPTH_STEPS) / DEPTH_STEPS).exp2();
             let near = near.max(step(depths[0], f64::floor));
             let far = far.min(step(depths[1], f64::ceil)).min(scene.farthest(plane));
             (near > 0.0 && near < far && far.is_finite()).then_some((frustum, plane, near, far))
@@ -93,20 +90,21 @@ impl Cascades {
         Self { fits }
     }
 
-    /// The share of the light that a lit position gets, 0..=1, from the depths of each map, see [`ShadowFit::lit_share`].
+    /// The share of the light that a position gets, 0..=1, where the light meets the surface at an angle of this cosine.
+    /// `map` gives the depths of each map, see [`ShadowFit::lit_share`].
     #[must_use]
     #[inline]
     pub fn lit_share<'a>(
         &self,
         map: impl Fn(usize) -> &'a [f32],
         position: Vec3,
-        normal: Vec3,
+        cos: f32,
         params: &EffectParams,
     ) -> f32 {
         let covering = self.fits.iter().position(|fit| fit.covers(fit.place(position), params));
         // Maps of few texels may have no place for a whole filter.
         let Some(index) = covering.or(self.fits.len().checked_sub(1)) else { return 1.0 };
-        self.fits[index].lit_share(map(index), position, normal, params)
+        self.fits[index].lit_share(map(index), position, cos, params)
     }
 }
 
@@ -115,9 +113,5 @@ fn split(near: f64, far: f64, index: u32, count: u32) -> f64 {
     if index == count {
         return far;
     }
-    let share = f64::from(index) / f64::from(count);
-    let logarithmic = near * (far / near).powf(share);
-    let uniform = near + (far - near) * share;
-    *LOG * logarithmic + (1.0 - *LOG) * uniform
+    near * (far / near).powf(f64::from(index) / f64::from(count))
 }
-static LOG: std::sync::LazyLock<f64> = std::sync::LazyLock::new(|| std::env::var("LOGW").map_or(LOGARITHMIC, |v| v.parse().unwrap()));

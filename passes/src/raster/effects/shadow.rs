@@ -1,4 +1,4 @@
-//! The shadow map of a directional light: its camera, its bias, and its test.
+//! One shadow map of a directional light: its camera, its bias, and its test.
 
 use super::bounds::{Bounds, Frustum};
 use curitiba_pipeline::backend::{Sun, View};
@@ -122,36 +122,37 @@ impl ShadowFit {
         place.x >= low && place.x <= high && place.y >= low && place.y <= high
     }
 
-    /// MODES
+    /// By how much depth a surface may lie behind the map and still be lit, where the light meets it at an angle of this
+    /// cosine.
+    ///
+    /// The farthest texel that the test reads is `√2 (pcf + 1)` texels away from the position; there a plane of slope
+    /// `tan θ` towards the light lies that much times `texel tan θ` nearer to it. So with
+    /// `bias (pcf + 1) texel tan θ`, and some units of rounding, a plane does not shadow itself from `bias = √2` on. Depth
+    /// bias by slope: Woo, "The Shadow Depth Map Revisited", Graphics Gems III, 1992; its bound for a plane and a texel:
+    /// Dou, Yan, Kerzner, Dai and Wyman, "Adaptive Depth Bias for Shadow Maps", JCGT 3(4), 2014.
+    ///
+    /// It lets light pass below what is nearer to the surface than the bias is long, which texels of cascades keep short. An
+    /// offset along the normal (Holbert, "Normal Offset Shadows", GDC 2011) does not grow with the slope but moves every
+    /// edge: where a plane does not shadow itself, the pictures of the shipped square are farther from ray traced ones.
+    /// Depths along the receiver's plane (Isidoro, "Shadow Mapping: GPU-based Tips and Techniques", GDC 2006) are no nearer.
     #[must_use]
     #[inline]
-    pub fn lit_share(&self, map: &[f32], position: Vec3, normal: Vec3, params: &EffectParams) -> f32 {
-        let mode = *MODE;
-        let r = params.bias * (params.pcf + 1) as f32 * self.texel;
-        let n = self.map_from_world.transform_vector3(normal);
-        let cos = (n.z / self.depth_per_unit).min(1.0);
-        let sin = (1.0 - cos * cos).sqrt();
-        let slope = (sin / cos).min(MAX_SLOPE);
-        let mut place = self.place(position);
-        let mut grad = glam::Vec2::ZERO;
-        let mut bias = self.rounding * self.depth_per_unit;
-        match mode {
-            0 => bias += r * slope * self.depth_per_unit,
-            1 => place = self.place(position + normal * (r * sin)),
-            2 => {
-                grad = -n.truncate() / n.z * (self.texel * self.depth_per_unit).powi(2);
-                bias += params.bias * self.texel * slope * self.depth_per_unit;
-            }
-            3 => {
-                grad = -n.truncate() / n.z * (self.texel * self.depth_per_unit).powi(2);
-                place = self.place(position + normal * (params.bias * self.texel * sin));
-            }
-            _ => {
-                let z = place.z;
-                place = self.place(position + normal * (r * sin));
-                place.z = z;
-            }
-        }
+    pub fn bias(&self, cos: f32, params: &EffectParams) -> f32 {
+        let cos = cos.min(1.0);
+        let slope = ((1.0 - cos * cos).sqrt() / cos).min(MAX_SLOPE);
+        (params.bias * (params.pcf + 1) as f32 * self.texel * slope + self.rounding) * self.depth_per_unit
+    }
+
+    /// The share of the light that a position gets, 0..=1, from a map of `size` x `size` depths, top row first; 0 is an empty
+    /// texel. Positions outside the map are lit.
+    ///
+    /// The mean of `(2 pcf + 1)^2` tests, each between the four texels around its place by their distance: Reeves, Salesin
+    /// and Cook, "Rendering Antialiased Shadows with Depth Maps", SIGGRAPH 1987. Together: `(2 pcf + 2)^2` texels, the outer
+    /// ones weighted by what of the filter's square they cover.
+    #[must_use]
+    #[inline]
+    pub fn lit_share(&self, map: &[f32], position: Vec3, cos: f32, params: &EffectParams) -> f32 {
+        let place = self.place(position);
         let (size, reach) = (self.size as i32, params.pcf as i32);
         let (x, y) = (place.x - 0.5, place.y - 0.5);
         let edge = 1e6;
@@ -159,7 +160,7 @@ impl ShadowFit {
         if !(x.abs() < edge && y.abs() < edge && place.z.is_finite()) {
             return 1.0;
         }
-        let depth = place.z + bias;
+        let depth = place.z + self.bias(cos, params);
         let (left, top) = (x.floor(), y.floor());
         let (right_share, lower_share) = (x - left, y - top);
         let (first_column, first_row) = (left as i32 - reach, top as i32 - reach);
@@ -176,7 +177,6 @@ impl ShadowFit {
             for column in 0..width {
                 let x = first_column + column;
                 let inside = (0..size).contains(&x) & (0..size).contains(&y);
-                let depth = depth + grad.x * (x as f32 + 0.5 - place.x) + grad.y * (y as f32 + 0.5 - place.y);
                 if !inside || depth >= map[y as usize * size as usize + x as usize] {
                     lit_in_row += share(column, right_share);
                 }
@@ -187,5 +187,3 @@ impl ShadowFit {
         (lit / (side * side)).min(1.0)
     }
 }
-
-static MODE: std::sync::LazyLock<u32> = std::sync::LazyLock::new(|| std::env::var("MODE").map_or(0, |v| v.parse().unwrap()));
