@@ -26,6 +26,7 @@ pub mod compare;
 pub mod engines;
 pub mod environment;
 pub mod reference;
+pub mod report;
 pub mod spec;
 
 pub use curitiba_passes as passes;

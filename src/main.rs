@@ -15,6 +15,7 @@ fn main() -> ExitCode {
         Command::Check(args) => cli::check::run(&args),
         Command::List { program } => cli::list::run(program.as_deref()),
         Command::Compare(args) => cli::compare::run(&args),
+        Command::Report(args) => cli::report::run(&args),
         Command::Scene(args) => cli::scene::run(&args),
         Command::Bench(args) => cli::bench::run(&args),
         Command::Completions { shell } => {

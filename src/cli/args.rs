@@ -82,6 +82,19 @@ A row's error is of its window picture, in linear values, against a reference th
 in f64 where there is no noise, else with as many samples as it takes for an error of its own that is ten times
 below the row's. References are kept and used again.")]
     Bench(Box<BenchArgs>),
+    /// Measure every effect by raster and by rays on this machine, and write a page about it.
+    #[command(
+        long_about = "\
+Measures every effect by raster and by rays on this machine, and writes a folder with an index.html that opens from disk: \
+tables, pictures to compare, speed against error, scaling, and which effects to trace and which to rasterise at 60 frames a \
+second. Takes at most ten minutes, or one with --quick: what no longer fits is left out, and the page says what and why.",
+        after_help = "\
+Examples:
+  curitiba report
+  curitiba report --quick --size 256x256 -o quick-report
+  curitiba report --size 1024x1024 my_projects"
+    )]
+    Report(ReportArgs),
     /// Print completions for a shell.
     #[command(after_help = "Example:\n  curitiba completions bash > /etc/bash_completion.d/curitiba")]
     Completions {
@@ -242,12 +255,55 @@ pub struct SceneArgs {
     pub max_memory: u64,
 }
 
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// The folder with SceneNoEffects.xml and the other projects, those of raster effects in its folder raster
+    #[arg(value_name = "PROJECTS-DIR", default_value = "xml_projects", value_hint = ValueHint::DirPath)]
+    pub projects: PathBuf,
+    /// Window size [default: 512x512, with --quick 256x256]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// The report's folder; a report that is there already is replaced when the new one is complete
+    #[arg(short, long, value_name = "DIR", default_value = "report", value_hint = ValueHint::DirPath)]
+    pub output: PathBuf,
+    /// A smaller window, fewer settings and one minute
+    #[arg(long)]
+    pub quick: bool,
+    /// Time allowed, seconds [default: 600, with --quick 60]
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(5..=86_400))]
+    pub time: Option<u32>,
+    /// Most triangles of the generated squares of the scaling plot [default: 10 000 000, with --quick 1 000 000]
+    #[arg(long, value_name = "N")]
+    pub max_triangles: Option<u32>,
+    /// Rasteriser; auto takes a real GPU if there is one, and measures the cpu beside it
+    #[arg(long, value_enum, default_value_t = Raster::Auto)]
+    pub raster: Raster,
+    /// Threads of the cpu engines [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Most memory that a scene may take, in bytes or with a unit: 512MiB, 8GiB
+    #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
+    pub max_memory: u64,
+}
+
 /// `--raster`.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum Raster {
     Auto,
     Cpu,
     Wgpu,
+}
+
+impl Raster {
+    /// As the library has it.
+    pub fn choice(self) -> RasterChoice {
+        match self {
+            Self::Auto => RasterChoice::Auto,
+            Self::Cpu => RasterChoice::Cpu,
+            Self::Wgpu => RasterChoice::Wgpu,
+        }
+    }
 }
 
 /// `--backend`.
@@ -285,11 +341,7 @@ impl ProjectArgs {
     /// Which engines.
     pub fn choice(&self) -> Choice {
         Choice {
-            raster: match self.raster {
-                Raster::Auto => RasterChoice::Auto,
-                Raster::Cpu => RasterChoice::Cpu,
-                Raster::Wgpu => RasterChoice::Wgpu,
-            },
+            raster: self.raster.choice(),
             backend: match self.backend {
                 Backend::Auto => BackendChoice::Auto,
                 Backend::Cpu => BackendChoice::Cpu,

@@ -11,6 +11,7 @@ pub mod list;
 pub mod plan;
 mod progress;
 pub mod render;
+pub mod report;
 pub mod scene;
 mod table;
 

@@ -47,6 +47,7 @@ pub fn dimensions(key: u32, counter: u32) -> [u32; 2] {
 
 /// The 24 high bits as a number in [0, 1); exact.
 #[must_use]
+#[inline(always)]
 pub fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / 16_777_216.0)
 }
