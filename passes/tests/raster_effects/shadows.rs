@@ -46,7 +46,7 @@ fn the_edge_of_a_half_planes_shadow_is_within_a_texel_of_its_place() {
             let slant = direction.truncate().length().max(-direction.y) / -direction.normalize().y;
             let (found, stats) = shot.effect(ShadowMap, params);
             let maps = u64::from(count);
-            assert_eq!((stats.map_count, stats.triangles, stats.bytes), (count, 4 * maps, maps * 4 << 20));
+            assert_eq!((stats.map_count, stats.triangles, stats.bytes), (count, 4 * maps, maps * (4 << 20)));
             // The bias lets the light in by so much at the edge; the filter reaches pcf + 1 texels.
             let reach = (pcf + 1) as f32 * texel * slant * (1.0 + 1.5 * 0.7);
             let (mut dark, mut bright) = (0, 0);
