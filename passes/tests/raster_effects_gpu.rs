@@ -138,6 +138,29 @@ fn every_effect_agrees_with_the_processors() {
 }
 
 #[test]
+fn shadows_agree_for_every_number_of_maps_and_differ_between_numbers() {
+    let Some(mut gpu) = rasteriser() else { return };
+    for (name, mut shot) in shots() {
+        gpu.upload(&shot.scene).expect("uploads");
+        let mut pictures = Vec::new();
+        for cascades in [1, 2, 8] {
+            let params = EffectParams { cascades, ..params(EffectProgram::ShadowMap) };
+            let (expected, cpu) = shot.effect(EffectProgram::ShadowMap, params);
+            let job = EffectJob { resident: false, ..shot.job(EffectProgram::ShadowMap, params) };
+            let (found, stats) = run(&mut gpu, &job).expect("a whole job");
+            let (outlying, _) = difference(&found, &expected);
+            println!("{name}, {} maps: outliers {outlying:.5}", stats.map_count);
+            assert!(outlying <= OUTLIERS, "{name}, {cascades}: {outlying}");
+            assert_eq!((stats.map_count, stats.triangles, stats.bytes), (cpu.map_count, cpu.triangles, cpu.bytes));
+            pictures.push(found);
+        }
+        for pair in pictures.windows(2) {
+            assert!(difference(&pair[0], &pair[1]).0 > OUTLIERS, "{name}");
+        }
+    }
+}
+
+#[test]
 fn a_wrong_light_eye_or_parameter_is_found_out() {
     let Some(mut gpu) = rasteriser() else { return };
     let (_, mut shot) = shots().into_iter().next().expect("one");
@@ -247,9 +270,9 @@ fn a_frame_like_the_last_allocates_nothing_and_is_the_same() {
     };
     let first = frame(&mut gpu);
     let memory = gpu.memory();
-    // Shadow map, cube maps for two panes with a depth buffer, output.
+    // Four shadow maps, cube maps for two panes with a depth buffer, output.
     let (map, pixels) = (256 * 256, u64::from(SIDE * SIDE));
-    assert_eq!(memory.effects, 4 * map + (2 * 6 * 16 + 4) * map + 16 * pixels);
+    assert_eq!(memory.effects, 4 * 4 * map + (2 * 6 * 16 + 4) * map + 16 * pixels);
     assert!(first == frame(&mut gpu));
     assert_eq!(gpu.memory(), memory);
 }
@@ -312,6 +335,11 @@ fn maps_and_parameters_beyond_what_is_valid_are_refused() {
     assert!(message.contains("light"), "{message}");
     let message = refused(ShadowMap, |job| job.params.map_size = 1 << 20);
     assert!(message.contains("16..=16384"), "{message}");
+    let message = refused(ShadowMap, |job| (job.params.map_size, job.params.cascades) = (16_384, 8));
+    assert!(
+        message.contains("texels a side at most") || message.contains("lower `mapsize` or `cascades`"),
+        "{message}"
+    );
     let message = refused(CubeReflection, |job| job.params.map_size = 16_384);
     assert!(message.contains("lower `mapsize` or `probes`"), "{message}");
     let message = refused(HorizonOcclusion, |job| job.normal = &[]);

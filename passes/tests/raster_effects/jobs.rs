@@ -115,6 +115,10 @@ fn jobs_that_lack_something_or_ask_for_too_much_are_refused_with_what_is_valid()
     assert!(refused(ShadowMap, |job| job.width = 15).contains("16 x 16"));
     assert!(refused(ShadowMap, |job| job.params.map_size = 1 << 20).contains("16..=16384, not 1048576"));
     assert!(refused(ShadowMap, |job| job.params.map_size = 0).contains("16..=16384"));
+    assert!(refused(ShadowMap, |job| job.params.cascades = 9).contains("1..=8"));
+    // 8 GiB.
+    let large: fn(&mut EffectJob<'_>) = |job| (job.params.map_size, job.params.cascades) = (16_384, 8);
+    assert!(refused(ShadowMap, large).contains("lower `mapsize` or `cascades`"));
     assert!(refused(ShadowMap, |job| job.params.pcf = 9).contains("0..=8"));
     assert!(refused(ShadowMap, |job| job.params.bias = f32::NAN).contains("0..=100"));
     assert!(refused(HorizonOcclusion, |job| job.params.steps = u32::MAX).contains("1..=64"));

@@ -3,9 +3,9 @@
 use super::CpuRasteriser;
 use super::surface::{DepthMap, Target};
 use crate::effects::{fresnel, reflect};
+use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::occlusion::{Occlusion, Shown};
 use crate::raster::effects::panes::{Probe, Probes, nearest};
-use crate::raster::effects::shadow::ShadowFit;
 use crate::raster::effects::{self, SceneCache, cube};
 use curitiba_pipeline::backend::{
     Attachments, BackendError, EffectJob, EffectStats, GBuffer, Part, RasterJob, Rasteriser, Rect, Sun, View,
@@ -27,7 +27,8 @@ const BLOCK: usize = 16;
 #[derive(Debug, Default)]
 pub(super) struct Effects {
     scene: SceneCache,
-    shadow: DepthMap,
+    /// From near to far.
+    shadows: Vec<DepthMap>,
     probes: Probes,
     /// Six for each probe.
     faces: Vec<GBuffer>,
@@ -90,30 +91,40 @@ impl Effects {
         stats: &mut EffectStats,
     ) -> Result<(), BackendError> {
         let bounds = self.scene.bounds(job.scene);
-        // In a picture without a lit pixel nothing asks the map.
-        let lit = job.sun.filter(|_| job.position.par_iter().any(|position| position[3] > 0.0));
-        let fit = lit.and_then(|sun| ShadowFit::new(&sun, &bounds, &job.view, &job.params));
-        progress.start(bands(output) + u64::from(fit.is_some()));
-        let Some(fit) = fit else {
+        // In a picture without a lit pixel nothing asks the maps.
+        let lit = job.sun.zip(cascades::lit_depths(job));
+        let cascades = lit.map(|(sun, depths)| Cascades::new(&sun, &bounds, &job.view, depths, &job.params));
+        let cascades = cascades.unwrap_or_default();
+        let maps = cascades.fits.len();
+        progress.start(bands(output) + maps as u64);
+        if maps == 0 {
             stats.pixels = each_pixel(output, progress, |_, _, _| [1.0; 4]);
             return Ok(());
-        };
+        }
+        let size = job.params.map_size;
+        stats.bytes = maps as u64 * u64::from(size) * u64::from(size) * size_of::<f32>() as u64;
+        check_bytes(raster, job, stats.bytes)?;
         let start = Instant::now();
-        self.shadow.resize(fit.size);
-        let map_job = map_job(job, fit.view, None, fit.size, Attachments::default());
-        let drawn = raster.render(&map_job, &[], Target::Depth(&mut self.shadow))?;
-        progress.advance(1);
+        if self.shadows.len() < maps {
+            self.shadows.resize_with(maps, DepthMap::default);
+        }
+        for (fit, map) in cascades.fits.iter().zip(&mut self.shadows) {
+            map.resize(size);
+            let map_job = map_job(job, fit.view, None, size, Attachments::default());
+            let drawn = raster.render(&map_job, &[], Target::Depth(map))?;
+            stats.triangles += drawn.triangles;
+            progress.advance(1);
+        }
         stats.maps = Some(Part { host: start.elapsed(), device: None });
-        stats.map_count = 1;
-        stats.triangles = drawn.triangles;
-        stats.bytes = size_of_val(self.shadow.depths()) as u64;
-        let map = self.shadow.depths();
+        stats.map_count = maps as u32;
+        let maps = &self.shadows;
         stats.pixels = each_pixel(output, progress, |_, _, index| {
             let [x, y, z, cos] = job.position[index];
             if cos <= 0.0 || cos.is_nan() {
                 return [1.0; 4];
             }
-            let value = 0.5 + 0.5 * fit.lit_share(map, Vec3::new(x, y, z), cos, &job.params);
+            let map = |index: usize| maps[index].depths();
+            let value = 0.5 + 0.5 * cascades.lit_share(map, Vec3::new(x, y, z), cos, &job.params);
             [value, value, value, 1.0]
         });
         Ok(())
@@ -140,11 +151,7 @@ impl Effects {
         }
         let size = job.params.map_size;
         stats.bytes = maps as u64 * u64::from(size) * u64::from(size) * size_of::<[f32; 4]>() as u64;
-        effects::check_map_bytes(stats.bytes).map_err(|why| BackendError::Unsupported {
-            backend: raster.name(),
-            what: job.program.info().name.to_owned(),
-            why,
-        })?;
+        check_bytes(raster, job, stats.bytes)?;
         let start = Instant::now();
         let attachments = Attachments { color: true, ..Attachments::default() };
         if self.faces.first().is_some_and(|face| face.width != size) {
@@ -197,6 +204,15 @@ fn glass(job: &EffectJob<'_>, probes: &[Probe], faces: &[GBuffer], index: usize,
         color += (1.0 - interface.reflectance) * look_up(refracted);
     }
     color.extend(1.0).to_array()
+}
+
+/// Refuses maps that would take too much memory.
+fn check_bytes(raster: &CpuRasteriser, job: &EffectJob<'_>, bytes: u64) -> Result<(), BackendError> {
+    effects::check_map_bytes(job.program, bytes).map_err(|why| BackendError::Unsupported {
+        backend: raster.name(),
+        what: job.program.info().name.to_owned(),
+        why,
+    })
 }
 
 /// A draw of the job's scene into a whole square map.

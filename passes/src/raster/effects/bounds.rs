@@ -65,6 +65,12 @@ impl Bounds {
         (point - point.clamp(self.min, self.max)).length_squared()
     }
 
+    /// The largest value of an affine function, the dot product of `plane` and `(p, 1)`, in the box.
+    #[must_use]
+    pub fn farthest(&self, plane: DVec4) -> f64 {
+        self.corners().iter().map(|corner| plane.dot(corner.extend(1.0))).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// Corner `index`: bit 0 chooses x, bit 1 y, bit 2 z.
     fn corner(&self, index: usize) -> DVec3 {
         let pick = |bit: usize, low: f32, high: f32| f64::from(if index >> bit & 1 == 0 { low } else { high });
@@ -163,6 +169,37 @@ impl Frustum {
         let planes = [w + x, w - x, w + y, w - y, z, w - z];
         let finite = corners.iter().all(|corner| corner.is_finite()) && planes.iter().all(|plane| plane.is_finite());
         finite.then_some(Self { clip_from_world, planes, corners })
+    }
+
+    /// The plane whose dot product with `(p, 1)` is the depth of `p`: its distance in front of the plane through the eye that
+    /// is parallel to the picture. `None` for an orthographic camera.
+    #[must_use]
+    pub fn depth_plane(&self) -> Option<DVec4> {
+        let row = self.clip_from_world.row(3);
+        let length = row.truncate().length();
+        // A matrix of 32-bit floats leaves such a rest of a camera without perspective.
+        let scale = self.corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        (length * scale > 1e-6 * row.w.abs()).then(|| row / length).filter(|plane| plane.is_finite())
+    }
+
+    /// Depths of the near and the far plane, by a plane of [`Self::depth_plane`].
+    #[must_use]
+    pub fn depths(&self, plane: DVec4) -> [f64; 2] {
+        [7, 0].map(|corner: usize| plane.dot(self.corners[corner].extend(1.0)))
+    }
+
+    /// The part between two depths.
+    #[must_use]
+    pub fn slice(&self, plane: DVec4, [near, far]: [f64; 2]) -> Self {
+        let corners = std::array::from_fn(|index| {
+            let (there, here) = (self.corners[index & 3], self.corners[index & 3 | 4]);
+            let (last, first) = (plane.dot(there.extend(1.0)), plane.dot(here.extend(1.0)));
+            let depth = if index & 4 == 0 { far } else { near };
+            here + (there - here) * ((depth - first) / (last - first))
+        });
+        let [left, right, bottom, top, ..] = self.planes;
+        let planes = [left, right, bottom, top, plane - DVec4::W * near, DVec4::W * far - plane];
+        Self { clip_from_world: self.clip_from_world, planes, corners }
     }
 
     /// A sphere around what is inside the frustum and a box: centre and radius. `None` if nothing is.

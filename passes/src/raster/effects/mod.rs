@@ -2,7 +2,7 @@
 //!
 //! Everything here is a pure function of the job, so that the rasterisers agree up to rounding:
 //!
-//! - [`shadow`]: the depth map's camera and the bias of its test.
+//! - [`cascades`], [`shadow`]: how many depth maps there are, which one serves a pixel, their cameras and their test.
 //! - [`panes`], [`cube`]: which glass gets a cube map, its cameras, and how a direction is looked up.
 //! - [`occlusion`]: what the two screen-space ambient occlusions compute at a pixel.
 //!
@@ -18,6 +18,7 @@
 //! - Occlusions know only what the camera sees.
 
 pub mod bounds;
+pub mod cascades;
 pub mod cube;
 pub mod occlusion;
 pub mod panes;
@@ -26,7 +27,7 @@ pub mod shadow;
 use bounds::Bounds;
 use curitiba_pipeline::backend::EffectJob;
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::raster_effects::{EFFECT_PARAMS, EffectParams};
+use curitiba_pipeline::raster_effects::{EFFECT_PARAMS, EffectParams, EffectProgram};
 use curitiba_pipeline::scene::RenderScene;
 use glam::Vec3;
 use panes::Pane;
@@ -107,17 +108,18 @@ pub fn check(job: &EffectJob<'_>, output: &Image, own_copy: bool) -> Result<(), 
     }
 }
 
-/// Refuses maps that would take too much memory.
+/// Refuses maps of a program that would take too much memory.
 ///
 /// # Errors
 /// How much, and what to do.
-pub fn check_map_bytes(bytes: u64) -> Result<(), String> {
+pub fn check_map_bytes(program: EffectProgram, bytes: u64) -> Result<(), String> {
     if bytes <= MAX_MAP_BYTES {
         return Ok(());
     }
     let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
     let limit = gib(MAX_MAP_BYTES);
-    Err(format!("its maps would take {:.1} GiB, the limit is {limit} GiB; lower `mapsize` or `probes`", gib(bytes)))
+    let other = if program == EffectProgram::ShadowMap { "cascades" } else { "probes" };
+    Err(format!("its maps would take {:.1} GiB, the limit is {limit} GiB; lower `mapsize` or `{other}`", gib(bytes)))
 }
 
 /// Whether the triangle that a pixel shows is glass; ids of no triangle are not.

@@ -1,4 +1,4 @@
-//! The shadow map of a directional light: its camera, its bias, and its test.
+//! One shadow map of a directional light: its camera, its bias, and its test.
 
 use super::bounds::{Bounds, Frustum};
 use curitiba_pipeline::backend::{Sun, View};
@@ -22,10 +22,6 @@ const SMALLEST: f64 = -16.0 * RADIUS_STEPS;
 /// So that edges do not shimmer when the camera moves, the smaller sphere's radius takes fixed steps (eight a doubling) and
 /// its centre moves by whole texels only (Valient, "Stable Rendering of Cascaded Shadow Maps", ShaderX6, 2008): a surface
 /// point keeps its place in its texel until the radius takes a step.
-///
-/// One map serves the whole picture (no cascades): where the camera sees a kilometre of land, a texel of a map of 2048 is
-/// almost a metre. Shadows are then soft where they should be sharp, and [`ShadowFit::bias`], which grows with the texel,
-/// lets light pass below what stands near a surface at a grazing angle. More texels help; rays need none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ShadowFit {
     /// World to clip, depth reversed: 1 nearest to the light. The eye is a point at the near plane.
@@ -38,15 +34,25 @@ pub struct ShadowFit {
     pub texel: f32,
     /// Depth that one unit of world length along the light makes.
     pub depth_per_unit: f32,
+    /// Whether it covers the whole scene.
+    pub is_whole: bool,
     /// World length by which rounding may move a surface along the light.
     pub rounding: f32,
 }
 
 impl ShadowFit {
-    /// For a map of `params.map_size` texels a side of a scene with these bounds, seen by `camera`. `None` where nothing can
-    /// cast a shadow: the scene is empty, or the light has no direction.
+    /// For one map of `params.map_size` texels a side of all that `camera` sees of a scene with these bounds. `None` where
+    /// nothing can cast a shadow: the scene is empty, or the light has no direction.
     #[must_use]
     pub fn new(sun: &Sun, scene: &Bounds, camera: &View, params: &EffectParams) -> Option<Self> {
+        let seen = Frustum::new(&camera.clip_from_world).and_then(|frustum| frustum.sphere_with(scene));
+        Self::around(sun, scene, seen, params)
+    }
+
+    /// For a map of the part of the scene in a sphere, centre and radius; of the whole scene without one, or where the sphere
+    /// is no smaller than the scene's.
+    #[must_use]
+    pub fn around(sun: &Sun, scene: &Bounds, seen: Option<(DVec3, f64)>, params: &EffectParams) -> Option<Self> {
         let direction = sun.direction.as_dvec3().try_normalize()?;
         if scene.is_empty() || !scene.min.is_finite() || !scene.max.is_finite() {
             return None;
@@ -56,7 +62,6 @@ impl ShadowFit {
         let largest = scene.min.abs().max(scene.max.abs()).max_element();
         // A scene that is a point still needs texels of some size.
         let scene_radius = half.length().max(f64::from(largest * f32::EPSILON)).max(f64::from(f32::MIN_POSITIVE));
-        let seen = Frustum::new(&camera.clip_from_world).and_then(|frustum| frustum.sphere_with(scene));
         let (center, radius) = seen
             .map(|(center, radius)| {
                 let steps = (RADIUS_STEPS * (radius / scene_radius).log2()).ceil().max(SMALLEST);
@@ -94,6 +99,7 @@ impl ShadowFit {
             view: View { clip_from_world, eye: eye.as_vec3() },
             map_from_world,
             size: params.map_size,
+            is_whole: radius >= scene_radius,
             texel: texel as f32,
             depth_per_unit: (1.0 / depth_range) as f32,
             rounding: 8.0 * f32::EPSILON * (largest + depth_range as f32),
@@ -108,6 +114,14 @@ impl ShadowFit {
         self.map_from_world.transform_point3(position)
     }
 
+    /// Whether the filter around a place reads texels of the map only.
+    #[must_use]
+    #[inline]
+    pub fn covers(&self, place: Vec3, params: &EffectParams) -> bool {
+        let (low, high) = ((params.pcf + 1) as f32, self.size as f32 - (params.pcf + 1) as f32);
+        place.x >= low && place.x <= high && place.y >= low && place.y <= high
+    }
+
     /// By how much depth a surface may lie behind the map and still be lit, where the light meets it at an angle of this
     /// cosine.
     ///
@@ -116,6 +130,11 @@ impl ShadowFit {
     /// `bias (pcf + 1) texel tan θ`, and some units of rounding, a plane does not shadow itself from `bias = √2` on. Depth
     /// bias by slope: Woo, "The Shadow Depth Map Revisited", Graphics Gems III, 1992; its bound for a plane and a texel:
     /// Dou, Yan, Kerzner, Dai and Wyman, "Adaptive Depth Bias for Shadow Maps", JCGT 3(4), 2014.
+    ///
+    /// It lets light pass below what is nearer to the surface than the bias is long, which texels of cascades keep short. An
+    /// offset along the normal (Holbert, "Normal Offset Shadows", GDC 2011) does not grow with the slope but moves every
+    /// edge: where a plane does not shadow itself, the pictures of the shipped square are farther from ray traced ones.
+    /// Depths along the receiver's plane (Isidoro, "Shadow Mapping: GPU-based Tips and Techniques", GDC 2006) are no nearer.
     #[must_use]
     #[inline]
     pub fn bias(&self, cos: f32, params: &EffectParams) -> f32 {

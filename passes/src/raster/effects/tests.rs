@@ -1,6 +1,7 @@
 //! The maps' cameras against closed forms.
 
 use super::bounds::{Bounds, Frustum};
+use super::cascades::{Cascades, depth_plane};
 use super::cube;
 use super::panes::{self, Probes};
 use super::shadow::ShadowFit;
@@ -125,6 +126,74 @@ fn no_shadow_map_is_fitted_to_nothing() {
             }
         }
     }
+}
+
+#[test]
+fn every_visible_point_between_the_depths_is_in_a_map_that_is_no_coarser_than_that_of_its_part() {
+    let scene = bounds(STREET.0, STREET.1);
+    for (direction, far) in
+        [(Vec3::NEG_Y, 300.0), (Vec3::new(0.3, -1.0, 0.2), 300.0), (Vec3::new(1.0, -0.02, 0.3), 30.0)]
+    {
+        let view = camera(Vec3::new(3.0, 2.0, 5.0), Vec3::new(-4.0, 1.0, -2.0), far);
+        let plane = depth_plane(&view);
+        for cascades in 1..=8 {
+            let params = EffectParams { map_size: 512, cascades, ..EffectParams::default() };
+            let fits = Cascades::new(&sun(direction), &scene, &view, [0.5, 20.0], &params).fits;
+            assert_eq!(fits.len(), cascades as usize);
+            assert!(fits.windows(2).all(|pair| pair[0].texel < pair[1].texel), "the nearer the finer");
+            let mut seen = 0;
+            for i in 0..20_000u32 {
+                let point = scene.min + (scene.max - scene.min) * random(i);
+                let clip = view.clip_from_world * point.extend(1.0);
+                let depth = plane.dot(point.extend(1.0));
+                let outside = clip.x.abs().max(clip.y.abs()) > clip.w || clip.z < 0.0 || clip.z > clip.w;
+                if outside || !(0.5..=20.0).contains(&depth) {
+                    continue;
+                }
+                // The closed form: a camera's `w` is the depth.
+                assert!((depth - clip.w).abs() < 1e-3);
+                seen += 1;
+                // 0.5 and 2^4.5, the steps around the depths.
+                let part = (depth / 0.5).ln() / (2f32.powf(4.5) / 0.5).ln() * cascades as f32;
+                let first = fits.iter().position(|fit| fit.covers(fit.place(point), &params)).expect("in a map");
+                assert!(first as f32 <= part + 1e-3, "{direction} {depth}: map {first}, part {part}");
+            }
+            assert!(seen > 300, "{seen}");
+        }
+    }
+}
+
+#[test]
+fn there_are_only_as_many_maps_as_something_is_seen_in() {
+    let scene = bounds(STREET.0, STREET.1);
+    let params = EffectParams { map_size: 256, cascades: 4, ..EffectParams::default() };
+    let count = |view: &View, depths: [f32; 2]| {
+        let cascades = Cascades::new(&sun(Vec3::new(0.3, -1.0, 0.2)), &scene, view, depths, &params);
+        assert!(cascades.fits.iter().all(|fit| fit.texel > 0.0 && fit.texel.is_finite()));
+        cascades.fits.len()
+    };
+    let view = camera(Vec3::new(3.0, 2.0, 5.0), Vec3::new(-4.0, 1.0, -2.0), 300.0);
+    assert_eq!(count(&view, [1.0, 20.0]), 4);
+    // The first half of the depths is before the scene.
+    let away = camera(Vec3::new(0.0, 5.0, 120.0), Vec3::ZERO, 300.0);
+    assert!((1..4).contains(&count(&away, [0.2, 150.0])));
+    // Depths that are none: all that the camera sees.
+    for depths in [[0.0, 0.0], [0.0, f32::INFINITY], [f32::NAN; 2], [1e30, 1e38], [-1.0, 5.0]] {
+        assert!((1..=4).contains(&count(&view, depths)), "{depths:?}");
+    }
+    // One scale for all depths, and no depth at all.
+    let look = glam::camera::rh::view::look_at_mat4(Vec3::Y * 50.0, Vec3::ZERO, Vec3::Z);
+    let flat = glam::camera::rh::proj::directx::orthographic(-4.0, 4.0, -4.0, 4.0, 100.0, 0.1);
+    let flat = View { clip_from_world: flat * look, eye: Vec3::Y * 50.0 };
+    assert_eq!((count(&flat, [1.0, 20.0]), depth_plane(&flat)), (1, glam::Vec4::ZERO));
+    let broken = View { clip_from_world: Mat4::ZERO, eye: Vec3::ZERO };
+    assert_eq!(count(&broken, [1.0, 20.0]), 1);
+    // A light without direction, and a scene without a point.
+    let none = |direction, scene: &Bounds| {
+        let sun = Sun { direction, color: Vec3::ONE };
+        Cascades::new(&sun, scene, &view, [1.0, 20.0], &params) == Cascades::default()
+    };
+    assert!(none(Vec3::ZERO, &scene) && none(Vec3::NEG_Y, &Bounds::EMPTY) && !none(Vec3::NEG_Y, &scene));
 }
 
 #[test]

@@ -7,7 +7,8 @@ use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 use std::num::NonZeroU64;
 
-const BYTES: u64 = size_of::<u32>() as u64;
+/// Of `Found` in the shader.
+const BYTES: u64 = size_of::<[u32; 3]>() as u64;
 
 /// The question for one kind of map.
 #[derive(Debug)]
@@ -19,6 +20,7 @@ pub struct Ask {
     readable: wgpu::Buffer,
     /// With the table of glass that it was bound to.
     group: Option<(wgpu::Buffer, wgpu::BindGroup)>,
+    glass: bool,
 }
 
 impl Ask {
@@ -67,17 +69,18 @@ impl Ask {
         let params = gpu.buffer(doing, Usage::UNIFORM | Usage::COPY_DST, size_of::<AskUniform>() as u64)?;
         let found = gpu.buffer(doing, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC, BYTES)?;
         let readable = gpu.buffer(doing, Usage::MAP_READ | Usage::COPY_DST, BYTES)?;
-        Ok(Self { pipeline, layout, params, found, readable, group: None })
+        Ok(Self { pipeline, layout, params, found, readable, group: None, glass })
     }
 
-    /// Whether any pixel does; waits. `glass` is the table of glass.
+    /// The least and the largest depth of the pixels that do, 0 in the question for glass; `None` if no pixel does. Waits.
+    /// `glass` is the table of glass.
     pub fn any(
         &mut self,
         gpu: &Gpu,
         gbuffer: &wgpu::BindGroup,
         glass: &wgpu::Buffer,
         params: AskUniform,
-    ) -> Result<bool, BackendError> {
+    ) -> Result<Option<[f32; 2]>, BackendError> {
         let doing = "asking whether maps are called for";
         let group = match self.group.take().filter(|(table, _)| table == glass) {
             Some((_, group)) => group,
@@ -105,10 +108,12 @@ impl Ask {
         }
         encoder.copy_buffer_to_buffer(&self.found, 0, &self.readable, 0, BYTES);
         self.group = Some((glass.clone(), group));
-        let mut found = [0_u32];
+        let mut found = [0_u32; 3];
         gpu.read_mapped(&self.readable, BYTES, Some(encoder.finish()), doing, |bytes| {
             bytemuck::cast_slice_mut(&mut found).copy_from_slice(bytes);
         })?;
-        Ok(found != [0])
+        let [any, nearest, farthest] = found;
+        let depths = if self.glass { [0.0; 2] } else { [!nearest, farthest].map(f32::from_bits) };
+        Ok((any != 0).then_some(depths))
     }
 }

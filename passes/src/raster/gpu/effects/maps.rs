@@ -22,6 +22,8 @@ pub enum MapsKey {
     Depth {
         /// Texels a side.
         size: u32,
+        /// How many maps.
+        cascades: u32,
     },
     /// Colours all around some points.
     Cubes {
@@ -37,20 +39,21 @@ impl MapsKey {
     pub fn bytes(self) -> u64 {
         let texels = |size: u32| u64::from(size) * u64::from(size);
         match self {
-            Self::Depth { size } => 4 * texels(size),
+            Self::Depth { size, cascades } => 4 * u64::from(cascades) * texels(size),
             Self::Cubes { size, probes } => (16 * u64::from(FACES) * u64::from(probes) + 4) * texels(size),
         }
     }
 }
 
-/// Square maps of one size: one with depths only, or the faces of cube maps with colours.
+/// Square maps of one size: some with depths only, or the faces of cube maps with colours.
 #[derive(Debug, Clone)]
 pub struct Maps {
-    /// What the pixel program reads: the depths, or an array of all faces, probe by probe.
+    /// What the pixel program reads: an array of all depths, or of all faces, probe by probe.
     pub read: wgpu::TextureView,
-    /// What each face is drawn to; empty for depths.
+    /// What the colours of each face are drawn to; empty for depths.
     faces: std::sync::Arc<[wgpu::TextureView]>,
-    depth: wgpu::TextureView,
+    /// What the depths of each map are drawn to; faces share one.
+    depths: std::sync::Arc<[wgpu::TextureView]>,
     /// Bytes of device memory, as [`MapsKey::bytes`].
     pub bytes: u64,
 }
@@ -59,18 +62,20 @@ impl Maps {
     /// Room for maps; what is drawn to them comes later.
     pub fn new(gpu: &Gpu, key: MapsKey) -> Result<Self, BackendError> {
         match key {
-            MapsKey::Depth { size } => Self::depth(gpu, size),
+            MapsKey::Depth { size, cascades } => Self::depth(gpu, size, cascades),
             MapsKey::Cubes { size, probes } => Self::cubes(gpu, size, probes),
         }
     }
 
-    fn depth(gpu: &Gpu, size: u32) -> Result<Self, BackendError> {
+    fn depth(gpu: &Gpu, size: u32, cascades: u32) -> Result<Self, BackendError> {
         check_size(gpu, "a shadow map", size)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let texture = texture(gpu, "shadow map", DEPTH_FORMAT, usage, size, 1);
-        gpu.check("creation of the shadow map")?;
-        let depth = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        Ok(Self { read: depth.clone(), faces: [].into(), depth, bytes: MapsKey::Depth { size }.bytes() })
+        let texture = texture(gpu, "shadow maps", DEPTH_FORMAT, usage, size, cascades);
+        gpu.check("creation of the shadow maps")?;
+        let depths = (0..cascades).map(|layer| layers(&texture, layer, 1, wgpu::TextureViewDimension::D2)).collect();
+        let read = layers(&texture, 0, cascades, wgpu::TextureViewDimension::D2Array);
+        gpu.check("creation of the shadow maps")?;
+        Ok(Self { read, faces: [].into(), depths, bytes: MapsKey::Depth { size, cascades }.bytes() })
     }
 
     fn cubes(gpu: &Gpu, size: u32, probes: u32) -> Result<Self, BackendError> {
@@ -81,25 +86,27 @@ impl Maps {
             return Err(unsupported(&format!("{probes} cube maps"), &why));
         }
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let layers = FACES * probes;
-        let color = texture(gpu, "cube maps", CHANNEL_FORMATS[0], usage, size, layers);
+        let count = FACES * probes;
+        let color = texture(gpu, "cube maps", CHANNEL_FORMATS[0], usage, size, count);
         gpu.check("creation of the cube maps")?;
         let depth = texture(gpu, "depth of cube maps", DEPTH_FORMAT, wgpu::TextureUsages::RENDER_ATTACHMENT, size, 1);
         gpu.check("creation of the cube maps")?;
-        let view = |first, count, dimension| {
-            color.create_view(&wgpu::TextureViewDescriptor {
-                dimension: Some(dimension),
-                base_array_layer: first,
-                array_layer_count: Some(count),
-                ..Default::default()
-            })
-        };
-        let faces = (0..layers).map(|layer| view(layer, 1, wgpu::TextureViewDimension::D2)).collect();
-        let read = view(0, layers, wgpu::TextureViewDimension::D2Array);
-        let depth = depth.create_view(&wgpu::TextureViewDescriptor::default());
+        let faces = (0..count).map(|layer| layers(&color, layer, 1, wgpu::TextureViewDimension::D2)).collect();
+        let read = layers(&color, 0, count, wgpu::TextureViewDimension::D2Array);
+        let depths = [depth.create_view(&wgpu::TextureViewDescriptor::default())].into();
         gpu.check("creation of the cube maps")?;
-        Ok(Self { read, faces, depth, bytes: MapsKey::Cubes { size, probes }.bytes() })
+        Ok(Self { read, faces, depths, bytes: MapsKey::Cubes { size, probes }.bytes() })
     }
+}
+
+/// Some layers of a texture.
+fn layers(texture: &wgpu::Texture, first: u32, count: u32, dimension: wgpu::TextureViewDimension) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(dimension),
+        base_array_layer: first,
+        array_layer_count: Some(count),
+        ..Default::default()
+    })
 }
 
 fn check_size(gpu: &Gpu, what: &str, size: u32) -> Result<(), BackendError> {
@@ -143,7 +150,7 @@ pub fn draw(
     progress: &Progress,
 ) -> Result<(Part, u64), BackendError> {
     let start = Instant::now();
-    let Some(first) = views.first() else { return Ok((Part::default(), 0)) };
+    let (Some(first), Some(shared)) = (views.first(), maps.depths.first()) else { return Ok((Part::default(), 0)) };
     let color = !maps.faces.is_empty();
     // The draws do not depend on the viewport.
     let raster = RasterJob {
@@ -179,7 +186,7 @@ pub fn draw(
                 label: Some("map"),
                 color_attachments: if color { &attachments } else { &[] },
                 depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                    view: &maps.depth,
+                    view: maps.depths.get(index).unwrap_or(shared),
                     depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store }),
                     stencil_ops: None,
                 }),

@@ -20,8 +20,8 @@ use super::pipelines::{Layouts, Pipelines};
 use super::targets::{Staging, Targets};
 use super::textures::DeviceTextures;
 use super::timer::Timer;
+use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::panes::Probes;
-use crate::raster::effects::shadow::ShadowFit;
 use crate::raster::effects::{SceneCache, check, check_map_bytes, cube, is_glass};
 use ask::Ask;
 use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, View};
@@ -207,9 +207,9 @@ impl Effects {
         // The programs that draw maps start it again.
         progress.start(task.submissions());
         let prepared = match job.program {
-            EffectProgram::ShadowMap => self.shadow_map(context, job, called, &task, &mut stats, progress)?,
+            EffectProgram::ShadowMap => self.shadow_maps(context, job, called, &task, &mut stats, progress)?,
             EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
-                self.cube_maps(context, job, called, &task, &mut stats, progress)?
+                self.cube_maps(context, job, called.is_some(), &task, &mut stats, progress)?
             }
             EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
                 Prepared { maps: None, params: bytemuck::bytes_of(&OcclusionUniform::new(job)).to_vec() }
@@ -234,14 +234,15 @@ impl Effects {
         Ok(stats)
     }
 
-    /// Whether any pixel asks the program's maps; none are drawn for a picture without such a pixel.
+    /// The depths of the pixels that ask the program's maps, 0 if these pixels are glass. `None` without such a pixel: then
+    /// no maps are drawn.
     fn called_for(
         &mut self,
         gpu: &Gpu,
         job: &EffectJob<'_>,
         gbuffer: &wgpu::BindGroup,
         id_base: u32,
-    ) -> Result<bool, BackendError> {
+    ) -> Result<Option<[f32; 2]>, BackendError> {
         let glass = job.program.info().glass;
         if glass {
             glass_ranges(job, &mut self.ranges);
@@ -249,15 +250,15 @@ impl Effects {
                 self.groups.clear();
             }
             if self.ranges.is_empty() {
-                return Ok(false);
+                return Ok(None);
             }
         } else if job.program != EffectProgram::ShadowMap {
-            return Ok(false);
+            return Ok(None);
         }
         if !job.resident {
             return Ok(match glass {
-                true => job.triangle.par_iter().any(|triangle| is_glass(job, *triangle)),
-                false => job.position.par_iter().any(|position| position[3] > 0.0),
+                true => job.triangle.par_iter().any(|triangle| is_glass(job, *triangle)).then_some([0.0; 2]),
+                false => cascades::lit_depths(job),
             });
         }
         let ask = match &mut self.asks[usize::from(glass)] {
@@ -265,15 +266,17 @@ impl Effects {
             none => none.insert(Ask::new(gpu, &self.inputs, glass)?),
         };
         let ranges = self.ranges.len() as u32;
-        ask.any(gpu, gbuffer, &self.glass.buffer, AskUniform { size: [job.width, job.height], id_base, ranges })
+        let depth_plane = cascades::depth_plane(&job.view);
+        let params = AskUniform { depth_plane, size: [job.width, job.height], id_base, ranges };
+        ask.any(gpu, gbuffer, &self.glass.buffer, params)
     }
 
     /// The depths that the light sees.
-    fn shadow_map(
+    fn shadow_maps(
         &mut self,
         context: &mut Context<'_>,
         job: &EffectJob<'_>,
-        called: bool,
+        depths: Option<[f32; 2]>,
         task: &Task,
         stats: &mut EffectStats,
         progress: &Progress,
@@ -282,17 +285,22 @@ impl Effects {
             return Err(unsupported(job.program.info().name, "the pass has no light: name one in <lights>;"));
         };
         let bounds = context.cache.bounds(job.scene);
-        let fit = ShadowFit::new(sun, &bounds, &job.view, &job.params).filter(|_| called);
-        let key = MapsKey::Depth { size: fit.map_or(1, |fit| fit.size) };
-        let maps = self.require_maps(context.gpu, key)?;
-        if let Some(fit) = &fit {
-            progress.start(1 + task.submissions());
+        let cascades = depths.map(|depths| Cascades::new(sun, &bounds, &job.view, depths, &job.params));
+        let cascades = cascades.unwrap_or_default();
+        let count = cascades.fits.len() as u32;
+        let key = match count {
+            0 => MapsKey::Depth { size: 1, cascades: 1 },
+            _ => MapsKey::Depth { size: job.params.map_size, cascades: count },
+        };
+        let maps = self.require_maps(context.gpu, job.program, key)?;
+        if count > 0 {
+            progress.start(u64::from(count) + task.submissions());
             self.views.clear();
-            self.views.push(fit.view);
+            self.views.extend(cascades.fits.iter().map(|fit| fit.view));
             let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.views, &[], progress)?;
-            (stats.maps, stats.triangles, stats.map_count, stats.bytes) = (Some(part), triangles, 1, maps.bytes);
+            (stats.maps, stats.triangles, stats.map_count, stats.bytes) = (Some(part), triangles, count, maps.bytes);
         }
-        let params = bytemuck::bytes_of(&ShadowUniform::new(job, fit.as_ref())).to_vec();
+        let params = bytemuck::bytes_of(&ShadowUniform::new(job, &cascades)).to_vec();
         Ok(Prepared { maps: Some(key), params })
     }
 
@@ -322,7 +330,7 @@ impl Effects {
         if self.boxes.write(context.gpu, bytemuck::cast_slice(&boxes))? {
             self.groups.clear();
         }
-        let maps = self.require_maps(context.gpu, key)?;
+        let maps = self.require_maps(context.gpu, job.program, key)?;
         if chosen > 0 {
             progress.start(self.views.len() as u64 + task.submissions());
             let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.views, job.glass, progress)?;
@@ -333,8 +341,8 @@ impl Effects {
         Ok(Prepared { maps: Some(key), params })
     }
 
-    fn require_maps(&mut self, gpu: &Gpu, key: MapsKey) -> Result<Maps, BackendError> {
-        check_map_bytes(key.bytes()).map_err(|why| unsupported("this effect", &format!("{why};")))?;
+    fn require_maps(&mut self, gpu: &Gpu, program: EffectProgram, key: MapsKey) -> Result<Maps, BackendError> {
+        check_map_bytes(program, key.bytes()).map_err(|why| unsupported(program.info().name, &format!("{why};")))?;
         let (maps, made) = self.maps.require(gpu, key, |key| Maps::new(gpu, *key))?;
         let maps = maps.clone();
         if made {

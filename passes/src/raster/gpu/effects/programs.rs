@@ -40,7 +40,7 @@ fn resources(program: EffectProgram) -> Vec<wgpu::BindingType> {
     };
     match program {
         EffectProgram::ShadowMap => {
-            vec![texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2)]
+            vec![texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array)]
         }
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
             let faces = wgpu::TextureSampleType::Float { filterable: false };

@@ -2,14 +2,15 @@
 
 use super::programs::GROUP;
 use crate::effects::SHADOWED;
+use crate::raster::effects::cascades::Cascades;
 use crate::raster::effects::cube::{AXES, FACES};
 use crate::raster::effects::occlusion::DEPTH_TOLERANCE;
 use crate::raster::effects::panes::Probe;
-use crate::raster::effects::shadow::{MAX_SLOPE, ShadowFit};
+use crate::raster::effects::shadow::MAX_SLOPE;
 use crate::raster::gpu::shader::cut;
 use crate::sampling::hash;
 use curitiba_pipeline::backend::EffectJob;
-use curitiba_pipeline::raster_effects::EffectProgram;
+use curitiba_pipeline::raster_effects::{EffectProgram, MAX_CASCADES};
 use glam::{Mat4, Vec4};
 use std::fmt::Write;
 
@@ -83,7 +84,12 @@ fn push_constants(source: &mut String) {
         // Writing to a string does not fail. `{:e}` is the shortest text that reads back as the same number.
         _ = writeln!(source, "const {name} = {value:e}f;");
     }
-    let integers = [("GROUP", GROUP), ("HASH_PIXEL", hash::PIXEL), ("HASH_DIMENSIONS", hash::DIMENSIONS)];
+    let integers = [
+        ("MAX_CASCADES", MAX_CASCADES),
+        ("GROUP", GROUP),
+        ("HASH_PIXEL", hash::PIXEL),
+        ("HASH_DIMENSIONS", hash::DIMENSIONS),
+    ];
     for (name, value) in integers {
         _ = writeln!(source, "const {name} = {value}u;");
     }
@@ -117,38 +123,51 @@ impl FrameUniform {
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct AskUniform {
+    /// Without glass, [`depth_plane`](crate::raster::effects::cascades::depth_plane).
+    pub depth_plane: Vec4,
     pub size: [u32; 2],
     pub id_base: u32,
     pub ranges: u32,
+}
+
+/// `Cascade` of `shadow_map.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct CascadeUniform {
+    map_from_world: Mat4,
+    slope_bias: f32,
+    rounding_bias: f32,
+    padding: [u32; 2],
 }
 
 /// `Params` of `shadow_map.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct ShadowUniform {
-    map_from_world: Mat4,
+    cascades: [CascadeUniform; MAX_CASCADES as usize],
+    count: u32,
     map_size: i32,
     reach: i32,
-    slope_bias: f32,
-    rounding_bias: f32,
-    has_map: u32,
-    padding: [u32; 3],
+    padding: u32,
 }
 
 impl ShadowUniform {
-    /// Without a fit, everything is lit.
-    pub fn new(job: &EffectJob<'_>, fit: Option<&ShadowFit>) -> Self {
+    /// Without a cascade, everything is lit.
+    pub fn new(job: &EffectJob<'_>, cascades: &Cascades) -> Self {
         let params = &job.params;
-        let Some(fit) = fit else { return bytemuck::Zeroable::zeroed() };
-        Self {
-            map_from_world: fit.map_from_world,
-            map_size: fit.size as i32,
-            reach: params.pcf as i32,
-            slope_bias: params.bias * (params.pcf + 1) as f32 * fit.texel * fit.depth_per_unit,
-            rounding_bias: fit.rounding * fit.depth_per_unit,
-            has_map: 1,
-            padding: [0; 3],
+        let mut uniform: Self = bytemuck::Zeroable::zeroed();
+        uniform.count = cascades.fits.len() as u32;
+        uniform.map_size = params.map_size as i32;
+        uniform.reach = params.pcf as i32;
+        for (to, fit) in uniform.cascades.iter_mut().zip(&cascades.fits) {
+            *to = CascadeUniform {
+                map_from_world: fit.map_from_world,
+                slope_bias: params.bias * (params.pcf + 1) as f32 * fit.texel * fit.depth_per_unit,
+                rounding_bias: fit.rounding * fit.depth_per_unit,
+                padding: [0; 2],
+            };
         }
+        uniform
     }
 }
 
@@ -256,7 +275,7 @@ mod tests {
     fn both_questions_parse_and_validate() {
         for glass in [false, true] {
             let module = validate(&ask_source(glass)).unwrap_or_else(|error| panic!("{error}"));
-            let offsets = offsets!(AskUniform: size, id_base, ranges);
+            let offsets = offsets!(AskUniform: depth_plane, size, id_base, ranges);
             assert_eq!(layout_in(&module, "Params"), offsets);
         }
         assert_ne!(ask_source(false), ask_source(true));
@@ -297,8 +316,10 @@ mod tests {
             let frame = offsets!(FrameUniform: size, first_row, id_base);
             assert_eq!(layout(info.program, "Frame"), frame, "{}", info.name);
         }
-        let shadow = offsets!(ShadowUniform: map_from_world, map_size, reach, slope_bias, rounding_bias, has_map);
+        let shadow = offsets!(ShadowUniform: cascades, count, map_size, reach);
         assert_eq!(layout(ShadowMap, "Params"), shadow);
+        let cascade = offsets!(CascadeUniform: map_from_world, slope_bias, rounding_bias);
+        assert_eq!(layout(ShadowMap, "Cascade"), cascade);
         for program in [CubeReflection, CubeRefraction] {
             let cube = offsets!(CubeUniform: eye, axes, map_size, probes, ranges, index);
             assert_eq!(layout(program, "Params"), cube);

@@ -1,25 +1,30 @@
-// Shadows of a directional light from a depth map: `raster::effects::shadow`.
+// Shadows of a directional light from cascaded depth maps: `raster::effects::{cascades, shadow}`.
 
-struct Params {
+struct Cascade {
     // World to texels: x right and y down from the top left corner of the map, z the depth.
     map_from_world: mat4x4<f32>,
-    // Texels a side.
-    map_size: i32,
-    // Texels on each side of the middle one that a test averages.
-    reach: i32,
     // Depth bias for a slope of 1.
     slope_bias: f32,
     // Depth bias that is always there.
     rounding_bias: f32,
-    // 0 where nothing can cast a shadow, and there is no map.
-    has_map: u32,
 }
 
-@group(1) @binding(3) var shadow_map: texture_depth_2d;
+struct Params {
+    // From near to far.
+    cascades: array<Cascade, MAX_CASCADES>,
+    // 0 where nothing can cast a shadow, and there is no map.
+    count: u32,
+    // Texels a side of each map.
+    map_size: i32,
+    // Texels on each side of the middle one that a test averages.
+    reach: i32,
+}
+
+@group(1) @binding(3) var shadow_maps: texture_depth_2d_array;
 
 fn compute(pixel: vec2<u32>) -> vec4<f32> {
     let position = textureLoad(position_buffer, pixel, 0);
-    if params.has_map == 0u || !(position.w > 0.0) {
+    if params.count == 0u || !(position.w > 0.0) {
         return vec4<f32>(1.0);
     }
     let share = lit_share(position.xyz, position.w);
@@ -27,7 +32,18 @@ fn compute(pixel: vec2<u32>) -> vec4<f32> {
 }
 
 fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
-    let place = (params.map_from_world * vec4<f32>(position, 1.0)).xyz;
+    // The first map that contains the filter; else the last one.
+    let low = f32(params.reach + 1);
+    let high = f32(params.map_size) - low;
+    var cascade = 0u;
+    var place = vec3<f32>(0.0);
+    for (; cascade < params.count; cascade++) {
+        place = (params.cascades[cascade].map_from_world * vec4<f32>(position, 1.0)).xyz;
+        if all(place.xy >= vec2<f32>(low)) && all(place.xy <= vec2<f32>(high)) {
+            break;
+        }
+    }
+    cascade = min(cascade, params.count - 1u);
     let at = place.xy - 0.5;
     // Also where the place is not a number.
     if !(all(abs(at) < vec2<f32>(1e6)) && abs(place.z) < LARGEST) {
@@ -35,7 +51,7 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
     }
     let cos = min(cosine, 1.0);
     let slope = min(sqrt(1.0 - cos * cos) / cos, MAX_SLOPE);
-    let depth = place.z + (params.slope_bias * slope + params.rounding_bias);
+    let depth = place.z + (params.cascades[cascade].slope_bias * slope + params.cascades[cascade].rounding_bias);
     let corner = floor(at);
     let last_share = at - corner;
     let first = vec2<i32>(corner) - params.reach;
@@ -49,7 +65,7 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
             // Texels outside are empty: the far plane.
             var stored = -1e9;
             if inside {
-                stored = textureLoad(shadow_map, texel, 0);
+                stored = textureLoad(shadow_maps, texel, cascade, 0);
             }
             if depth >= stored {
                 lit_in_row += weight(column, width, last_share.x);
