@@ -213,19 +213,18 @@ fn rays(effect: Effect, other: Option<(u32, &'static str)>) -> Entry {
     }
 }
 
-/// An effect by raster. `other` are the parameters of a row that is not the usual one: the map's side and the texels
-/// averaged, or slices and steps.
+/// An effect by raster. `other` are the parameters of a row that is not the usual one: the map's side and the number of
+/// cascades, or slices and steps.
 fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entry {
     let base = entry(file, effect.id(), Technique::Raster, "");
     let (stage, in_table) = if other.is_some() { (Stage::Settings, false) } else { (Stage::Effects, true) };
     let panes = matches!(effect, Effect::Reflection | Effect::Refraction);
     let (set, series, value, weight) = match effect {
         Effect::Shadows => {
-            let (side, pcf) = other.unwrap_or((2048, 1));
-            let width = 2 * pcf + 1;
-            let set = vec![format!("pass2.mapsize={side}"), format!("pass2.pcf={pcf}")];
-            let series = format!("shadow map, {width} × {width} texels");
-            (set, series, side.to_string(), f64::from(side * side) + 2e6)
+            let (side, cascades) = other.unwrap_or((1024, 4));
+            let set = vec![format!("pass2.mapsize={side}"), format!("pass2.cascades={cascades}")];
+            let series = if cascades == 1 { "one shadow map".to_owned() } else { format!("{cascades} shadow maps") };
+            (set, series, side.to_string(), f64::from(cascades) * (f64::from(side * side) + 2e6))
         }
         Effect::Reflection | Effect::Refraction => {
             let (side, _) = other.unwrap_or((512, 0));
@@ -268,11 +267,11 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
         pairs.iter().map(|pair| raster(effect, file, Some(*pair))).collect()
     };
     match effect {
-        Effect::Shadows if quick => every(by_raster[0], &[(512, 1), (1024, 1), (4096, 1), (2048, 0)]),
+        Effect::Shadows if quick => every(by_raster[0], &[(512, 1), (2048, 1), (256, 4), (512, 4), (2048, 4)]),
         Effect::Shadows => {
-            let sides = [512, 1024, 2048, 4096];
-            let pairs: Vec<_> = [0, 1, 2].iter().flat_map(|pcf| sides.map(|side| (side, *pcf))).collect();
-            let others: Vec<_> = pairs.into_iter().filter(|pair| *pair != (2048, 1)).collect();
+            let sides = [256, 512, 1024, 2048, 4096];
+            let pairs: Vec<_> = [1, 2, 4].iter().flat_map(|cascades| sides.map(|side| (side, *cascades))).collect();
+            let others: Vec<_> = pairs.into_iter().filter(|pair| *pair != (1024, 4)).collect();
             every(by_raster[0], &others)
         }
         Effect::Reflection | Effect::Refraction if quick => every(by_raster[0], &[(128, 0), (256, 0)]),
