@@ -1,38 +1,61 @@
-//! Frame times of the seven projects, pass by pass, on the code paths of `curitiba render`.
+//! Frame times of every effect, by rays and by raster, pass by pass, on the code paths of `curitiba bench`.
 //!
 //! `cargo bench --bench effects` renders at 256 x 256 with 16 occlusion samples; `CURITIBA_BENCH_SIZE=1024` and
 //! `CURITIBA_BENCH_SAMPLES=100` give the report's own frame.
 
 use criterion::{BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
-use curitiba::pipeline::executor::{Renderer, Silent};
+use curitiba::bench::Case;
+use curitiba::bench::model::Technique;
+use curitiba::pipeline::executor::{Renderer, Silent, StepKind};
 use curitiba::pipeline::plan::Settings;
 use curitiba::{BackendChoice, Choice, RasterChoice};
 use std::path::Path;
 use std::time::Duration;
 
+/// The projects, and whether occlusion samples are set in their pass `pass2`.
+const PROJECTS: [(&str, bool); 12] = [
+    ("SceneNoEffects.xml", false),
+    ("SceneDummy.xml", false),
+    ("SceneShadows.xml", false),
+    ("SceneReflect.xml", false),
+    ("SceneRefract.xml", false),
+    ("SceneSSAO.xml", true),
+    ("SceneFinal.xml", true),
+    ("raster/SceneShadowMap.xml", false),
+    ("raster/SceneCubeReflect.xml", false),
+    ("raster/SceneCubeRefract.xml", false),
+    ("raster/SceneDepthOcclusion.xml", false),
+    ("raster/SceneGTAO.xml", false),
+];
+
 fn number(variable: &str, default: u32) -> u32 {
     std::env::var(variable).ok().and_then(|value| value.parse().ok()).unwrap_or(default)
 }
 
-fn open(name: &str) -> Renderer {
-    let side = number("CURITIBA_BENCH_SIZE", 256);
-    let samples = number("CURITIBA_BENCH_SAMPLES", 16);
-    let set = match name {
-        "SSAO" | "Final" => vec![format!("pass2.samples={samples}")],
-        _ => Vec::new(),
-    };
-    let settings = Settings { size: Some([side, side]), set, ..Settings::default() };
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/Scene{name}.xml"));
+/// The cases of `curitiba bench` for all projects, with the names that they have had since the first measurements.
+fn cases() -> Vec<(String, Case)> {
+    let (side, samples) = (number("CURITIBA_BENCH_SIZE", 256), number("CURITIBA_BENCH_SAMPLES", 16));
     let choice = Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu };
-    curitiba::open(path, settings, choice, &mut Silent).expect("the project opens")
+    let case = |(project, sampled): (&str, bool)| {
+        let set = if sampled { vec![format!("pass2.samples={samples}")] } else { Vec::new() };
+        let settings = Settings { size: Some([side, side]), set, ..Settings::default() };
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(project);
+        let name = project.rsplit('/').next().unwrap_or(project).trim_start_matches("Scene").trim_end_matches(".xml");
+        (name.to_owned(), Case::new(&path, settings, choice).expect("the project is valid"))
+    };
+    PROJECTS.into_iter().map(case).collect()
+}
+
+fn open(case: &Case) -> Renderer {
+    curitiba::open(&case.project, case.settings.clone(), case.choice, &mut Silent).expect("the project opens")
 }
 
 /// Whole frames.
 fn frames(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("frame");
     group.sample_size(10).sampling_mode(SamplingMode::Flat);
-    for name in ["NoEffects", "Dummy", "Shadows", "Reflect", "Refract", "SSAO", "Final"] {
-        let mut renderer = open(name);
+    for (name, case) in cases() {
+        let mut renderer = open(&case);
         group.bench_function(BenchmarkId::new(name, "cpu"), |bencher| {
             bencher.iter(|| renderer.frame(&mut Silent).expect("a frame"));
         });
@@ -40,24 +63,30 @@ fn frames(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The ray pass alone, as the executor times it.
-fn ray_passes(criterion: &mut Criterion) {
-    let mut group = criterion.benchmark_group("ray pass");
-    group.sample_size(10).sampling_mode(SamplingMode::Flat);
-    for name in ["Dummy", "Shadows", "Reflect", "Refract", "SSAO", "Final"] {
-        let mut renderer = open(name);
-        group.bench_function(BenchmarkId::new(name, "cpu"), |bencher| {
-            bencher.iter_custom(|iterations| (0..iterations).map(|_| ray_pass(&mut renderer)).sum());
-        });
+/// What computes the effect alone, as the executor times it: the ray pass, or maps and pixels of a raster effect.
+fn effects(criterion: &mut Criterion) {
+    for (technique, name) in [(Technique::Rays, "ray pass"), (Technique::Raster, "raster effect")] {
+        let mut group = criterion.benchmark_group(name);
+        group.sample_size(10).sampling_mode(SamplingMode::Flat);
+        for (name, case) in cases().into_iter().filter(|(_, case)| case.technique == technique) {
+            let mut renderer = open(&case);
+            group.bench_function(BenchmarkId::new(name, "cpu"), |bencher| {
+                bencher.iter_custom(|iterations| (0..iterations).map(|_| effect_time(&mut renderer)).sum());
+            });
+        }
+        group.finish();
     }
-    group.finish();
 }
 
-fn ray_pass(renderer: &mut Renderer) -> Duration {
+fn effect_time(renderer: &mut Renderer) -> Duration {
+    renderer.forget_frames();
     renderer.frame(&mut Silent).expect("a frame");
-    let row = renderer.timeline().rows.iter().find(|row| row.rays.is_some()).expect("a ray pass ran");
-    Duration::from_secs_f64(row.host_ms.last().expect("a sample") / 1e3)
+    let steps = renderer.timeline().rows.iter();
+    let steps = steps.filter(|row| matches!(row.kind, StepKind::Rays | StepKind::Maps | StepKind::Effect));
+    let ms: f64 = steps.flat_map(|row| row.host_ms.iter()).sum();
+    assert!(ms > 0.0, "no step computed an effect");
+    Duration::from_secs_f64(ms / 1e3)
 }
 
-criterion_group!(benches, frames, ray_passes);
+criterion_group!(benches, frames, effects);
 criterion_main!(benches);

@@ -1,33 +1,97 @@
 //! What machine a timing was taken on.
 
+use crate::passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
+use crate::{Choice, RasterChoice};
 use serde::{Deserialize, Serialize};
 
 /// The machine and the build.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// Version of this program.
     pub version: String,
+    /// Commit that it was built from, with `-dirty` where files differed from it; `unknown` where there was no git.
+    #[serde(default)]
+    pub commit: String,
     /// `release` or `debug`.
     pub profile: String,
+    /// Level of optimisation, compiler flags and instruction sets of the build.
+    #[serde(default)]
+    pub flags: String,
     /// Operating system and architecture.
     pub platform: String,
     /// Processor, as the system names it.
     pub cpu: String,
     /// Threads that the cpu engines use.
     pub threads: usize,
+    /// Graphics devices, as their drivers name them; empty where there is none, or none was looked for.
+    #[serde(default)]
+    pub gpu: Vec<String>,
+    /// Drivers of the devices, in the same order.
+    #[serde(default)]
+    pub driver: Vec<String>,
+    /// Mean number of processes that wanted to run in the last minute; `None` where the system does not tell. On an idle
+    /// machine it is near 0.
+    #[serde(default)]
+    pub load_average: Option<f64>,
+    /// Where something other than the first choice did the work, and why.
+    #[serde(default)]
+    pub fallbacks: Vec<String>,
 }
 
 impl Environment {
-    /// Looks around.
+    /// Looks around, but for graphics devices: asking their drivers takes a while.
     #[must_use]
     pub fn here() -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            commit: env!("CURITIBA_COMMIT").to_owned(),
             profile: if cfg!(debug_assertions) { "debug" } else { "release" }.to_owned(),
+            flags: env!("CURITIBA_FLAGS").to_owned(),
             platform: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             cpu: cpu_name().unwrap_or_else(|| "unknown processor".to_owned()),
             threads: rayon::current_num_threads(),
+            gpu: Vec::new(),
+            driver: Vec::new(),
+            load_average: load_average(),
+            fallbacks: Vec::new(),
         }
+    }
+
+    /// [`Self::here`], with the graphics devices and what `auto` falls back to for this choice of engines.
+    #[must_use]
+    pub fn probe(choice: Choice) -> Self {
+        let adapters = adapters();
+        let real = adapters.iter().any(|adapter| adapter.kind != AdapterKind::Software);
+        let mut fallbacks = Vec::new();
+        if choice.raster == RasterChoice::Auto {
+            if !real {
+                fallbacks.push("raster `auto` takes the cpu: there is no real GPU".to_owned());
+            } else if let Err(error) = WgpuRasteriser::new(AdapterChoice::RealGpu) {
+                fallbacks.push(format!("raster `auto` takes the cpu: {error}"));
+            }
+        }
+        Self {
+            gpu: adapters.iter().map(|adapter| format!("{} ({})", adapter.name, adapter.kind)).collect(),
+            driver: adapters.iter().map(|adapter| format!("{} {}", adapter.interface, adapter.driver)).collect(),
+            fallbacks,
+            ..Self::here()
+        }
+    }
+
+    /// Why timings taken in `other` cannot stand beside timings taken here; nothing if they can.
+    #[must_use]
+    pub fn differs_from(&self, other: &Self) -> Option<String> {
+        let pairs = [
+            ("version", &self.version, &other.version),
+            ("commit", &self.commit, &other.commit),
+            ("profile", &self.profile, &other.profile),
+            ("flags", &self.flags, &other.flags),
+            ("platform", &self.platform, &other.platform),
+            ("cpu", &self.cpu, &other.cpu),
+            ("number of threads", &self.threads.to_string(), &other.threads.to_string()),
+        ]
+        .map(|(what, a, b)| (a != b).then(|| format!("{what}: `{a}` here, `{b}` there")));
+        pairs.into_iter().flatten().next()
     }
 }
 
@@ -35,6 +99,10 @@ fn cpu_name() -> Option<String> {
     let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
     let line = text.lines().find(|line| line.starts_with("model name"))?;
     Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+fn load_average() -> Option<f64> {
+    std::fs::read_to_string("/proc/loadavg").ok()?.split_whitespace().next()?.parse().ok()
 }
 
 /// The most memory that this process has held so far, bytes; `None` where the system does not tell.

@@ -22,8 +22,12 @@
 #![forbid(unsafe_code)]
 
 pub mod bench;
+pub mod compare;
 pub mod engines;
 pub mod environment;
+pub mod reference;
+pub mod report;
+pub mod spec;
 
 pub use curitiba_passes as passes;
 pub use curitiba_pipeline as pipeline;

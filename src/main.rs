@@ -1,4 +1,5 @@
-//! The command line. Exit codes: 0 done; 1 the work failed; 2 the command line is wrong; 3 a project or scene file is wrong.
+//! The command line. Exit codes: 0 done; 1 the work failed, or a comparison is beyond a limit; 2 the
+//! command line is wrong; 3 a project, scene or picture file is wrong.
 #![forbid(unsafe_code)]
 
 mod cli;
@@ -13,7 +14,10 @@ fn main() -> ExitCode {
         Command::Plan(args) => cli::plan::run(&args),
         Command::Check(args) => cli::check::run(&args),
         Command::List { program } => cli::list::run(program.as_deref()),
+        Command::Compare(args) => cli::compare::run(&args),
+        Command::Report(args) => cli::report::run(&args),
         Command::Scene(args) => cli::scene::run(&args),
+        Command::Bench(args) => cli::bench::run(&args),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Cli::command(), "curitiba", &mut std::io::stdout());
             Ok(())

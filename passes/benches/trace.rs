@@ -8,7 +8,7 @@
 mod trace_scenes;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use curitiba_passes::trace::{Bvh, Hit, Lanes, Quality, Ray, SurfacePoint, Tracer};
+use curitiba_passes::trace::{Bvh, Fan, Hit, Lanes, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use obvhs::BvhBuildParams;
@@ -141,7 +141,11 @@ fn trace(criterion: &mut Criterion) {
         group.bench_function("obvhs", |bencher| bencher.iter(theirs));
         if name.starts_with("ao") {
             let t_max = if *name == "ao short" { short } else { long };
-            let open = |bundle: &Bundle| bvh.count_open(bundle.origin, 0.0, t_max, &bundle.directions, OPAQUE) as usize;
+            let open = |bundle: &Bundle| {
+                let Bundle { origin, directions, .. } = bundle;
+                let fan = Fan { origin: *origin, above: None, t_min: 0.0, t_max, directions };
+                bvh.count_open(&fan, OPAQUE) as usize
+            };
             let bundles = || rays.bundles.iter().map(open).sum::<usize>();
             assert_eq!(bundles(), set.len() - our_hits, "{name}");
             group.bench_function("bundles", |bencher| bencher.iter(bundles));

@@ -2,8 +2,8 @@
 
 mod trace_scenes;
 
-use curitiba_passes::trace::{BruteForce, Bvh, Hit, Lanes, Quality, Ray, Tracer};
-use curitiba_pipeline::scene::Geometry;
+use curitiba_passes::trace::{BruteForce, Bvh, Fan, Hit, Lanes, Quality, Ray, Tracer};
+use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::{DVec3, Vec3};
 use trace_scenes::{Random, geometry, quads, ray, soup, terrain};
 
@@ -198,25 +198,82 @@ fn only_transparent_triangles_are_shown_to_the_closure_and_the_nearest_accepted_
     assert!(asked > 1000 && refused_nearest > 100, "{asked} {refused_nearest}");
 }
 
+/// How many rays of a fan are open, each traced by itself.
+fn open_one_by_one(bvh: &Bvh, fan: &Fan<'_>, accept: impl Fn(&Hit) -> bool) -> usize {
+    fan.rays().filter(|ray| !bvh.occluded(ray, &accept)).count()
+}
+
 #[test]
-fn a_bundle_counts_what_its_rays_count() {
+fn a_fan_counts_what_its_rays_count() {
     for (name, geometry) in scenes() {
         let bvh = Bvh::build(&geometry, &[], Quality::Balanced);
         let mut random = Random::new(5);
         let mut partly = 0;
         for t_max in [0.01, 0.1, 0.5, 3.0, 50.0, f32::INFINITY] {
-            for _ in 0..400 {
+            for round in 0..400 {
                 let triangle = random.below(geometry.triangles.len()) as u32;
                 let corners = geometry.corners(triangle);
                 let origin = (corners[0] + corners[1] + corners[2]) / 3.0 + random.cube() * 0.02;
-                let normal = random.direction();
-                let directions: Vec<Vec3> = (0..16).map(|_| random.cosine(normal)).collect();
-                let open = bvh.count_open(origin, 0.0, t_max, &directions, NONE);
-                let rays = directions.iter().map(|&direction| Ray { origin, direction, t_min: 0.0, t_max });
-                assert_eq!(open as usize, rays.filter(|ray| !bvh.occluded(ray, NONE)).count(), "{name} {t_max}");
-                partly += usize::from(open > 0 && open < 16);
+                let above = random.direction();
+                let count = if round % 40 == 0 { 300 } else { 16 };
+                let mut directions: Vec<Vec3> = (0..count).map(|_| random.cosine(above)).collect();
+                // Some rays at vertices and edges of a triangle nearby, where bounds decide nothing.
+                let [a, b, c] = geometry.corners(random.below(geometry.triangles.len()) as u32);
+                let targets = [a, b, c, (a + b) / 2.0, a + (c - a) * 0.3].map(|target| (target - origin).normalize());
+                directions.extend(targets.iter().filter(|d| d.is_finite() && d.dot(above) > 0.0));
+                for above in [None, Some(above)] {
+                    let t_min = if round % 3 == 0 { 1e-4 } else { 0.0 };
+                    let fan = Fan { origin, above, t_min, t_max, directions: &directions };
+                    let open = bvh.count_open(&fan, NONE) as usize;
+                    assert_eq!(open, open_one_by_one(&bvh, &fan, NONE), "{name} {t_max}");
+                    partly += usize::from(open > 0 && open < directions.len());
+                }
             }
         }
-        assert!(partly > 50, "{name}: {partly}");
+        assert!(partly > 100, "{name}: {partly}");
+    }
+}
+
+#[test]
+fn a_fan_asks_for_hits_on_transparent_triangles() {
+    let (_, mut geometry) = scenes().swap_remove(0);
+    let half = geometry.triangles.len() as u32 / 2;
+    let count = geometry.triangles.len() as u32 - half;
+    geometry.batches = vec![Batch { material: 0, first: 0, count: half }, Batch { material: 1, first: half, count }];
+    let bvh = Bvh::build(&geometry, &[false, true], Quality::Balanced);
+    let accept = |hit: &Hit| hit.triangle.is_multiple_of(3);
+    let (mut random, mut refused) = (Random::new(6), 0);
+    for _ in 0..2000 {
+        let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
+        let origin = (corners[0] + corners[1] + corners[2]) / 3.0 + random.cube() * 0.05;
+        let above = random.direction();
+        let directions: Vec<Vec3> = (0..40).map(|_| random.cosine(above)).collect();
+        let fan = Fan { origin, above: Some(above), t_min: 0.0, t_max: 0.5, directions: &directions };
+        let open = bvh.count_open(&fan, accept) as usize;
+        assert_eq!(open, open_one_by_one(&bvh, &fan, accept));
+        refused += usize::from(open != open_one_by_one(&bvh, &fan, |_| true));
+    }
+    assert!(refused > 50, "{refused}");
+}
+
+#[test]
+fn fans_agree_whatever_the_scale_and_the_distance_from_the_origin() {
+    for (scale, distance) in [(1e-6, 0.0), (1e-3, 10.0), (1.0, 1e3), (1e3, 1e5), (1e6, 0.0), (1e-20, 0.0), (1e17, 0.0)]
+    {
+        let mut random = Random::new(8);
+        let triangles: Vec<[Vec3; 3]> = (0..300)
+            .map(|_| {
+                let center = random.cube();
+                [0, 1, 2].map(|_| (center + random.cube() * 0.2) * scale + Vec3::splat(distance))
+            })
+            .collect();
+        let geometry = geometry(&[(0, triangles)]);
+        let bvh = Bvh::build(&geometry, &[], Quality::Balanced);
+        for _ in 0..500 {
+            let origin = random.cube() * scale + Vec3::splat(distance);
+            let directions: Vec<Vec3> = (0..50).map(|_| random.direction()).collect();
+            let fan = Fan { origin, above: None, t_min: 0.0, t_max: 0.4 * scale, directions: &directions };
+            assert_eq!(bvh.count_open(&fan, NONE) as usize, open_one_by_one(&bvh, &fan, NONE), "{scale} {distance}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 mod trace_scenes;
 
-use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, Tracer};
+use curitiba_passes::trace::{Bvh, Fan, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use trace_scenes::{Random, geometry, icosphere, ray, soup};
@@ -114,7 +114,12 @@ fn hopeless_input_builds_and_misses_or_hits_what_it_should() {
         [Quality::Fast, Quality::Balanced, Quality::Slow].map(|quality| {
             let bvh = Bvh::build(&scene, &[], quality);
             assert_eq!(bvh.occluded(&probe, OPAQUE), bvh.closest(&probe, OPAQUE).is_some());
-            bvh.count_open(probe.origin, 0.0, 9.0, &[probe.direction, Vec3::Z], OPAQUE);
+            let directions = [probe.direction, Vec3::Z];
+            let fan = Fan { origin: probe.origin, above: None, t_min: 0.0, t_max: 9.0, directions: &directions };
+            assert_eq!(
+                bvh.count_open(&fan, OPAQUE) as usize,
+                fan.rays().filter(|ray| !bvh.occluded(ray, OPAQUE)).count()
+            );
             bvh.closest(&probe, OPAQUE).is_some()
         })
     };
@@ -179,7 +184,9 @@ fn rays_that_are_not_rays_miss() {
     ];
     for ray in bad {
         assert!(bvh.closest(&ray, OPAQUE).is_none() && !bvh.occluded(&ray, OPAQUE), "{ray:?}");
-        let open = bvh.count_open(ray.origin, ray.t_min, ray.t_max, &[ray.direction; 3], OPAQUE);
+        let Ray { origin, direction, t_min, t_max } = ray;
+        let fan = Fan { origin, above: None, t_min, t_max, directions: &[direction; 3] };
+        let open = bvh.count_open(&fan, OPAQUE);
         assert_eq!(open, 3, "{ray:?}");
     }
 }

@@ -2,6 +2,9 @@
 
 use std::path::{Component, Path, PathBuf};
 
+/// Longest path that is looked for, bytes: no system opens a longer one, and a damaged file may hold one of gigabytes.
+pub const MAX_WRITTEN: usize = 4096;
+
 /// A path that was found.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Resolved {
@@ -21,9 +24,12 @@ pub fn portable(written: &str) -> PathBuf {
 ///
 /// `\` separates like `/`. Where the exact path does not exist, each component is compared without regard to letter
 /// case; of several such names the first in byte order is taken, so that the result does not depend on the file system.
-/// `None` if nothing matches.
+/// `None` if nothing matches, or if `written` is longer than [`MAX_WRITTEN`].
 #[must_use]
 pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
+    if written.len() > MAX_WRITTEN {
+        return None;
+    }
     let exact = folder.join(portable(written));
     if exact.exists() {
         return Some(Resolved { path: exact, case_differs: false });

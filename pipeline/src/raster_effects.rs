@@ -6,10 +6,13 @@
 
 use crate::programs::{ParamInfo, RayProgram};
 
+/// Most shadow maps that a frame may have.
+pub const MAX_CASCADES: u32 = 8;
+
 /// What an effect pass runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum EffectProgram {
-    /// Shadows of a directional light from a depth map.
+    /// Shadows of a directional light from cascaded depth maps.
     ShadowMap,
     /// Reflection in glass from cube maps.
     CubeReflection,
@@ -24,8 +27,10 @@ pub enum EffectProgram {
 /// The parameters of the raster effects; a program reads those that [`EffectProgramInfo::params`] lists for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectParams {
-    /// Texels a side of the shadow map, or of each face of a cube map.
+    /// Texels a side of each shadow map, or of each face of a cube map.
     pub map_size: u32,
+    /// Most shadow maps of a frame: nearer ones cover less, and are finer.
+    pub cascades: u32,
     /// Texels on each side of the middle one that a shadow test averages: 0 tests one texel, 1 tests 3 x 3.
     pub pcf: u32,
     /// Depth bias of a shadow test, in texels of the map along the surface's slope.
@@ -48,7 +53,8 @@ impl Default for EffectParams {
     /// The report's constants where it has one.
     fn default() -> Self {
         Self {
-            map_size: 2048,
+            map_size: 1024,
+            cascades: 4,
             pcf: 1,
             bias: 1.5,
             probes: 4,
@@ -63,11 +69,8 @@ impl Default for EffectParams {
 
 /// Every parameter of a raster effect.
 pub const EFFECT_PARAMS: &[ParamInfo] = &[
-    ParamInfo {
-        name: "mapsize",
-        about: "texels a side of the shadow map or of each cube-map face",
-        valid: "16..=16384",
-    },
+    ParamInfo { name: "mapsize", about: "texels a side of each shadow map or cube-map face", valid: "16..=16384" },
+    ParamInfo { name: "cascades", about: "most shadow maps of a frame, the nearer the finer", valid: "1..=8" },
     ParamInfo { name: "pcf", about: "texels on each side that a shadow test averages", valid: "0..=8" },
     ParamInfo { name: "bias", about: "depth bias of a shadow test, texels along the slope", valid: "0..=100" },
     ParamInfo { name: "probes", about: "most cube maps of a frame", valid: "1..=64" },
@@ -87,7 +90,7 @@ impl EffectParams {
     #[must_use]
     pub fn of(program: EffectProgram) -> Self {
         let cube = matches!(program, EffectProgram::CubeReflection | EffectProgram::CubeRefraction);
-        Self { map_size: if cube { 512 } else { 2048 }, ..Self::default() }
+        Self { map_size: if cube { 512 } else { Self::default().map_size }, ..Self::default() }
     }
 
     /// Sets a parameter by its name in [`EFFECT_PARAMS`].
@@ -105,6 +108,7 @@ impl EffectParams {
         };
         match name {
             "mapsize" => self.map_size = integer(16..=16_384)?,
+            "cascades" => self.cascades = integer(1..=MAX_CASCADES)?,
             "pcf" => self.pcf = integer(0..=8)?,
             "bias" => self.bias = float(|v| (0.0..=100.0).contains(&v))?,
             "probes" => self.probes = integer(1..=64)?,
@@ -126,6 +130,7 @@ impl EffectParams {
     pub fn get(&self, name: &str) -> String {
         match name {
             "mapsize" => self.map_size.to_string(),
+            "cascades" => self.cascades.to_string(),
             "pcf" => self.pcf.to_string(),
             "bias" => self.bias.to_string(),
             "probes" => self.probes.to_string(),
@@ -165,12 +170,12 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
     EffectProgramInfo {
         program: EffectProgram::ShadowMap,
         name: "shadowMap",
-        about: "shadow of a directional light from a depth map: 0.5 in shadow, 1 in light",
+        about: "shadow of a directional light from cascaded depth maps: 0.5 in shadow, 1 in light",
         counterpart: RayProgram::DeferredShadows,
         buffers: &["pos_buffer", "norm_buffer"],
         lit: true,
         glass: false,
-        params: &["mapsize", "pcf", "bias"],
+        params: &["mapsize", "cascades", "pcf", "bias"],
     },
     EffectProgramInfo {
         program: EffectProgram::CubeReflection,
@@ -235,7 +240,7 @@ mod tests {
     #[test]
     fn every_parameter_is_settable_by_its_name_and_read_by_a_program() {
         let mut params = EffectParams::default();
-        for (info, value) in EFFECT_PARAMS.iter().zip(["64", "3", "2.5", "7", "1.5", "2", "1", "9", "11"]) {
+        for (info, value) in EFFECT_PARAMS.iter().zip(["64", "2", "3", "2.5", "7", "1.5", "2", "1", "9", "11"]) {
             assert_ne!(params.get(info.name), value);
             params.set(info.name, value).expect("valid");
             assert_eq!(params.get(info.name), value);
@@ -248,6 +253,7 @@ mod tests {
         let mut params = EffectParams::default();
         assert!(params.set("mapsiez", "4").unwrap_err().contains("did you mean `mapsize`?"));
         assert!(params.set("mapsize", "8").unwrap_err().contains("16..=16384"));
+        assert!(params.set("cascades", "0").unwrap_err().contains("1..=8"));
         assert!(params.set("radius", "NaN").unwrap_err().contains("above 0"));
         assert_eq!(params, EffectParams::default());
     }

@@ -270,6 +270,33 @@ fn what_is_written_reads_back_the_same() {
 }
 
 #[test]
+fn names_that_are_the_same_in_latin_1_stay_apart() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl \u{100}\nKd 1 0 0\nnewmtl \u{101}\nKd 0 1 0\n");
+    let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\no \u{100}\nusemtl \u{100}\nf 1 2 3\n\
+                o \u{101}\nusemtl \u{101}\nf 3 2 1\n";
+    let scene = load_one(&folder.write("a.obj", text)).unwrap();
+    let warnings = write_cbo(&scene, &folder.path("b.cbo"), Layout::Cbo2014).unwrap();
+    assert!(count(&warnings, "names with letters outside Latin-1") >= 4);
+    let copy = load_one(&folder.path("b.cbo")).unwrap();
+    let colors: Vec<Vec4> = copy
+        .objects
+        .iter()
+        .map(|object| copy.materials[copy.meshes[object.mesh as usize].groups[0].material as usize].diffuse)
+        .collect();
+    assert_eq!(colors, [Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.0, 1.0, 0.0, 1.0)]);
+    assert_eq!(copy.meshes[copy.objects[1].mesh as usize].groups[0].triangles.len(), 1);
+}
+
+#[test]
+fn a_texture_path_of_a_megabyte_is_a_missing_texture() {
+    let bytes = Bytes::default().u32(1).material(Layout::NboToday, "m", &"a/".repeat(1 << 19));
+    let scene = load_one(&Folder::new().write("a.nbo", bytes.string("OctreeUnified").u32(0).0)).unwrap();
+    assert_eq!(count(&scene.warnings, "missing textures"), 1);
+    assert_eq!(scene.materials[0].texture, None);
+}
+
+#[test]
 fn what_the_format_cannot_keep_is_counted() {
     let folder = Folder::new();
     let mut scene = load_one(&folder.write("a.cbo", object_list(Layout::Cbo2014).0)).unwrap();

@@ -389,3 +389,25 @@ fn changed_and_cut_files_never_panic_and_never_break_a_reference() {
     }
     assert!(loaded > 100 && refused > 100, "the changes reach both: {loaded} loaded, {refused} refused");
 }
+
+#[test]
+fn objects_count_against_the_memory_cap() {
+    let (mut json, binary) = square();
+    // Four million objects out of a few kilobytes.
+    json["meshes"][0]["primitives"] = vec![json!({"attributes": {"POSITION": 0}, "mode": 4}); 2000].into();
+    json["nodes"] = vec![json!({"mesh": 0}); 2000].into();
+    json.as_object_mut().expect("an object").remove("scenes");
+    json.as_object_mut().expect("an object").remove("scene");
+    let folder = Folder::new();
+    let error = load_capped(&folder.write("a.glb", glb(&json, &binary))).unwrap_err();
+    assert!(error.what.starts_with("the objects need"), "{error}");
+}
+
+#[test]
+fn a_cutoff_and_an_opacity_beyond_f32_give_a_cutoff_that_is_a_number() {
+    let (mut json, binary) = square();
+    json["materials"][0] = json!({"alphaMode": "MASK", "alphaCutoff": 1e39,
+        "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1e39]}});
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!(scene.materials[0].alpha_cutoff, Some(f32::INFINITY));
+}

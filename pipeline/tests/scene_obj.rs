@@ -260,6 +260,18 @@ fn a_missing_library_and_undeclared_materials_are_warnings() {
 }
 
 #[test]
+fn a_library_that_is_named_again_and_again_is_read_once() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl wall\nKd 1 0 0\n");
+    let named = "mtllib a.mtl\nmtllib a.mtl a.mtl\nmtllib ./a.mtl\nmtllib none.mtl\n".repeat(20_000);
+    let scene = load_one(&folder.write("a.obj", named + "usemtl wall\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).unwrap();
+    assert_eq!(scene.materials[0].diffuse, Vec4::new(1.0, 0.0, 0.0, 1.0));
+    assert_eq!(count(&scene.warnings, "missing material libraries"), 1);
+    // `a.mtl` and `./a.mtl` are two paths of one file.
+    assert!(count(&scene.warnings, "materials declared twice") <= 1);
+}
+
+#[test]
 fn several_files_share_equal_materials_and_the_first_of_different_ones_wins() {
     let folder = Folder::new();
     folder.write("a.mtl", "newmtl same\nKd 1 0 0\nnewmtl other\nKd 0 1 0\n");

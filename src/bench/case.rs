@@ -48,7 +48,7 @@ impl Case {
         let (effect, technique) = effect(&plan);
         let samples = plan.passes.iter().find_map(|planned| samples(&plan, planned));
         let view = view_of(camera.as_deref().unwrap_or_default());
-        let label = label(&effect, technique, samples, &plan);
+        let label = label(&effect, samples, &plan);
         let settings = plan.settings.clone();
         let key = key(path, &plan, &view, choice);
         Ok(Self { key, label, effect, technique, view, project: path.to_owned(), settings, choice })
@@ -84,6 +84,9 @@ fn effect(plan: &Plan) -> (String, Technique) {
             let name = if without_occlusion { "all-but-ao" } else { effect_name(ray.program) };
             return (name.to_owned(), Technique::Rays);
         }
+        if let PassKind::Effect(effect) = &plan.pass(planned).kind {
+            return (effect_name(effect.program.info().counterpart).to_owned(), Technique::Raster);
+        }
     }
     ("none".to_owned(), Technique::None)
 }
@@ -97,7 +100,7 @@ fn samples(plan: &Plan, planned: &PlannedPass) -> Option<u32> {
     }
 }
 
-fn label(effect: &str, technique: Technique, samples: Option<u32>, plan: &Plan) -> String {
+fn label(effect: &str, samples: Option<u32>, plan: &Plan) -> String {
     let name = match effect {
         "none" => "no effects",
         "dummy" => "no effects, through the ray pass",
@@ -105,9 +108,12 @@ fn label(effect: &str, technique: Technique, samples: Option<u32>, plan: &Plan) 
         "all-but-ao" => "all but AO",
         other => other,
     };
-    let stem = plan.project.path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-    match (technique, samples) {
-        (Technique::Raster, _) => format!("{name}, {stem}"),
+    let by_raster = plan.passes.iter().find_map(|planned| match &plan.pass(planned).kind {
+        PassKind::Effect(effect) => Some(effect.program.info().name),
+        _ => None,
+    });
+    match (by_raster, samples) {
+        (Some(program), _) => format!("{name}, {program}"),
         (_, Some(1)) => format!("{name}, 1 sample"),
         (_, Some(samples)) if samples > 0 => format!("{name}, {samples} samples"),
         _ => name.to_owned(),

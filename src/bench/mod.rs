@@ -1,8 +1,12 @@
 //! Benchmarks: what each effect costs per frame, and what error it has against which reference.
 
 pub mod case;
+pub mod file;
 pub mod measure;
 pub mod model;
+pub mod table2;
+pub mod text;
 
 pub use case::Case;
+pub use file::FileError;
 pub use measure::{MeasureOptions, Measured, measure};

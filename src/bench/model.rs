@@ -113,7 +113,7 @@ pub struct EngineName {
 }
 
 /// Error of a row's picture.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RowError {
     /// Measured.
@@ -159,8 +159,9 @@ pub struct ThesisFigure {
     pub ray_percent: Option<f64>,
     /// The machine of the report.
     pub machine: String,
-    /// The report's time divided by ours: above 1 where ours is faster.
-    pub ratio: f64,
+    /// The report's time divided by our median: above 1 where ours is faster. `None` where the row has another size than
+    /// the report's: times of different numbers of pixels have no ratio.
+    pub ratio: Option<f64>,
 }
 
 /// Times of one thing, milliseconds.

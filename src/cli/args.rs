@@ -1,5 +1,6 @@
 //! The arguments of the command line; help and completions come from here.
 
+use super::bench_args::BenchArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
@@ -18,9 +19,10 @@ Examples:
   curitiba render xml_projects/SceneFinal.xml
   curitiba render xml_projects/SceneSSAO.xml --set pass2.samples=16 --size 512x512 -o ao.exr
   curitiba plan xml_projects/SceneReflect.xml
+  curitiba compare a.exr b.exr --max-flip 0.05
   curitiba scene --generate 100000 -o square/
 
-Exit codes: 0 done; 1 the work failed; 2 the command line is wrong; 3 a project or scene file is wrong."
+Exit codes: 0 done; 1 the work failed, or a comparison is beyond a limit; 2 the command line is wrong; 3 a project or scene file is wrong."
 )]
 pub struct Cli {
     /// What to do.
@@ -52,6 +54,15 @@ Examples:
         /// Describe one program and print a pass to paste into a project.
         program: Option<String>,
     },
+    /// Compare two pictures, or two ways to render a project; fail beyond a limit.
+    ///
+    /// A is judged by B, the reference. Each is a picture (.png, .exr) or PROJECT.xml@SETTING,SETTING, which is rendered.
+    #[command(after_long_help = crate::cli::compare::long_help(), after_help = "\
+Examples:
+  curitiba compare a.exr b.exr --max-rmse 0.01 --max-flip 0.05
+  curitiba compare p.xml@fidelity=thesis p.xml@ --strip strip.png
+Formulas, settings and exit codes: curitiba compare --help")]
+    Compare(Box<CompareArgs>),
     /// Describe scene files, convert them, or generate the square.
     #[command(after_help = "\
 Examples:
@@ -60,6 +71,32 @@ Examples:
   curitiba scene model.glb -o model.nbo
   curitiba scene --generate 1000000 -o square/")]
     Scene(SceneArgs),
+    /// Measure what each effect costs per frame, and its error against a reference.
+    #[command(after_help = "\
+Examples:
+  curitiba bench xml_projects/SceneFinal.xml --camera MainCamera --camera Vidro --json final.json
+  curitiba bench --table2 --json table2.json --markdown table2.md
+  curitiba bench --table2 --json table2.json --resume
+  curitiba bench xml_projects/SceneSSAO.xml --sweep samples=1,4,9,16 --size 512x512
+  curitiba bench xml_projects/SceneShadows.xml --compare cpu,wgpu
+
+A row's error is of its window picture, in linear values, against a reference that this program renders itself:
+in f64 where there is no noise, else with as many samples as it takes for an error of its own that is ten times
+below the row's. References are kept and used again.")]
+    Bench(Box<BenchArgs>),
+    /// Measure every effect by raster and by rays on this machine, and write a page about it.
+    #[command(
+        long_about = "\
+Measures every effect by raster and by rays on this machine, and writes a folder with an index.html that opens from disk: \
+tables, pictures to compare, speed against error, scaling, and which effects to trace and which to rasterise at 60 frames a \
+second. Takes at most ten minutes, or one with --quick: what no longer fits is left out, and the page says what and why.",
+        after_help = "\
+Examples:
+  curitiba report
+  curitiba report --quick --size 256x256 -o quick-report
+  curitiba report --size 1024x1024 my_projects"
+    )]
+    Report(ReportArgs),
     /// Print completions for a shell.
     #[command(after_help = "Example:\n  curitiba completions bash > /etc/bash_completion.d/curitiba")]
     Completions {
@@ -131,6 +168,80 @@ pub struct ProjectArgs {
     pub max_memory: u64,
 }
 
+/// Arguments of `compare`.
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// What is judged: FILE.png, FILE.exr, or PROJECT.xml@SETTING,SETTING
+    #[arg(value_name = "A", value_hint = ValueHint::FilePath)]
+    pub test: String,
+    /// The reference: as A
+    #[arg(value_name = "B", value_hint = ValueHint::FilePath)]
+    pub reference: String,
+    #[command(flatten)]
+    pub limits: LimitArgs,
+    /// Print only these metrics (rmse, relmse, max, psnr, ssim, flip, energy, outliers, z); JSON holds all
+    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = crate::cli::compare::parse_metric)]
+    pub metric: Vec<String>,
+    /// Render each project with N seeds, compare the means, and tell noise from error with a z-test
+    #[arg(long, value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(curitiba::compare::MAX_SEEDS)))]
+    pub seeds: u32,
+    /// Write the FLIP error as a heat map: black is none, cream is 1
+    #[arg(long, value_name = "FILE.png", value_hint = ValueHint::FilePath)]
+    pub heat: Option<PathBuf>,
+    /// Write A, B and the heat map side by side
+    #[arg(long, value_name = "FILE.png", value_hint = ValueHint::FilePath)]
+    pub strip: Option<PathBuf>,
+    /// A pixel is an outlier if one of its values differs by more [default: 2.5 / 255]
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub outlier_threshold: Option<f64>,
+    /// Pixels in a degree of visual angle, 1 to 1000, for FLIP
+    #[arg(long, value_name = "X", default_value_t = 67.0)]
+    pub pixels_per_degree: f64,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Threads of the cpu engines [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Most memory that the scenes and targets of a project may take, in bytes or with a unit: 512MiB, 8GiB
+    #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
+    pub max_memory: u64,
+}
+
+/// Limits of `compare`; beyond one the exit code is 1.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Limits (exit code 1 beyond one)")]
+pub struct LimitArgs {
+    /// Largest root mean square error
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub max_rmse: Option<f64>,
+    /// Largest relative mean square error
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub max_relmse: Option<f64>,
+    /// Largest difference of any value
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub max_difference: Option<f64>,
+    /// Least peak signal-to-noise ratio, decibels
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub min_psnr: Option<f64>,
+    /// Least structural similarity
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub min_ssim: Option<f64>,
+    /// Largest mean FLIP error
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub max_flip: Option<f64>,
+    /// Largest distance of the energy ratio from 1
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub max_energy: Option<f64>,
+    /// Largest share of outlier pixels, 0 to 1
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub max_outliers: Option<f64>,
+    /// Largest sigma of the z-test; 4 asks for no more than noise
+    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
+    pub max_z: Option<f64>,
+}
+
 /// Arguments of `scene`.
 #[derive(Debug, Args)]
 pub struct SceneArgs {
@@ -152,12 +263,55 @@ pub struct SceneArgs {
     pub max_memory: u64,
 }
 
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub struct ReportArgs {
+    /// The folder with SceneNoEffects.xml and the other projects, those of raster effects in its folder raster
+    #[arg(value_name = "PROJECTS-DIR", default_value = "xml_projects", value_hint = ValueHint::DirPath)]
+    pub projects: PathBuf,
+    /// Window size [default: 512x512, with --quick 256x256]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// The report's folder; a report that is there already is replaced when the new one is complete
+    #[arg(short, long, value_name = "DIR", default_value = "report", value_hint = ValueHint::DirPath)]
+    pub output: PathBuf,
+    /// A smaller window, fewer settings and one minute
+    #[arg(long)]
+    pub quick: bool,
+    /// Time allowed, seconds [default: 600, with --quick 60]
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(5..=86_400))]
+    pub time: Option<u32>,
+    /// Most triangles of the generated squares of the scaling plot [default: 10 000 000, with --quick 1 000 000]
+    #[arg(long, value_name = "N")]
+    pub max_triangles: Option<u32>,
+    /// Rasteriser; auto takes a real GPU if there is one, and measures the cpu beside it
+    #[arg(long, value_enum, default_value_t = Raster::Auto)]
+    pub raster: Raster,
+    /// Threads of the cpu engines [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Most memory that a scene may take, in bytes or with a unit: 512MiB, 8GiB
+    #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
+    pub max_memory: u64,
+}
+
 /// `--raster`.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum Raster {
     Auto,
     Cpu,
     Wgpu,
+}
+
+impl Raster {
+    /// As the library has it.
+    pub fn choice(self) -> RasterChoice {
+        match self {
+            Self::Auto => RasterChoice::Auto,
+            Self::Cpu => RasterChoice::Cpu,
+            Self::Wgpu => RasterChoice::Wgpu,
+        }
+    }
 }
 
 /// `--backend`.
@@ -195,11 +349,7 @@ impl ProjectArgs {
     /// Which engines.
     pub fn choice(&self) -> Choice {
         Choice {
-            raster: match self.raster {
-                Raster::Auto => RasterChoice::Auto,
-                Raster::Cpu => RasterChoice::Cpu,
-                Raster::Wgpu => RasterChoice::Wgpu,
-            },
+            raster: self.raster.choice(),
             backend: match self.backend {
                 Backend::Auto => BackendChoice::Auto,
                 Backend::Cpu => BackendChoice::Cpu,
@@ -208,7 +358,7 @@ impl ProjectArgs {
     }
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
+pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let wrong = || format!("`{text}` is not WIDTHxHEIGHT, such as 1024x1024");
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
     Ok([width.trim().parse().map_err(|_| wrong())?, height.trim().parse().map_err(|_| wrong())?])
@@ -220,7 +370,7 @@ fn parse_pixel(text: &str) -> Result<[u32; 2], String> {
     Ok([x.trim().parse().map_err(|_| wrong())?, y.trim().parse().map_err(|_| wrong())?])
 }
 
-fn parse_bytes(text: &str) -> Result<u64, String> {
+pub fn parse_bytes(text: &str) -> Result<u64, String> {
     let wrong = || format!("`{text}` is not a number of bytes, such as 512MiB or 8GiB");
     let digits = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);

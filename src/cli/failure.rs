@@ -18,9 +18,11 @@ const WARNING: Style = AnsiColor::Yellow.on_default().bold();
 pub enum Failure {
     /// The work failed: a device, a file that cannot be written. Exit code 1.
     Work(String),
+    /// A comparison is beyond these limits. Exit code 1.
+    Beyond(String),
     /// What the command line asks for does not fit the project. Exit code 2.
     Usage(String),
-    /// A project or scene file is wrong. Exit code 3.
+    /// A project, scene or picture file is wrong. Exit code 3.
     Input(String),
     /// A project's files are wrong, in these places. Exit code 3.
     Problems(Problems),
@@ -35,7 +37,7 @@ impl Failure {
     /// The exit code.
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {
-            Self::Work(_) => 1,
+            Self::Work(_) | Self::Beyond(_) => 1,
             Self::Usage(_) => 2,
             Self::Input(_) | Self::Problems(_) => 3,
         })
@@ -47,6 +49,7 @@ impl Failure {
             Self::Work(message) | Self::Usage(message) | Self::Input(message) => {
                 anstream::eprintln!("{ERROR}error:{ERROR:#} {message}");
             }
+            Self::Beyond(metrics) => anstream::eprintln!("{ERROR}beyond:{ERROR:#} {metrics}"),
             Self::Problems(problems) => print_problems(problems),
         }
     }

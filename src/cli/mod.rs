@@ -1,13 +1,18 @@
 //! The verbs of the command line, one module each, and what they share.
 
 pub mod args;
+pub mod bench;
+mod bench_args;
+mod bench_table;
 pub mod check;
+pub mod compare;
 mod failure;
 mod inspect;
 pub mod list;
 pub mod plan;
 mod progress;
 pub mod render;
+pub mod report;
 pub mod scene;
 mod table;
 

@@ -65,7 +65,7 @@ fn default_output(project: &Path) -> PathBuf {
 }
 
 /// Found out before the work, not after it.
-fn check_output(output: &Path) -> Result<(), Failure> {
+pub(super) fn check_output(output: &Path) -> Result<(), Failure> {
     let extension = output.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
     if !matches!(extension.as_str(), "png" | "exr") {
         return Err(Failure::Usage(format!("{}: a picture is written as .png or .exr", output.display())));

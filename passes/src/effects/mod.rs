@@ -43,7 +43,8 @@ pub mod ssao;
 mod surface;
 
 pub use material::{AlphaTested, Coverage, Opaque};
-pub use optics::{Interface, fresnel};
+pub use occlusion::SHADOWED;
+pub use optics::{Interface, fresnel, reflect};
 
 use crate::sampling::HemisphereSampler;
 use crate::trace::{Hit, Tracer};

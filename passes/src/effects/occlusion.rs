@@ -3,7 +3,7 @@
 use super::surface::Surface;
 use super::{Coverage, Pass, Workspace, optix};
 use crate::sampling::sine_noise;
-use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
+use crate::trace::{Announcement, Fan, Hit, Purpose, Ray, Tracer};
 use glam::Vec3;
 
 /// What light keeps behind an opaque surface.
@@ -38,7 +38,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         }
         work.rays.occlusion += work.directions.len() as u64;
         self.announce_visibility(Purpose::Occlusion, 1.0 / sampler.samples() as f32);
-        let open = self.tracer.count_open(origin, 0.0, self.job.params.radius, &work.directions, stops);
+        let fan = Fan {
+            origin,
+            above: Some(surface.facing),
+            t_min: 0.0,
+            t_max: self.job.params.radius,
+            directions: &work.directions,
+        };
+        let open = self.tracer.count_open(&fan, stops);
         (open as f32 / sampler.samples() as f32).powf(self.job.params.intensity)
     }
 
@@ -59,8 +66,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let traced = work.directions.len();
         work.rays.occlusion += traced as u64;
         self.announce_visibility(Purpose::Occlusion, 1.0 / samples as f32);
-        let radius = self.job.params.radius;
-        let open = self.tracer.count_open(position, optix::EPSILON, radius, &work.directions, stops) as usize;
+        let fan = Fan {
+            origin: position,
+            above: None,
+            t_min: optix::EPSILON,
+            t_max: self.job.params.radius,
+            directions: &work.directions,
+        };
+        let open = self.tracer.count_open(&fan, stops) as usize;
         let open = open + (samples - traced);
         (open as f32 / samples as f32).powf(self.job.params.intensity)
     }

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 /// Mirrors the direction `i` at a surface with unit normal `n`, whichever way `n` points.
+#[must_use]
 pub fn reflect(i: Vec3, n: Vec3) -> Vec3 {
     i - 2.0 * n * n.dot(i)
 }

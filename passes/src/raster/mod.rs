@@ -1,4 +1,5 @@
-//! The rasterisers. They draw the same G-buffers.
+//! The rasterisers. They draw the same G-buffers, and compute the same effects.
 
 pub mod cpu;
+pub mod effects;
 pub mod gpu;

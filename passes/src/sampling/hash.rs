@@ -3,9 +3,9 @@
 /// The counter that [`dimensions`] takes for the scrambling seeds of a point set; above every sample number.
 pub const SCRAMBLE: u32 = u32::MAX;
 
-const PIXEL: u32 = 0;
+pub(crate) const PIXEL: u32 = 0;
 const PATH: u32 = 1;
-const DIMENSIONS: u32 = 2;
+pub(crate) const DIMENSIONS: u32 = 2;
 
 /// The hash `pcg4d` (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3), listing in section 4):
 /// a permutation of 128-bit values.
@@ -47,6 +47,7 @@ pub fn dimensions(key: u32, counter: u32) -> [u32; 2] {
 
 /// The 24 high bits as a number in [0, 1); exact.
 #[must_use]
+#[inline(always)]
 pub fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / 16_777_216.0)
 }

@@ -34,6 +34,7 @@ impl Basis {
 
     /// A vector given by its coordinates in this basis.
     #[must_use]
+    #[inline(always)]
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.tangent * v.x + self.bitangent * v.y + self.normal * v.z
     }
@@ -42,21 +43,21 @@ impl Basis {
 /// Maps the unit square to the unit disk, keeping areas and, nearly, neighbourhoods: concentric squares become concentric
 /// circles (Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square", JGT 2(3)).
 #[must_use]
+#[inline(always)]
 pub fn concentric_disk(point: Vec2) -> Vec2 {
     let Vec2 { x, y } = 2.0 * point - Vec2::ONE;
-    if x.abs() > y.abs() {
-        let (sin, cos) = sin_cos_eighth(FRAC_PI_4 * (y / x));
-        Vec2::new(x * cos, x * sin)
-    } else if y != 0.0 {
-        let (sin, cos) = sin_cos_eighth(FRAC_PI_4 * (x / y));
-        Vec2::new(y * sin, y * cos)
-    } else {
-        Vec2::ZERO
-    }
+    // Choices, not branches: which way it goes is random, and loops over many points become vector code.
+    let upright = x.abs() > y.abs();
+    let (radius, other) = if upright { (x, y) } else { (y, x) };
+    let (sin, cos) = sin_cos_eighth(FRAC_PI_4 * (other / radius));
+    let (along, across) = (radius * cos, radius * sin);
+    let disk = if upright { Vec2::new(along, across) } else { Vec2::new(across, along) };
+    if radius == 0.0 { Vec2::ZERO } else { disk }
 }
 
 /// A cosine-distributed direction around z: the point of the hemisphere above the disk's point (Malley's method).
 #[must_use]
+#[inline(always)]
 pub fn cosine(point: Vec2) -> Vec3 {
     let disk = concentric_disk(point);
     disk.extend((1.0 - disk.length_squared()).max(0.0).sqrt())
@@ -65,6 +66,7 @@ pub fn cosine(point: Vec2) -> Vec3 {
 /// Sine and cosine for angles up to π/4, by the Cephes library's polynomials for single precision (error below 1e-7).
 ///
 /// The standard library's differ in the last bit from platform to platform.
+#[inline(always)]
 fn sin_cos_eighth(angle: f32) -> (f32, f32) {
     let square = angle * angle;
     let sin = ((-1.951_529_6e-4 * square + 8.332_161e-3) * square - 1.666_665_5e-1) * square * angle + angle;

@@ -3,6 +3,7 @@
 //! Every number is a hash of (pixel, bounce path, sample, dimension, seed), so that a picture depends neither on the order
 //! in which pixels are computed nor on the number of threads. All integer steps are exact on every machine.
 
+mod directions;
 pub mod hash;
 pub mod hemisphere;
 pub mod owen_sobol;
@@ -73,7 +74,16 @@ impl HemisphereSampler {
     pub fn directions(&self, key: u32, normal: Vec3, directions: &mut Vec<Vec3>) {
         directions.clear();
         let basis = Basis::around(normal);
-        self.points(key, |point| directions.push(basis.to_world(hemisphere::cosine(point))));
+        match self {
+            Self::Sobol(points) => {
+                directions.resize(points.len(), Vec3::ZERO);
+                let seeds = hash::dimensions(key, hash::SCRAMBLE);
+                directions::fill(points, seeds, &basis, directions);
+            }
+            Self::Strata { .. } => {
+                self.points(key, |point| directions.push(basis.to_world(hemisphere::cosine(point))));
+            }
+        }
     }
 }
 

@@ -22,6 +22,7 @@ pub fn reversed_sobol(index: u32) -> [u32; 2] {
 /// The permutation of Laine and Karras with Burley's constants (section 3.1): each bit of the result depends on the lower
 /// bits of `v` and on the seed only.
 #[must_use]
+#[inline(always)]
 pub fn laine_karras(mut v: u32, seed: u32) -> u32 {
     v = v.wrapping_add(seed);
     v ^= v.wrapping_mul(0x6c50_b47c);
@@ -33,6 +34,7 @@ pub fn laine_karras(mut v: u32, seed: u32) -> u32 {
 
 /// Scrambles a coordinate given with reversed bits; the result has its first binary digit in the highest bit.
 #[must_use]
+#[inline(always)]
 pub fn scramble_reversed(reversed: u32, seed: u32) -> u32 {
     laine_karras(reversed, seed).reverse_bits()
 }

@@ -258,3 +258,21 @@ fn the_reports_hemisphere_is_the_polar_map() {
     assert!(basis.tangent.dot(basis.normal).abs() < 1e-7 && basis.bitangent == Vec3::new(0.0, -1.0, 0.0));
     assert!(sine_noise::optix_basis(Vec3::ZERO).bitangent.is_nan());
 }
+
+#[test]
+fn directions_computed_in_vectors_are_those_of_their_points_bit_for_bit() {
+    let normal = Vec3::new(0.3, -0.8, 0.5).normalize();
+    let basis = Basis::around(normal);
+    for (sampler, counts) in [(Sampler::Sobol, [1, 15, 16, 17, 100, 1000]), (Sampler::Strata, [1, 4, 16, 25, 100, 900])]
+    {
+        for samples in counts {
+            let sampler = HemisphereSampler::new(sampler, samples).expect("a square");
+            for key in 0..50 {
+                let (mut together, mut alone) = (vec![Vec3::ONE; 3], Vec::new());
+                sampler.directions(key, normal, &mut together);
+                sampler.points(key, |point| alone.push(basis.to_world(cosine(point))));
+                assert_eq!(together, alone, "{samples} samples, key {key}");
+            }
+        }
+    }
+}

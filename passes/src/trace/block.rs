@@ -32,15 +32,22 @@ impl Block {
         self.ids[lane] = id;
     }
 
-    /// Copies a triangle of another block into a lane.
+    /// The corners of the triangle in a lane.
     #[inline(always)]
-    pub(super) fn copy_lane(&mut self, lane: usize, other: &Block, from: usize) {
-        for corner in 0..3 {
-            for axis in 0..3 {
-                self.corners[corner][axis].0[lane] = other.corners[corner][axis].0[from];
-            }
-        }
-        self.ids[lane] = other.ids[from];
+    pub(super) fn corners(&self, lane: usize) -> [[f32; 3]; 3] {
+        [self.corner(0, lane), self.corner(1, lane), self.corner(2, lane)]
+    }
+
+    /// The id of the triangle in a lane.
+    #[inline(always)]
+    pub(super) fn triangle(&self, lane: usize) -> u32 {
+        self.ids[lane] & !TRANSPARENT
+    }
+
+    /// Whether hits on the triangle in a lane need the accept closure.
+    #[inline(always)]
+    pub(super) fn is_transparent(&self, lane: usize) -> bool {
+        self.ids[lane] & TRANSPARENT != 0
     }
 
     /// The lanes whose bounds meet a box.
@@ -118,9 +125,8 @@ impl Block {
             lanes = without_first(lanes);
             let edges = [edges[0].0[lane], edges[1].0[lane], edges[2].0[lane]];
             let Some((t, u, v)) = self.solve(query, lane, edges, *t_limit) else { continue };
-            let id = self.ids[lane];
-            let hit = Hit { t, triangle: id & !TRANSPARENT, u, v };
-            if found(hit, id & TRANSPARENT != 0, t_limit) {
+            let hit = Hit { t, triangle: self.triangle(lane), u, v };
+            if found(hit, self.is_transparent(lane), t_limit) {
                 return true;
             }
         }
@@ -133,7 +139,7 @@ impl Block {
     /// corners it would have an error that grows with the triangle, and rays would hit the large walls they start from.
     #[inline(always)]
     fn solve(&self, query: &Query, lane: usize, [a, b, c]: [f32; 3], t_limit: f32) -> Option<(f32, f32, f32)> {
-        let corners = [self.corner(0, lane), self.corner(1, lane), self.corner(2, lane)];
+        let corners = self.corners(lane);
         let t = query.plane_distance(&corners);
         if !(t > query.t_min && t <= t_limit) && t.is_finite() {
             return None;

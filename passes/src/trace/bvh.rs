@@ -9,7 +9,7 @@ use super::lanes::{NO_LANES, Simd, first_lane, without_first};
 use super::node::{Child, Node};
 use super::query::{Bounds, Query};
 use super::stack::Stack;
-use super::{Hit, Ray, Tracer};
+use super::{Fan, Hit, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use obvhs::ploc::PlocSearchDistance;
@@ -135,15 +135,8 @@ impl Tracer for Bvh {
         self.lanes.run(ClearAbove { bvh: self, plane: Plane { origin, normal }, t_max })
     }
 
-    fn count_open(
-        &self,
-        origin: Vec3,
-        t_min: f32,
-        t_max: f32,
-        directions: &[Vec3],
-        accept: impl FnMut(&Hit) -> bool,
-    ) -> u32 {
-        self.lanes.run(CountOpen { bvh: self, origin, t_min, t_max, directions, accept })
+    fn count_open(&self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> u32 {
+        self.lanes.run(CountOpen { bvh: self, fan, accept })
     }
 }
 

@@ -70,8 +70,7 @@ impl Work<bool> for ClearAbove<'_> {
                 let node = &self.bvh.nodes[current.index()];
                 let mut lanes = node.overlapping(simd, &low, &high);
                 if lanes != NO_LANES {
-                    let load = |side: usize| [0, 1, 2].map(|axis| simd.load(&node.planes[side][axis]));
-                    lanes &= !self.plane.behind(simd, load(0), load(1));
+                    lanes &= !node.behind(simd, self.plane);
                 }
                 while lanes != NO_LANES {
                     stack.push(u64::from(node.children[first_lane(lanes)].0));

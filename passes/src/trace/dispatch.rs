@@ -9,20 +9,20 @@ use super::x86::{Avx2, Avx512};
 pub enum Lanes {
     /// AVX-512 F, VL, BW and DQ, at 256 bits.
     Avx512,
-    /// AVX2 and bit manipulation.
+    /// AVX2, FMA and bit manipulation.
     Avx2,
     /// What every processor of the target has.
     Portable,
 }
 
 /// Work that is compiled for several instruction sets; `run` must be `#[inline(always)]`.
-pub(super) trait Work<T> {
+pub(crate) trait Work<T> {
     fn run<S: Simd>(self, simd: S) -> T;
 }
 
 /// An instruction set that this processor has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Detected {
+pub(crate) enum Detected {
     #[cfg(target_arch = "x86_64")]
     Avx512(Avx512),
     #[cfg(target_arch = "x86_64")]
@@ -49,6 +49,12 @@ impl Detected {
         [Lanes::Avx512, Lanes::Avx2].into_iter().find_map(Self::new).unwrap_or(Self::Portable)
     }
 
+    /// [`Self::best`], found out once.
+    pub(crate) fn cached() -> Self {
+        static BEST: std::sync::OnceLock<Detected> = std::sync::OnceLock::new();
+        *BEST.get_or_init(Self::best)
+    }
+
     /// Which it is.
     pub(super) fn lanes(self) -> Lanes {
         match self {
@@ -62,7 +68,7 @@ impl Detected {
 
     /// Runs `work`, compiled for this instruction set.
     #[inline(always)]
-    pub(super) fn run<T>(self, work: impl Work<T>) -> T {
+    pub(crate) fn run<T>(self, work: impl Work<T>) -> T {
         match self {
             #[cfg(target_arch = "x86_64")]
             Self::Avx512(simd) => simd.run(work),

@@ -1,103 +1,133 @@
-//! Many short rays from one origin: the triangles in reach are gathered once and each ray is tested against them alone.
+//! Many short rays from one origin: the triangles in reach are gathered once and all rays are tested against them alone.
 
 use super::block::Block;
-use super::bvh::{Bvh, blocked, occluded};
+use super::bvh::{Bvh, occluded};
+use super::clear::Plane;
 use super::dispatch::Work;
-use super::lanes::{LANES, Mask, NO_LANES, Simd, first_lane, without_first};
+use super::facet::{CHUNK, Facet, LONGEST, Rays};
+use super::lanes::{Mask, NO_LANES, Simd, first_lane, without_first};
 use super::node::Child;
 use super::query::{Query, UNIT_ROUNDOFF};
 use super::stack::Stack;
-use super::{Hit, Ray};
+use super::{Fan, Hit, Ray};
 use glam::Vec3;
 
-/// Blocks that the gathered triangles may fill; with more in reach, each ray is traced by itself. A block costs a ray
-/// about a tenth of what tracing it costs.
-const GATHERED: usize = 6;
+/// Triangles gathered at most; with more in reach, each ray is traced by itself.
+const GATHERED: u32 = 160;
 /// Nodes and blocks looked into at most before giving up.
-const VISITS: usize = 20;
+const VISITS: usize = 96;
 
 /// See [`Tracer::count_open`](super::Tracer::count_open).
 pub(super) struct CountOpen<'a, A> {
     pub(super) bvh: &'a Bvh,
-    pub(super) origin: Vec3,
-    pub(super) t_min: f32,
-    pub(super) t_max: f32,
-    pub(super) directions: &'a [Vec3],
+    pub(super) fan: &'a Fan<'a>,
     pub(super) accept: A,
+}
+
+/// Blocks and the lanes of their triangles that are in reach.
+struct Found {
+    sources: [(Child, Mask); VISITS],
+    len: usize,
 }
 
 impl<A: FnMut(&Hit) -> bool> Work<u32> for CountOpen<'_, A> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) -> u32 {
-        let mut blocks = [Block::EMPTY; GATHERED];
         let mut entry = self.bvh.root;
-        let several = self.directions.len() > 1;
-        let gathered = if several { self.gather(simd, &mut entry, &mut blocks) } else { None };
-        if gathered == Some(0) {
-            return self.directions.len() as u32;
+        let several = self.fan.directions.len() > 1;
+        match if several { self.gather(simd, &mut entry) } else { None } {
+            Some(found) => self.fan.directions.chunks(CHUNK).map(|rays| self.test(simd, &found, rays)).sum(),
+            None => {
+                let open = |ray: &Ray| match Query::new(ray, &self.bvh.bounds) {
+                    Some(query) => !occluded(simd, self.bvh, entry, &query, &mut self.accept),
+                    None => true,
+                };
+                self.fan.rays().filter(open).count() as u32
+            }
         }
-        let mut open = 0;
-        for &direction in self.directions {
-            let ray = Ray { origin: self.origin, direction, t_min: self.t_min, t_max: self.t_max };
-            let stopped = match (Query::new(&ray, &self.bvh.bounds), gathered) {
-                (None, _) => false,
-                (Some(query), None) => occluded(simd, self.bvh, entry, &query, &mut self.accept),
-                (Some(query), Some(count)) => {
-                    let mut stopped = false;
-                    for block in &blocks[..count] {
-                        if blocked(simd, block, &query, &mut self.accept) {
-                            stopped = true;
-                            break;
-                        }
-                    }
-                    stopped
-                }
-            };
-            open += u32::from(!stopped);
-        }
-        open
     }
 }
 
-impl<A> CountOpen<'_, A> {
-    /// Packs the triangles whose bounds meet the box around all rays into `blocks` and returns how many blocks they
-    /// fill; nothing if they do not fit or take too long to find. `entry` becomes the lowest node that all of them are
-    /// under.
+impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
+    /// How many rays none of the triangles stops.
+    #[inline(always)]
+    fn test<S: Simd>(&mut self, simd: S, found: &Found, directions: &[Vec3]) -> u32 {
+        let Fan { origin, t_min, t_max, .. } = *self.fan;
+        let mut rays = Rays::new(directions);
+        for &(source, mut lanes) in &found.sources[..found.len] {
+            let block = &self.bvh.blocks[source.index()];
+            while lanes != NO_LANES {
+                let lane = first_lane(lanes);
+                lanes = without_first(lanes);
+                let facet = Facet::new(block.corners(lane), block.is_transparent(lane), origin, t_min, t_max);
+                let left = rays.close(simd, &facet, |index| {
+                    let ray = Ray { origin, direction: directions[index], t_min, t_max };
+                    Query::new(&ray, &self.bvh.bounds)
+                        .is_some_and(|query| stopped_by(simd, block, lane, &query, &mut self.accept))
+                });
+                if !left {
+                    return 0;
+                }
+            }
+        }
+        rays.count()
+    }
+
+    /// Finds the triangles whose bounds meet the box around all rays; nothing if they are too many or too hard to find.
+    /// `entry` becomes the lowest node that all of them are under.
     ///
     /// The box is grown by more than the rounding of the triangle test, so that what a ray would hit is in it.
     #[inline(always)]
-    fn gather<S: Simd>(&self, simd: S, entry: &mut Child, blocks: &mut [Block; GATHERED]) -> Option<usize> {
+    fn gather<S: Simd>(&self, simd: S, entry: &mut Child) -> Option<Found> {
         let (mut low, mut high) = (Vec3::ZERO, Vec3::ZERO);
-        for direction in self.directions {
+        for direction in self.fan.directions {
             (low, high) = (low.min(*direction), high.max(*direction));
         }
-        let bounds = &self.bvh.bounds;
-        let reach = (bounds.low - self.origin).abs().max((bounds.high - self.origin).abs());
-        let pad = (reach + Vec3::splat(reach.max_element())) * (8.0 * UNIT_ROUNDOFF)
-            + self.origin.abs() * (2.0 * UNIT_ROUNDOFF);
-        let t = self.t_max * (1.0 + 16.0 * UNIT_ROUNDOFF);
-        let (low, high) = (self.origin + low * t - pad, self.origin + high * t + pad);
+        let interval = self.fan.t_min < self.fan.t_max && self.fan.t_max > 0.0;
+        if !interval || !(high - low).is_finite() || low.min_element() < -LONGEST || high.max_element() > LONGEST {
+            return None;
+        }
+        let (bounds, origin) = (&self.bvh.bounds, self.fan.origin);
+        let reach = (bounds.low - origin).abs().max((bounds.high - origin).abs());
+        let pad =
+            (reach + Vec3::splat(reach.max_element())) * (8.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
+        let t = self.fan.t_max * (1.0 + 16.0 * UNIT_ROUNDOFF);
+        let (low, high) = (origin + low * t - pad, origin + high * t + pad);
         if !(low.is_finite() && high.is_finite()) {
             return None;
         }
         let (low, high) = (low.to_array(), high.to_array());
+        let plane = self.fan.above.map(|normal| Plane { origin, normal });
 
+        let mut found = Found { sources: [(Child::NONE, NO_LANES); VISITS], len: 0 };
+        let mut triangles = 0;
         let mut stack = Stack::new();
         let mut current = self.bvh.root;
         if current == Child::NONE {
-            return Some(0);
+            return Some(found);
         }
-        let mut found = [(Child::NONE, NO_LANES); VISITS];
-        let (mut sources, mut triangles) = (0, 0);
         for _ in 0..VISITS {
             if current.is_block() {
-                let lanes = self.bvh.blocks[current.index()].overlapping(simd, &low, &high);
-                triangles += lanes.count_ones() as usize;
-                found[sources] = (current, lanes);
-                sources += 1;
+                let block = &self.bvh.blocks[current.index()];
+                let mut lanes = block.overlapping(simd, &low, &high);
+                if let Some(plane) = plane
+                    && lanes != NO_LANES
+                {
+                    lanes &= !block.behind(simd, plane);
+                }
+                if lanes != NO_LANES {
+                    triangles += lanes.count_ones();
+                    found.sources[found.len] = (current, lanes);
+                    found.len += 1;
+                }
             } else {
                 let node = &self.bvh.nodes[current.index()];
                 let mut lanes = node.overlapping(simd, &low, &high);
+                if let Some(plane) = plane
+                    && lanes != NO_LANES
+                {
+                    lanes &= !node.behind(simd, plane);
+                }
                 if lanes.count_ones() == 1 && current == *entry {
                     *entry = node.children[first_lane(lanes)];
                 }
@@ -106,28 +136,30 @@ impl<A> CountOpen<'_, A> {
                     lanes = without_first(lanes);
                 }
             }
-            if triangles + stack.len() > GATHERED * LANES {
+            if triangles > GATHERED {
                 return None;
             }
             match stack.pop() {
                 Some(entry) => current = Child(entry as u32),
-                None => return Some(self.pack(&found[..sources], blocks)),
+                None => return Some(found),
             }
         }
         None
     }
+}
 
-    /// Copies the triangles in the lanes of some blocks together, and returns how many blocks they fill.
-    #[inline(always)]
-    fn pack(&self, found: &[(Child, Mask)], blocks: &mut [Block; GATHERED]) -> usize {
-        let mut count = 0;
-        for &(source, mut lanes) in found {
-            while lanes != NO_LANES {
-                blocks[count / LANES].copy_lane(count % LANES, &self.bvh.blocks[source.index()], first_lane(lanes));
-                lanes = without_first(lanes);
-                count += 1;
-            }
-        }
-        count.div_ceil(LANES)
-    }
+/// Whether the triangle in one lane of a block stops a ray.
+#[inline(always)]
+fn stopped_by<S: Simd>(
+    simd: S,
+    block: &Block,
+    lane: usize,
+    query: &Query,
+    accept: &mut impl FnMut(&Hit) -> bool,
+) -> bool {
+    let triangle = block.triangle(lane);
+    let mut limit = query.t_max;
+    block.intersect(simd, query, &mut limit, |hit, transparent, _| {
+        hit.triangle == triangle && hit.t < query.t_max && (!transparent || accept(&hit))
+    })
 }

@@ -1,15 +1,16 @@
-//! Eight numbers at a time. Nothing is fused or reassociated, so every instruction set gives the same bits.
+//! Eight numbers at a time. But for [`Simd::about_mul_add`] nothing is fused or reassociated, so every instruction set gives
+//! the same bits.
 
 /// Triangles in a block and children of a node.
-pub(super) const LANES: usize = 8;
+pub(crate) const LANES: usize = 8;
 
 /// Eight floats in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(32))]
-pub(super) struct F8(pub(super) [f32; LANES]);
+pub(crate) struct F8(pub(crate) [f32; LANES]);
 
 /// One bit a lane, lane 0 lowest.
-pub(super) type Mask = u32;
+pub(crate) type Mask = u32;
 
 /// A mask without lanes.
 pub(super) const NO_LANES: Mask = 0;
@@ -30,12 +31,14 @@ pub(super) fn without_first(mask: Mask) -> Mask {
 ///
 /// A value of the implementing type is the proof that the processor has the instruction set. Functions that use it are
 /// `#[inline(always)]` up to the one that is compiled for the instruction set, and hand no vector to a closure.
-pub(super) trait Simd: Copy {
+pub(crate) trait Simd: Copy {
     type Vector: Copy;
     fn load(self, values: &F8) -> Self::Vector;
     fn store(self, vector: Self::Vector) -> F8;
     fn splat(self, value: f32) -> Self::Vector;
     fn sub(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// `a * b + c`, fused where the processor can: for estimates with an error bound, since not all give the same bits.
+    fn about_mul_add(self, a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
     fn mul(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// `a > b ? a : b`: `b` where either is NaN.
     fn max_or(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
@@ -79,6 +82,12 @@ impl Simd for Plain {
     #[inline(always)]
     fn sub(self, a: F8, b: F8) -> F8 {
         zip(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn about_mul_add(self, a: F8, b: F8, c: F8) -> F8 {
+        let product = self.mul(a, b);
+        zip(product, c, |product, c| product + c)
     }
 
     #[inline(always)]

@@ -15,6 +15,7 @@ mod bvh;
 mod clear;
 mod dispatch;
 mod double;
+mod facet;
 mod gather;
 mod lanes;
 mod node;
@@ -28,7 +29,9 @@ mod x86;
 pub use brute::BruteForce;
 pub use bvh::{Bvh, Quality};
 pub use dispatch::Lanes;
+pub(crate) use dispatch::{Detected, Work};
 pub use double::Double;
+pub(crate) use lanes::Simd;
 pub use offset::SurfacePoint;
 pub use record::{Event, Outcome, RecordedRay, Recorder};
 
@@ -127,20 +130,35 @@ pub trait Tracer: Sync {
         false
     }
 
-    /// How many of `directions` are not blocked within `t_max` of `origin`: many rays from one origin.
+    /// How many rays of a fan are not blocked.
     ///
-    /// The result is that of asking [`Self::occluded`] for each direction.
-    fn count_open(
-        &self,
-        origin: Vec3,
-        t_min: f32,
-        t_max: f32,
-        directions: &[Vec3],
-        accept: impl FnMut(&Hit) -> bool,
-    ) -> u32 {
+    /// The result is that of asking [`Self::occluded`] for each of them.
+    fn count_open(&self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> u32 {
         let mut accept = accept;
-        let blocked =
-            |direction: &&Vec3| !self.occluded(&Ray { origin, direction: **direction, t_min, t_max }, &mut accept);
-        directions.iter().filter(blocked).count() as u32
+        fan.rays().filter(|ray| !self.occluded(ray, &mut accept)).count() as u32
+    }
+}
+
+/// Many rays from one origin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fan<'a> {
+    /// Origin, world.
+    pub origin: Vec3,
+    /// A unit vector that no direction looks against, where there is one: `direction · above >= 0`, but for rounding. What
+    /// lies wholly below the origin's plane is then met by no ray.
+    pub above: Option<Vec3>,
+    /// Hits have `t > t_min`; 0 or more.
+    pub t_min: f32,
+    /// Hits have `t < t_max`; may be infinite.
+    pub t_max: f32,
+    /// Unit directions.
+    pub directions: &'a [Vec3],
+}
+
+impl Fan<'_> {
+    /// The rays one by one.
+    pub fn rays(&self) -> impl Iterator<Item = Ray> + '_ {
+        let Self { origin, t_min, t_max, .. } = *self;
+        self.directions.iter().map(move |&direction| Ray { origin, direction, t_min, t_max })
     }
 }

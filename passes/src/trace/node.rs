@@ -1,5 +1,6 @@
 //! Nodes of the wide tree.
 
+use super::clear::Plane;
 use super::lanes::{F8, LANES, Mask, Simd};
 use super::query::Bounds;
 
@@ -60,6 +61,13 @@ impl Node {
             outside = simd.max_or(simd.max_or(above, below), outside);
         }
         simd.at_most(outside, zero)
+    }
+
+    /// The children of which certainly nothing is met by rays that leave to the near side of a plane.
+    #[inline(always)]
+    pub(super) fn behind<S: Simd>(&self, simd: S, plane: Plane) -> Mask {
+        let load = |side: usize| [0, 1, 2].map(|axis| simd.load(&self.planes[side][axis]));
+        plane.behind(simd, load(0), load(1))
     }
 
     /// Puts a child into a lane.

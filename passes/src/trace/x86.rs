@@ -4,21 +4,22 @@
 use super::dispatch::Work;
 use super::lanes::{F8, Mask, Simd};
 use std::arch::x86_64::{
-    __m256, _CMP_LE_OQ, _mm256_cmp_ps, _mm256_cmp_ps_mask, _mm256_load_ps, _mm256_max_ps, _mm256_min_ps,
-    _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_store_ps, _mm256_sub_ps,
+    __m256, _CMP_LE_OQ, _mm256_cmp_ps, _mm256_cmp_ps_mask, _mm256_fmadd_ps, _mm256_load_ps, _mm256_max_ps,
+    _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_store_ps, _mm256_sub_ps,
 };
 
-/// AVX2 and bit manipulation. Exists only where the processor has them: [`Self::detect`] is the one way to make it.
+/// AVX2, FMA and bit manipulation. Exists only where the processor has them: [`Self::detect`] is the one way to make it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Avx2(());
+pub(crate) struct Avx2(());
 
 /// AVX-512 F, VL, BW and DQ besides. Exists only where the processor has them: [`Self::detect`] is the one way to make it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Avx512(());
+pub(crate) struct Avx512(());
 
 impl Avx2 {
     pub(super) fn detect() -> Option<Self> {
         let present = is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("fma")
             && is_x86_feature_detected!("bmi1")
             && is_x86_feature_detected!("bmi2")
             && is_x86_feature_detected!("lzcnt")
@@ -29,7 +30,7 @@ impl Avx2 {
     /// Runs a function that is `#[inline(always)]`, compiled for the instruction set.
     #[inline(always)]
     pub(super) fn run<T>(self, work: impl Work<T>) -> T {
-        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
         fn compiled<T>(simd: Avx2, work: impl Work<T>) -> T {
             work.run(simd)
         }
@@ -51,7 +52,7 @@ impl Avx512 {
     /// Runs a function that is `#[inline(always)]`, compiled for the instruction set.
     #[inline(always)]
     pub(super) fn run<T>(self, work: impl Work<T>) -> T {
-        #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq")]
         fn compiled<T>(simd: Avx512, work: impl Work<T>) -> T {
             work.run(simd)
         }
@@ -95,6 +96,12 @@ macro_rules! common {
         fn mul(self, a: __m256, b: __m256) -> __m256 {
             // SAFETY: AVX is present, since `self` exists.
             unsafe { _mm256_mul_ps(a, b) }
+        }
+
+        #[inline(always)]
+        fn about_mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+            // SAFETY: FMA is present, since `self` exists.
+            unsafe { _mm256_fmadd_ps(a, b, c) }
         }
 
         #[inline(always)]

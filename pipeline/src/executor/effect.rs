@@ -73,6 +73,7 @@ impl Renderer {
         if let Some(maps) = stats.maps {
             let row = self.timeline.record(StepKind::Maps, name, maps.host);
             row.device_ms.extend(maps.device.map(milliseconds));
+            row.bytes = stats.bytes;
             let plural = if stats.map_count == 1 { "" } else { "s" };
             row.note =
                 format!("{} map{plural}, {} triangles, {}", stats.map_count, stats.triangles, mebibytes(stats.bytes));

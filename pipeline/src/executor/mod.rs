@@ -161,6 +161,11 @@ impl Renderer {
         self.scenes.iter().map(|loaded| &loaded.scene)
     }
 
+    /// Sets the seed of the random numbers of the frames that follow.
+    pub fn set_seed(&mut self, seed: u32) {
+        self.plan.settings.seed = seed;
+    }
+
     /// Renders a frame and returns the window's picture.
     ///
     /// # Errors

@@ -1,10 +1,12 @@
 //! Images: the attachments of render targets and the picture that is shown; reading, writing and making them visible.
 
+mod read;
 mod visible;
 mod write;
 
+pub use read::{Picture, ReadImageError, Variance, read_image};
 pub use visible::{Content, make_visible};
-pub use write::{Layer, write_atomically, write_exr, write_png};
+pub use write::{Layer, write_atomically, write_exr, write_exr_layers, write_png};
 
 use exr::prelude::f16;
 use rayon::prelude::*;

@@ -1,7 +1,9 @@
 //! Writing images whole or not at all: into a temporary file beside the target, renamed when complete.
 
 use super::Image;
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage, LayerAttributes, WritableImage};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage, ImageAttributes, LayerAttributes, WritableImage,
+};
 use image::ImageEncoder as _;
 use image::codecs::png::PngEncoder;
 use rayon::prelude::*;
@@ -66,16 +68,35 @@ pub struct Layer<'a> {
 /// # Errors
 /// Whatever the encoder or the file system report.
 pub fn write_exr(path: &Path, layer: Layer<'_>) -> io::Result<()> {
-    let image = layer.image;
-    let channel = |index: usize| {
-        let samples = image.pixels.par_iter().map(|pixel| pixel[index]).collect();
-        AnyChannel::new(layer.channels[index], FlatSamples::F32(samples))
+    write_exr_layers(path, &[layer])
+}
+
+/// Writes layers as one EXR file of 32-bit floats. [`read_image`](super::read_image) takes a layer named
+/// [`VARIANCE_LAYER`](crate::metrics::VARIANCE_LAYER), with `:N` behind it if it was estimated from N samples, for the
+/// variance of the mean that another layer is.
+///
+/// # Errors
+/// Without a layer, or whatever the encoder or the file system report.
+pub fn write_exr_layers(path: &Path, layers: &[Layer<'_>]) -> io::Result<()> {
+    let Some(first) = layers.first() else {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "an EXR file needs a layer"));
     };
-    let channels = AnyChannels::sort((0..4).map(channel).collect());
-    let size = (image.width as usize, image.height as usize);
-    let encoded = exr::prelude::Layer::new(size, LayerAttributes::named(layer.name), Encoding::default(), channels);
+    let size = (first.image.width as usize, first.image.height as usize);
+    let encoded = |layer: &Layer<'_>| {
+        let image = layer.image;
+        let channel = |index: usize| {
+            let samples = image.pixels.par_iter().map(|pixel| pixel[index]).collect();
+            AnyChannel::new(layer.channels[index], FlatSamples::F32(samples))
+        };
+        let channels = AnyChannels::sort((0..4).map(channel).collect());
+        let size = (image.width as usize, image.height as usize);
+        let attributes = LayerAttributes::named(layer.name);
+        exr::prelude::Layer::new(size, attributes, Encoding::default(), channels)
+    };
+    let encoded: Vec<_> = layers.iter().map(encoded).collect();
+    let file = ExrImage::from_layers(ImageAttributes::with_size(size), encoded);
     // Encoded in memory first: a run that is interrupted while encoding leaves no temporary file behind.
     let mut bytes = io::Cursor::new(Vec::new());
-    ExrImage::from_layer(encoded).write().to_buffered(&mut bytes).map_err(io::Error::other)?;
+    file.write().to_buffered(&mut bytes).map_err(io::Error::other)?;
     write_atomically(path, bytes.get_ref())
 }

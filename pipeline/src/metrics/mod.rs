@@ -1,6 +1,34 @@
-//! How far a picture is from its reference.
+//! How far a picture is from its reference: errors of the linear values, and of what a person sees.
+//!
+//! [`compare`] computes every metric at once, [`METRICS`] names them with their formulas, [`flip_map`] and
+//! [`absolute_error`] show where the error is, and [`z_test`] tells error from noise where both pictures know their
+//! variance. Sums are of 64-bit floats in an order that does not depend on the number of threads.
+//!
+//! # What is displayed
+//! SSIM and FLIP compare what a person sees. [`write_png`](crate::image::write_png) cuts values to 0..=1 and stores them
+//! without a transfer function, as the report's engine showed its frame buffer, and a screen decodes them as sRGB. So here
+//! too: a displayed value is the linear value cut to 0..=1, and FLIP takes it to be encoded in sRGB. Values are not rounded
+//! to 8 bits first. Alpha is not compared.
 
+mod filter;
+mod flip;
+mod linear;
+mod maps;
+mod registry;
+mod ssim;
+mod z_test;
+
+pub use flip::{flip_map, perceived_lightness};
+pub use maps::{ErrorMap, absolute_error, heat_map, strip};
+pub use registry::{Better, METRICS, MetricInfo};
+pub use z_test::{EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, Estimate, Verdict, ZTest, z_test};
+
+use crate::image::Image;
 use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Name of the layer of an EXR file that holds the variance of the mean that another layer is.
+pub const VARIANCE_LAYER: &str = "variance";
 
 /// What a comparison found. All but [`Self::ssim`] and [`Self::flip`] are of linear values over the three colours of the
 /// pixels compared.
@@ -21,10 +49,242 @@ pub struct Comparison {
     pub ssim: f64,
     /// Mean FLIP error of what is displayed (Andersson et al. 2020), 0 to 1.
     pub flip: f64,
-    /// Sum of the test divided by the sum of the reference; 1 where both are black.
+    /// Sum of the test divided by the sum of the reference; 1 where both are 0, infinite, written as null, where only the
+    /// reference is.
+    #[serde(with = "infinite_as_null")]
     pub energy_ratio: f64,
     /// Share of pixels, 0 to 1, one of whose values differs by more than the outlier threshold.
     pub outliers: f64,
+}
+
+/// How pictures are compared.
+#[derive(Debug, Clone, Copy)]
+pub struct Options<'a> {
+    /// A pixel is an outlier if one of its values differs by more. The default, 2.5 / 255, is two and a half steps of 8
+    /// bits: two pictures rounded to 8 bits of values that differ by one step never reach it, and three steps always do.
+    pub outlier_threshold: f64,
+    /// The pixels to compare, top row first; all if `None`. SSIM and FLIP look at a neighbourhood, so pixels beside the
+    /// mask still reach into theirs.
+    pub mask: Option<&'a [bool]>,
+    /// Fewest pixels that a result may rest on; at least 1.
+    pub min_pixels: u64,
+    /// Pixels in a degree of visual angle, 1 to 1000, for FLIP. The default, 67, is the paper's: a 4K screen 0.7 m wide
+    /// seen from 0.7 m.
+    pub pixels_per_degree: f64,
+}
+
+impl Default for Options<'_> {
+    fn default() -> Self {
+        Self { outlier_threshold: 2.5 / 255.0, mask: None, min_pixels: 1, pixels_per_degree: 67.0 }
+    }
+}
+
+/// Which of two pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Which {
+    /// The one that is judged.
+    Test,
+    /// The one that it is judged by.
+    Reference,
+}
+
+impl fmt::Display for Which {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Test => "the test picture",
+            Self::Reference => "the reference picture",
+        })
+    }
+}
+
+/// Why two pictures cannot be compared.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MetricError {
+    /// The sizes differ.
+    #[error("the test picture is {} x {} pixels and the reference {} x {}; only pictures of one size can be compared",
+            test[0], test[1], reference[0], reference[1])]
+    Size {
+        /// Width and height of the test.
+        test: [u32; 2],
+        /// Width and height of the reference.
+        reference: [u32; 2],
+    },
+    /// There is no pixel.
+    #[error("the pictures are empty ({width} x {height} pixels); nothing can be compared")]
+    Empty {
+        /// Pixels a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// The pixels do not fill the picture.
+    #[error("{which} holds {pixels} pixels, and its size of {width} x {height} needs another number of them")]
+    Malformed {
+        /// Which picture.
+        which: Which,
+        /// Pixels a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Pixels held.
+        pixels: usize,
+    },
+    /// A value is NaN or infinite.
+    #[error(
+        "{which} holds {count} pixel{} with a value that is not finite, the first at x {x}, y {y} (from the top left, \
+         counted from 0): {channel} is {value}",
+        if *count == 1 { "" } else { "s" }
+    )]
+    NotFinite {
+        /// Which picture.
+        which: Which,
+        /// Column of the first.
+        x: u32,
+        /// Row of the first.
+        y: u32,
+        /// `red`, `green` or `blue`.
+        channel: &'static str,
+        /// NaN or an infinity.
+        value: f32,
+        /// How many pixels hold such a value.
+        count: usize,
+    },
+    /// The mask is not of the picture's size.
+    #[error("the mask has {mask} entries and the pictures {pixels} pixels")]
+    Mask {
+        /// Entries.
+        mask: usize,
+        /// Pixels.
+        pixels: usize,
+    },
+    /// The mask leaves too few pixels.
+    #[error("the mask leaves {left} of the {floor} pixels that a comparison must rest on; use a wider mask")]
+    TooFew {
+        /// Pixels left.
+        left: u64,
+        /// Fewest allowed.
+        floor: u64,
+    },
+    /// An option is out of range.
+    #[error("{name} is {value}; valid: {valid}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// What it is.
+        value: f64,
+        /// What it may be.
+        valid: &'static str,
+    },
+    /// A variance is below 0.
+    #[error("{which} has a variance of {value} at x {x}, y {y}; a variance is 0 or more")]
+    Variance {
+        /// Which picture.
+        which: Which,
+        /// Column.
+        x: u32,
+        /// Row.
+        y: u32,
+        /// The variance.
+        value: f32,
+    },
+}
+
+/// Computes every metric.
+///
+/// # Errors
+/// If the sizes differ, there is no pixel to compare, a value is not finite (masked or not: SSIM and FLIP look at
+/// neighbours), or an option is out of range.
+pub fn compare(test: &Image, reference: &Image, options: &Options<'_>) -> Result<Comparison, MetricError> {
+    Ok(compare_with_map(test, reference, options)?.0)
+}
+
+/// As [`compare`], and the FLIP error of every pixel, as [`flip_map`] computes it.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_with_map(
+    test: &Image,
+    reference: &Image,
+    options: &Options<'_>,
+) -> Result<(Comparison, ErrorMap), MetricError> {
+    check(test, reference, options)?;
+    let linear = linear::errors(test, reference, options);
+    let map = flip::map(test, reference, options);
+    let comparison = Comparison {
+        pixels: linear.pixels,
+        rmse: linear.mse.sqrt(),
+        relative_mse: linear.relative_mse,
+        max: linear.max,
+        psnr: -10.0 * linear.mse.log10(),
+        ssim: ssim::mean(test, reference, options.mask),
+        flip: map.mean(options.mask),
+        energy_ratio: linear.energy_ratio,
+        outliers: linear.outliers,
+    };
+    Ok((comparison, map))
+}
+
+/// Whether two pictures can be compared.
+fn check(test: &Image, reference: &Image, options: &Options<'_>) -> Result<(), MetricError> {
+    check_pair(test, reference)?;
+    let positive = |name, value: f64, range: std::ops::RangeInclusive<f64>, valid| {
+        if range.contains(&value) { Ok(()) } else { Err(MetricError::Option { name, value, valid }) }
+    };
+    positive("the outlier threshold", options.outlier_threshold, 0.0..=f64::MAX, "0 or more, and finite")?;
+    positive("pixels per degree", options.pixels_per_degree, 1.0..=1000.0, "1 to 1000")?;
+    if let Some(mask) = options.mask {
+        if mask.len() != test.pixels.len() {
+            return Err(MetricError::Mask { mask: mask.len(), pixels: test.pixels.len() });
+        }
+        let left = mask.iter().filter(|compared| **compared).count() as u64;
+        let floor = options.min_pixels.max(1);
+        if left < floor {
+            return Err(MetricError::TooFew { left, floor });
+        }
+    } else if (test.pixels.len() as u64) < options.min_pixels {
+        return Err(MetricError::TooFew { left: test.pixels.len() as u64, floor: options.min_pixels });
+    }
+    Ok(())
+}
+
+/// Whether two pictures are of one size, not empty, and finite.
+fn check_pair(test: &Image, reference: &Image) -> Result<(), MetricError> {
+    let sizes = [test, reference].map(|image| [image.width, image.height]);
+    if sizes[0] != sizes[1] {
+        return Err(MetricError::Size { test: sizes[0], reference: sizes[1] });
+    }
+    let [width, height] = sizes[0];
+    if width == 0 || height == 0 {
+        return Err(MetricError::Empty { width, height });
+    }
+    for (which, image) in [(Which::Test, test), (Which::Reference, reference)] {
+        if image.pixels.len() as u64 != u64::from(width) * u64::from(height) {
+            return Err(MetricError::Malformed { which, width, height, pixels: image.pixels.len() });
+        }
+        check_finite(which, image)?;
+    }
+    Ok(())
+}
+
+fn check_finite(which: Which, image: &Image) -> Result<(), MetricError> {
+    let bad = |pixel: &[f32; 4]| pixel[..3].iter().any(|value| !value.is_finite());
+    let Some(first) = image.pixels.iter().position(bad) else { return Ok(()) };
+    let pixel = image.pixels[first];
+    let channel = pixel.iter().position(|value| !value.is_finite()).unwrap_or_default();
+    let width = image.width as usize;
+    Err(MetricError::NotFinite {
+        which,
+        x: (first % width) as u32,
+        y: (first / width) as u32,
+        channel: ["red", "green", "blue", "alpha"][channel],
+        value: pixel[channel],
+        count: image.pixels[first..].iter().filter(|pixel| bad(pixel)).count(),
+    })
+}
+
+/// What is displayed of a value: see the module's documentation.
+fn displayed(value: f32) -> f64 {
+    f64::from(value.clamp(0.0, 1.0))
 }
 
 mod infinite_as_null {
@@ -39,3 +299,6 @@ mod infinite_as_null {
         Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
     }
 }
+
+#[cfg(test)]
+mod tests;

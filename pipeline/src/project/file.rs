@@ -25,10 +25,12 @@ pub(super) fn read(report: &mut Report, path: &Path, named_at: Option<Span>) -> 
     };
     let body = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
     let wrong = undecodable(body);
-    let file = report.add_source(Source { path: path.to_owned(), text: String::from_utf8_lossy(body).into() });
+    let text = String::from_utf8_lossy(body);
+    // Up to the wrong byte the text is as in the file; what replaces that byte is three bytes long.
+    let end = wrong.as_ref().and_then(|(offset, ..)| Some(offset + text.get(*offset..)?.chars().next()?.len_utf8()));
+    let file = report.add_source(Source { path: path.to_owned(), text: text.into() });
     if let Some((offset, message, help)) = wrong {
-        // Up to this offset the text is as in the file: it is valid UTF-8.
-        let at = Span { file, start: offset as u32, end: (offset + 1) as u32 };
+        let at = Span { file, start: offset as u32, end: end.unwrap_or(offset) as u32 };
         report.error_help(at, message, || help.to_owned());
         return None;
     }

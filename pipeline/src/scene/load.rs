@@ -3,8 +3,9 @@
 use super::error::{Budget, SceneError};
 use super::{LoadedFile, Material, Needs, Object, Scene, TextureSource};
 use crate::diagnostic::Warnings;
-use crate::paths::resolve_path;
+use crate::paths::{MAX_WRITTEN, resolve_path};
 use std::collections::HashMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// How scene files are loaded.
@@ -27,6 +28,8 @@ impl Default for LoadOptions {
     }
 }
 
+/// Most components of an end of a path that is looked for beside the scene.
+const MAX_SUFFIX: usize = 16;
 /// The cutoff of materials that are cut out by a texture, where the file names no number.
 pub(crate) const MASK_CUTOFF: f32 = 0.5;
 
@@ -133,9 +136,18 @@ fn find(file: &Path, warnings: &mut Warnings) -> Result<(PathBuf, u64), SceneErr
     Ok((path, metadata.len()))
 }
 
-fn load_one(file: &Path, size: u64, needs: Needs, budget: &mut Budget) -> Result<Scene, SceneError> {
+/// Reads as much of a file as it said to hold, after booking that. Files that the system makes up say 0 and may never
+/// end; a file that grows meanwhile is read as it was.
+pub(crate) fn read_file(file: &Path, size: u64, budget: &mut Budget) -> Result<Vec<u8>, SceneError> {
     budget.take(file, "the file's bytes", size)?;
-    let bytes = std::fs::read(file).map_err(|error| SceneError::file(file, error.to_string()))?;
+    let failed = |error: std::io::Error| SceneError::file(file, error.to_string());
+    let mut bytes = Vec::with_capacity(usize::try_from(size).unwrap_or(0));
+    std::fs::File::open(file).map_err(failed)?.take(size).read_to_end(&mut bytes).map_err(failed)?;
+    Ok(bytes)
+}
+
+fn load_one(file: &Path, size: u64, needs: Needs, budget: &mut Budget) -> Result<Scene, SceneError> {
+    let bytes = read_file(file, size, budget)?;
     let format = format_of(file, &bytes)?;
     let mut context = Context { file, needs, budget };
     let scene = match format {
@@ -274,11 +286,13 @@ pub(crate) fn texture_file_or_suffix(
     material: &str,
 ) -> Option<PathBuf> {
     let find = |path: &str| resolve_path(context.folder(), path).filter(|resolved| resolved.path.is_file());
-    if find(written).is_none() {
+    if written.len() <= MAX_WRITTEN && find(written).is_none() {
         let portable = crate::paths::portable(written);
         let written_path = portable.to_str().unwrap_or_default();
         let names: Vec<&str> = written_path.split('/').filter(|name| !name.is_empty() && *name != ".").collect();
         let first = names.iter().rposition(|name| *name == "..").map_or(0, |last| last + 1);
+        // Each end that is tried costs a search; nobody's scene lies deeper.
+        let first = first.max(names.len().saturating_sub(MAX_SUFFIX));
         let found = (first..names.len()).find_map(|start| find(&names[start..].join("/")));
         if let Some(found) = found {
             let what = "texture paths that lead nowhere";

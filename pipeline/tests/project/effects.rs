@@ -74,7 +74,13 @@ fn errors_of_effect_passes_say_where_and_what_would_be_valid() {
     wrong(MAP, "name=\"shadowMap\"", "name=\"@shadowmop\"", message, "did you mean `shadowMap`?");
     wrong(MAP, "mapSize=", "@mapSiz=", "pass `map` has an unknown attribute `mapsiz`", "did you mean `mapsize`?");
     wrong(MAP, "\"512\"", "\"@5\"", "`5` is not a value of `mapsize`", "16..=16384");
-    wrong(MAP, "mapSize=", "@radius=", "program `shadowMap` reads no parameter `radius`", "mapsize, pcf, bias");
+    wrong(
+        MAP,
+        "mapSize=",
+        "@radius=",
+        "program `shadowMap` reads no parameter `radius`",
+        "mapsize, cascades, pcf, bias",
+    );
     let bare = with(MAP, "<program name=\"shadowMap\"/>\n", "");
     wrong(&bare, "<pass", "@<pass", "effect pass `map` names no <program name=\"…\"/>", "gtao");
     let dark = with(MAP, "<lights><light>Sun</light></lights>", "");

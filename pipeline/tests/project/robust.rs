@@ -28,6 +28,16 @@ fn other_encodings_are_named_with_their_place() {
 }
 
 #[test]
+fn the_place_of_a_wrong_byte_can_be_shown() {
+    // What stands for the byte in the text is three bytes long; half of it is no text.
+    for bytes in [&b"<project name=\"\xF4\"/>"[..], b"\xFF\xFE<\0", b"\xEF\xBB\xBFab\xC3"] {
+        let problems = bad(bytes);
+        let (source, range) = problems.0[0].place.clone().expect("a place");
+        assert_eq!(source.text.get(range), Some("\u{FFFD}"));
+    }
+}
+
+#[test]
 fn empty_and_truncated_files_say_where_they_end() {
     only_error("", "project.xml:1:1: the file holds no XML element");
     only_error("just words", "project.xml:1:1: the file holds no XML element");

@@ -113,6 +113,8 @@ pub(super) struct Fill<'a> {
     pub grid: &'a Grid,
     /// By material.
     pub cuts: &'a [bool],
+    /// By material; those beyond the list are drawn.
+    pub hidden: &'a [bool],
     pub triangles: Range<usize>,
     /// Which bin of the draw this is.
     pub index: usize,
@@ -137,6 +139,9 @@ impl Kernel for Fill<'_> {
             let end = (batch.first as usize).saturating_add(batch.count as usize).min(self.triangles.end);
             if batch.first as usize >= self.triangles.end {
                 break;
+            }
+            if self.hidden.get(batch.material as usize) == Some(&true) {
+                continue;
             }
             let cut = self.cuts[batch.material as usize];
             for (offset, indices) in geometry.triangles[start..end].iter().enumerate() {

@@ -85,6 +85,16 @@ pub(super) fn clip(
     if clip.iter().flatten().any(|value| !value.is_finite()) {
         return;
     }
+    // Where the view is a small part of the scene, as a near shadow map's is, most triangles end here: all corners are beyond
+    // the same border of the viewport, and so is what lies between them.
+    let all = |beyond: fn(&[f32; 4]) -> bool| clip.iter().all(beyond);
+    if all(|[x, _, _, w]| x > w)
+        || all(|[x, _, _, w]| -x > *w)
+        || all(|[_, y, _, w]| y > w)
+        || all(|[_, y, _, w]| -y > *w)
+    {
+        return;
+    }
     let mut polygon = Polygon::default();
     for (corner, weights) in clip.into_iter().zip([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]) {
         polygon.push(Corner { clip: corner.map(f64::from), weights });

@@ -12,7 +12,9 @@
 //! same bit by bit for every number of threads and every instruction set.
 
 mod bins;
+mod check;
 mod clip;
+mod effects;
 mod frame;
 mod shade;
 mod simd;
@@ -32,14 +34,14 @@ use curitiba_pipeline::backend::{
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
-use frame::{BIN_TRIANGLES, Frame, MAX_TRIANGLES, is_cut};
+use frame::{BIN_TRIANGLES, Frame, is_cut};
 use rayon::prelude::*;
 use simd::{Detected, Kernel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use surface::{Grid, TileSurface};
+use surface::{Grid, Target, TileSurface};
 use tile::Tile;
-use vertex::{MAX_SIDE, Project, Projection, ScreenVertex};
+use vertex::{Project, Projection, ScreenVertex};
 
 /// Vertices that a thread projects at once.
 const VERTEX_RUN: usize = 4096;
@@ -71,6 +73,7 @@ pub struct CpuRasteriser {
     rows: Vec<Mutex<shade::Rows>>,
     stages: Stages,
     round: usize,
+    effects: effects::Effects,
 }
 
 impl Default for CpuRasteriser {
@@ -104,6 +107,7 @@ impl CpuRasteriser {
             rows: Vec::new(),
             stages: Stages::default(),
             round: ROUND,
+            effects: effects::Effects::default(),
         }
     }
 
@@ -112,25 +116,15 @@ impl CpuRasteriser {
     pub fn stages(&self) -> Stages {
         self.stages
     }
-}
 
-impl Rasteriser for CpuRasteriser {
-    fn name(&self) -> &'static str {
-        "cpu"
-    }
-
-    fn device(&self) -> String {
-        let threads = rayon::current_num_threads();
-        let plural = if threads == 1 { "" } else { "s" };
-        format!("{}, {threads} thread{plural}, {}", processor(), self.detected.set().name())
-    }
-
-    fn upload(&mut self, _scene: &Arc<RenderScene>) -> Result<(), BackendError> {
-        Ok(())
-    }
-
-    fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError> {
-        check(job, target)?;
+    /// Draws a job into a target that has its size, but for the triangles of hidden materials.
+    fn render(
+        &mut self,
+        job: &RasterJob<'_>,
+        hidden: &[bool],
+        mut target: Target<'_>,
+    ) -> Result<DrawStats, BackendError> {
+        check::scene(job, target.size())?;
         self.stages = Stages::default();
         let geometry = &job.scene.geometry;
         let triangles = geometry.triangles.len();
@@ -174,6 +168,7 @@ impl Rasteriser for CpuRasteriser {
                     projection: &projection,
                     grid: &grid,
                     cuts: &self.cuts,
+                    hidden,
                     triangles: index * BIN_TRIANGLES..((index + 1) * BIN_TRIANGLES).min(triangles),
                     index,
                     bins,
@@ -186,7 +181,7 @@ impl Rasteriser for CpuRasteriser {
             let clipped = &self.clipped;
             let frame = Frame { job, geometry, vertices: &self.vertices, clipped };
             let (tiles, rows) = (&self.tiles, &self.rows);
-            surface::for_each_tile(target, job.attachments, &grid, |index, surface| {
+            surface::for_each_tile(&mut target, &grid, |index, surface| {
                 let thread = rayon::current_thread_index().unwrap_or(0);
                 let tile = &tiles[if rounds == 1 { thread } else { index }];
                 let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
@@ -206,6 +201,28 @@ impl Rasteriser for CpuRasteriser {
         }
         Ok(stats)
     }
+}
+
+impl Rasteriser for CpuRasteriser {
+    fn name(&self) -> &'static str {
+        "cpu"
+    }
+
+    fn device(&self) -> String {
+        let threads = rayon::current_num_threads();
+        let plural = if threads == 1 { "" } else { "s" };
+        format!("{}, {threads} thread{plural}, {}", processor(), self.detected.set().name())
+    }
+
+    fn upload(&mut self, scene: &Arc<RenderScene>) -> Result<(), BackendError> {
+        self.effects.upload(scene);
+        Ok(())
+    }
+
+    fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError> {
+        check::target(job, target)?;
+        self.render(job, &[], Target::Attachments(target, job.attachments))
+    }
 
     fn needs_read_back(&self) -> bool {
         false
@@ -223,11 +240,14 @@ impl Rasteriser for CpuRasteriser {
     fn effect(
         &mut self,
         job: &EffectJob<'_>,
-        _output: &mut Image,
-        _progress: &Progress,
+        output: &mut Image,
+        progress: &Progress,
     ) -> Result<EffectStats, BackendError> {
-        let what = job.program.info().name.to_owned();
-        Err(BackendError::Unsupported { backend: self.name(), what, why: "not written".to_owned() })
+        // Taken out while it works: it draws its maps with this rasteriser.
+        let mut effects = std::mem::take(&mut self.effects);
+        let result = effects.run(self, job, output, progress);
+        self.effects = effects;
+        result
     }
 }
 
@@ -254,8 +274,22 @@ impl Kernel for DrawTile<'_> {
         for bins in self.bins {
             self.tile.draw_bins(self.frame, bins, self.index, &self.surface);
         }
-        if self.last {
+        if self.last && self.surface.is_depth() {
+            store_depths(self.tile, &mut self.surface);
+        } else if self.last {
             shade::shade(self.frame, self.tile, self.rows, &mut self.surface);
+        }
+    }
+}
+
+/// Copies the depths of a tile.
+#[inline(always)]
+fn store_depths(tile: &Tile, surface: &mut TileSurface<'_>) {
+    for row in 0..surface.height {
+        let Some(pixels) = surface.depth(row) else { return };
+        match tile.depths(row) {
+            Some(bits) => pixels.iter_mut().zip(bits).for_each(|(pixel, bits)| *pixel = f32::from_bits(*bits as u32)),
+            None => pixels.fill(0.0),
         }
     }
 }
@@ -265,58 +299,6 @@ fn grow<T: Default>(list: &mut Vec<T>, len: usize) {
     if list.len() < len {
         list.resize_with(len, T::default);
     }
-}
-
-/// Refuses jobs that this rasteriser cannot do or whose parts do not fit together.
-fn check(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), BackendError> {
-    let refuse = |what: &str, why: String| {
-        Err(BackendError::Unsupported { backend: "cpu", what: what.to_owned(), why: why.to_owned() })
-    };
-    let (view, geometry, asked) = (job.viewport, &job.scene.geometry, job.attachments);
-    let inside = |start: u32, side: u32, whole: u32| start.checked_add(side).is_some_and(|end| end <= whole);
-    if !inside(view.x, view.width, target.width) || !inside(view.y, view.height, target.height) {
-        return refuse("this viewport", format!("{view:?} is not inside {} x {}", target.width, target.height));
-    }
-    if target.width > MAX_SIDE || target.height > MAX_SIDE {
-        return refuse("this size", format!("sides are at most {MAX_SIDE} pixels; render it in parts"));
-    }
-    let pixels = target.width as usize * target.height as usize;
-    let sizes = [
-        ("color", asked.color, target.color.len()),
-        ("position", asked.position, target.position.len()),
-        ("normal", asked.normal, target.normal.len()),
-        ("triangle", asked.triangle, target.triangle.len()),
-    ];
-    if let Some((name, ..)) = sizes.into_iter().find(|(_, asked, len)| *asked && *len != pixels) {
-        return refuse("this target", format!("its attachment `{name}` is not allocated"));
-    }
-    if geometry.triangles.len() > MAX_TRIANGLES {
-        return refuse("this scene", format!("it has more than {MAX_TRIANGLES} triangles; split it"));
-    }
-    let vertices = geometry.positions.len();
-    if asked.normal && geometry.normals.len() != vertices {
-        return refuse("the attachment `normal`", "the scene was loaded without normals".to_owned());
-    }
-    if !geometry.normals.is_empty() && geometry.normals.len() != vertices {
-        return refuse("this scene", "it has not as many normals as positions".to_owned());
-    }
-    for batch in &geometry.batches {
-        let Some(shade) = job.shades.get(batch.material as usize) else {
-            return refuse("this scene", format!("material {} has no colours", batch.material));
-        };
-        if (batch.first as usize).saturating_add(batch.count as usize) > geometry.triangles.len() {
-            return refuse("this scene", "a batch reaches beyond the triangles".to_owned());
-        }
-        if let Some(texture) = shade.texture.filter(|_| asked.color || shade.alpha_cutoff.is_some()) {
-            if texture as usize >= job.scene.textures.len() {
-                return refuse("this scene", format!("it has no texture {texture}"));
-            }
-            if geometry.texcoords.len() != vertices {
-                return refuse("a textured material", "the scene was loaded without texture coordinates".to_owned());
-            }
-        }
-    }
-    Ok(())
 }
 
 /// The processor's name where the system tells it in a file, else its architecture.

@@ -45,6 +45,45 @@ pub(super) struct TileSurface<'a> {
     position: Option<Plane<'a, [f32; 4]>>,
     normal: Option<Plane<'a, [f32; 4]>>,
     triangle: Option<Plane<'a, u32>>,
+    depth: Option<Plane<'a, f32>>,
+}
+
+/// What a draw writes.
+pub(super) enum Target<'a> {
+    /// Attachments of a G-buffer.
+    Attachments(&'a mut GBuffer, Attachments),
+    /// The depth of the nearest triangle alone, 0 where there is none.
+    Depth(&'a mut DepthMap),
+}
+
+impl Target<'_> {
+    /// Width and height, in pixels.
+    pub fn size(&self) -> (u32, u32) {
+        match self {
+            Self::Attachments(buffer, _) => (buffer.width, buffer.height),
+            Self::Depth(map) => (map.size, map.size),
+        }
+    }
+}
+
+/// A square map of depths: 1 near, 0 far or empty.
+#[derive(Debug, Default)]
+pub(super) struct DepthMap {
+    size: u32,
+    depths: Vec<f32>,
+}
+
+impl DepthMap {
+    /// Gives it so many texels a side. What they hold is not defined until a draw fills the map.
+    pub fn resize(&mut self, size: u32) {
+        self.size = size;
+        self.depths.resize(size as usize * size as usize, 0.0);
+    }
+
+    /// Top row first.
+    pub fn depths(&self) -> &[f32] {
+        &self.depths
+    }
 }
 
 macro_rules! row_accessors {
@@ -63,7 +102,13 @@ macro_rules! row_accessors {
 }
 
 impl TileSurface<'_> {
-    row_accessors!(color: [f32; 4], position: [f32; 4], normal: [f32; 4], triangle: u32);
+    row_accessors!(color: [f32; 4], position: [f32; 4], normal: [f32; 4], triangle: u32, depth: f32);
+
+    /// Whether depths are what is drawn.
+    #[inline(always)]
+    pub fn is_depth(&self) -> bool {
+        self.depth.is_some()
+    }
 }
 
 /// One attachment, seen from the top left pixel of a tile.
@@ -113,21 +158,22 @@ impl<T> Shared<T> {
 ///
 /// # Panics
 /// If the viewport is not inside the target or an attachment asked for has another size.
-pub(super) fn for_each_tile(
-    target: &mut GBuffer,
-    attachments: Attachments,
-    grid: &Grid,
-    draw: impl Fn(usize, TileSurface<'_>) + Sync,
-) {
-    let size = (target.width as usize, target.height as usize);
+pub(super) fn for_each_tile(target: &mut Target<'_>, grid: &Grid, draw: impl Fn(usize, TileSurface<'_>) + Sync) {
+    let (width, height) = target.size();
+    let size = (width as usize, height as usize);
     let Rect { x, y, width, height } = grid.viewport;
     let (left, top, width, height) = (x as usize, y as usize, width as usize, height as usize);
     assert!(left + width <= size.0 && top + height <= size.1, "the viewport is outside the target");
-    let color = Shared::new(&mut target.color, size, attachments.color);
-    let position = Shared::new(&mut target.position, size, attachments.position);
-    let normal = Shared::new(&mut target.normal, size, attachments.normal);
-    let triangle = Shared::new(&mut target.triangle, size, attachments.triangle);
-    let all = (color, position, normal, triangle);
+    let all = match target {
+        Target::Attachments(target, attachments) => (
+            Shared::new(&mut target.color, size, attachments.color),
+            Shared::new(&mut target.position, size, attachments.position),
+            Shared::new(&mut target.normal, size, attachments.normal),
+            Shared::new(&mut target.triangle, size, attachments.triangle),
+            None,
+        ),
+        Target::Depth(map) => (None, None, None, None, Shared::new(&mut map.depths, size, true)),
+    };
     let all = &all;
     (0..grid.len()).into_par_iter().with_max_len(1).for_each(|index| {
         let (x, y) = (index % grid.columns * TILE, index / grid.columns * TILE);
@@ -143,6 +189,7 @@ pub(super) fn for_each_tile(
                 position: all.1.as_ref().map(|plane| plane.tile(left + x, top + y)),
                 normal: all.2.as_ref().map(|plane| plane.tile(left + x, top + y)),
                 triangle: all.3.as_ref().map(|plane| plane.tile(left + x, top + y)),
+                depth: all.4.as_ref().map(|plane| plane.tile(left + x, top + y)),
             }
         };
         draw(index, surface);

@@ -177,6 +177,15 @@ impl Tile {
         self.parts[row * STRIDE..][..TILE].first_chunk()
     }
 
+    /// The depths of a row as the bits of floats, 0 where nothing is; `None` if the whole tile is empty.
+    #[inline(always)]
+    pub fn depths(&self, row: usize) -> Option<&[i32; TILE]> {
+        if self.empty {
+            return None;
+        }
+        self.depth[row * STRIDE..][..TILE].first_chunk()
+    }
+
     /// Draws the parts that bins hold for this tile, in the order of the triangles.
     #[inline(always)]
     pub fn draw_bins(&mut self, frame: &Frame<'_>, bins: &Bins, tile: usize, surface: &TileSurface<'_>) {

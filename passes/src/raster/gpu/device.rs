@@ -14,7 +14,7 @@ pub(super) const NAME: &str = "wgpu";
 /// Largest single buffer, whatever the device allows: Vulkan guarantees allocations of 1 GiB only.
 const MAX_BUFFER_BYTES: u64 = 1 << 30;
 /// How much is handed over at once in an upload; bounds the driver's staging memory.
-const UPLOAD_PIECE: usize = 32 << 20;
+pub(super) const UPLOAD_PIECE: usize = 32 << 20;
 
 /// A device and its queue.
 #[derive(Debug)]

@@ -5,7 +5,7 @@ use super::geometry::DeviceGeometry;
 use super::pipelines::{Layouts, Pipelines, slots};
 use super::shader::{DrawUniform, FrameUniform, Variant};
 use super::textures::DeviceTextures;
-use curitiba_pipeline::backend::{BackendError, RasterJob};
+use curitiba_pipeline::backend::{BackendError, RasterJob, Sun, View};
 use std::num::NonZeroU64;
 
 /// One draw call.
@@ -26,6 +26,8 @@ struct Draw {
 #[derive(Debug)]
 pub(super) struct DrawList {
     draws: Vec<Draw>,
+    /// By material.
+    left_out: Vec<bool>,
     /// `Draw` uniforms, `stride` bytes apart.
     bytes: Vec<u8>,
     /// What the device's buffer holds.
@@ -45,10 +47,26 @@ impl DrawList {
         let uniforms = gpu.buffer("creation of the uniforms", usage, 64 * stride as u64)?;
         let binding = bind(gpu, layouts, &frame, &uniforms);
         gpu.check("binding of the uniforms")?;
-        Ok(Self { draws: Vec::new(), bytes: Vec::new(), written: Vec::new(), stride, frame, uniforms, binding })
+        Ok(Self {
+            draws: Vec::new(),
+            left_out: Vec::new(),
+            bytes: Vec::new(),
+            written: Vec::new(),
+            stride,
+            frame,
+            uniforms,
+            binding,
+        })
     }
 
-    /// Lists the draws of a job, and hands their uniforms to the device.
+    /// Says which materials, by index, the jobs to come are drawn without; those beyond the end are drawn.
+    pub fn leave_out(&mut self, materials: &[bool]) {
+        self.left_out.clear();
+        self.left_out.extend_from_slice(materials);
+    }
+
+    /// Lists the draws of a job without the materials that are [left out](Self::leave_out), and hands their uniforms to the
+    /// device.
     pub fn prepare(
         &mut self,
         gpu: &Gpu,
@@ -61,6 +79,9 @@ impl DrawList {
         self.draws.clear();
         self.bytes.clear();
         for part in &geometry.parts {
+            if self.left_out.get(part.material as usize).copied().unwrap_or(false) {
+                continue;
+            }
             let Some(shade) = job.shades.get(part.material as usize) else {
                 return Err(failure(&format!("the job has no shade for material {}", part.material)));
             };
@@ -85,13 +106,19 @@ impl DrawList {
             let (chunk, first, count) = (part.chunk, part.first, part.count);
             self.draws.push(Draw { variant, texture, chunk, first, count, offset });
         }
-        self.write(gpu, layouts, job)
+        self.write(gpu, layouts)?;
+        self.look(gpu, &job.view, job.sun)
     }
 
-    fn write(&mut self, gpu: &Gpu, layouts: &Layouts, job: &RasterJob<'_>) -> Result<(), BackendError> {
-        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&FrameUniform::new(&job.view, job.sun)));
+    /// Lets the draws listed be seen from elsewhere. What was submitted before keeps its view.
+    pub fn look(&self, gpu: &Gpu, view: &View, sun: Option<Sun>) -> Result<(), BackendError> {
+        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&FrameUniform::new(view, sun)));
+        gpu.check("upload of the frame's uniforms")
+    }
+
+    fn write(&mut self, gpu: &Gpu, layouts: &Layouts) -> Result<(), BackendError> {
         if self.bytes == self.written {
-            return gpu.check("upload of the uniforms");
+            return Ok(());
         }
         self.written.clear();
         if self.bytes.len() as u64 > self.uniforms.size() {

@@ -4,6 +4,7 @@
 //   COLOR, POSITION, NORMAL, TRIANGLE   attachments that are written
 //   VERTEX_NORMAL                       the vertices carry normals, and something above reads them
 //   TEXTURED                            the material has a texture, and COLOR or ALPHA_CUT reads it
+//   WRITES                              any attachment at all; without, only the depth is left
 //   ALPHA_CUT                           texels below the material's cutoff are no surface
 //#if TRIANGLE
 enable primitive_index;
@@ -59,6 +60,7 @@ struct Varyings {
 //#endif
 }
 
+//#if WRITES
 struct Pixel {
 //#if COLOR
     @location(0) color: vec4<f32>,
@@ -73,6 +75,7 @@ struct Pixel {
     @location(3) triangle: u32,
 //#endif
 }
+//#endif
 
 @vertex
 fn vertex_main(vertex: Vertex) -> Varyings {
@@ -115,7 +118,11 @@ fn fragment_main(
 //#if TRIANGLE
     @builtin(primitive_index) primitive: u32,
 //#endif
+//#if WRITES
 ) -> Pixel {
+//#else
+) {
+//#endif
 //#if TEXTURED
     let texel = sample_texture(in.texcoord);
 //#if ALPHA_CUT
@@ -124,6 +131,7 @@ fn fragment_main(
     }
 //#endif
 //#endif
+//#if WRITES
     var normal = vec3<f32>(0.0);
     var cosine = 0.0;
 //#if VERTEX_NORMAL
@@ -152,4 +160,5 @@ fn fragment_main(
     out.triangle = draw.first_triangle + primitive;
 //#endif
     return out;
+//#endif
 }

@@ -10,6 +10,7 @@
 mod adapter;
 mod device;
 mod draws;
+mod effects;
 mod geometry;
 mod job;
 mod pipelines;
@@ -22,6 +23,7 @@ mod timer;
 
 pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, adapters};
 
+use crate::raster::effects::SceneCache;
 use curitiba_pipeline::backend::{
     Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, Rect,
 };
@@ -30,6 +32,7 @@ use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
 use device::{Gpu, NAME, failure, unsupported};
 use draws::DrawList;
+use effects::{Context, Effects};
 use geometry::DeviceGeometry;
 use pipelines::{Layouts, Pipelines};
 use std::sync::Arc;
@@ -50,6 +53,8 @@ pub struct WgpuRasteriser {
     staging: Staging,
     /// What the attachments hold.
     drawn: Option<(Rect, Attachments)>,
+    /// Once there was an effect.
+    effects: Option<Effects>,
 }
 
 /// A scene in device memory.
@@ -58,6 +63,7 @@ struct Uploaded {
     scene: Arc<RenderScene>,
     geometry: DeviceGeometry,
     textures: DeviceTextures,
+    cache: SceneCache,
 }
 
 /// Device memory in use, bytes.
@@ -69,6 +75,8 @@ pub struct DeviceMemory {
     pub textures: u64,
     /// Attachments and depth buffers, those kept for other passes included.
     pub attachments: u64,
+    /// Maps, outputs and uploaded G-buffers of raster effects.
+    pub effects: u64,
 }
 
 impl WgpuRasteriser {
@@ -91,6 +99,7 @@ impl WgpuRasteriser {
             targets: TargetCache::default(),
             staging: Staging::default(),
             drawn: None,
+            effects: None,
         })
     }
 
@@ -107,6 +116,7 @@ impl WgpuRasteriser {
             geometry: self.scene.as_ref().map_or(0, |scene| scene.geometry.bytes),
             textures: self.scene.as_ref().map_or(0, |scene| scene.textures.bytes),
             attachments: self.targets.bytes(),
+            effects: self.effects.as_ref().map_or(0, Effects::bytes),
         }
     }
 }
@@ -125,7 +135,7 @@ impl Rasteriser for WgpuRasteriser {
         self.scene = None;
         let geometry = DeviceGeometry::upload(&self.gpu, &scene.geometry)?;
         let textures = DeviceTextures::upload(&self.gpu, &self.layouts, scene)?;
-        self.scene = Some(Uploaded { scene: Arc::clone(scene), geometry, textures });
+        self.scene = Some(Uploaded { scene: Arc::clone(scene), geometry, textures, cache: SceneCache::new(scene) });
         Ok(())
     }
 
@@ -196,10 +206,31 @@ impl Rasteriser for WgpuRasteriser {
     fn effect(
         &mut self,
         job: &EffectJob<'_>,
-        _output: &mut Image,
-        _progress: &Progress,
+        output: &mut Image,
+        progress: &Progress,
     ) -> Result<EffectStats, BackendError> {
-        let what = job.program.info().name.to_owned();
-        Err(BackendError::Unsupported { backend: self.name(), what, why: "not written".to_owned() })
+        let uploaded = self.scene.as_mut().filter(|uploaded| std::ptr::eq(&*uploaded.scene, job.scene));
+        let Some(Uploaded { geometry, textures, cache, .. }) = uploaded else {
+            return Err(failure("the job's scene was not uploaded"));
+        };
+        let effects = match &mut self.effects {
+            Some(effects) => effects,
+            none => none.insert(Effects::new(&self.gpu, &self.layouts)?),
+        };
+        // Only a whole picture can be read in place.
+        let whole = Rect { x: 0, y: 0, width: job.width, height: job.height };
+        let last = self.drawn.filter(|(viewport, _)| *viewport == whole);
+        let drawn = last.and_then(|(_, attachments)| self.targets.last().filter(|t| t.attachments() == attachments));
+        let mut context = Context {
+            gpu: &self.gpu,
+            layouts: &self.layouts,
+            pipelines: &mut self.pipelines,
+            timer: self.timer.as_ref(),
+            geometry,
+            textures,
+            staging: &mut self.staging,
+            cache,
+        };
+        effects.run(&mut context, drawn, job, output, progress)
     }
 }

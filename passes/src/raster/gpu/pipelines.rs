@@ -150,11 +150,11 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant) -> wgpu::RenderPipeline
             bias: wgpu::DepthBiasState::default(),
         }),
         multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
+        fragment: variant.has_fragment_stage().then(|| wgpu::FragmentState {
             module: &module,
             entry_point: Some("fragment_main"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &targets,
+            targets: if variant.writes() { &targets } else { &[] },
         }),
         multiview_mask: None,
         cache: None,

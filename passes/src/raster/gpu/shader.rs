@@ -47,8 +47,19 @@ impl Variant {
         self.color || self.alpha_cut
     }
 
+    /// Whether a fragment leaves anything but its depth.
+    pub fn writes(self) -> bool {
+        self.color || self.position || self.normal || self.triangle
+    }
+
+    /// Whether there is anything to do for a fragment.
+    pub fn has_fragment_stage(self) -> bool {
+        self.writes() || self.alpha_cut
+    }
+
     fn defines(self, name: &str) -> Option<bool> {
         Some(match name {
+            "WRITES" => self.writes(),
             "COLOR" => self.color,
             "POSITION" => self.position,
             "NORMAL" => self.normal,
@@ -65,29 +76,38 @@ impl Variant {
     /// # Panics
     /// If the directives of the text are malformed; a test cuts every variant.
     pub fn source(self) -> String {
-        let mut source = String::with_capacity(TEXT.len());
-        // One entry for each open `//#if`: whether its lines are kept.
-        let mut open: Vec<bool> = Vec::new();
-        for line in TEXT.lines() {
-            if let Some(name) = line.strip_prefix("//#if ") {
-                open.push(self.defines(name).unwrap_or_else(|| panic!("gbuffer.wgsl: unknown name {name}")));
-            } else if line == "//#else" {
-                let last = open.last_mut().expect("gbuffer.wgsl: #else without #if");
-                *last = !*last;
-            } else if line == "//#endif" {
-                open.pop().expect("gbuffer.wgsl: #endif without #if");
-            } else {
-                assert!(!line.starts_with("//#"), "gbuffer.wgsl: unknown directive {line}");
-                if open.iter().all(|kept| *kept) {
-                    source.push_str(line);
-                }
-                // Lines that are cut stay as empty ones: messages of the compiler then count lines as the file does.
-            }
-            source.push('\n');
-        }
-        assert!(open.is_empty(), "gbuffer.wgsl: #if without #endif");
-        source
+        cut("gbuffer.wgsl", TEXT, |name| self.defines(name))
     }
+}
+
+/// A shader's text without the lines that a variant lacks: those between `//#if NAME` and `//#endif` (with an optional
+/// `//#else`), each directive a line of its own, stay where `defines` says so.
+///
+/// # Panics
+/// If the directives are malformed, or `defines` does not know a name.
+pub(super) fn cut(file: &str, text: &str, defines: impl Fn(&str) -> Option<bool>) -> String {
+    let mut source = String::with_capacity(text.len());
+    // One entry for each open `//#if`: whether its lines are kept.
+    let mut open: Vec<bool> = Vec::new();
+    for line in text.lines() {
+        if let Some(name) = line.strip_prefix("//#if ") {
+            open.push(defines(name).unwrap_or_else(|| panic!("{file}: unknown name {name}")));
+        } else if line == "//#else" {
+            let last = open.last_mut().unwrap_or_else(|| panic!("{file}: #else without #if"));
+            *last = !*last;
+        } else if line == "//#endif" {
+            assert!(open.pop().is_some(), "{file}: #endif without #if");
+        } else {
+            assert!(!line.starts_with("//#"), "{file}: unknown directive {line}");
+            if open.iter().all(|kept| *kept) {
+                source.push_str(line);
+            }
+            // Lines that are cut stay as empty ones: messages of the compiler then count lines as the file does.
+        }
+        source.push('\n');
+    }
+    assert!(open.is_empty(), "{file}: #if without #endif");
+    source
 }
 
 /// `Frame` of the shader.
@@ -153,8 +173,9 @@ mod tests {
                     alpha_cut: bit(6),
                 }
             })
-            .filter(|v| v.color || v.position || v.normal || v.triangle)
             .filter(|v| v.textured || !v.alpha_cut)
+            // What only has depth has nothing to shade.
+            .filter(|v| v.writes() || (!v.vertex_normal && v.textured == v.alpha_cut))
     }
 
     fn validate(source: &str, capabilities: naga::valid::Capabilities) -> Result<naga::Module, String> {
@@ -182,8 +203,17 @@ mod tests {
             assert_eq!(source.contains("discard;"), variant.alpha_cut, "{variant:?}");
             count += 1;
         }
-        // 15 sets of attachments, with and without normals; untextured, textured, cut.
-        assert_eq!(count, 15 * 2 * 3);
+        // 15 sets of attachments, with and without normals; untextured, textured, cut. Depth alone, whole and cut.
+        assert_eq!(count, 15 * 2 * 3 + 2);
+    }
+
+    #[test]
+    fn depth_alone_has_a_fragment_stage_only_where_something_is_cut() {
+        let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), alpha_cutoff: None };
+        let whole = Variant::new(Attachments::default(), true, &shade);
+        assert!(!whole.has_fragment_stage() && !whole.textured && !whole.vertex_normal && !whole.reads_material());
+        let cut = Variant::new(Attachments::default(), true, &Shade { alpha_cutoff: Some(0.5), ..shade });
+        assert!(cut.has_fragment_stage() && cut.alpha_cut && !cut.writes() && cut.reads_material());
     }
 
     #[test]

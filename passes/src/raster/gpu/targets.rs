@@ -4,6 +4,7 @@ use super::device::{Gpu, unsupported};
 use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, Rect};
 use glam::Vec4;
 use rayon::prelude::*;
+use std::sync::OnceLock;
 
 /// Formats of colour, position, normal and triangle id, in the order of the shader's locations.
 pub(super) const CHANNEL_FORMATS: [wgpu::TextureFormat; 4] = [
@@ -43,6 +44,8 @@ pub(super) struct Targets {
     depth: wgpu::TextureView,
     /// Bytes of device memory, the depth buffer included.
     bytes: u64,
+    /// The attachments as effects read them, once one did.
+    pub group: OnceLock<wgpu::BindGroup>,
 }
 
 impl Targets {
@@ -78,13 +81,15 @@ impl Targets {
         let mut channels = [const { None }; 4];
         for (index, label) in ["color", "position", "normal", "triangle"].into_iter().enumerate() {
             if wanted[index] {
-                channels[index] = Some(create(label, CHANNEL_FORMATS[index], wgpu::TextureUsages::COPY_SRC)?);
+                // Effects read the attachments where they are.
+                let usage = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;
+                channels[index] = Some(create(label, CHANNEL_FORMATS[index], usage)?);
             }
         }
         let depth = create("depth", DEPTH_FORMAT, wgpu::TextureUsages::empty())?.view;
         let bytes = u64::from(width) * u64::from(height) * u64::from(pixel_bytes + 4);
         gpu.check("creation of the attachments")?;
-        Ok(Self { width, height, attachments, channels, depth, bytes })
+        Ok(Self { width, height, attachments, channels, depth, bytes, group: OnceLock::new() })
     }
 
     /// What the render pass writes, cleared first: triangle ids to 0, which is "none" until [`Self::read_back`].
@@ -109,6 +114,22 @@ impl Targets {
             depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
             stencil_ops: None,
         }
+    }
+
+    /// What is written.
+    pub fn attachments(&self) -> Attachments {
+        self.attachments
+    }
+
+    /// Pixels a row, and rows.
+    pub fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// What shaders read: colour, position, normal and triangle id, the last plus 1; `None` where there is no such
+    /// attachment.
+    pub fn views(&self) -> [Option<&wgpu::TextureView>; 4] {
+        self.channels.each_ref().map(|channel| channel.as_ref().map(|channel| &channel.view))
     }
 
     /// Copies the wanted attachments into the viewport's part of `target`, whose channels are allocated.
@@ -201,6 +222,46 @@ impl Staging {
             self.buffer = None;
             let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
             self.buffer = Some(gpu.buffer("creation of the read-back buffer", usage, bytes)?);
+        }
+        Ok(())
+    }
+}
+
+impl Staging {
+    /// Copies a whole texture of [`wgpu::TextureFormat::Rgba32Float`] to `pixels`, which has its size.
+    pub fn read(&mut self, gpu: &Gpu, texture: &wgpu::Texture, pixels: &mut [[f32; 4]]) -> Result<(), BackendError> {
+        let (width, height) = (texture.width(), texture.height());
+        let pitch = (16 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let most = STAGING_BYTES.min(gpu.max_buffer_bytes) / u64::from(pitch);
+        let band = u32::try_from(most).unwrap_or(u32::MAX).clamp(1, height.max(1));
+        self.reserve(gpu, u64::from(pitch) * u64::from(band))?;
+        let Some(buffer) = &self.buffer else { return Ok(()) };
+        for (index, pixels) in (0..).zip(pixels.chunks_mut(width as usize * band as usize)) {
+            let first = index * band;
+            let rows = band.min(height - first);
+            let descriptor = wgpu::CommandEncoderDescriptor { label: Some("read back") };
+            let mut encoder = gpu.device.create_command_encoder(&descriptor);
+            encoder.copy_texture_to_buffer(
+                wgpu::TexelCopyTextureInfo {
+                    texture,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d { x: 0, y: first, z: 0 },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                wgpu::TexelCopyBufferInfo {
+                    buffer,
+                    layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: None },
+                },
+                wgpu::Extent3d { width, height: rows, depth_or_array_layers: 1 },
+            );
+            let bytes = u64::from(pitch) * u64::from(rows);
+            gpu.read_mapped(buffer, bytes, Some(encoder.finish()), "read-back", |bytes| {
+                let rows = bytes.par_chunks_exact(pitch as usize);
+                pixels.par_chunks_exact_mut(width as usize).zip(rows).for_each(|(line, row)| {
+                    let line: &mut [u8] = bytemuck::cast_slice_mut(line);
+                    line.copy_from_slice(&row[..line.len()]);
+                });
+            })?;
         }
         Ok(())
     }

@@ -1,7 +1,8 @@
 //! What can only be seen from inside: small buffers, and devices that fail.
 
 use super::*;
-use curitiba_pipeline::backend::{NO_TRIANGLE, Shade, View};
+use curitiba_pipeline::backend::{NO_TRIANGLE, Shade, Sun, View};
+use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram};
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::{Mat4, Vec3, Vec4};
 
@@ -150,5 +151,75 @@ fn draws_join_where_no_attachment_depends_on_the_material() {
         let job = RasterJob { attachments: Attachments { color, ..ALL }, ..job(&scene, &shades) };
         let stats = rasteriser.draw(&job, &mut target).expect("draws");
         assert_eq!((rasteriser.draws.len(), stats.triangles), (draws, 32));
+    }
+}
+
+/// Runs an effect on what [`render`] drew: all of it is lit, and the right half is glass.
+fn effect(
+    rasteriser: &mut WgpuRasteriser,
+    scene: &RenderScene,
+    program: EffectProgram,
+    drawn: &GBuffer,
+) -> Result<Image, BackendError> {
+    let shades = shades();
+    let lit: Vec<[f32; 4]> = drawn.position.iter().map(|[x, y, z, _]| [*x, *y, *z, 1.0]).collect();
+    let job = EffectJob {
+        scene,
+        program,
+        params: EffectParams { map_size: 128, ..EffectParams::of(program) },
+        seed: 0,
+        view: View { clip_from_world: Mat4::IDENTITY, eye: Vec3::new(0.0, 0.0, 2.0) },
+        sun: Some(Sun { direction: Vec3::NEG_Z, color: Vec3::ONE }),
+        width: SIZE,
+        height: SIZE,
+        resident: false,
+        position: &lit,
+        normal: &drawn.normal,
+        color: &drawn.color,
+        triangle: &drawn.triangle,
+        shades: &shades,
+        glass: &[false, true],
+    };
+    let mut output = Image::filled(SIZE, SIZE, [f32::NAN; 4]);
+    rasteriser.effect(&job, &mut output, &Progress::default())?;
+    Ok(output)
+}
+
+#[test]
+fn maps_beyond_the_device_are_refused_with_the_numbers() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let scene = squares(4);
+    let drawn = render(&mut rasteriser, &scene).expect("draws");
+    rasteriser.gpu.limits.max_texture_dimension_2d = 127;
+    for (program, what) in [(EffectProgram::ShadowMap, "shadow map"), (EffectProgram::CubeReflection, "cube map")] {
+        let message = effect(&mut rasteriser, &scene, program, &drawn).expect_err("128 > 127").to_string();
+        assert!(message.contains(what) && message.contains("128 x 128") && message.contains("127"), "{message}");
+        assert!(message.contains("`mapsize`"), "{message}");
+    }
+    rasteriser.gpu.limits.max_texture_dimension_2d = SIZE - 1;
+    let message = effect(&mut rasteriser, &scene, EffectProgram::ShadowMap, &drawn).expect_err("97 > 96").to_string();
+    assert!(message.contains("97 x 97") && message.contains("96 x 96"), "{message}");
+    rasteriser.gpu.limits.max_texture_dimension_2d = 128;
+    rasteriser.gpu.limits.max_texture_array_layers = 5;
+    let message =
+        effect(&mut rasteriser, &scene, EffectProgram::CubeRefraction, &drawn).expect_err("6 > 5").to_string();
+    assert!(message.contains("1 cube maps") && message.contains("`probes`"), "{message}");
+    rasteriser.gpu.limits.max_texture_array_layers = 6;
+    for info in curitiba_pipeline::raster_effects::EFFECT_PROGRAMS {
+        let output = effect(&mut rasteriser, &scene, info.program, &drawn).expect("now it fits");
+        assert_eq!(output.count_non_finite(), 0, "{}", info.name);
+    }
+}
+
+#[test]
+fn an_effect_on_a_destroyed_device_gives_errors() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let scene = squares(4);
+    let drawn = render(&mut rasteriser, &scene).expect("draws");
+    effect(&mut rasteriser, &scene, EffectProgram::ShadowMap, &drawn).expect("computes");
+    rasteriser.gpu.device.destroy();
+    for info in curitiba_pipeline::raster_effects::EFFECT_PROGRAMS {
+        let message = effect(&mut rasteriser, &scene, info.program, &drawn).expect_err("no device").to_string();
+        assert!(message.contains("`--raster cpu`"), "{message}");
     }
 }

@@ -1,4 +1,4 @@
-//! The time of a render pass on the device's own clock.
+//! The time of passes on the device's own clock.
 
 use super::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
@@ -42,6 +42,24 @@ impl Timer {
             beginning_of_pass_write_index: Some(0),
             end_of_pass_write_index: Some(1),
         }
+    }
+
+    /// For one of several render passes that are timed together: the first writes its begin and the last its end.
+    pub fn render_span(&self, first: bool, last: bool) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
+        (first || last).then_some(wgpu::RenderPassTimestampWrites {
+            query_set: &self.queries,
+            beginning_of_pass_write_index: first.then_some(0),
+            end_of_pass_write_index: last.then_some(1),
+        })
+    }
+
+    /// The same for compute passes.
+    pub fn compute_span(&self, first: bool, last: bool) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        (first || last).then_some(wgpu::ComputePassTimestampWrites {
+            query_set: &self.queries,
+            beginning_of_pass_write_index: first.then_some(0),
+            end_of_pass_write_index: last.then_some(1),
+        })
     }
 
     /// Submits `encoder`, whose pass wrote the timestamps, waits, and gives the time between them.

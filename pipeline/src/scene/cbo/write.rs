@@ -36,9 +36,13 @@ pub fn write_cbo(scene: &Scene, path: &Path, layout: Layout) -> Result<Warnings,
     let textures = texture_paths(scene, path, &mut warnings)?;
     let folder = folder_of(path);
     let temporary = temporary_file(folder).map_err(failed)?;
-    let renderables = unique_names(&scene.meshes);
+    let meshes = scene.meshes.iter().map(|mesh| mesh.name.as_str());
+    let renderables = unique_names(meshes, HashSet::from([NULL_OBJECT.to_owned()]), path, &mut warnings);
+    let names = scene.materials.iter().map(|material| material.name.as_str());
+    let materials = unique_names(names, HashSet::new(), path, &mut warnings);
     let out = BufWriter::new(temporary);
-    let mut writer = SceneWriter { out, path, layout, scene, textures, renderables, warnings: &mut warnings };
+    let mut writer =
+        SceneWriter { out, path, layout, scene, textures, renderables, materials, warnings: &mut warnings };
     writer.scene().map_err(failed)?;
     let temporary = writer.out.into_inner().map_err(|error| failed(error.into_error()))?;
     temporary.persist(path).map_err(|error| failed(error.error))?;
@@ -58,20 +62,34 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// The meshes' names, with an index appended where one is taken: objects share geometry by its name.
-fn unique_names(meshes: &[Mesh]) -> Vec<String> {
-    let mut taken: HashSet<String> = HashSet::from([NULL_OBJECT.to_owned()]);
-    meshes
-        .iter()
+/// Names as they are written, with an index appended where one is taken: objects share geometry, and triangles find their
+/// material, by names, and two that differ may be the same in Latin-1.
+fn unique_names<'a>(
+    names: impl Iterator<Item = &'a str>,
+    mut taken: HashSet<String>,
+    path: &Path,
+    warnings: &mut Warnings,
+) -> Vec<String> {
+    names
         .enumerate()
-        .map(|(index, mesh)| {
-            let mut name = mesh.name.clone();
+        .map(|(index, written)| {
+            let mut name = latin_1(written, path, warnings);
             while !taken.insert(name.clone()) {
                 name = format!("{name}#{index}");
             }
             name
         })
         .collect()
+}
+
+/// The text with `?` for letters outside Latin-1, which are counted.
+fn latin_1(text: &str, path: &Path, warnings: &mut Warnings) -> String {
+    let letter = |letter: char| if u8::try_from(letter).is_ok() { letter } else { '?' };
+    let kept: String = text.chars().map(letter).collect();
+    if kept != text {
+        warnings.add(path, "names with letters outside Latin-1", "written with `?`", || format!("`{text}`"));
+    }
+    kept
 }
 
 /// The path of every texture, relative to the file; writes those that are not files yet.
@@ -108,6 +126,7 @@ struct SceneWriter<'a> {
     scene: &'a Scene,
     textures: Vec<String>,
     renderables: Vec<String>,
+    materials: Vec<String>,
     warnings: &'a mut Warnings,
 }
 
@@ -115,7 +134,8 @@ impl SceneWriter<'_> {
     fn scene(&mut self) -> std::io::Result<()> {
         let scene = self.scene;
         self.count(scene.materials.len())?;
-        for material in &scene.materials {
+        for (index, material) in scene.materials.iter().enumerate() {
+            self.string(&self.materials[index].clone())?;
             self.material(material)?;
         }
         self.string("OctreeUnified")?;
@@ -128,9 +148,9 @@ impl SceneWriter<'_> {
         self.out.flush()
     }
 
+    /// All of a material but its name.
     fn material(&mut self, material: &Material) -> std::io::Result<()> {
         self.warn_about_losses(material);
-        self.string(&material.name)?;
         for color in [material.ambient, material.specular, material.diffuse, material.emission] {
             self.floats(&color.to_array())?;
         }
@@ -224,7 +244,7 @@ impl SceneWriter<'_> {
         let groups = || mesh.groups.iter().filter(|group| !group.triangles.is_empty());
         self.count(groups().count())?;
         for group in groups() {
-            self.string(&self.scene.materials[group.material as usize].name)?;
+            self.string(&self.materials[group.material as usize].clone())?;
             self.count(0)?;
             self.count(group.triangles.len() * 3)?;
             for index in group.triangles.iter().flatten() {
@@ -254,20 +274,8 @@ impl SceneWriter<'_> {
     }
 
     fn string(&mut self, text: &str) -> std::io::Result<()> {
-        let mut lossy = false;
-        let bytes: Vec<u8> = text
-            .chars()
-            .map(|letter| {
-                u8::try_from(letter).unwrap_or_else(|_| {
-                    lossy = true;
-                    b'?'
-                })
-            })
-            .collect();
-        if lossy {
-            self.warnings
-                .add(self.path, "names with letters outside Latin-1", "written with `?`", || format!("`{text}`"));
-        }
+        let text = latin_1(text, self.path, self.warnings);
+        let bytes: Vec<u8> = text.chars().map(|letter| u8::try_from(letter).unwrap_or(b'?')).collect();
         self.count(bytes.len())?;
         self.out.write_all(&bytes)?;
         self.out.write_all(&[0])

@@ -2,7 +2,7 @@
 
 use super::super::bytes::Reader;
 use super::super::error::SceneError;
-use super::super::load::Context;
+use super::super::load::{Context, read_file};
 use crate::paths::resolve_path;
 use ::gltf::json;
 use std::borrow::Cow;
@@ -70,8 +70,7 @@ pub(super) fn buffers<'a>(
                         .ok_or_else(|| fail(format!("is the file `{path}`, which is missing")))?;
                     let failed = |error: std::io::Error| SceneError::file(&resolved.path, error.to_string());
                     let size = std::fs::metadata(&resolved.path).map_err(failed)?.len();
-                    context.budget.take(&resolved.path, "the file's bytes", size)?;
-                    std::fs::read(&resolved.path).map_err(failed)?
+                    read_file(&resolved.path, size, context.budget)?
                 }
                 Err(why) => {
                     return Err(

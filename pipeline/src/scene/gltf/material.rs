@@ -111,7 +111,9 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         Checked::Valid(AlphaMode::Mask) => {
             let cutoff = written.alpha_cutoff.unwrap_or_default().0;
             // The factor multiplies the texture's alpha, which alone is compared here.
-            material.alpha_cutoff = Some(if factor.w > 0.0 { cutoff / factor.w } else { f32::INFINITY });
+            let scaled = if factor.w > 0.0 { cutoff / factor.w } else { f32::INFINITY };
+            // Numbers beyond f32 are read as infinite, and the ratio of two such is none.
+            material.alpha_cutoff = Some(if scaled.is_nan() { cutoff } else { scaled });
         }
         Checked::Valid(AlphaMode::Blend) => {
             material.diffuse.w = factor.w;

@@ -115,6 +115,8 @@ impl Assembler<'_> {
             if let Some(mesh) = node.mesh {
                 let (first, count) = self.mesh(mesh.value(), context)?;
                 let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
+                // Every node may place every primitive of the asset: far more objects than the file has bytes.
+                context.take("the objects", count as usize, size_of::<Object>() + name.len())?;
                 for mesh in first..first + count {
                     self.scene.objects.push(Object { name: name.clone(), mesh, transform });
                 }

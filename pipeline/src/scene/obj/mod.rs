@@ -68,6 +68,8 @@ struct Piece {
     mesh: usize,
     /// Filled when a second run is added: most objects have only one.
     vertices: HashMap<Key, u32>,
+    /// By material: the group of the mesh.
+    groups: HashMap<u32, usize>,
 }
 
 struct Joiner<'a> {
@@ -94,7 +96,10 @@ impl Joiner<'_> {
         match self.pieces.get_mut(&key) {
             None => {
                 let index = self.scene.meshes.len();
-                self.pieces.insert(key, Piece { mesh: index, vertices: HashMap::new() });
+                self.pieces.insert(
+                    key,
+                    Piece { mesh: index, vertices: HashMap::new(), groups: HashMap::from([(material, 0)]) },
+                );
                 self.scene.objects.push(Object {
                     name: name.to_owned(),
                     mesh: index as u32,
@@ -108,7 +113,8 @@ impl Joiner<'_> {
                 for vertex in triangles.iter_mut().flatten() {
                     *vertex = new_index[*vertex as usize];
                 }
-                match target.groups.iter_mut().find(|group| group.material == material) {
+                let group = *piece.groups.entry(material).or_insert(target.groups.len());
+                match target.groups.get_mut(group) {
                     Some(group) => group.triangles.append(&mut triangles),
                     None => target.groups.push(Group { material, triangles }),
                 }

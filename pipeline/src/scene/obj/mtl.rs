@@ -5,12 +5,13 @@
 use super::super::Material;
 use super::super::TextureSource;
 use super::super::error::SceneError;
-use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file};
+use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, read_file, texture_file};
 use super::super::render::texture::image_has_alpha;
 use super::lines::{Lines, number, split_word, text, words};
 use crate::diagnostic::Warnings;
 use glam::{Vec2, Vec3, Vec4};
-use std::path::Path;
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
 
 /// A map statement: the file as written and how its coordinates are changed.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +46,10 @@ pub(super) struct Library {
     pub(super) textures: Vec<TextureSource>,
     /// By material: scale and offset of its texture coordinates, where the library changes them.
     pub(super) coordinates: Vec<Option<(Vec2, Vec2)>>,
+    /// Files that were read: a second time they declare nothing new, and a file may name one a million times.
+    files: HashSet<PathBuf>,
+    /// Statements that were followed, likewise.
+    arguments: HashSet<String>,
 }
 
 impl Library {
@@ -278,6 +283,9 @@ pub(super) fn read_libraries(
     context: &mut Context<'_>,
     warnings: &mut Warnings,
 ) -> Result<(), SceneError> {
+    if !library.arguments.insert(argument.to_owned()) {
+        return Ok(());
+    }
     let find =
         |name: &str| crate::paths::resolve_path(context.folder(), name).filter(|resolved| resolved.path.is_file());
     let mut found = Vec::new();
@@ -301,10 +309,12 @@ pub(super) fn read_libraries(
                 format!("line {line}: `{name}` is {}", resolved.path.display())
             });
         }
+        if !library.files.insert(resolved.path.clone()) {
+            continue;
+        }
         let failed = |error: std::io::Error| SceneError::file(&resolved.path, error.to_string());
         let size = std::fs::metadata(&resolved.path).map_err(failed)?.len();
-        context.budget.take(&resolved.path, "the file's bytes", size)?;
-        let bytes = std::fs::read(&resolved.path).map_err(failed)?;
+        let bytes = read_file(&resolved.path, size, context.budget)?;
         let within = Context { file: &resolved.path, needs: context.needs, budget: &mut *context.budget };
         library.read(&bytes, &within, warnings);
         within.budget.give_back(size);

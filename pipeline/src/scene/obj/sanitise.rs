@@ -19,6 +19,8 @@ const MAX_RUN: usize = 1 << 20;
 const BLOCK: usize = 1 << 16;
 /// About what a triangle takes in `tobj` and here: its indices and, shared by neighbours, its vertices.
 const TRIANGLE_BYTES: u64 = 60;
+/// What a run takes in `tobj` and here besides: a model with its lists, a group.
+const RUN_BYTES: u64 = 512;
 /// A position, in `tobj` and here.
 const POSITION_BYTES: u64 = 24;
 
@@ -264,6 +266,7 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
         if self.runs.last() != Some(&run) || self.run_length >= MAX_RUN {
             let _ = writeln!(self.out, "o {}", self.runs.len());
             self.runs.push(run);
+            self.unbooked += RUN_BYTES;
             self.run_length = 0;
         }
         let triangles = corners.len() - 2;

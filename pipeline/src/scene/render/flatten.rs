@@ -40,12 +40,13 @@ pub(super) fn flatten(
     for object in objects {
         uses[object.mesh as usize] += 1;
     }
+    let first_users = first_users(meshes.len(), objects);
     if options.needs.normals {
-        ensure_normals(&mut meshes, objects, &uses, files, warnings);
+        ensure_normals(&mut meshes, &first_users, &uses, files, warnings);
     }
     let total = total_size(&meshes, objects, options, files, budget)?;
     if options.needs.textures {
-        mend_texcoords(&mut meshes, objects, &uses, files, warnings);
+        mend_texcoords(&mut meshes, &first_users, &uses, files, warnings);
     }
 
     let mut geometry = Geometry::default();
@@ -126,14 +127,18 @@ fn total_size(
     Ok(Size { vertices: vertices as usize, triangles: triangles as usize })
 }
 
-/// The file of the first object that places a mesh, by mesh; built only when there is something to say.
-fn place_of(mesh: usize, objects: &[Object]) -> usize {
-    objects.iter().position(|object| object.mesh as usize == mesh).unwrap_or(0)
+/// By mesh: the first object that places it, whose file messages name.
+fn first_users(meshes: usize, objects: &[Object]) -> Vec<usize> {
+    let mut first = vec![0; meshes];
+    for (index, object) in objects.iter().enumerate().rev() {
+        first[object.mesh as usize] = index;
+    }
+    first
 }
 
 fn ensure_normals(
     meshes: &mut [Mesh],
-    objects: &[Object],
+    first_users: &[usize],
     uses: &[u32],
     files: &FilesOfObjects,
     warnings: &mut Warnings,
@@ -142,7 +147,7 @@ fn ensure_normals(
         let replaced = normals::ensure(mesh);
         if replaced > 0 {
             warnings.add(
-                files.of(place_of(index, objects)),
+                files.of(first_users[index]),
                 "meshes with normals that have no direction",
                 "computed from the faces",
                 || format!("{replaced} in `{}`", mesh.name),
@@ -153,7 +158,7 @@ fn ensure_normals(
 
 fn mend_texcoords(
     meshes: &mut [Mesh],
-    objects: &[Object],
+    first_users: &[usize],
     uses: &[u32],
     files: &FilesOfObjects,
     warnings: &mut Warnings,
@@ -166,7 +171,7 @@ fn mend_texcoords(
         if bad > 0 {
             mesh.texcoords.iter_mut().filter(|texcoord| !texcoord.is_finite()).for_each(|t| *t = Vec2::ZERO);
             warnings.add(
-                files.of(place_of(index, objects)),
+                files.of(first_users[index]),
                 "meshes with texture coordinates that are not finite",
                 "0 serves",
                 || format!("{bad} in `{}`", mesh.name),

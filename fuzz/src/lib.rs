@@ -1,0 +1,18 @@
+//! What the fuzz targets share: the bodies, which the ordinary tests run too (`pipeline/tests/fuzz_brief.rs`), and how a
+//! process starts.
+
+#[path = "../../pipeline/tests/fuzz_targets/mod.rs"]
+pub mod fuzz_targets;
+
+/// Makes the calling thread the only one that works: an input then takes the same path in every run, and no time goes
+/// into waking others.
+///
+/// # Panics
+/// If the thread pool exists already.
+pub fn start() {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .use_current_thread()
+        .build_global()
+        .expect("no thread pool exists before the first input");
+}

@@ -1,0 +1,143 @@
+//! What the raster effects of both rasterisers have in common: where maps are drawn from, and what is looked up in them.
+//!
+//! Everything here is a pure function of the job, so that the rasterisers agree up to rounding:
+//!
+//! - [`cascades`], [`shadow`]: how many depth maps there are, which one serves a pixel, their cameras and their test.
+//! - [`panes`], [`cube`]: which glass gets a cube map, its cameras, and how a direction is looked up.
+//! - [`occlusion`]: what the two screen-space ambient occlusions compute at a pixel.
+//!
+//! # Pixels that an effect leaves alone
+//! As the ray programs in corrected fidelity do: `shadowMap` writes 1 where the position's `w` is not above 0 (background and
+//! surfaces turned away from the light), the occlusions write 1 where the normal is 0 (background), the cube maps keep the
+//! colour of pixels that are not glass. Alpha is 1 but for kept colours.
+//!
+//! # What differs from the ray programs
+//! - The geometric normal is not known: sides and slopes are the shading normal's.
+//! - Cube maps show the world as seen from the middle of a pane, shaded as the G-buffer is (stored normals, filtered textures,
+//!   emission), and no glass.
+//! - Occlusions know only what the camera sees.
+
+pub mod bounds;
+pub mod cascades;
+pub mod cube;
+pub mod occlusion;
+pub mod panes;
+pub mod shadow;
+
+use bounds::Bounds;
+use curitiba_pipeline::backend::EffectJob;
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::raster_effects::{EFFECT_PARAMS, EffectParams, EffectProgram};
+use curitiba_pipeline::scene::RenderScene;
+use glam::Vec3;
+use panes::Pane;
+use std::sync::{Arc, Weak};
+
+/// Most bytes that the maps of one effect may take.
+pub const MAX_MAP_BYTES: u64 = 4 << 30;
+
+/// What effects know of a scene, computed when it is first asked for and kept until another scene is uploaded.
+#[derive(Debug, Default)]
+pub struct SceneCache {
+    /// Keeps the scene's address from being used again, not the scene.
+    scene: Weak<RenderScene>,
+    bounds: Option<Bounds>,
+    glass: Vec<bool>,
+    panes: Option<Vec<Pane>>,
+}
+
+impl SceneCache {
+    /// Of a scene that was uploaded; nothing is computed yet.
+    #[must_use]
+    pub fn new(scene: &Arc<RenderScene>) -> Self {
+        Self { scene: Arc::downgrade(scene), ..Self::default() }
+    }
+
+    /// Whether this is the scene.
+    #[must_use]
+    pub fn is_of(&self, scene: &RenderScene) -> bool {
+        std::ptr::eq(self.scene.as_ptr(), scene)
+    }
+
+    /// The box around the scene's triangles; [`Bounds::EMPTY`] without any. `scene` is the one that [`Self::is_of`] knows.
+    pub fn bounds(&mut self, scene: &RenderScene) -> Bounds {
+        *self.bounds.get_or_insert_with(|| Bounds::of_scene(&scene.geometry))
+    }
+
+    /// The panes of the materials that are glass; found again only if `glass` differs from the last call's.
+    pub fn panes(&mut self, scene: &RenderScene, glass: &[bool]) -> &[Pane] {
+        if self.glass != glass {
+            self.panes = None;
+            self.glass.clear();
+            self.glass.extend_from_slice(glass);
+        }
+        self.panes.get_or_insert_with(|| panes::find(&scene.geometry, glass))
+    }
+}
+
+/// Refuses jobs whose parts do not fit together, or whose parameters are not valid. `own_copy`: the rasteriser reads its own
+/// G-buffer, so the slices may be empty.
+///
+/// # Errors
+/// What is wrong, and what would be valid.
+pub fn check(job: &EffectJob<'_>, output: &Image, own_copy: bool) -> Result<(), String> {
+    let pixels = job.width as usize * job.height as usize;
+    if (output.width, output.height) != (job.width, job.height) || output.pixels.len() != pixels {
+        let (width, height) = (output.width, output.height);
+        return Err(format!("the output has {width} x {height} pixels, the job {} x {}", job.width, job.height));
+    }
+    let info = job.program.info();
+    for name in info.params {
+        let mut params = EffectParams::default();
+        params.set(name, &job.params.get(name)).map_err(|why| format!("{why}, not {}", job.params.get(name)))?;
+    }
+    debug_assert!(info.params.iter().all(|name| EFFECT_PARAMS.iter().any(|param| param.name == *name)));
+    if own_copy {
+        return Ok(());
+    }
+    let reads = |name: &str| info.buffers.contains(&name);
+    let sizes = [
+        ("pos_buffer", reads("pos_buffer"), job.position.len()),
+        ("norm_buffer", reads("norm_buffer"), job.normal.len()),
+        ("color_buffer", reads("color_buffer"), job.color.len()),
+        ("the triangle ids", info.glass && job.glass.contains(&true), job.triangle.len()),
+    ];
+    match sizes.into_iter().find(|(_, read, len)| *read && *len != pixels) {
+        Some((name, _, len)) => Err(format!("{name} has {len} pixels; the job has {pixels}")),
+        None => Ok(()),
+    }
+}
+
+/// Refuses maps of a program that would take too much memory.
+///
+/// # Errors
+/// How much, and what to do.
+pub fn check_map_bytes(program: EffectProgram, bytes: u64) -> Result<(), String> {
+    if bytes <= MAX_MAP_BYTES {
+        return Ok(());
+    }
+    let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+    let limit = gib(MAX_MAP_BYTES);
+    let other = if program == EffectProgram::ShadowMap { "cascades" } else { "probes" };
+    Err(format!("its maps would take {:.1} GiB, the limit is {limit} GiB; lower `mapsize` or `{other}`", gib(bytes)))
+}
+
+/// Whether the triangle that a pixel shows is glass; ids of no triangle are not.
+#[must_use]
+pub fn is_glass(job: &EffectJob<'_>, triangle: u32) -> bool {
+    let geometry = &job.scene.geometry;
+    (triangle as usize) < geometry.triangles.len()
+        && job.glass.get(geometry.material_of(triangle) as usize).copied().unwrap_or(false)
+}
+
+/// The unit direction in which the eye sees a position, and the unit normal turned to the eye. `None` where there is no normal
+/// or the position is the eye's or not a number.
+#[must_use]
+pub fn facing(eye: Vec3, position: Vec3, normal: Vec3) -> Option<(Vec3, Vec3)> {
+    let view = (position - eye).try_normalize()?;
+    let normal = normal.try_normalize()?;
+    Some((view, if normal.dot(view) > 0.0 { -normal } else { normal }))
+}
+
+#[cfg(test)]
+mod tests;

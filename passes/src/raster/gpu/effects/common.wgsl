@@ -1,0 +1,46 @@
+// What the pixel programs of the raster effects share. The Rust module `raster::effects` documents every formula; the names
+// are its names.
+
+struct Frame {
+    // Pixels a row, and rows.
+    size: vec2<u32>,
+    // The row that the first workgroup starts at: large pictures are computed in several submissions.
+    first_row: u32,
+    // What triangle ids are stored above their value.
+    id_base: u32,
+}
+
+@group(0) @binding(0) var color_buffer: texture_2d<f32>;
+@group(0) @binding(1) var position_buffer: texture_2d<f32>;
+@group(0) @binding(2) var normal_buffer: texture_2d<f32>;
+@group(0) @binding(3) var triangle_buffer: texture_2d<u32>;
+@group(1) @binding(0) var<uniform> frame: Frame;
+@group(1) @binding(1) var<uniform> params: Params;
+@group(1) @binding(2) var output: texture_storage_2d<rgba32float, write>;
+
+@compute @workgroup_size(GROUP, GROUP)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = vec2<u32>(id.x, id.y + frame.first_row);
+    if pixel.x < frame.size.x && pixel.y < frame.size.y {
+        textureStore(output, pixel, compute(pixel));
+    }
+}
+
+// What the eye sees: the unit direction in which it does, and the unit normal turned to it.
+struct Facing {
+    view: vec3<f32>,
+    normal: vec3<f32>,
+    // False where there is no normal, or the position is the eye's or not a number.
+    known: bool,
+}
+
+fn facing(eye: vec3<f32>, position: vec3<f32>, normal: vec3<f32>) -> Facing {
+    let away = position - eye;
+    let lengths = sqrt(vec2<f32>(dot(away, away), dot(normal, normal)));
+    if !(all(lengths > vec2<f32>(0.0)) && all(lengths < vec2<f32>(LARGEST))) {
+        return Facing(vec3<f32>(0.0), vec3<f32>(0.0), false);
+    }
+    let view = away / lengths.x;
+    let unit_normal = normal / lengths.y;
+    return Facing(view, select(unit_normal, -unit_normal, dot(unit_normal, view) > 0.0), true);
+}

@@ -1,0 +1,194 @@
+//! The G-buffer as programs read it: the attachments drawn last, or textures filled from host memory.
+
+use super::kept::Kept;
+use crate::raster::gpu::device::{Gpu, UPLOAD_PIECE, failure, unsupported};
+use crate::raster::gpu::targets::{CHANNEL_FORMATS, Targets};
+use curitiba_pipeline::backend::{BackendError, EffectJob};
+use std::time::{Duration, Instant};
+
+/// Colour, position, normal and triangle id, in the order of the bindings of group 0.
+const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
+const TRIANGLE: usize = 3;
+
+/// Which channels a program reads.
+pub fn wanted(job: &EffectJob<'_>) -> [bool; 4] {
+    let info = job.program.info();
+    let reads = |buffer| info.buffers.contains(&buffer);
+    [reads("color_buffer"), reads("pos_buffer"), reads("norm_buffer"), info.glass && job.glass.contains(&true)]
+}
+
+/// The layout of group 0, and the textures that stand in for channels that a program does not read.
+#[derive(Debug)]
+pub struct Inputs {
+    pub layout: wgpu::BindGroupLayout,
+    unread: [wgpu::TextureView; 4],
+    uploads: Kept<(u32, u32, [bool; 4]), Upload>,
+}
+
+/// A G-buffer that is ready to be read.
+#[derive(Debug)]
+pub struct Ready<'a> {
+    pub group: &'a wgpu::BindGroup,
+    /// What a triangle id is stored above its value.
+    pub id_base: u32,
+    /// What the copy from host memory took; `None` where there was none.
+    pub upload: Option<Duration>,
+}
+
+/// Textures filled from host memory.
+#[derive(Debug)]
+struct Upload {
+    channels: [Option<wgpu::Texture>; 4],
+    group: wgpu::BindGroup,
+    bytes: u64,
+}
+
+impl Inputs {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+        let entries: [_; 4] = std::array::from_fn(|channel| wgpu::BindGroupLayoutEntry {
+            binding: channel as u32,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Texture {
+                sample_type: match channel {
+                    TRIANGLE => wgpu::TextureSampleType::Uint,
+                    _ => wgpu::TextureSampleType::Float { filterable: false },
+                },
+                view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            },
+            count: None,
+        });
+        let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("G-buffer"), entries: &entries };
+        let layout = gpu.device.create_bind_group_layout(&descriptor);
+        let unread = CHANNEL_FORMATS.map(|format| {
+            let texture = texture(gpu, "unread", format, 1, 1);
+            texture.create_view(&wgpu::TextureViewDescriptor::default())
+        });
+        gpu.check("creation of the inputs of effects")?;
+        Ok(Self { layout, unread, uploads: Kept::default() })
+    }
+
+    /// The job's G-buffer: that of `drawn` where the job says that it is the same, else uploaded.
+    pub fn ready<'a>(
+        &'a mut self,
+        gpu: &Gpu,
+        drawn: Option<&'a Targets>,
+        job: &EffectJob<'_>,
+    ) -> Result<Ready<'a>, BackendError> {
+        let wanted = wanted(job);
+        if !job.resident {
+            let start = Instant::now();
+            let upload = self.upload(gpu, job, wanted)?;
+            return Ok(Ready { group: &upload.group, id_base: 0, upload: Some(start.elapsed()) });
+        }
+        let targets = drawn.filter(|targets| targets.size() == (job.width, job.height));
+        let Some(targets) = targets else {
+            return Err(failure("the G-buffer that the effect reads is not what was drawn last"));
+        };
+        let views = targets.views();
+        if let Some(missing) = (0..4).find(|channel| wanted[*channel] && views[*channel].is_none()) {
+            let channel = CHANNELS[missing];
+            return Err(failure(&format!("what was drawn last has no `{channel}`, which the effect reads")));
+        }
+        let group = targets.group.get_or_init(|| self.bind(gpu, views));
+        gpu.check("binding of the G-buffer")?;
+        // As the attachment is cleared to 0, see `Targets`.
+        Ok(Ready { group, id_base: 1, upload: None })
+    }
+
+    fn bind(&self, gpu: &Gpu, views: [Option<&wgpu::TextureView>; 4]) -> wgpu::BindGroup {
+        let entries: [_; 4] = std::array::from_fn(|channel| wgpu::BindGroupEntry {
+            binding: channel as u32,
+            resource: wgpu::BindingResource::TextureView(views[channel].unwrap_or(&self.unread[channel])),
+        });
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("G-buffer"),
+            layout: &self.layout,
+            entries: &entries,
+        })
+    }
+
+    fn upload(&mut self, gpu: &Gpu, job: &EffectJob<'_>, wanted: [bool; 4]) -> Result<&Upload, BackendError> {
+        let data: [&[u8]; 4] = [
+            bytemuck::cast_slice(job.color),
+            bytemuck::cast_slice(job.position),
+            bytemuck::cast_slice(job.normal),
+            bytemuck::cast_slice(job.triangle),
+        ];
+        let mut uploads = std::mem::take(&mut self.uploads);
+        let result = uploads.require(gpu, (job.width, job.height, wanted), |(width, height, wanted)| {
+            let channels: [Option<wgpu::Texture>; 4] = std::array::from_fn(|channel| {
+                let format = CHANNEL_FORMATS[channel];
+                wanted[channel].then(|| texture(gpu, CHANNELS[channel], format, *width, *height))
+            });
+            gpu.check("creation of the uploaded G-buffer")?;
+            let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+            let views = channels.each_ref().map(|channel| channel.as_ref().map(view));
+            let group = self.bind(gpu, views.each_ref().map(Option::as_ref));
+            gpu.check("binding of the uploaded G-buffer")?;
+            let texels = channels.iter().flatten().map(|t| u64::from(t.format().block_copy_size(None).unwrap_or(16)));
+            let bytes = u64::from(*width) * u64::from(*height) * texels.sum::<u64>();
+            Ok(Upload { channels, group, bytes })
+        });
+        let filled = result.and_then(|(upload, _)| {
+            let channels = upload.channels.iter().zip(data);
+            channels
+                .filter_map(|(channel, data)| Some((channel.as_ref()?, data)))
+                .try_for_each(|(texture, data)| fill(gpu, texture, data))
+        });
+        self.uploads = uploads;
+        filled?;
+        self.uploads.last().ok_or_else(|| failure("the uploaded G-buffer is gone"))
+    }
+
+    /// Bytes of device memory.
+    pub fn bytes(&self) -> u64 {
+        self.uploads.values().map(|upload| upload.bytes).sum()
+    }
+}
+
+fn texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, width: u32, height: u32) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    })
+}
+
+/// Copies rows of texels to a texture, piece by piece, and waits.
+fn fill(gpu: &Gpu, texture: &wgpu::Texture, data: &[u8]) -> Result<(), BackendError> {
+    let doing = "upload of the G-buffer";
+    let (width, height) = (texture.width(), texture.height());
+    let row = data.len() / height.max(1) as usize;
+    let rows = (UPLOAD_PIECE / row.max(1)).max(1);
+    for (index, piece) in data.chunks(rows * row.max(1)).enumerate() {
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: (index * rows) as u32, z: 0 },
+                aspect: wgpu::TextureAspect::All,
+            },
+            piece,
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
+            wgpu::Extent3d { width, height: (piece.len() / row.max(1)) as u32, depth_or_array_layers: 1 },
+        );
+        gpu.submit_and_wait(None, doing)?;
+    }
+    Ok(())
+}
+
+/// Refuses pictures larger than the device's textures.
+pub fn check_size(gpu: &Gpu, job: &EffectJob<'_>) -> Result<(), BackendError> {
+    let largest = gpu.limits.max_texture_dimension_2d;
+    if job.width.max(job.height) <= largest {
+        return Ok(());
+    }
+    let what = format!("{} on {} x {} pixels", job.program.info().name, job.width, job.height);
+    Err(unsupported(&what, &format!("{} takes {largest} x {largest} pixels at most;", gpu.adapter)))
+}

@@ -1,0 +1,223 @@
+//! Maps: the scene drawn from elsewhere before the pixels are computed.
+
+use super::Context;
+use crate::raster::gpu::device::{Gpu, unsupported};
+use crate::raster::gpu::draws::DrawList;
+use crate::raster::gpu::job::check_scene;
+use crate::raster::gpu::targets::{CHANNEL_FORMATS, DEPTH_FORMAT};
+use crate::raster::gpu::timer::Timer;
+use curitiba_pipeline::backend::{Attachments, BackendError, EffectJob, Part, RasterJob, Rect, View};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::programs::RasterProgram;
+use glam::Vec4;
+use std::time::Instant;
+
+/// Faces of a cube map.
+const FACES: u32 = crate::raster::effects::cube::FACES as u32;
+
+/// What maps are for, and their size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum MapsKey {
+    /// Depths as a light sees them.
+    Depth {
+        /// Texels a side.
+        size: u32,
+        /// How many maps.
+        cascades: u32,
+    },
+    /// Colours all around some points.
+    Cubes {
+        /// Texels a side of a face.
+        size: u32,
+        /// How many points.
+        probes: u32,
+    },
+}
+
+impl MapsKey {
+    /// Bytes of device memory, a depth buffer that faces share included.
+    pub fn bytes(self) -> u64 {
+        let texels = |size: u32| u64::from(size) * u64::from(size);
+        match self {
+            Self::Depth { size, cascades } => 4 * u64::from(cascades) * texels(size),
+            Self::Cubes { size, probes } => (16 * u64::from(FACES) * u64::from(probes) + 4) * texels(size),
+        }
+    }
+}
+
+/// Square maps of one size: some with depths only, or the faces of cube maps with colours.
+#[derive(Debug, Clone)]
+pub struct Maps {
+    /// What the pixel program reads: an array of all depths, or of all faces, probe by probe.
+    pub read: wgpu::TextureView,
+    /// What the colours of each face are drawn to; empty for depths.
+    faces: std::sync::Arc<[wgpu::TextureView]>,
+    /// What the depths of each map are drawn to; faces share one.
+    depths: std::sync::Arc<[wgpu::TextureView]>,
+    /// Bytes of device memory, as [`MapsKey::bytes`].
+    pub bytes: u64,
+}
+
+impl Maps {
+    /// Room for maps; what is drawn to them comes later.
+    pub fn new(gpu: &Gpu, key: MapsKey) -> Result<Self, BackendError> {
+        match key {
+            MapsKey::Depth { size, cascades } => Self::depth(gpu, size, cascades),
+            MapsKey::Cubes { size, probes } => Self::cubes(gpu, size, probes),
+        }
+    }
+
+    fn depth(gpu: &Gpu, size: u32, cascades: u32) -> Result<Self, BackendError> {
+        check_size(gpu, "a shadow map", size)?;
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+        let texture = texture(gpu, "shadow maps", DEPTH_FORMAT, usage, size, cascades);
+        gpu.check("creation of the shadow maps")?;
+        let depths = (0..cascades).map(|layer| layers(&texture, layer, 1, wgpu::TextureViewDimension::D2)).collect();
+        let read = layers(&texture, 0, cascades, wgpu::TextureViewDimension::D2Array);
+        gpu.check("creation of the shadow maps")?;
+        Ok(Self { read, faces: [].into(), depths, bytes: MapsKey::Depth { size, cascades }.bytes() })
+    }
+
+    fn cubes(gpu: &Gpu, size: u32, probes: u32) -> Result<Self, BackendError> {
+        check_size(gpu, "a cube map", size)?;
+        let most = gpu.limits.max_texture_array_layers / FACES;
+        if probes > most {
+            let why = format!("{} takes {most} at most: set `probes` to that or less, or", gpu.adapter);
+            return Err(unsupported(&format!("{probes} cube maps"), &why));
+        }
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+        let count = FACES * probes;
+        let color = texture(gpu, "cube maps", CHANNEL_FORMATS[0], usage, size, count);
+        gpu.check("creation of the cube maps")?;
+        let depth = texture(gpu, "depth of cube maps", DEPTH_FORMAT, wgpu::TextureUsages::RENDER_ATTACHMENT, size, 1);
+        gpu.check("creation of the cube maps")?;
+        let faces = (0..count).map(|layer| layers(&color, layer, 1, wgpu::TextureViewDimension::D2)).collect();
+        let read = layers(&color, 0, count, wgpu::TextureViewDimension::D2Array);
+        let depths = [depth.create_view(&wgpu::TextureViewDescriptor::default())].into();
+        gpu.check("creation of the cube maps")?;
+        Ok(Self { read, faces, depths, bytes: MapsKey::Cubes { size, probes }.bytes() })
+    }
+}
+
+/// Some layers of a texture.
+fn layers(texture: &wgpu::Texture, first: u32, count: u32, dimension: wgpu::TextureViewDimension) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(dimension),
+        base_array_layer: first,
+        array_layer_count: Some(count),
+        ..Default::default()
+    })
+}
+
+fn check_size(gpu: &Gpu, what: &str, size: u32) -> Result<(), BackendError> {
+    let largest = gpu.limits.max_texture_dimension_2d;
+    if size > largest {
+        let why = format!("{} takes {largest} texels a side at most: set `mapsize` to that or less, or", gpu.adapter);
+        return Err(unsupported(&format!("{what} of {size} x {size} texels"), &why));
+    }
+    Ok(())
+}
+
+fn texture(
+    gpu: &Gpu,
+    label: &str,
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+    size: u32,
+    layers: u32,
+) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// Draws the scene without the materials that are `left_out` into the first faces of `maps`, or its depths, one from each
+/// of `views`, and waits. Gives the time, and the triangles submitted.
+pub fn draw(
+    context: &mut Context<'_>,
+    draws: &mut DrawList,
+    maps: &Maps,
+    job: &EffectJob<'_>,
+    views: &[View],
+    left_out: &[bool],
+    progress: &Progress,
+) -> Result<(Part, u64), BackendError> {
+    let start = Instant::now();
+    let (Some(first), Some(shared)) = (views.first(), maps.depths.first()) else { return Ok((Part::default(), 0)) };
+    let color = !maps.faces.is_empty();
+    // The draws do not depend on the viewport.
+    let raster = RasterJob {
+        scene: job.scene,
+        program: RasterProgram::Deferred,
+        view: *first,
+        sun: job.sun,
+        shades: job.shades,
+        viewport: Rect { x: 0, y: 0, width: 0, height: 0 },
+        clear_color: Vec4::ZERO,
+        attachments: Attachments { color, ..Attachments::default() },
+    };
+    check_scene(&raster)?;
+    let Context { gpu, layouts, pipelines, timer, geometry, textures, .. } = context;
+    draws.leave_out(left_out);
+    draws.prepare(gpu, layouts, pipelines, geometry, textures, &raster)?;
+    let mut device = None;
+    for (index, view) in views.iter().enumerate() {
+        let (is_first, is_last) = (index == 0, index + 1 == views.len());
+        draws.look(gpu, view, job.sun)?;
+        let descriptor = wgpu::CommandEncoderDescriptor { label: Some("map") };
+        let mut encoder = gpu.device.create_command_encoder(&descriptor);
+        let face = maps.faces.get(index).map(|view| wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+        });
+        let store = if color { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
+        let attachments = [face, None, None, None];
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("map"),
+                color_attachments: if color { &attachments } else { &[] },
+                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                    view: maps.depths.get(index).unwrap_or(shared),
+                    depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store }),
+                    stencil_ops: None,
+                }),
+                timestamp_writes: timer.and_then(|timer| timer.render_span(is_first, is_last)),
+                occlusion_query_set: None,
+                multiview_mask: None,
+            });
+            draws.record(&mut pass, pipelines, geometry, textures);
+        }
+        let doing = "drawing a map";
+        device = submit(gpu, *timer, encoder, is_last, doing)?;
+        progress.advance(1);
+    }
+    Ok((Part { host: start.elapsed(), device }, draws.triangles() * views.len() as u64))
+}
+
+/// Submits, and at the last of a series waits; then gives the time of all where the device tells it.
+pub fn submit(
+    gpu: &Gpu,
+    timer: Option<&Timer>,
+    encoder: wgpu::CommandEncoder,
+    is_last: bool,
+    doing: &str,
+) -> Result<Option<std::time::Duration>, BackendError> {
+    match timer {
+        _ if !is_last => {
+            gpu.queue.submit([encoder.finish()]);
+            gpu.check(doing)?;
+            Ok(None)
+        }
+        Some(timer) => timer.submit_and_wait(gpu, encoder, doing).map(Some),
+        None => gpu.submit_and_wait(Some(encoder.finish()), doing).map(|()| None),
+    }
+}

@@ -1,0 +1,395 @@
+//! Raster effects on the device: maps drawn with the rasteriser's own pipelines, and one compute shader for each program.
+//!
+//! What a program computes is said once, in [`crate::raster::effects`]: cameras, probes and biases come from there, and what
+//! the shaders must repeat is compared with it by tests. Differences are those of rounding; `raster_effects_agree` states
+//! how many pixels they change.
+//!
+//! A G-buffer that was drawn last is read where it lies. Textures, pipelines, bindings and buffers stay for the next frame.
+
+mod ask;
+mod inputs;
+mod kept;
+mod maps;
+mod programs;
+mod shader;
+
+use super::device::{Gpu, unsupported};
+use super::draws::DrawList;
+use super::geometry::DeviceGeometry;
+use super::pipelines::{Layouts, Pipelines};
+use super::targets::{Staging, Targets};
+use super::textures::DeviceTextures;
+use super::timer::Timer;
+use crate::raster::effects::cascades::{self, Cascades};
+use crate::raster::effects::panes::Probes;
+use crate::raster::effects::{SceneCache, check, check_map_bytes, cube, is_glass};
+use ask::Ask;
+use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, View};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::raster_effects::EffectProgram;
+use inputs::Inputs;
+use kept::Kept;
+use maps::{Maps, MapsKey};
+use programs::{OUTPUT_FORMAT, Program, Task};
+use rayon::prelude::*;
+use shader::{AskUniform, CubeUniform, OcclusionUniform, ProbeBox, ShadowUniform};
+use std::collections::HashMap;
+use std::time::{Duration, Instant};
+
+/// What of the rasteriser effects use.
+pub(super) struct Context<'a> {
+    pub gpu: &'a Gpu,
+    pub layouts: &'a Layouts,
+    pub pipelines: &'a mut Pipelines,
+    pub timer: Option<&'a Timer>,
+    pub geometry: &'a DeviceGeometry,
+    pub textures: &'a mut DeviceTextures,
+    pub staging: &'a mut Staging,
+    pub cache: &'a mut SceneCache,
+}
+
+/// What effects keep on the device.
+#[derive(Debug)]
+pub(super) struct Effects {
+    inputs: Inputs,
+    draws: DrawList,
+    programs: HashMap<EffectProgram, Program>,
+    /// Whether light or glass is seen.
+    asks: [Option<Ask>; 2],
+    maps: Kept<MapsKey, Maps>,
+    outputs: Kept<(u32, u32), Output>,
+    /// Group 1 of programs, by output and maps; none that binds what is no longer kept.
+    groups: HashMap<GroupKey, wgpu::BindGroup>,
+    glass: Table,
+    boxes: Table,
+    probes: Probes,
+    views: Vec<View>,
+    /// Of [`Self::glass`], before it is uploaded.
+    ranges: Vec<[u32; 2]>,
+}
+
+/// A program, the size of its output, and its maps.
+type GroupKey = (EffectProgram, (u32, u32), Option<MapsKey>);
+
+/// Where a program writes.
+#[derive(Debug)]
+struct Output {
+    texture: wgpu::Texture,
+    view: wgpu::TextureView,
+}
+
+impl Output {
+    fn new(gpu: &Gpu, width: u32, height: u32) -> Result<Self, BackendError> {
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("effect"),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: OUTPUT_FORMAT,
+            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        });
+        gpu.check("creation of an effect's output")?;
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        Ok(Self { texture, view })
+    }
+}
+
+/// A short list that programs read.
+#[derive(Debug)]
+struct Table {
+    buffer: wgpu::Buffer,
+    /// What the device's buffer holds.
+    written: Vec<u8>,
+}
+
+impl Table {
+    fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+        Ok(Self { buffer: Self::buffer(gpu, 1024)?, written: Vec::new() })
+    }
+
+    fn buffer(gpu: &Gpu, bytes: u64) -> Result<wgpu::Buffer, BackendError> {
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        gpu.buffer("creation of a table", usage, bytes)
+    }
+
+    /// Uploads what is new; `true` if there is a new buffer.
+    fn write(&mut self, gpu: &Gpu, bytes: &[u8]) -> Result<bool, BackendError> {
+        if self.written == bytes {
+            return Ok(false);
+        }
+        self.written.clear();
+        let grows = bytes.len() as u64 > self.buffer.size();
+        if grows {
+            self.buffer = Self::buffer(gpu, (bytes.len() as u64).next_power_of_two())?;
+        }
+        gpu.queue.write_buffer(&self.buffer, 0, bytes);
+        gpu.check("upload of a table")?;
+        self.written.extend_from_slice(bytes);
+        Ok(grows)
+    }
+}
+
+/// The maps of a pass once they are drawn, and the uniforms of the program that reads them.
+#[derive(Debug, Default)]
+struct Prepared {
+    maps: Option<MapsKey>,
+    params: Vec<u8>,
+}
+
+/// Texels that a pixel of a program reads, about.
+fn texels(job: &EffectJob<'_>) -> u64 {
+    let params = &job.params;
+    match job.program {
+        EffectProgram::ShadowMap => 1 + (2 * u64::from(params.pcf) + 2).pow(2),
+        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => 12 + u64::from(params.probes),
+        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
+            2 + 2 * u64::from(params.slices) * u64::from(params.steps)
+        }
+    }
+}
+
+impl Effects {
+    pub fn new(gpu: &Gpu, layouts: &Layouts) -> Result<Self, BackendError> {
+        Ok(Self {
+            inputs: Inputs::new(gpu)?,
+            draws: DrawList::new(gpu, layouts)?,
+            programs: HashMap::new(),
+            asks: [None, None],
+            maps: Kept::default(),
+            outputs: Kept::default(),
+            groups: HashMap::new(),
+            glass: Table::new(gpu)?,
+            boxes: Table::new(gpu)?,
+            probes: Probes::default(),
+            views: Vec::new(),
+            ranges: Vec::new(),
+        })
+    }
+
+    /// Bytes of device memory: maps, outputs and uploaded G-buffers.
+    pub fn bytes(&self) -> u64 {
+        let maps: u64 = self.maps.values().map(|maps| maps.bytes).sum();
+        let pixels = |output: &Output| u64::from(output.texture.width()) * u64::from(output.texture.height());
+        maps + 16 * self.outputs.values().map(pixels).sum::<u64>() + self.inputs.bytes()
+    }
+
+    /// Runs a pass. `drawn` is what was drawn last, if that is a whole picture.
+    pub fn run(
+        &mut self,
+        context: &mut Context<'_>,
+        drawn: Option<&Targets>,
+        job: &EffectJob<'_>,
+        output: &mut Image,
+        progress: &Progress,
+    ) -> Result<EffectStats, BackendError> {
+        let gpu = context.gpu;
+        let what = job.program.info().name;
+        check(job, output, job.resident).map_err(|why| unsupported(what, &format!("{why};")))?;
+        inputs::check_size(gpu, job)?;
+        if job.width == 0 || job.height == 0 {
+            return Ok(EffectStats::default());
+        }
+        if !self.programs.contains_key(&job.program) {
+            self.programs.insert(job.program, Program::new(gpu, &self.inputs, job.program)?);
+        }
+        let ready = self.inputs.ready(gpu, drawn, job)?;
+        let (id_base, upload) = (ready.id_base, ready.upload);
+        let gbuffer = ready.group.clone();
+        let start = Instant::now();
+        let called = self.called_for(gpu, job, &gbuffer, id_base)?;
+        let asking = start.elapsed();
+
+        let task = Task { width: job.width, height: job.height, id_base, texels: texels(job) };
+        let mut stats = EffectStats::default();
+        // The programs that draw maps start it again.
+        progress.start(task.submissions());
+        let prepared = match job.program {
+            EffectProgram::ShadowMap => self.shadow_maps(context, job, called, &task, &mut stats, progress)?,
+            EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
+                self.cube_maps(context, job, called.is_some(), &task, &mut stats, progress)?
+            }
+            EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
+                Prepared { maps: None, params: bytemuck::bytes_of(&OcclusionUniform::new(job)).to_vec() }
+            }
+        };
+
+        let size = (job.width, job.height);
+        let (_, made) = self.outputs.require(gpu, size, |(width, height)| Output::new(gpu, *width, *height))?;
+        if made {
+            self.groups.clear();
+        }
+        let group = self.group(gpu, job.program, size, prepared.maps)?;
+        let Some(program) = self.programs.get(&job.program) else { return Ok(stats) };
+        stats.pixels = program.run(gpu, context.timer, [&gbuffer, &group], &prepared.params, &task, progress)?;
+        stats.pixels.host += asking;
+
+        let start = Instant::now();
+        if let Some(texture) = self.outputs.last().map(|output| &output.texture) {
+            context.staging.read(gpu, texture, &mut output.pixels)?;
+        }
+        stats.transfer = Some(upload.unwrap_or(Duration::ZERO) + start.elapsed());
+        Ok(stats)
+    }
+
+    /// The depths of the pixels that ask the program's maps, 0 if these pixels are glass. `None` without such a pixel: then
+    /// no maps are drawn.
+    fn called_for(
+        &mut self,
+        gpu: &Gpu,
+        job: &EffectJob<'_>,
+        gbuffer: &wgpu::BindGroup,
+        id_base: u32,
+    ) -> Result<Option<[f32; 2]>, BackendError> {
+        let glass = job.program.info().glass;
+        if glass {
+            glass_ranges(job, &mut self.ranges);
+            if self.glass.write(gpu, bytemuck::cast_slice(&self.ranges))? {
+                self.groups.clear();
+            }
+            if self.ranges.is_empty() {
+                return Ok(None);
+            }
+        } else if job.program != EffectProgram::ShadowMap {
+            return Ok(None);
+        }
+        if !job.resident {
+            return Ok(match glass {
+                true => job.triangle.par_iter().any(|triangle| is_glass(job, *triangle)).then_some([0.0; 2]),
+                false => cascades::lit_depths(job),
+            });
+        }
+        let ask = match &mut self.asks[usize::from(glass)] {
+            Some(ask) => ask,
+            none => none.insert(Ask::new(gpu, &self.inputs, glass)?),
+        };
+        let ranges = self.ranges.len() as u32;
+        let depth_plane = cascades::depth_plane(&job.view);
+        let params = AskUniform { depth_plane, size: [job.width, job.height], id_base, ranges };
+        ask.any(gpu, gbuffer, &self.glass.buffer, params)
+    }
+
+    /// The depths that the light sees.
+    fn shadow_maps(
+        &mut self,
+        context: &mut Context<'_>,
+        job: &EffectJob<'_>,
+        depths: Option<[f32; 2]>,
+        task: &Task,
+        stats: &mut EffectStats,
+        progress: &Progress,
+    ) -> Result<Prepared, BackendError> {
+        let Some(sun) = &job.sun else {
+            return Err(unsupported(job.program.info().name, "the pass has no light: name one in <lights>;"));
+        };
+        let bounds = context.cache.bounds(job.scene);
+        let cascades = depths.map(|depths| Cascades::new(sun, &bounds, &job.view, depths, &job.params));
+        let cascades = cascades.unwrap_or_default();
+        let count = cascades.fits.len() as u32;
+        let key = match count {
+            0 => MapsKey::Depth { size: 1, cascades: 1 },
+            _ => MapsKey::Depth { size: job.params.map_size, cascades: count },
+        };
+        let maps = self.require_maps(context.gpu, job.program, key)?;
+        if count > 0 {
+            progress.start(u64::from(count) + task.submissions());
+            self.views.clear();
+            self.views.extend(cascades.fits.iter().map(|fit| fit.view));
+            let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.views, &[], progress)?;
+            (stats.maps, stats.triangles, stats.map_count, stats.bytes) = (Some(part), triangles, count, maps.bytes);
+        }
+        let params = bytemuck::bytes_of(&ShadowUniform::new(job, &cascades)).to_vec();
+        Ok(Prepared { maps: Some(key), params })
+    }
+
+    /// What the panes that matter most see.
+    fn cube_maps(
+        &mut self,
+        context: &mut Context<'_>,
+        job: &EffectJob<'_>,
+        called: bool,
+        task: &Task,
+        stats: &mut EffectStats,
+        progress: &Progress,
+    ) -> Result<Prepared, BackendError> {
+        let bounds = context.cache.bounds(job.scene);
+        let panes = if called { context.cache.panes(job.scene, job.glass) } else { &[] };
+        // As many as any view can need, so that the maps stay when the camera moves.
+        let most = job.params.probes.min(panes.len() as u32);
+        let probes = self.probes.choose(panes, &bounds, &job.view, job.params.probes);
+        let chosen = probes.len();
+        let key = match chosen {
+            0 => MapsKey::Cubes { size: 1, probes: 1 },
+            _ => MapsKey::Cubes { size: job.params.map_size, probes: most },
+        };
+        self.views.clear();
+        self.views.extend(probes.iter().flat_map(|probe| (0..cube::FACES).map(|face| probe.view(face))));
+        let boxes: Vec<ProbeBox> = probes.iter().map(ProbeBox::new).collect();
+        if self.boxes.write(context.gpu, bytemuck::cast_slice(&boxes))? {
+            self.groups.clear();
+        }
+        let maps = self.require_maps(context.gpu, job.program, key)?;
+        if chosen > 0 {
+            progress.start(self.views.len() as u64 + task.submissions());
+            let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.views, job.glass, progress)?;
+            stats.map_count = chosen as u32;
+            (stats.maps, stats.triangles, stats.bytes) = (Some(part), triangles, maps.bytes);
+        }
+        let params = bytemuck::bytes_of(&CubeUniform::new(job, chosen, self.ranges.len())).to_vec();
+        Ok(Prepared { maps: Some(key), params })
+    }
+
+    fn require_maps(&mut self, gpu: &Gpu, program: EffectProgram, key: MapsKey) -> Result<Maps, BackendError> {
+        check_map_bytes(program, key.bytes()).map_err(|why| unsupported(program.info().name, &format!("{why};")))?;
+        let (maps, made) = self.maps.require(gpu, key, |key| Maps::new(gpu, *key))?;
+        let maps = maps.clone();
+        if made {
+            self.groups.clear();
+        }
+        Ok(maps)
+    }
+
+    /// Group 1 of a program; the output and the maps are the ones used last.
+    fn group(
+        &mut self,
+        gpu: &Gpu,
+        program: EffectProgram,
+        size: (u32, u32),
+        maps: Option<MapsKey>,
+    ) -> Result<wgpu::BindGroup, BackendError> {
+        let key = (program, size, maps);
+        if let Some(group) = self.groups.get(&key) {
+            return Ok(group.clone());
+        }
+        let (Some(output), Some(compiled)) = (self.outputs.last(), self.programs.get(&program)) else {
+            return Err(super::device::failure("an effect was not prepared"));
+        };
+        let mut resources = Vec::new();
+        if let Some(maps) = self.maps.last().filter(|_| maps.is_some()) {
+            resources.push(wgpu::BindingResource::TextureView(&maps.read));
+        }
+        if matches!(maps, Some(MapsKey::Cubes { .. })) {
+            resources.push(self.glass.buffer.as_entire_binding());
+            resources.push(self.boxes.buffer.as_entire_binding());
+        }
+        let group = compiled.bind(gpu, &output.view, &resources)?;
+        self.groups.insert(key, group.clone());
+        Ok(group)
+    }
+}
+
+/// First triangle and end of every run of triangles that are glass, ascending.
+fn glass_ranges(job: &EffectJob<'_>, ranges: &mut Vec<[u32; 2]>) {
+    ranges.clear();
+    for batch in &job.scene.geometry.batches {
+        if batch.count == 0 || !job.glass.get(batch.material as usize).copied().unwrap_or(false) {
+            continue;
+        }
+        match ranges.last_mut() {
+            Some(last) if last[1] == batch.first => last[1] += batch.count,
+            _ => ranges.push([batch.first, batch.first + batch.count]),
+        }
+    }
+}

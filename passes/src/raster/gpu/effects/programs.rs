@@ -1,0 +1,220 @@
+//! Pixel programs: compute shaders that read the G-buffer and maps, and write every pixel of the output.
+
+use super::inputs::Inputs;
+use super::maps::submit;
+use crate::raster::gpu::device::{Gpu, unsupported};
+use crate::raster::gpu::timer::Timer;
+use curitiba_pipeline::backend::{BackendError, Part};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::raster_effects::EffectProgram;
+use std::num::NonZeroU64;
+use std::time::Instant;
+
+use super::shader::{self, FrameUniform};
+
+/// The output's format.
+pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+/// Pixels a side of a workgroup.
+pub const GROUP: u32 = 8;
+/// Texels that one submission reads, about. Drivers end what runs for seconds; this takes a tenth of one on slow hardware.
+const TEXELS_PER_SUBMISSION: u64 = 1 << 30;
+
+/// A compiled program, and its uniforms on the device.
+#[derive(Debug)]
+pub struct Program {
+    pipeline: wgpu::ComputePipeline,
+    /// Group 1.
+    layout: wgpu::BindGroupLayout,
+    frame: wgpu::Buffer,
+    params: wgpu::Buffer,
+}
+
+/// What a program binds besides its uniforms and the output, in the order of its bindings from 3.
+fn resources(program: EffectProgram) -> Vec<wgpu::BindingType> {
+    let texture =
+        |sample_type, view_dimension| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
+    let table = wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Storage { read_only: true },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    match program {
+        EffectProgram::ShadowMap => {
+            vec![texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array)]
+        }
+        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
+            let faces = wgpu::TextureSampleType::Float { filterable: false };
+            vec![texture(faces, wgpu::TextureViewDimension::D2Array), table, table]
+        }
+        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => Vec::new(),
+    }
+}
+
+impl Program {
+    pub fn new(gpu: &Gpu, inputs: &Inputs, program: EffectProgram) -> Result<Self, BackendError> {
+        let limits = &gpu.limits;
+        let most = limits.max_compute_invocations_per_workgroup;
+        if most < GROUP * GROUP || limits.max_compute_workgroup_size_x.min(limits.max_compute_workgroup_size_y) < GROUP
+        {
+            let why = format!("{} has no compute shaders of {GROUP} x {GROUP} threads;", gpu.adapter);
+            return Err(unsupported(program.info().name, &why));
+        }
+        let uniform = |size: usize| wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Uniform,
+            has_dynamic_offset: false,
+            min_binding_size: NonZeroU64::new(size as u64),
+        };
+        let output = wgpu::BindingType::StorageTexture {
+            access: wgpu::StorageTextureAccess::WriteOnly,
+            format: OUTPUT_FORMAT,
+            view_dimension: wgpu::TextureViewDimension::D2,
+        };
+        let params_bytes = shader::params_bytes(program);
+        let types = [uniform(size_of::<FrameUniform>()), uniform(params_bytes), output];
+        let entries: Vec<_> = (0..)
+            .zip(types.into_iter().chain(resources(program)))
+            .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
+                binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty,
+                count: None,
+            })
+            .collect();
+        let label = Some(program.info().name);
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label,
+            source: wgpu::ShaderSource::Wgsl(shader::source(program).into()),
+        });
+        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: &[Some(&inputs.layout), Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(shader::ENTRY),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        gpu.check(&format!("building the program {}", program.info().name))?;
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let frame = gpu.buffer("creation of an effect's uniforms", usage, size_of::<FrameUniform>() as u64)?;
+        let params = gpu.buffer("creation of an effect's uniforms", usage, params_bytes as u64)?;
+        Ok(Self { pipeline, layout, frame, params })
+    }
+
+    /// Binds the output, and what the program reads besides the G-buffer.
+    pub fn bind(
+        &self,
+        gpu: &Gpu,
+        output: &wgpu::TextureView,
+        resources: &[wgpu::BindingResource<'_>],
+    ) -> Result<wgpu::BindGroup, BackendError> {
+        let own = [
+            self.frame.as_entire_binding(),
+            self.params.as_entire_binding(),
+            wgpu::BindingResource::TextureView(output),
+        ];
+        let entries: Vec<_> = (0..)
+            .zip(own.into_iter().chain(resources.iter().cloned()))
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("effect"),
+            layout: &self.layout,
+            entries: &entries,
+        });
+        gpu.check("binding of an effect's maps")?;
+        Ok(group)
+    }
+
+    /// Computes every pixel, in as many submissions as it takes to keep each short, and waits.
+    pub fn run(
+        &self,
+        gpu: &Gpu,
+        timer: Option<&Timer>,
+        groups: [&wgpu::BindGroup; 2],
+        params: &[u8],
+        task: &Task,
+        progress: &Progress,
+    ) -> Result<Part, BackendError> {
+        let start = Instant::now();
+        let doing = "computing an effect";
+        gpu.queue.write_buffer(&self.params, 0, params);
+        let mut device = None;
+        for band in task.bands() {
+            let frame = FrameUniform::new(task.width, task.height, band.start, task.id_base);
+            gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
+            gpu.check(doing)?;
+            let (is_first, is_last) = (band.start == 0, band.end == task.height);
+            let descriptor = wgpu::CommandEncoderDescriptor { label: Some("effect") };
+            let mut encoder = gpu.device.create_command_encoder(&descriptor);
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some("effect"),
+                    timestamp_writes: timer.and_then(|timer| timer.compute_span(is_first, is_last)),
+                });
+                pass.set_pipeline(&self.pipeline);
+                for (index, group) in (0..).zip(groups) {
+                    pass.set_bind_group(index, group, &[]);
+                }
+                pass.dispatch_workgroups(task.width.div_ceil(GROUP), (band.end - band.start).div_ceil(GROUP), 1);
+            }
+            device = submit(gpu, timer, encoder, is_last, doing)?;
+            progress.advance(1);
+        }
+        Ok(Part { host: start.elapsed(), device })
+    }
+}
+
+/// What a program computes.
+#[derive(Debug, Clone, Copy)]
+pub struct Task {
+    pub width: u32,
+    pub height: u32,
+    pub id_base: u32,
+    /// Texels that a pixel reads, about.
+    pub texels: u64,
+}
+
+impl Task {
+    /// Rows of one submission each, in whole workgroups but for the last.
+    fn bands(self) -> impl Iterator<Item = std::ops::Range<u32>> {
+        let per_row = self.texels.max(1) * u64::from(self.width);
+        let rows = u32::try_from(TEXELS_PER_SUBMISSION / per_row.max(1)).unwrap_or(u32::MAX);
+        let rows = (rows.min(self.height) / GROUP * GROUP).max(GROUP);
+        let height = self.height;
+        (0..height).step_by(rows as usize).map(move |first| first..first.saturating_add(rows).min(height))
+    }
+
+    /// How many submissions there are.
+    pub fn submissions(self) -> u64 {
+        self.bands().count() as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn submissions_cover_every_row_once_and_are_short() {
+        for (width, height, texels) in
+            [(1, 1, 1), (1024, 1024, 3), (3840, 2160, 8192), (16_384, 16_384, 8192), (8, 9, 9)]
+        {
+            let task = Task { width, height, id_base: 0, texels };
+            let mut next = 0;
+            for band in task.bands() {
+                assert_eq!(band.start, next);
+                assert!(band.end > band.start && (band.end % GROUP == 0 || band.end == height));
+                let work = u64::from(band.end - band.start) * u64::from(width) * texels;
+                assert!(work <= TEXELS_PER_SUBMISSION || band.end - band.start <= GROUP, "{width} {height} {work}");
+                next = band.end;
+            }
+            assert_eq!(next, height);
+        }
+    }
+}

@@ -1,0 +1,333 @@
+//! The shaders of the pixel programs, and the uniforms that they read.
+
+use super::programs::GROUP;
+use crate::effects::SHADOWED;
+use crate::raster::effects::cascades::Cascades;
+use crate::raster::effects::cube::{AXES, FACES};
+use crate::raster::effects::occlusion::DEPTH_TOLERANCE;
+use crate::raster::effects::panes::Probe;
+use crate::raster::effects::shadow::MAX_SLOPE;
+use crate::raster::gpu::shader::cut;
+use crate::sampling::hash;
+use curitiba_pipeline::backend::EffectJob;
+use curitiba_pipeline::raster_effects::{EffectProgram, MAX_CASCADES};
+use glam::{Mat4, Vec4};
+use std::fmt::Write;
+
+/// The entry point of every program.
+pub const ENTRY: &str = "main";
+
+/// What all programs share; comes last, so that messages of the compiler count the lines of the program's own file.
+const COMMON: &str = include_str!("common.wgsl");
+
+/// What programs that look for glass share.
+const GLASS: &str = include_str!("glass.wgsl");
+
+/// Slices of less weight than the root of this are left out, as `raster::effects::occlusion` does.
+const LEAST_WEIGHT: f32 = 1e-6;
+
+fn text(program: EffectProgram) -> (&'static str, &'static str) {
+    match program {
+        EffectProgram::ShadowMap => ("shadow_map.wgsl", include_str!("shadow_map.wgsl")),
+        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => ("cube.wgsl", include_str!("cube.wgsl")),
+        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
+            ("occlusion.wgsl", include_str!("occlusion.wgsl"))
+        }
+    }
+}
+
+/// A program's WGSL, with the constants that it has in common with the host.
+///
+/// # Panics
+/// If the directives of its text are malformed; a test cuts every program.
+pub fn source(program: EffectProgram) -> String {
+    let (file, text) = text(program);
+    let mut source = cut(file, text, |name| {
+        Some(match name {
+            "REFRACT" => program == EffectProgram::CubeRefraction,
+            "HORIZONS" => program == EffectProgram::HorizonOcclusion,
+            _ => return None,
+        })
+    });
+    source.push_str(COMMON);
+    if program.info().glass {
+        source.push_str(GLASS);
+    }
+    push_constants(&mut source);
+    source
+}
+
+/// The question whether a pixel calls for maps: one of glass, or one that faces the light.
+///
+/// # Panics
+/// As [`source`].
+pub fn ask_source(glass: bool) -> String {
+    let mut source = cut("ask.wgsl", include_str!("ask.wgsl"), |name| (name == "GLASS").then_some(glass));
+    source.push_str(GLASS);
+    push_constants(&mut source);
+    source
+}
+
+fn push_constants(source: &mut String) {
+    // Infinities are left to no driver: they need not be told from other numbers.
+    let floats = [
+        ("SHADOWED", SHADOWED),
+        ("MAX_SLOPE", MAX_SLOPE),
+        ("DEPTH_TOLERANCE", DEPTH_TOLERANCE),
+        ("LEAST_WEIGHT", LEAST_WEIGHT),
+        ("EPSILON", f32::EPSILON),
+        ("PI", std::f32::consts::PI),
+        ("LARGEST", f32::MAX),
+        ("SMALLEST", f32::MIN_POSITIVE),
+    ];
+    for (name, value) in floats {
+        // Writing to a string does not fail. `{:e}` is the shortest text that reads back as the same number.
+        _ = writeln!(source, "const {name} = {value:e}f;");
+    }
+    let integers = [
+        ("MAX_CASCADES", MAX_CASCADES),
+        ("GROUP", GROUP),
+        ("HASH_PIXEL", hash::PIXEL),
+        ("HASH_DIMENSIONS", hash::DIMENSIONS),
+    ];
+    for (name, value) in integers {
+        _ = writeln!(source, "const {name} = {value}u;");
+    }
+}
+
+/// Bytes of a program's own uniforms.
+pub const fn params_bytes(program: EffectProgram) -> usize {
+    match program {
+        EffectProgram::ShadowMap => size_of::<ShadowUniform>(),
+        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => size_of::<CubeUniform>(),
+        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => size_of::<OcclusionUniform>(),
+    }
+}
+
+/// `Frame` of the shaders.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct FrameUniform {
+    size: [u32; 2],
+    first_row: u32,
+    id_base: u32,
+}
+
+impl FrameUniform {
+    pub fn new(width: u32, height: u32, first_row: u32, id_base: u32) -> Self {
+        Self { size: [width, height], first_row, id_base }
+    }
+}
+
+/// `Params` of `ask.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct AskUniform {
+    /// Without glass, [`depth_plane`](crate::raster::effects::cascades::depth_plane).
+    pub depth_plane: Vec4,
+    pub size: [u32; 2],
+    pub id_base: u32,
+    pub ranges: u32,
+}
+
+/// `Cascade` of `shadow_map.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct CascadeUniform {
+    map_from_world: Mat4,
+    slope_bias: f32,
+    rounding_bias: f32,
+    padding: [u32; 2],
+}
+
+/// `Params` of `shadow_map.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct ShadowUniform {
+    cascades: [CascadeUniform; MAX_CASCADES as usize],
+    count: u32,
+    map_size: i32,
+    reach: i32,
+    padding: u32,
+}
+
+impl ShadowUniform {
+    /// Without a cascade, everything is lit.
+    pub fn new(job: &EffectJob<'_>, cascades: &Cascades) -> Self {
+        let params = &job.params;
+        let mut uniform: Self = bytemuck::Zeroable::zeroed();
+        uniform.count = cascades.fits.len() as u32;
+        uniform.map_size = params.map_size as i32;
+        uniform.reach = params.pcf as i32;
+        for (to, fit) in uniform.cascades.iter_mut().zip(&cascades.fits) {
+            *to = CascadeUniform {
+                map_from_world: fit.map_from_world,
+                slope_bias: params.bias * (params.pcf + 1) as f32 * fit.texel * fit.depth_per_unit,
+                rounding_bias: fit.rounding * fit.depth_per_unit,
+                padding: [0; 2],
+            };
+        }
+        uniform
+    }
+}
+
+/// `Params` of `cube.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct CubeUniform {
+    eye: Vec4,
+    axes: [[Vec4; 3]; FACES],
+    map_size: u32,
+    probes: u32,
+    ranges: u32,
+    index: f32,
+}
+
+impl CubeUniform {
+    pub fn new(job: &EffectJob<'_>, probes: usize, ranges: usize) -> Self {
+        Self {
+            eye: job.view.eye.extend(0.0),
+            axes: AXES.map(|axes| axes.map(|axis| axis.extend(0.0))),
+            map_size: job.params.map_size,
+            probes: probes as u32,
+            ranges: ranges as u32,
+            index: job.params.index,
+        }
+    }
+}
+
+/// `Probe` of `cube.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct ProbeBox {
+    low: Vec4,
+    high: Vec4,
+}
+
+impl ProbeBox {
+    pub fn new(probe: &Probe) -> Self {
+        Self { low: probe.bounds.min.extend(0.0), high: probe.bounds.max.extend(0.0) }
+    }
+}
+
+/// `Params` of `occlusion.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct OcclusionUniform {
+    clip_from_world: Mat4,
+    eye: Vec4,
+    radius: f32,
+    intensity: f32,
+    slices: u32,
+    steps: u32,
+    seed: u32,
+    padding: [u32; 3],
+}
+
+impl OcclusionUniform {
+    pub fn new(job: &EffectJob<'_>) -> Self {
+        let params = &job.params;
+        Self {
+            clip_from_world: job.view.clip_from_world,
+            eye: job.view.eye.extend(0.0),
+            radius: params.radius,
+            intensity: params.intensity,
+            slices: params.slices,
+            steps: params.steps,
+            seed: job.seed,
+            padding: [0; 3],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use curitiba_pipeline::raster_effects::EFFECT_PROGRAMS;
+    use std::mem::offset_of;
+    use wgpu::naga;
+
+    macro_rules! offsets {
+        ($ty:ty: $($field:ident),*) => {
+            (vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),*], size_of::<$ty>())
+        };
+    }
+
+    fn validate(source: &str) -> Result<naga::Module, String> {
+        let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
+            .validate(&module)
+            .map_err(|error| error.emit_to_string(source))?;
+        Ok(module)
+    }
+
+    #[test]
+    fn every_program_parses_and_validates_and_needs_no_feature() {
+        for info in EFFECT_PROGRAMS {
+            let module = validate(&source(info.program)).unwrap_or_else(|error| panic!("{}\n{error}", info.name));
+            let entries: Vec<_> =
+                module.entry_points.iter().map(|entry| (entry.name.as_str(), entry.workgroup_size)).collect();
+            assert_eq!(entries, [(ENTRY, [GROUP, GROUP, 1])], "{}", info.name);
+        }
+    }
+
+    #[test]
+    fn both_questions_parse_and_validate() {
+        for glass in [false, true] {
+            let module = validate(&ask_source(glass)).unwrap_or_else(|error| panic!("{error}"));
+            let offsets = offsets!(AskUniform: depth_plane, size, id_base, ranges);
+            assert_eq!(layout_in(&module, "Params"), offsets);
+        }
+        assert_ne!(ask_source(false), ask_source(true));
+    }
+
+    #[test]
+    fn programs_that_share_a_text_differ() {
+        let has = |program, what: &str| source(program).contains(what);
+        assert!(has(EffectProgram::CubeRefraction, "fn fresnel") && !has(EffectProgram::CubeReflection, "fn fresnel"));
+        assert!(has(EffectProgram::HorizonOcclusion, "fn arc(") && !has(EffectProgram::DepthOcclusion, "fn arc("));
+    }
+
+    #[test]
+    fn an_invalid_program_is_found_out() {
+        let source = source(EffectProgram::ShadowMap);
+        let broken = source.replace("depth >= stored", "depth >= params.reach");
+        assert_ne!(broken, source);
+        assert!(validate(&source).is_ok() && validate(&broken).is_err());
+    }
+
+    /// Offsets of the members of a struct of a shader, and its size.
+    fn layout_in(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
+        let (_, ty) =
+            module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).expect("the shader has the struct");
+        let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
+        let offsets = members.iter().map(|m| (m.name.clone().expect("named"), m.offset as usize)).collect();
+        (offsets, *span as usize)
+    }
+
+    fn layout(program: EffectProgram, name: &str) -> (Vec<(String, usize)>, usize) {
+        layout_in(&validate(&source(program)).expect("valid"), name)
+    }
+
+    #[test]
+    fn uniforms_lie_as_the_shaders_read_them() {
+        use EffectProgram::{CubeReflection, CubeRefraction, DepthOcclusion, HorizonOcclusion, ShadowMap};
+        for info in EFFECT_PROGRAMS {
+            let frame = offsets!(FrameUniform: size, first_row, id_base);
+            assert_eq!(layout(info.program, "Frame"), frame, "{}", info.name);
+        }
+        let shadow = offsets!(ShadowUniform: cascades, count, map_size, reach);
+        assert_eq!(layout(ShadowMap, "Params"), shadow);
+        let cascade = offsets!(CascadeUniform: map_from_world, slope_bias, rounding_bias);
+        assert_eq!(layout(ShadowMap, "Cascade"), cascade);
+        for program in [CubeReflection, CubeRefraction] {
+            let cube = offsets!(CubeUniform: eye, axes, map_size, probes, ranges, index);
+            assert_eq!(layout(program, "Params"), cube);
+            assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high));
+        }
+        for program in [HorizonOcclusion, DepthOcclusion] {
+            let occlusion = offsets!(OcclusionUniform: clip_from_world, eye, radius, intensity, slices, steps, seed);
+            assert_eq!(layout(program, "Params"), occlusion);
+        }
+    }
+}

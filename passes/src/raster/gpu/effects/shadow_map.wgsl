@@ -1,0 +1,86 @@
+// Shadows of a directional light from cascaded depth maps: `raster::effects::{cascades, shadow}`.
+
+struct Cascade {
+    // World to texels: x right and y down from the top left corner of the map, z the depth.
+    map_from_world: mat4x4<f32>,
+    // Depth bias for a slope of 1.
+    slope_bias: f32,
+    // Depth bias that is always there.
+    rounding_bias: f32,
+}
+
+struct Params {
+    // From near to far.
+    cascades: array<Cascade, MAX_CASCADES>,
+    // 0 where nothing can cast a shadow, and there is no map.
+    count: u32,
+    // Texels a side of each map.
+    map_size: i32,
+    // Texels on each side of the middle one that a test averages.
+    reach: i32,
+}
+
+@group(1) @binding(3) var shadow_maps: texture_depth_2d_array;
+
+fn compute(pixel: vec2<u32>) -> vec4<f32> {
+    let position = textureLoad(position_buffer, pixel, 0);
+    if params.count == 0u || !(position.w > 0.0) {
+        return vec4<f32>(1.0);
+    }
+    let share = lit_share(position.xyz, position.w);
+    return vec4<f32>(vec3<f32>(SHADOWED + (1.0 - SHADOWED) * share), 1.0);
+}
+
+fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
+    // The first map that contains the filter; else the last one.
+    let low = f32(params.reach + 1);
+    let high = f32(params.map_size) - low;
+    var cascade = 0u;
+    var place = vec3<f32>(0.0);
+    for (; cascade < params.count; cascade++) {
+        place = (params.cascades[cascade].map_from_world * vec4<f32>(position, 1.0)).xyz;
+        if all(place.xy >= vec2<f32>(low)) && all(place.xy <= vec2<f32>(high)) {
+            break;
+        }
+    }
+    cascade = min(cascade, params.count - 1u);
+    let at = place.xy - 0.5;
+    // Also where the place is not a number.
+    if !(all(abs(at) < vec2<f32>(1e6)) && abs(place.z) < LARGEST) {
+        return 1.0;
+    }
+    let cos = min(cosine, 1.0);
+    let slope = min(sqrt(1.0 - cos * cos) / cos, MAX_SLOPE);
+    let depth = place.z + (params.cascades[cascade].slope_bias * slope + params.cascades[cascade].rounding_bias);
+    let corner = floor(at);
+    let last_share = at - corner;
+    let first = vec2<i32>(corner) - params.reach;
+    let width = 2 * params.reach + 2;
+    var lit = 0.0;
+    for (var row = 0; row < width; row++) {
+        var lit_in_row = 0.0;
+        for (var column = 0; column < width; column++) {
+            let texel = first + vec2<i32>(column, row);
+            let inside = all(texel >= vec2<i32>(0)) && all(texel < vec2<i32>(params.map_size));
+            // Texels outside are empty: the far plane.
+            var stored = -1e9;
+            if inside {
+                stored = textureLoad(shadow_maps, texel, cascade, 0);
+            }
+            if depth >= stored {
+                lit_in_row += weight(column, width, last_share.x);
+            }
+        }
+        lit += lit_in_row * weight(row, width, last_share.y);
+    }
+    let side = f32(2 * params.reach + 1);
+    return min(lit / (side * side), 1.0);
+}
+
+// What of a texel the filter's square covers, in one of its directions.
+fn weight(index: i32, width: i32, last_share: f32) -> f32 {
+    if index == 0 {
+        return 1.0 - last_share;
+    }
+    return select(1.0, last_share, index + 1 == width);
+}

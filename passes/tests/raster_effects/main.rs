@@ -1,0 +1,8 @@
+//! The raster effects on the processor, against closed forms and against the rays that compute the same.
+
+mod cubes;
+mod jobs;
+mod occlusion;
+mod shadows;
+mod square;
+mod world;

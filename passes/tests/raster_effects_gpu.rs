@@ -1,0 +1,393 @@
+//! The raster effects on wgpu: the same pictures as the processor's.
+//!
+//! Needs a Vulkan, Metal or DirectX 12 driver, a software one included; says `skipped` without one, and fails instead
+//! with `CURITIBA_REQUIRE_GPU_TESTS=1`. `CURITIBA_PICTURES=DIR` writes the pictures.
+
+#[path = "scenes/gpu.rs"]
+mod support;
+#[allow(dead_code, reason = "each test uses a part")]
+#[path = "raster_effects/world.rs"]
+mod world;
+
+use curitiba_passes::raster::gpu::WgpuRasteriser;
+use curitiba_pipeline::backend::{
+    Attachments, BackendError, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, Rect,
+};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::{Image, write_png};
+use curitiba_pipeline::programs::RasterProgram;
+use curitiba_pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram};
+use glam::{Vec3, Vec4};
+use support::rasteriser;
+use world::{BACKGROUND, Shot, World};
+
+const SIDE: u32 = 160;
+
+/// Largest difference of a component that counts as rounding: interpolation, filtering and the sums are in 32-bit floats.
+const ROUNDING: f32 = 2e-3;
+
+/// Share of pixels that may differ by more: those whose looked-up texel or pixel changes where a coordinate rounds to the
+/// other side, and map texels at outlines, which the two rasterisers cover differently. On lavapipe 22.3.6 it is at most
+/// 2 of 25,600 pixels.
+const OUTLIERS: f64 = 1e-3;
+
+fn params(program: EffectProgram) -> EffectParams {
+    EffectParams { map_size: 256, index: 1.5, ..EffectParams::of(program) }
+}
+
+/// A street with boxes, a fence with holes, and two panes, one of which is seen from behind.
+fn street() -> World {
+    let mut world = World::lit_along(Vec3::new(0.4, -1.0, -0.3));
+    world.ground(12.0);
+    let (white, red, glass, fence) =
+        (world.paint(Vec3::ONE), world.paint(Vec3::new(0.9, 0.2, 0.1)), world.pane(), world.half_cut_out());
+    world.block(white, Vec3::new(-2.0, 1.0, -2.0), Vec3::new(1.0, 1.0, 0.7));
+    world.block(red, Vec3::new(2.5, 0.5, -1.0), Vec3::new(0.5, 0.5, 1.5));
+    world.block(white, Vec3::new(0.2, 0.15, 1.5), Vec3::splat(0.15));
+    world.quad(fence, Vec3::new(0.5, 1.0, -3.5), Vec3::new(1.0, 0.0, 0.3), Vec3::Y);
+    // Behind the camera, for the panes to mirror.
+    for i in 0..6u8 {
+        let x = 3.0 * f32::from(i) - 8.0;
+        world.block([red, white][usize::from(i % 2)], Vec3::new(x, 2.0, 9.0), Vec3::new(0.7, 2.0, 0.4));
+    }
+    world.quad(glass, Vec3::new(1.4, 0.9, 0.8), Vec3::new(0.6, 0.0, -0.3), Vec3::Y * 0.8);
+    world.quad(glass, Vec3::new(-1.6, 0.8, 0.9), Vec3::new(-0.5, 0.0, 0.3), Vec3::new(0.1, 0.6, 0.0));
+    world
+}
+
+/// Orange blocks of many sizes, without glass.
+fn hollow() -> World {
+    let mut world = World::lit_along(Vec3::new(-0.6, -0.8, 0.2));
+    world.ground(6.0);
+    let orange = world.paint(Vec3::new(0.9, 0.5, 0.2));
+    for i in 0..40u32 {
+        let turn = i as f32 * 2.4;
+        let away = 0.25 * (i as f32).sqrt() * 2.0;
+        let center = Vec3::new(away * turn.cos(), 0.1 + 0.01 * i as f32, away * turn.sin());
+        world.block(orange, center, Vec3::new(0.12, 0.1 + 0.01 * i as f32, 0.2));
+    }
+    world
+}
+
+fn shots() -> [(&'static str, Shot); 3] {
+    [
+        ("street", street().seen(Vec3::new(1.0, 0.8, 5.5), Vec3::new(0.1, 0.9, 0.0), SIDE)),
+        ("beside the street", street().seen(Vec3::new(-4.0, 1.0, 3.0), Vec3::new(0.3, 0.9, -0.5), SIDE)),
+        ("hollow", hollow().seen(Vec3::new(2.0, 3.0, 3.0), Vec3::new(0.0, 0.1, 0.0), SIDE)),
+    ]
+}
+
+fn run(gpu: &mut WgpuRasteriser, job: &EffectJob<'_>) -> Result<(Vec<[f32; 4]>, EffectStats), BackendError> {
+    let mut output = Image::filled(job.width, job.height, [f32::NAN; 4]);
+    let progress = Progress::default();
+    let stats = gpu.effect(job, &mut output, &progress)?;
+    let (done, total) = progress.get();
+    assert_eq!(done, total, "progress arrives");
+    Ok((output.pixels, stats))
+}
+
+/// The picture from the shot's own G-buffer.
+fn uploaded(gpu: &mut WgpuRasteriser, shot: &Shot, program: EffectProgram) -> (Vec<[f32; 4]>, EffectStats) {
+    let job = EffectJob { resident: false, ..shot.job(program, params(program)) };
+    run(gpu, &job).expect("a whole job")
+}
+
+/// Share of the pixels in which some component differs by more than [`ROUNDING`], and the mean difference.
+fn difference(a: &[[f32; 4]], b: &[[f32; 4]]) -> (f64, f64) {
+    assert_eq!(a.len(), b.len());
+    let (mut outliers, mut sum) = (0usize, 0.0);
+    for (a, b) in a.iter().zip(b) {
+        let worst =
+            (0..4).map(|i| (a[i] - b[i]).abs()).fold(0.0, |m, d| if d.is_nan() { f32::INFINITY } else { d.max(m) });
+        outliers += usize::from(worst > ROUNDING);
+        sum += f64::from(worst);
+    }
+    (outliers as f64 / a.len() as f64, sum / a.len() as f64)
+}
+
+fn keep_picture(name: &str, pixels: &[[f32; 4]]) {
+    if let Some(folder) = std::env::var_os("CURITIBA_PICTURES") {
+        let image = Image { width: SIDE, height: SIDE, pixels: pixels.to_vec() };
+        let path = std::path::Path::new(&folder).join(format!("{name}.png"));
+        write_png(&path, &image).expect("the picture is written");
+    }
+}
+
+#[test]
+fn every_effect_agrees_with_the_processors() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let mut failed = Vec::new();
+    for (name, mut shot) in shots() {
+        gpu.upload(&shot.scene).expect("uploads");
+        for info in EFFECT_PROGRAMS {
+            let (expected, cpu) = shot.effect(info.program, params(info.program));
+            let (found, stats) = uploaded(&mut gpu, &shot, info.program);
+            let (outlying, mean) = difference(&found, &expected);
+            println!("{name}, {}: outliers {outlying:.5}, mean {mean:.2e}", info.name);
+            keep_picture(&format!("{name} {} gpu", info.name), &found);
+            keep_picture(&format!("{name} {} cpu", info.name), &expected);
+            if outlying > OUTLIERS || mean.is_nan() {
+                failed.push((name, info.name, outlying));
+            }
+            assert_eq!((stats.map_count, stats.triangles), (cpu.map_count, cpu.triangles), "{name}, {}", info.name);
+            assert_eq!(stats.maps.is_some(), cpu.maps.is_some(), "{name}, {}", info.name);
+            assert!(stats.transfer.is_some() && stats.bytes >= cpu.bytes, "{name}, {}", info.name);
+        }
+    }
+    assert!(failed.is_empty(), "{failed:?}");
+}
+
+#[test]
+fn shadows_agree_for_every_number_of_maps_and_differ_between_numbers() {
+    let Some(mut gpu) = rasteriser() else { return };
+    for (name, mut shot) in shots() {
+        gpu.upload(&shot.scene).expect("uploads");
+        let mut pictures = Vec::new();
+        for cascades in [1, 2, 8] {
+            let params = EffectParams { cascades, ..params(EffectProgram::ShadowMap) };
+            let (expected, cpu) = shot.effect(EffectProgram::ShadowMap, params);
+            let job = EffectJob { resident: false, ..shot.job(EffectProgram::ShadowMap, params) };
+            let (found, stats) = run(&mut gpu, &job).expect("a whole job");
+            let (outlying, _) = difference(&found, &expected);
+            println!("{name}, {} maps: outliers {outlying:.5}", stats.map_count);
+            assert!(outlying <= OUTLIERS, "{name}, {cascades}: {outlying}");
+            assert_eq!((stats.map_count, stats.triangles, stats.bytes), (cpu.map_count, cpu.triangles, cpu.bytes));
+            pictures.push(found);
+        }
+        for pair in pictures.windows(2) {
+            assert!(difference(&pair[0], &pair[1]).0 > OUTLIERS, "{name}");
+        }
+    }
+}
+
+#[test]
+fn a_wrong_light_eye_or_parameter_is_found_out() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let (_, mut shot) = shots().into_iter().next().expect("one");
+    gpu.upload(&shot.scene).expect("uploads");
+    for info in EFFECT_PROGRAMS {
+        let (expected, _) = shot.effect(info.program, params(info.program));
+        let mut job = EffectJob { resident: false, ..shot.job(info.program, params(info.program)) };
+        match info.program {
+            EffectProgram::ShadowMap => {
+                job.sun = job.sun.map(|mut sun| {
+                    sun.direction = (sun.direction + Vec3::X * 0.02).normalize();
+                    sun
+                });
+            }
+            EffectProgram::CubeReflection => job.view.eye += Vec3::X * 0.5,
+            EffectProgram::CubeRefraction => job.params.index = 1.6,
+            EffectProgram::DepthOcclusion => job.params.radius *= 1.1,
+            EffectProgram::HorizonOcclusion => job.seed = 1,
+        }
+        let (found, _) = run(&mut gpu, &job).expect("a whole job");
+        let (outlying, _) = difference(&found, &expected);
+        assert!(outlying > OUTLIERS, "{}: {outlying}", info.name);
+    }
+}
+
+const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
+
+/// Draws the shot on the device and reads it back into the shot, so that both have the same.
+fn draw(gpu: &mut WgpuRasteriser, shot: &mut Shot) {
+    let (width, height) = (shot.buffer.width, shot.buffer.height);
+    let mut buffer = GBuffer::new(width, height, ALL);
+    let job = raster_job(shot, ALL);
+    gpu.draw(&job, &mut buffer).expect("draws");
+    gpu.read_back(&job, ALL, &mut buffer).expect("reads back");
+    shot.buffer = buffer;
+}
+
+fn raster_job(shot: &Shot, attachments: Attachments) -> RasterJob<'_> {
+    RasterJob {
+        scene: &shot.scene,
+        program: RasterProgram::Deferred,
+        view: shot.view,
+        sun: shot.sun,
+        shades: &shot.shades,
+        viewport: Rect { x: 0, y: 0, width: shot.buffer.width, height: shot.buffer.height },
+        clear_color: Vec4::from_array(BACKGROUND),
+        attachments,
+    }
+}
+
+fn resident<'a>(shot: &'a Shot, program: EffectProgram) -> EffectJob<'a> {
+    let job = shot.job(program, params(program));
+    EffectJob { resident: true, position: &[], normal: &[], color: &[], triangle: &[], ..job }
+}
+
+#[test]
+fn what_was_drawn_last_is_read_in_place_and_survives_the_maps() {
+    let Some(mut gpu) = rasteriser() else { return };
+    for (name, mut shot) in shots() {
+        gpu.upload(&shot.scene).expect("uploads");
+        draw(&mut gpu, &mut shot);
+        for info in EFFECT_PROGRAMS {
+            let (in_place, stats) = run(&mut gpu, &resident(&shot, info.program)).expect("a whole job");
+            let (copied, other) = uploaded(&mut gpu, &shot, info.program);
+            assert!(in_place == copied, "{name}, {}", info.name);
+            let counts = |stats: EffectStats| (stats.map_count, stats.triangles, stats.bytes);
+            assert_eq!(counts(stats), counts(other), "{name}, {}", info.name);
+        }
+        let job = raster_job(&shot, ALL);
+        let mut buffer = GBuffer::new(SIDE, SIDE, ALL);
+        gpu.read_back(&job, ALL, &mut buffer).expect("still there");
+        assert!(buffer == shot.buffer, "{name}: the effects changed what was drawn");
+    }
+}
+
+#[test]
+fn a_g_buffer_that_is_not_the_one_drawn_last_is_refused() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let (_, mut shot) = shots().into_iter().next().expect("one");
+    gpu.upload(&shot.scene).expect("uploads");
+    let refused = |gpu: &mut WgpuRasteriser, shot: &Shot, program| {
+        run(gpu, &resident(shot, program)).expect_err("not what was drawn").to_string()
+    };
+    let message = refused(&mut gpu, &shot, EffectProgram::HorizonOcclusion);
+    assert!(message.contains("drawn last") && message.contains("`--raster cpu`"), "{message}");
+    draw(&mut gpu, &mut shot);
+    // Smaller, and with fewer attachments: the larger set stays on the device, but is not what was drawn last.
+    let mut buffer = GBuffer::new(SIDE, SIDE, ALL);
+    let half = Rect { x: 0, y: 0, width: SIDE / 2, height: SIDE };
+    gpu.draw(&RasterJob { viewport: half, ..raster_job(&shot, ALL) }, &mut buffer).expect("draws");
+    assert!(refused(&mut gpu, &shot, EffectProgram::ShadowMap).contains("drawn last"));
+    let position = Attachments { position: true, ..Attachments::default() };
+    gpu.draw(&raster_job(&shot, position), &mut buffer).expect("draws");
+    assert!(refused(&mut gpu, &shot, EffectProgram::HorizonOcclusion).contains("no `normal`"));
+    gpu.draw(&raster_job(&shot, Attachments::default()), &mut buffer).expect("draws");
+    assert!(refused(&mut gpu, &shot, EffectProgram::HorizonOcclusion).contains("drawn last"));
+}
+
+#[test]
+fn a_frame_like_the_last_allocates_nothing_and_is_the_same() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let (_, mut shot) = shots().into_iter().next().expect("one");
+    gpu.upload(&shot.scene).expect("uploads");
+    draw(&mut gpu, &mut shot);
+    let frame = |gpu: &mut WgpuRasteriser| -> Vec<Vec<[f32; 4]>> {
+        EFFECT_PROGRAMS.iter().map(|info| run(gpu, &resident(&shot, info.program)).expect("a whole job").0).collect()
+    };
+    let first = frame(&mut gpu);
+    let memory = gpu.memory();
+    // Four shadow maps, cube maps for two panes with a depth buffer, output.
+    let (map, pixels) = (256 * 256, u64::from(SIDE * SIDE));
+    assert_eq!(memory.effects, 4 * 4 * map + (2 * 6 * 16 + 4) * map + 16 * pixels);
+    assert!(first == frame(&mut gpu));
+    assert_eq!(gpu.memory(), memory);
+}
+
+#[test]
+fn no_map_is_drawn_where_no_glass_is_seen() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let away = street().seen(Vec3::new(0.0, 1.0, 5.0), Vec3::new(0.0, 0.5, 30.0), 64);
+    // Panes in view, behind a wall.
+    let mut hidden = street();
+    let wall = hidden.paint(Vec3::ONE);
+    hidden.quad(wall, Vec3::new(0.0, 0.0, 3.0), Vec3::X * 20.0, Vec3::Y * 20.0);
+    let hidden = hidden.seen(Vec3::new(1.0, 2.2, 5.5), Vec3::new(0.1, 0.7, 0.0), 64);
+    for mut shot in [hollow().seen(Vec3::new(2.0, 3.0, 3.0), Vec3::ZERO, 64), away, hidden] {
+        gpu.upload(&shot.scene).expect("uploads");
+        draw(&mut gpu, &mut shot);
+        for program in [EffectProgram::CubeReflection, EffectProgram::CubeRefraction] {
+            for job in [resident(&shot, program), EffectJob { resident: false, ..shot.job(program, params(program)) }] {
+                let (found, stats) = run(&mut gpu, &job).expect("a whole job");
+                assert!(found == shot.buffer.color);
+                assert_eq!((stats.maps, stats.map_count, stats.triangles, stats.bytes), (None, 0, 0, 0));
+            }
+        }
+    }
+}
+
+#[test]
+fn no_shadow_map_is_drawn_where_nothing_faces_the_light() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let mut world = street();
+    world.sun = World::lit_along(Vec3::Y).sun;
+    let mut shot = world.seen(Vec3::new(0.0, 6.0, 0.1), Vec3::ZERO, 64);
+    gpu.upload(&shot.scene).expect("uploads");
+    draw(&mut gpu, &mut shot);
+    let program = EffectProgram::ShadowMap;
+    for job in [resident(&shot, program), EffectJob { resident: false, ..shot.job(program, params(program)) }] {
+        let (found, stats) = run(&mut gpu, &job).expect("a whole job");
+        let lit = shot.buffer.position.iter().any(|position| position[3] > 0.0);
+        assert_eq!(stats.maps.is_some(), lit);
+        assert!(lit || found.iter().all(|pixel| *pixel == [1.0; 4]));
+        assert!(!lit, "from above, only what looks up is seen");
+    }
+}
+
+#[test]
+fn maps_and_parameters_beyond_what_is_valid_are_refused() {
+    use EffectProgram::{CubeReflection, HorizonOcclusion, ShadowMap};
+    let Some(mut gpu) = rasteriser() else { return };
+    let (_, shot) = shots().into_iter().next().expect("one");
+    let job = |program| EffectJob { resident: false, ..shot.job(program, params(program)) };
+    let message = run(&mut gpu, &job(ShadowMap)).expect_err("no scene").to_string();
+    assert!(message.contains("not uploaded"), "{message}");
+    gpu.upload(&shot.scene).expect("uploads");
+    let mut refused = |program, edit: fn(&mut EffectJob<'_>)| {
+        let mut job = job(program);
+        edit(&mut job);
+        run(&mut gpu, &job).expect_err("refused").to_string()
+    };
+    let message = refused(ShadowMap, |job| job.sun = None);
+    assert!(message.contains("light"), "{message}");
+    let message = refused(ShadowMap, |job| job.params.map_size = 1 << 20);
+    assert!(message.contains("16..=16384"), "{message}");
+    let message = refused(ShadowMap, |job| (job.params.map_size, job.params.cascades) = (16_384, 8));
+    assert!(
+        message.contains("texels a side at most") || message.contains("lower `mapsize` or `cascades`"),
+        "{message}"
+    );
+    let message = refused(CubeReflection, |job| job.params.map_size = 16_384);
+    assert!(message.contains("lower `mapsize` or `probes`"), "{message}");
+    let message = refused(HorizonOcclusion, |job| job.normal = &[]);
+    assert!(message.contains("norm_buffer"), "{message}");
+    let message = refused(CubeReflection, |job| job.shades = &job.shades[..1]);
+    assert!(message.contains("material 1"), "{message}");
+    run(&mut gpu, &job(ShadowMap)).expect("the device goes on");
+}
+
+#[test]
+fn values_that_are_not_numbers_spread_to_no_other_pixel() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let (_, shot) = shots().into_iter().next().expect("one");
+    gpu.upload(&shot.scene).expect("uploads");
+    for info in EFFECT_PROGRAMS {
+        let (clean, _) = uploaded(&mut gpu, &shot, info.program);
+        let mut position = shot.buffer.position.clone();
+        let mut normal = shot.buffer.normal.clone();
+        position[7000] = [f32::NAN; 4];
+        position[15_000] = [f32::INFINITY, 0.0, 0.0, 1.0];
+        normal[16_000] = [f32::NAN; 4];
+        let job = EffectJob {
+            resident: false,
+            position: &position,
+            normal: &normal,
+            ..shot.job(info.program, params(info.program))
+        };
+        let (found, _) = run(&mut gpu, &job).expect("a whole job");
+        assert!(found.iter().flatten().all(|value| value.is_finite()), "{}", info.name);
+        let changed = clean.iter().zip(&found).filter(|(a, b)| (a[0] - b[0]).abs() > 0.3).count();
+        assert!(changed < 12, "{}: {changed}", info.name);
+    }
+}
+
+#[test]
+fn every_effect_works_on_few_pixels_and_empty_scenes() {
+    let Some(mut gpu) = rasteriser() else { return };
+    for side in [0, 1, 2, 17] {
+        for world in [street(), World::default(), World::lit_along(Vec3::NEG_Y)] {
+            let shot = world.seen(Vec3::new(1.0, 2.2, 5.5), Vec3::new(0.1, 0.7, 0.0), side);
+            gpu.upload(&shot.scene).expect("uploads");
+            for info in EFFECT_PROGRAMS {
+                let job = EffectJob { resident: false, ..shot.job(info.program, params(info.program)) };
+                match run(&mut gpu, &job) {
+                    Ok((found, _)) => assert!(found.iter().flatten().all(|value| value.is_finite()), "{}", info.name),
+                    Err(error) => assert!(info.lit && job.sun.is_none(), "{}: {error}", info.name),
+                }
+            }
+        }
+    }
+}

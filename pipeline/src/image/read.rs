@@ -1,0 +1,302 @@
+//! Reading pictures that were written, by this program or by another.
+
+use super::Image;
+use crate::metrics::VARIANCE_LAYER;
+use crate::plan::MAX_SIDE;
+use exr::image::read::read;
+use exr::meta::MetaData;
+use exr::prelude::{AnyChannel, FlatSamples, ReadChannels as _, ReadLayers as _, Text};
+use image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, Limits};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+/// Most pixels of a picture that is read: 16384 x 16384.
+const MAX_PIXELS: u64 = 1 << 28;
+/// Most values of all layers of an EXR file: sixteen channels of the largest picture.
+const MAX_SAMPLES: u64 = 16 * MAX_PIXELS;
+
+/// Why a picture could not be read.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {message}", path.display())]
+pub struct ReadImageError {
+    /// The file.
+    pub path: PathBuf,
+    /// What is wrong, and what would be valid.
+    pub message: String,
+}
+
+/// A picture as a file holds it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Its pixels. Of a PNG they are what is displayed, 0 to 1; of an EXR the linear values as stored. Grey pictures have
+    /// three equal colours; alpha is 1 where the file has none.
+    pub image: Image,
+    /// Names of the four channels: `R G B A`, or `X Y Z cosine` of a position.
+    pub channels: [String; 4],
+    /// Whether values were rounded to steps of `1 / 255` or `1 / 65535` and cut to 0 to 1.
+    pub steps: Option<u32>,
+    /// Variance of the mean that `image` is, from a layer of that name.
+    pub variance: Option<Variance>,
+}
+
+/// Variance of a picture, pixel by pixel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variance {
+    /// The variance of the mean.
+    pub of_mean: Image,
+    /// How many independent samples it was estimated from; `None` if the file does not tell.
+    pub samples: Option<u32>,
+}
+
+/// Reads a `.png` of 8 or 16 bits (values as stored divided by the largest, the inverse of
+/// [`write_png`](super::write_png)) or an `.exr` (the first layer that is no variance; and the layer `variance` or
+/// `variance:N`, as [`write_exr_layers`](super::write_exr_layers) writes it).
+///
+/// # Errors
+/// If the file cannot be read, is no picture of these kinds, has other channels than three colours, grey or the four that
+/// this program writes, or is larger than 16384 x 16384 pixels.
+pub fn read_image(path: &Path) -> Result<Picture, ReadImageError> {
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
+    let picture = match extension.as_str() {
+        "png" => read_png(path),
+        "exr" => read_exr(path),
+        _ => Err("a picture is read from .png or .exr; convert it to one of them".to_owned()),
+    };
+    picture.map_err(|message| ReadImageError { path: path.to_owned(), message })
+}
+
+fn open(path: &Path) -> Result<BufReader<File>, String> {
+    if path.is_dir() {
+        return Err("this is a folder; name a picture in it".to_owned());
+    }
+    File::open(path).map(BufReader::new).map_err(|error| format!("the file cannot be opened: {error}"))
+}
+
+fn check_size(width: u64, height: u64) -> Result<(), String> {
+    let side = u64::from(MAX_SIDE);
+    if width == 0 || height == 0 || width > side || height > side || width * height > MAX_PIXELS {
+        return Err(format!("{width} x {height} pixels; valid: 1 to {MAX_PIXELS} pixels, at most {MAX_SIDE} a side"));
+    }
+    Ok(())
+}
+
+fn read_png(path: &Path) -> Result<Picture, String> {
+    let broken = |error: image::ImageError| format!("this is no whole PNG file: {error}");
+    let mut reader = ImageReader::with_format(open(path)?, ImageFormat::Png);
+    let mut limits = Limits::default();
+    // Eight bytes a pixel at most, and what the decoder needs beside.
+    limits.max_alloc = Some(10 * MAX_PIXELS);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(broken)?;
+    let (width, height) = decoder.dimensions();
+    check_size(width.into(), height.into())?;
+    let decoded = DynamicImage::from_decoder(decoder).map_err(broken)?;
+    let bits = decoded.color().bytes_per_pixel() / decoded.color().channel_count();
+    let steps = if bits == 1 { 255 } else { 65_535 };
+    let pixels = if bits == 1 {
+        // Divided, not multiplied by the inverse: what was written as n / 255 is read as the same float.
+        decoded.into_rgba8().pixels().map(|pixel| pixel.0.map(|value| f32::from(value) / 255.0)).collect()
+    } else {
+        decoded.into_rgba16().pixels().map(|pixel| pixel.0.map(|value| f32::from(value) / 65_535.0)).collect()
+    };
+    let channels = ["R", "G", "B", "A"].map(str::to_owned);
+    Ok(Picture { image: Image { width, height, pixels }, channels, steps: Some(steps), variance: None })
+}
+
+fn read_exr(path: &Path) -> Result<Picture, String> {
+    let broken = |error: exr::error::Error| format!("this is no whole EXR file: {error}");
+    // The headers first: what they claim is checked before anything of that size is allocated.
+    let meta = MetaData::read_from_buffered(open(path)?, false).map_err(broken)?;
+    let mut samples = 0_u64;
+    for header in &meta.headers {
+        let (width, height) = (header.layer_size.0 as u64, header.layer_size.1 as u64);
+        check_size(width, height)?;
+        samples += width * height * header.channels.list.len() as u64;
+        if samples > MAX_SAMPLES {
+            return Err(format!("the file's layers hold more than {MAX_SAMPLES} values"));
+        }
+        if header.channels.list.iter().any(|channel| channel.sampling.0 != 1 || channel.sampling.1 != 1) {
+            return Err("a channel has fewer samples than pixels (chroma subsampling); write it with all".to_owned());
+        }
+    }
+    let file = read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
+    let file = file.from_buffered(open(path)?).map_err(broken)?;
+    let mut shown = None;
+    let mut variance = None;
+    for layer in &file.layer_data {
+        let name = layer.attributes.layer_name.as_ref().map(Text::to_string).unwrap_or_default();
+        let size = [layer.size.0, layer.size.1];
+        if let Some(samples) = variance_samples(&name)? {
+            variance = Some(Variance { of_mean: assemble(&name, size, &layer.channel_data.list)?.0, samples });
+        } else if shown.is_none() {
+            shown = Some(assemble(&name, size, &layer.channel_data.list)?);
+        }
+    }
+    let Some((image, channels)) = shown else {
+        return Err(format!("the file holds no layer but `{VARIANCE_LAYER}`"));
+    };
+    let other = variance.as_ref().filter(|v| [v.of_mean.width, v.of_mean.height] != [image.width, image.height]);
+    if let Some(other) = other {
+        let [width, height] = [other.of_mean.width, other.of_mean.height];
+        return Err(format!("the layer `{VARIANCE_LAYER}` is {width} x {height} pixels, and the picture is not"));
+    }
+    Ok(Picture { image, channels, steps: None, variance })
+}
+
+/// Of `variance` or `variance:N`; `None` for the name of another layer.
+fn variance_samples(name: &str) -> Result<Option<Option<u32>>, String> {
+    match name.split_once(':') {
+        None if name == VARIANCE_LAYER => Ok(Some(None)),
+        Some((VARIANCE_LAYER, samples)) => match samples.parse() {
+            Ok(samples) if samples >= 2 => Ok(Some(Some(samples))),
+            _ => Err(format!("layer `{name}`: `{samples}` is no number of samples; valid: 2 or more")),
+        },
+        _ => Ok(None),
+    }
+}
+
+/// The sets of channels that are read, in the order in which a pixel holds them; the last may be missing.
+const CHANNELS: [[&str; 4]; 3] = [["R", "G", "B", "A"], ["X", "Y", "Z", "cosine"], ["X", "Y", "Z", "W"]];
+
+fn assemble(
+    layer: &str,
+    [width, height]: [usize; 2],
+    list: &[AnyChannel<FlatSamples>],
+) -> Result<(Image, [String; 4]), String> {
+    // Other programs write `layer.R`, also where the layer has that name already.
+    let short = |name: &Text| name.to_string().rsplit('.').next().unwrap_or_default().to_owned();
+    let find = |wanted: &str| list.iter().find(|channel| short(&channel.name) == wanted);
+    let colored = CHANNELS.iter().find(|names| names[..3].iter().all(|name| find(name).is_some()));
+    // `X Y Z` alone are a prefix of two sets.
+    let colored = colored.map(|names| if names[3] == "cosine" && find("W").is_some() { &CHANNELS[2] } else { names });
+    let names = match (colored, find("Y")) {
+        (Some(names), _) => *names,
+        (None, Some(_)) => ["Y", "Y", "Y", "A"],
+        (None, None) => {
+            let held: Vec<String> = list.iter().map(|channel| channel.name.to_string()).collect();
+            let layer = if layer.is_empty() { "the first layer".to_owned() } else { format!("layer `{layer}`") };
+            return Err(format!("{layer} has the channels {}; valid: R G B, X Y Z, or Y", held.join(", ")));
+        }
+    };
+    let mut pixels = vec![[0.0, 0.0, 0.0, 1.0]; width * height];
+    for (index, name) in names.iter().enumerate() {
+        let Some(channel) = find(name) else { continue };
+        for (pixel, value) in pixels.iter_mut().zip(channel.sample_data.values_as_f32()) {
+            pixel[index] = value;
+        }
+    }
+    let side = |side: usize| u32::try_from(side).map_err(|_| "the picture is too large".to_owned());
+    Ok((Image { width: side(width)?, height: side(height)?, pixels }, names.map(str::to_owned)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Layer, write_exr, write_exr_layers, write_png};
+    use super::*;
+
+    fn numbered(width: u32, height: u32) -> Image {
+        let pixels = (0..width * height).map(|i| [i as f32 / 255.0, (255 - i) as f32 / 255.0, 0.0, 1.0]).collect();
+        Image { width, height, pixels }
+    }
+
+    fn rgba<'a>(name: &'a str, image: &'a Image) -> Layer<'a> {
+        Layer { name, channels: ["R", "G", "B", "A"], image }
+    }
+
+    #[test]
+    fn what_was_written_is_read_again() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let image = numbered(16, 9);
+        let (png, exr) = (folder.path().join("a.png"), folder.path().join("a.EXR"));
+        write_png(&png, &image).expect("written");
+        let found = read_image(&png).expect("read");
+        assert!(found.image == image, "a PNG of 8 bits changed");
+        assert_eq!((found.steps, found.variance), (Some(255), None));
+        let mut bright = image;
+        bright.pixels[5] = [-3.5, 1e6, f32::NAN, 0.25];
+        write_exr(&exr, Layer { name: "pos", channels: ["X", "Y", "Z", "cosine"], image: &bright }).expect("written");
+        let found = read_image(&exr).expect("read");
+        assert_eq!(found.channels, ["X", "Y", "Z", "cosine"]);
+        assert_eq!(found.steps, None);
+        assert_eq!(found.image.pixels[4], bright.pixels[4]);
+        assert_eq!(found.image.pixels[5][..2], bright.pixels[5][..2]);
+        assert!(found.image.pixels[5][2].is_nan() && found.image.pixels[5][3] == 0.25);
+    }
+
+    #[test]
+    fn sixteen_bits_and_grey_are_read() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.png");
+        image::ImageBuffer::from_fn(3, 2, |x, y| image::Luma([(y * 3 + x) as u16 * 13_107]))
+            .save(&path)
+            .expect("written");
+        let found = read_image(&path).expect("read");
+        assert_eq!((found.image.width, found.image.height, found.steps), (3, 2, Some(65_535)));
+        assert_eq!(found.image.pixels[2], [0.4, 0.4, 0.4, 1.0]);
+        assert_eq!(found.image.pixels[5], [1.0; 4]);
+    }
+
+    #[test]
+    fn a_variance_layer_is_read_with_its_number_of_samples() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.exr");
+        let (image, variance) = (numbered(5, 4), Image::filled(5, 4, [0.5, 0.25, 0.125, 1.0]));
+        for (name, samples) in [("variance", None), ("variance:8", Some(8))] {
+            write_exr_layers(&path, &[rgba(name, &variance), rgba("window", &image)]).expect("written");
+            let found = read_image(&path).expect("read");
+            assert_eq!(found.image, image);
+            assert_eq!(found.variance, Some(Variance { of_mean: variance.clone(), samples }));
+        }
+        for (name, word) in [("variance:1", "2 or more"), ("variance:x", "2 or more"), ("variance", "no layer but")] {
+            write_exr_layers(&path, &[rgba(name, &variance)]).expect("written");
+            let error = read_image(&path).expect_err("refused").to_string();
+            assert!(error.contains(word), "{error}");
+        }
+        write_exr_layers(&path, &[rgba("window", &image), rgba("variance", &Image::filled(4, 5, [0.0; 4]))])
+            .expect("written");
+        assert!(read_image(&path).expect_err("refused").to_string().contains("4 x 5"));
+    }
+
+    #[test]
+    fn files_that_are_no_pictures_are_refused_with_a_reason() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let fails = |name: &str, bytes: Option<&[u8]>| {
+            let path = folder.path().join(name);
+            if let Some(bytes) = bytes {
+                std::fs::write(&path, bytes).expect("written");
+            }
+            let error = read_image(&path).expect_err("refused").to_string();
+            assert!(error.contains(name), "{error}");
+            error
+        };
+        assert!(fails("missing.png", None).contains("cannot be opened"));
+        assert!(fails("a.jpg", Some(b"x")).contains(".png or .exr"));
+        assert!(fails("a.png", Some(b"not a picture")).contains("no whole PNG"));
+        assert!(fails("a.exr", Some(b"not a picture")).contains("no whole EXR"));
+        let (png, exr) = (folder.path().join("b.png"), folder.path().join("b.exr"));
+        write_png(&png, &numbered(16, 15)).expect("written");
+        write_exr(&exr, rgba("window", &numbered(16, 15))).expect("written");
+        for (path, extension) in [(&png, "png"), (&exr, "exr")] {
+            let bytes = std::fs::read(path).expect("there");
+            for length in (0..bytes.len()).step_by(7) {
+                fails(&format!("cut.{extension}"), Some(&bytes[..length]));
+            }
+        }
+        // A PNG that claims 65535 x 65535 pixels, with a right checksum of its header.
+        let mut bytes = std::fs::read(&png).expect("there");
+        bytes[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
+        let crc = crc32(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&crc.to_be_bytes());
+        assert!(fails("huge.png", Some(&bytes)).contains("65535 x 65535"));
+        write_exr(&exr, Layer { name: "x", channels: ["U", "V", "P", "Q"], image: &numbered(2, 2) }).expect("written");
+        assert!(fails("b.exr", None).contains("valid: R G B"));
+    }
+
+    /// CRC-32 of ISO 3309, as PNG chunks end with it.
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(u32::MAX, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
+        })
+    }
+}

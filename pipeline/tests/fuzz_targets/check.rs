@@ -1,0 +1,328 @@
+//! What a successful load promises, asserted.
+
+use super::MAX_BYTES;
+use curitiba_pipeline::diagnostic::Problems;
+use curitiba_pipeline::plan::{MAX_SIDE, Plan, Settings, Work};
+use curitiba_pipeline::programs::Fidelity;
+use curitiba_pipeline::project::{ChannelRef, Pass, PassKind, Project, QuadSource};
+use curitiba_pipeline::scene::{
+    BuildOptions, Layout, LoadOptions, Material, Needs, Object, RenderScene, Scene, SceneError, load, statistics,
+    write_cbo,
+};
+use glam::Vec3;
+use std::collections::HashSet;
+use std::path::Path;
+
+/// Whether an input was read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// It was, and everything promised holds.
+    Loaded,
+    /// It was not, and the error says why.
+    Refused,
+}
+
+/// A refusal names the file and says something.
+pub fn scene_error(error: &SceneError) {
+    assert!(!error.what.is_empty() && !error.what.ends_with('.'), "{error}");
+    assert!(!error.file.as_os_str().is_empty(), "{error}");
+}
+
+/// A scene and the folder of its file.
+pub struct LoadedScene<'a> {
+    pub scene: Scene,
+    pub folder: &'a Path,
+}
+
+impl LoadedScene<'_> {
+    /// Everything that a loaded scene promises, what is built of it, and what is read again after it was written.
+    pub fn check(&self) {
+        scene(&self.scene);
+        let plain = BuildOptions { max_bytes: MAX_BYTES, ..BuildOptions::default() };
+        let turned = BuildOptions { model_space_normals: true, swap_yz: true, unitize: true, ..plain };
+        for options in [plain, turned] {
+            match RenderScene::build(self.scene.clone(), &options) {
+                Ok((built, _)) => render_scene(&built, &options),
+                Err(error) => scene_error(&error),
+            }
+        }
+        for layout in [Layout::Cbo2014, Layout::NboToday] {
+            self.round_trip(layout);
+        }
+    }
+
+    /// Without normals and textures the same triangles are there.
+    pub fn check_positions_only(&self, bare: &Scene) {
+        scene(bare);
+        let (all, less) = (statistics(&self.scene), statistics(bare));
+        assert_eq!((all.triangles, all.bounds), (less.triangles, less.bounds), "what is needed changes what is there");
+        assert!(bare.meshes.iter().all(|mesh| mesh.normals.is_empty() && mesh.texcoords.is_empty()));
+        assert!(bare.textures.is_empty() && bare.materials.iter().all(|material| material.texture.is_none()));
+    }
+
+    /// A written scene reads as it was: the same objects, triangles and materials.
+    fn round_trip(&self, layout: Layout) {
+        let name = if layout == Layout::Cbo2014 { "written.cbo" } else { "written.nbo" };
+        let path = self.folder.join(name);
+        match write_cbo(&self.scene, &path, layout) {
+            Ok(_) => {}
+            // A texture that is not an image cannot be stored, and the message says so.
+            Err(error) if self.scene.textures.iter().any(|texture| error.what.contains(&texture.name())) => return,
+            Err(error) => panic!("a loaded scene can be written: {error}"),
+        }
+        // Names take more than in the scene's file where many objects share one; textures may be images that are large.
+        let options = LoadOptions { max_bytes: 16 * MAX_BYTES, ..LoadOptions::default() };
+        let read = match load(&[path], &options, &|_| {}) {
+            Ok(read) => read,
+            Err(error) => panic!("a written scene can be read: {error}"),
+        };
+        scene(&read);
+        same(&self.scene, &read);
+    }
+}
+
+/// Two scenes have the same objects, with the same positions, triangles and materials, bit by bit. Groups without
+/// triangles and the names of everything are not compared: the writer leaves those out, and may change these.
+pub fn same(written: &Scene, read: &Scene) {
+    let transforms = |scene: &Scene| -> Vec<[u32; 16]> {
+        scene.objects.iter().map(|object| object.transform.to_cols_array().map(f32::to_bits)).collect()
+    };
+    assert_eq!(transforms(written), transforms(read), "objects and their transforms");
+    for (ours, theirs) in written.objects.iter().zip(&read.objects) {
+        let positions = |scene: &Scene, object: &Object| -> Vec<[u32; 3]> {
+            let mesh = &scene.meshes[object.mesh as usize];
+            mesh.positions.iter().map(|position| position.to_array().map(f32::to_bits)).collect()
+        };
+        assert_eq!(positions(written, ours), positions(read, theirs), "positions");
+        let groups = |scene: &Scene, object: &Object| -> Vec<(Vec<u32>, Vec<[u32; 3]>)> {
+            let groups = scene.meshes[object.mesh as usize].groups.iter().filter(|group| !group.triangles.is_empty());
+            groups.map(|group| (kept_of(&scene.materials[group.material as usize]), group.triangles.clone())).collect()
+        };
+        assert_eq!(groups(written, ours), groups(read, theirs), "triangles and their materials");
+    }
+}
+
+/// The numbers of a material that both layouts keep.
+fn kept_of(material: &Material) -> Vec<u32> {
+    let colors = [material.diffuse, material.ambient, material.specular, material.emission];
+    colors.iter().flat_map(|color| color.to_array()).chain([material.shininess]).map(f32::to_bits).collect()
+}
+
+/// What [`Scene`] promises of itself: indices, lengths, numbers, names, and that the cap was kept.
+pub fn scene(scene: &Scene) {
+    for object in &scene.objects {
+        assert!((object.mesh as usize) < scene.meshes.len(), "object {} has no mesh", object.name);
+    }
+    let mut bytes = 0;
+    for mesh in &scene.meshes {
+        for group in &mesh.groups {
+            assert!((group.material as usize) < scene.materials.len(), "mesh {} has no material", mesh.name);
+            bytes += 12 * group.triangles.len() as u64;
+        }
+        for list in [mesh.normals.len(), mesh.texcoords.len()] {
+            assert!(list == 0 || list == mesh.positions.len(), "mesh {}: {list} values", mesh.name);
+        }
+        bytes += (12 * mesh.positions.len() + 12 * mesh.normals.len() + 8 * mesh.texcoords.len()) as u64;
+    }
+    // What a written scene is read with, at most.
+    assert!(bytes <= 16 * MAX_BYTES, "{bytes} bytes of vertices and triangles");
+    let mut names = HashSet::new();
+    for material in &scene.materials {
+        assert!(names.insert(&material.name), "two materials are named {}", material.name);
+        assert!(material.texture.is_none_or(|texture| (texture as usize) < scene.textures.len()));
+        self::material(material);
+    }
+    let meshes: usize = scene.files.iter().map(|file| file.meshes as usize).sum();
+    let objects: usize = scene.files.iter().map(|file| file.objects as usize).sum();
+    assert_eq!((meshes, objects), (scene.meshes.len(), scene.objects.len()), "the files hold everything");
+    let found = statistics(scene);
+    assert_eq!(found.objects, scene.objects.len() as u64);
+}
+
+/// No number of a material is NaN; only those are infinite for which that has a meaning.
+fn material(material: &Material) {
+    for color in [material.diffuse, material.ambient, material.specular, material.emission] {
+        assert!(color.is_finite(), "{material:?}");
+    }
+    assert!(material.attenuation_color.is_finite() && material.shininess.is_finite(), "{material:?}");
+    assert!(material.thickness.is_finite() && (0.0..=1.0).contains(&material.transmission), "{material:?}");
+    assert!(material.ior >= 1.0 && !material.attenuation_distance.is_nan(), "{material:?}");
+    assert!(material.alpha_cutoff.is_none_or(|cutoff| !cutoff.is_nan()), "{material:?}");
+}
+
+/// What [`RenderScene`] and its geometry promise.
+pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
+    let geometry = &built.geometry;
+    let vertices = geometry.positions.len();
+    assert!(geometry.positions.iter().all(|position| position.is_finite()));
+    let Needs { normals, textures } = options.needs;
+    assert_eq!(geometry.normals.len(), if normals { vertices } else { 0 });
+    assert_eq!(geometry.texcoords.len(), if textures { vertices } else { 0 });
+    assert!(geometry.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-5), "unit normals");
+    assert!(geometry.texcoords.iter().all(|texcoord| texcoord.is_finite()));
+    if options.unitize {
+        assert!(geometry.positions.iter().all(|position| position.abs().max_element() <= 1.0));
+    }
+    for (id, triangle) in geometry.triangles.iter().enumerate() {
+        assert!(triangle.iter().all(|vertex| (*vertex as usize) < vertices), "triangle {id}");
+        let [a, b, c] = geometry.corners(id as u32).map(|corner: Vec3| corner.as_dvec3());
+        let twice_area = (b - a).cross(c - a).length();
+        assert!(twice_area >= f64::from(f32::MIN_POSITIVE), "triangle {id} has no area");
+    }
+    let mut next = 0;
+    for pair in geometry.batches.windows(2) {
+        assert!(pair[0].material < pair[1].material, "batches are sorted and distinct");
+    }
+    for batch in &geometry.batches {
+        assert!(batch.first == next && batch.count > 0 && (batch.material as usize) < built.materials.len());
+        next += batch.count;
+    }
+    assert_eq!(next as usize, geometry.triangles.len(), "batches cover all triangles");
+    let mut texels = 0;
+    for texture in &built.textures {
+        let last = texture.levels.last().expect("a texture has levels");
+        assert_eq!((last.width, last.height), (1, 1), "the mip chain ends at one texel");
+        for level in &texture.levels {
+            assert_eq!(level.texels.len() as u64, u64::from(level.width) * u64::from(level.height));
+            texels += level.texels.len() as u64;
+        }
+        assert!(texture.sample(glam::Vec2::new(0.3, 7.9), 0.5).is_finite());
+    }
+    assert!(built.materials.iter().all(|m| m.texture.is_none_or(|t| (t as usize) < built.textures.len())));
+    let vertex = 12 + if normals { 12 } else { 0 } + if textures { 8 } else { 0 };
+    let bytes = 4 * texels + vertices as u64 * vertex + 12 * geometry.triangles.len() as u64;
+    // The mip chain of a texture one texel wide is twice its image, not 4/3.
+    assert!(bytes <= MAX_BYTES + MAX_BYTES / 2, "{bytes} bytes built");
+}
+
+/// Loads a project, checks it, and plans each of its pipelines.
+pub fn project(path: &Path) -> Outcome {
+    let project = match curitiba_pipeline::project::load(path) {
+        Ok(project) => project,
+        Err(problems) => {
+            assert!(problems.has_errors(), "a refusal has an error");
+            problems_shown(&problems);
+            return Outcome::Refused;
+        }
+    };
+    assert!(!project.problems.has_errors());
+    problems_shown(&project.problems);
+    project_references(&project);
+    for pipeline in project.pipelines.iter().take(4) {
+        for (fidelity, size) in [(Fidelity::Corrected, None), (Fidelity::Thesis, Some([33, 7]))] {
+            let settings = Settings {
+                pipeline: Some(pipeline.name.clone()),
+                show: vec!["all".to_owned()],
+                size,
+                fidelity,
+                ..Settings::default()
+            };
+            match Plan::new(project.clone(), settings) {
+                Ok(planned) => plan(&planned),
+                Err(error) => assert!(!error.to_string().is_empty()),
+            }
+        }
+    }
+    Outcome::Loaded
+}
+
+/// Every problem can be shown with its place, and there are not too many.
+fn problems_shown(problems: &Problems) {
+    assert!(problems.0.len() <= 202, "{} problems", problems.0.len());
+    for problem in &problems.0 {
+        assert!(!problem.message.is_empty());
+        if let Some((source, range)) = &problem.place {
+            assert!(range.start <= range.end, "{}: {range:?}", problem.message);
+            assert!(
+                source.text.get(range.clone()).is_some() || source.text.is_empty(),
+                "{}: {range:?}",
+                problem.message
+            );
+        }
+    }
+    let text = problems.to_string();
+    assert!(text.len() <= 202 * 16_384, "{} bytes of messages", text.len());
+}
+
+/// What [`Project`] promises: every index is valid and every number in its range.
+pub fn project_references(project: &Project) {
+    assert!(project.window.iter().all(|side| (1..=MAX_SIDE).contains(side)));
+    assert!(project.default_pipeline < project.pipelines.len());
+    for viewport in &project.viewports {
+        assert!(viewport.origin.iter().all(|edge| (0.0..=MAX_SIDE as f32).contains(edge)), "{viewport:?}");
+        assert!(viewport.size.iter().all(|side| *side > 0.0 && *side <= MAX_SIDE as f32), "{viewport:?}");
+        assert!(viewport.clear_color.is_finite(), "{viewport:?}");
+    }
+    for camera in &project.cameras {
+        assert!(camera.position.is_finite() && camera.direction.is_normalized(), "{camera:?}");
+        assert!(camera.direction.cross(camera.up).length() > 0.0, "{camera:?}");
+        assert!(camera.fov_y > 0.0 && camera.fov_y < std::f32::consts::PI, "{camera:?}");
+        assert!(camera.near > 0.0 && camera.far > camera.near && camera.far.is_finite(), "{camera:?}");
+        assert!(camera.viewport.is_none_or(|viewport| viewport < project.viewports.len()), "{camera:?}");
+    }
+    for light in &project.lights {
+        assert!(light.color.is_finite() && light.direction.is_none_or(Vec3::is_normalized), "{light:?}");
+    }
+    for target in &project.targets {
+        assert!(target.size.iter().all(|side| (1..=MAX_SIDE).contains(side)), "{target:?}");
+        assert!(target.channels.len() <= 32, "{target:?}");
+    }
+    for scene in &project.scenes {
+        assert!(!scene.files.is_empty(), "{scene:?}");
+    }
+    for pipeline in &project.pipelines {
+        assert!(pipeline.camera.is_none_or(|camera| camera < project.cameras.len()));
+        assert!(!pipeline.passes.is_empty());
+        pipeline.passes.iter().for_each(|pass| references_of(pass, project));
+    }
+}
+
+fn references_of(pass: &Pass, project: &Project) {
+    let channel = |channel: &ChannelRef| {
+        let target = project.targets.get(channel.target).expect("a channel's target is declared");
+        assert!(channel.channel < target.channels.len(), "pass {}: {channel:?}", pass.name);
+    };
+    let seen = |scenes: &[usize], camera: usize, light: Option<usize>| {
+        assert!(scenes.iter().all(|scene| *scene < project.scenes.len()), "pass {}", pass.name);
+        assert!(camera < project.cameras.len(), "pass {}", pass.name);
+        assert!(light.is_none_or(|light| light < project.lights.len()), "pass {}", pass.name);
+    };
+    assert!(pass.viewport.is_none_or(|viewport| viewport < project.viewports.len()), "pass {}", pass.name);
+    assert!(pass.target.is_none_or(|target| target < project.targets.len()), "pass {}", pass.name);
+    match &pass.kind {
+        PassKind::Raster(raster) => seen(&raster.scenes, raster.camera, raster.light),
+        PassKind::Ray(ray) => {
+            seen(&ray.scenes, ray.camera, ray.light);
+            [ray.position, ray.normal, ray.color].iter().flatten().for_each(channel);
+        }
+        PassKind::Effect(effect) => {
+            seen(&effect.scenes, effect.camera, effect.light);
+            [effect.position, effect.normal, effect.color].iter().flatten().for_each(channel);
+        }
+        PassKind::Quad(quad) => match &quad.source {
+            QuadSource::Show(shown) => channel(shown),
+            QuadSource::Combine { color, factor } => [color, factor].into_iter().for_each(channel),
+        },
+    }
+}
+
+/// What a plan promises: what it draws lies within its target, and its memory within the cap.
+fn plan(plan: &Plan) {
+    assert!(plan.target_bytes() <= plan.settings.max_memory);
+    for planned in &plan.passes {
+        let declared = plan.pass(planned);
+        let [width, height] = plan.target_size(declared.target);
+        let (view, viewport, scene_set) = match &planned.work {
+            Work::Raster { view, viewport, scene_set, .. } => (Some(view), Some(viewport), Some(*scene_set)),
+            Work::Rays { view, scene_set, .. } | Work::Effect { view, scene_set, .. } => {
+                (Some(view), None, Some(*scene_set))
+            }
+            Work::Quad { viewport } => (None, Some(viewport), None),
+        };
+        if let Some(rect) = viewport {
+            assert!(rect.x + rect.width <= width && rect.y + rect.height <= height, "{}: {rect:?}", declared.name);
+        }
+        assert!(scene_set.is_none_or(|set| set < plan.scene_sets.len()), "{}", declared.name);
+        assert!(view.is_none_or(|view| view.eye.is_finite()), "{}", declared.name);
+    }
+}

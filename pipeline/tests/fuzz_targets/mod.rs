@@ -1,0 +1,201 @@
+//! What every loader must hold for any bytes at all: the bodies of the fuzz targets in `fuzz/`, which the ordinary tests
+//! run too (`fuzz_brief.rs`).
+//!
+//! A body writes its input into a folder of its own, in memory where the system has such a folder, because the loaders
+//! read files and the files beside them. It loads the input with a cap of [`MAX_BYTES`] and panics if anything that a
+//! successful load promises does not hold, or if a refusal says nothing.
+
+pub mod check;
+
+use check::{LoadedScene, Outcome};
+use curitiba_pipeline::scene::{
+    BuildOptions, Group, LoadOptions, Material, Mesh, Needs, Object, RenderScene, Scene, SceneError, TextureSource,
+    load,
+};
+use glam::{Mat4, Vec2, Vec3};
+use std::path::{Path, PathBuf};
+
+/// What a load, and a build after it, may hold.
+pub const MAX_BYTES: u64 = 16 << 20;
+
+/// Divides the files of an input that stands for several. No text of these formats holds it.
+pub const SEPARATOR: u8 = 0;
+
+/// A project that uses everything which [`LIBRARY`] declares, and every class of pass.
+pub const PROJECT: &str = include_str!("everything.xml");
+
+/// The material library that [`PROJECT`] names.
+pub const LIBRARY: &str = include_str!("everything.mlib");
+
+/// A format's body.
+pub struct Target {
+    /// The format, and the name of the fuzz target.
+    pub name: &'static str,
+    /// Loads an input and checks what came of it.
+    pub run: fn(&[u8]) -> Outcome,
+}
+
+/// All of them.
+pub const TARGETS: [Target; 6] = [
+    Target { name: "project_xml", run: project_xml },
+    Target { name: "mlib", run: mlib },
+    Target { name: "cbo", run: cbo },
+    Target { name: "obj", run: obj },
+    Target { name: "gltf", run: gltf },
+    Target { name: "texture", run: texture },
+];
+
+/// A project file, beside [`LIBRARY`].
+pub fn project_xml(input: &[u8]) -> Outcome {
+    let folder = Folder::new();
+    folder.write("everything.mlib", LIBRARY.as_bytes());
+    check::project(&folder.write("project.xml", input))
+}
+
+/// A material library, named by [`PROJECT`].
+pub fn mlib(input: &[u8]) -> Outcome {
+    let folder = Folder::new();
+    folder.write("everything.mlib", input);
+    check::project(&folder.write("project.xml", PROJECT.as_bytes()))
+}
+
+/// A CBO file. Its extension says which layout is tried first, never whether the file is read.
+pub fn cbo(input: &[u8]) -> Outcome {
+    let folder = Folder::with_textures();
+    let loaded = scene(&folder, &folder.write("scene.cbo", input));
+    let other = scene(&folder, &folder.write("scene.nbo", input));
+    assert_eq!(loaded, other, "the extension decides whether the file is read");
+    loaded
+}
+
+/// An OBJ file; after a [`SEPARATOR`], the material library `scene.mtl`.
+pub fn obj(input: &[u8]) -> Outcome {
+    let folder = Folder::with_textures();
+    let mut files = input.splitn(2, |byte| *byte == SEPARATOR);
+    let [obj, mtl] = [files.next(), files.next()].map(Option::unwrap_or_default);
+    folder.write("scene.mtl", mtl);
+    scene(&folder, &folder.write("scene.obj", obj))
+}
+
+/// A glTF file, as JSON or GLB by its first bytes; after a [`SEPARATOR`] in JSON, the buffer `scene.bin`.
+pub fn gltf(input: &[u8]) -> Outcome {
+    let folder = Folder::with_textures();
+    if input.starts_with(b"glTF") {
+        return scene(&folder, &folder.write("scene.glb", input));
+    }
+    let mut files = input.splitn(2, |byte| *byte == SEPARATOR);
+    let [json, binary] = [files.next(), files.next()].map(Option::unwrap_or_default);
+    folder.write("scene.bin", binary);
+    scene(&folder, &folder.write("scene.gltf", json))
+}
+
+/// An image, as a scene's texture: inside its file, as a file of its own, and as the mask of itself. Only a file's name
+/// can say that it is a TGA.
+pub fn texture(input: &[u8]) -> Outcome {
+    let folder = Folder::new();
+    let file = folder.write("image.tga", input);
+    let sources = [
+        TextureSource::Embedded { name: "embedded".to_owned(), bytes: input.to_vec() },
+        TextureSource::File(file.clone()),
+        TextureSource::Masked { color: file.clone(), mask: file },
+    ];
+    let mut decoded = 0;
+    for source in sources {
+        let options = BuildOptions { max_bytes: MAX_BYTES, ..BuildOptions::default() };
+        match RenderScene::build(triangle(source), &options) {
+            Ok((built, warnings)) => {
+                check::render_scene(&built, &options);
+                assert!(
+                    built.textures.len() == 1 || !warnings.is_empty(),
+                    "a texture that cannot be decoded is counted"
+                );
+                decoded += built.textures.len();
+            }
+            Err(error) => check::scene_error(&error),
+        }
+    }
+    if decoded > 0 { Outcome::Loaded } else { Outcome::Refused }
+}
+
+/// A triangle cut out by a texture.
+fn triangle(source: TextureSource) -> Scene {
+    Scene {
+        meshes: vec![Mesh {
+            name: "triangle".to_owned(),
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            normals: Vec::new(),
+            texcoords: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
+            groups: vec![Group { material: 0, triangles: vec![[0, 1, 2]] }],
+        }],
+        objects: vec![Object { name: "triangle".to_owned(), mesh: 0, transform: Mat4::IDENTITY }],
+        materials: vec![Material { texture: Some(0), alpha_cutoff: Some(0.5), ..Material::default() }],
+        textures: vec![source],
+        ..Scene::default()
+    }
+}
+
+/// Loads a scene file whole, and once more with nothing but positions.
+fn scene(folder: &Folder, path: &Path) -> Outcome {
+    let load = |needs: Needs| -> Result<Scene, SceneError> {
+        load(&[path.to_owned()], &LoadOptions { needs, max_bytes: MAX_BYTES }, &|_| {})
+    };
+    let loaded = match load(Needs::ALL) {
+        Ok(scene) => LoadedScene { scene, folder: folder.path() },
+        Err(error) => {
+            check::scene_error(&error);
+            return Outcome::Refused;
+        }
+    };
+    loaded.check();
+    match load(Needs { normals: false, textures: false }) {
+        Ok(bare) => loaded.check_positions_only(&bare),
+        Err(error) => panic!("what loads whole loads without normals and textures: {error}"),
+    }
+    Outcome::Loaded
+}
+
+/// A folder that is removed when the body is done.
+pub struct Folder(tempfile::TempDir);
+
+impl Folder {
+    /// An empty one, in memory where the system has a folder for that.
+    pub fn new() -> Self {
+        let memory = Path::new("/dev/shm");
+        let parent = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
+        let folder = tempfile::Builder::new().prefix("curitiba-fuzz-").tempdir_in(parent);
+        Self(folder.expect("a folder for temporary files can be made"))
+    }
+
+    /// One with the textures that inputs may name: `t.tga` has an alpha channel with holes, `m.tga` none.
+    fn with_textures() -> Self {
+        let folder = Self::new();
+        folder.write("t.tga", &tga(&[[200, 10, 20, 255], [10, 200, 20, 0], [10, 20, 200, 90], [9, 9, 9, 255]]));
+        folder.write("m.tga", &tga(&[[255; 3], [0; 3]]));
+        folder
+    }
+
+    /// Writes a file.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.0.path().join(name);
+        std::fs::write(&path, bytes).expect("a temporary file can be written");
+        path
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+}
+
+/// A row of uncompressed texels as a TGA file: 3 or 4 channels, red first.
+pub fn tga<const CHANNELS: usize>(texels: &[[u8; CHANNELS]]) -> Vec<u8> {
+    let mut bytes = vec![0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, texels.len() as u8, 0, 1, 0, 8 * CHANNELS as u8];
+    // The number of alpha bits, and the top row first.
+    bytes.push(if CHANNELS == 4 { 8 } else { 0 } | 0x20);
+    for texel in texels {
+        // The file has blue first.
+        bytes.extend([texel[2], texel[1], texel[0]]);
+        bytes.extend(&texel[3..]);
+    }
+    bytes
+}

@@ -1,0 +1,217 @@
+//! Tiny inputs of every format, all of them made here, from which mutations start.
+
+use super::fuzz_targets::{Folder, LIBRARY, PROJECT, tga};
+use curitiba_pipeline::scene::{Group, Layout, Material, Mesh, Object, Scene, TextureSource, write_cbo};
+use glam::{Mat4, Vec2, Vec3};
+use image::{DynamicImage, ImageFormat, Rgba, RgbaImage};
+use std::io::Cursor;
+
+/// Names and bytes of a target's seeds; each is an input that loads.
+///
+/// # Panics
+/// If there is no such target.
+#[must_use]
+pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
+    match target {
+        "project_xml" => vec![("everything.xml", PROJECT.into()), ("smallest.xml", SMALLEST_PROJECT.into())],
+        "mlib" => vec![("everything.mlib", LIBRARY.into())],
+        "cbo" => vec![
+            ("list.cbo", written(Layout::Cbo2014)),
+            ("list.nbo", written(Layout::NboToday)),
+            ("octree.cbo", octree(Layout::Cbo2014)),
+            ("octree.nbo", octree(Layout::NboToday)),
+        ],
+        "obj" => vec![("plain.obj", PLAIN_OBJ.into()), ("materials.obj", MATERIALS_OBJ.into())],
+        "gltf" => vec![
+            ("data.gltf", data_gltf()),
+            ("file.gltf", [gltf_json("\"scene.bin\"").as_bytes(), b"\0", &gltf_binary()].concat()),
+            ("binary.glb", glb()),
+            ("sparse.gltf", SPARSE_GLTF.into()),
+        ],
+        "texture" => vec![
+            ("rgba.png", encoded(ImageFormat::Png, true)),
+            ("rgb.jpg", encoded(ImageFormat::Jpeg, false)),
+            ("rgba.tif", encoded(ImageFormat::Tiff, true)),
+            ("rgba.bmp", encoded(ImageFormat::Bmp, true)),
+            ("rgba.tga", encoded(ImageFormat::Tga, true)),
+            ("plain.tga", tga(&[[1, 2, 3, 4], [5, 6, 7, 255]])),
+            ("dxt1.dds", dds()),
+        ],
+        other => panic!("there is no target {other}"),
+    }
+}
+
+const SMALLEST_PROJECT: &str = "<project name=\"p\"><assets>
+<scenes><scene name=\"S\"><file name=\"b.obj\"/></scene></scenes><cameras><camera name=\"C\"/></cameras></assets>
+<pipelines><pipeline name=\"m\"><pass class=\"default\" name=\"a\"><scenes><scene name=\"S\"/></scenes><camera name=\"C\"/></pass></pipeline></pipelines>
+</project>";
+
+const PLAIN_OBJ: &str = "# two triangles\no box\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0.5\nf 1 2 3\nf -1 -2 \\\n -3\n";
+
+const MATERIALS_OBJ: &str = "mtllib scene.mtl\no a\nv 0 0 0\nv 1 0 0 1\nv 1 1 0\nv 0 1 0\nv 0.4 0.4 0
+vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nvn 1e-3 0 -1\nusemtl wall\ns 1\nf 1/1/1 2/2/1 3/3/2\nf 1//1 3//2 4//1\nusemtl pane
+g b c\nf 1/1 2/2 3/3\nf 1 2 3 4 5\nusemtl gone\nl 1 2\nf 3 4 5\n\0newmtl wall\nKd 0.5\nKa 0.1 0.2 0.3\nKs 1 1 1\nKe 0 0 0
+Ns 20\nd 0.9\nillum 2\nmap_Kd -s 2 2 1 -o 0.5 0 0 t.tga\nmap_d m.tga\nnewmtl pane\nKd 1 1 1\nTf 0.9 0.9 0.8\nNi 1.52
+Tr 0.7\nd -halo 0.5\nillum 7\nmap_Kd t.tga\nmap_d t.tga\nmap_bump -bm 0.2 m.tga\n";
+
+/// A textured square whose file is the texture beside it, and a triangle that is placed twice, in glass.
+fn scene(folder: &Folder) -> Scene {
+    let texture = folder.write("t.tga", &tga(&[[1, 2, 3, 4]]));
+    let square = Mesh {
+        name: "square".to_owned(),
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::X + Vec3::Y],
+        normals: vec![Vec3::Z; 4],
+        texcoords: vec![Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE],
+        groups: vec![Group { material: 0, triangles: vec![[0, 1, 2], [2, 1, 3]] }],
+    };
+    let pane = Mesh {
+        name: "pane".to_owned(),
+        positions: vec![Vec3::ZERO, Vec3::X, Vec3::Z],
+        groups: vec![Group { material: 1, triangles: vec![[0, 1, 2]] }],
+        ..Mesh::default()
+    };
+    let object = |name: &str, mesh, transform| Object { name: name.to_owned(), mesh, transform };
+    Scene {
+        meshes: vec![square, pane],
+        objects: vec![
+            object("a", 0, Mat4::IDENTITY),
+            object("b", 1, Mat4::from_translation(Vec3::new(0.0, 2.0, 0.0))),
+            object("c", 1, Mat4::from_scale(Vec3::new(-1.0, 2.0, 3.0))),
+        ],
+        materials: vec![
+            Material { name: "wall".to_owned(), texture: Some(0), alpha_cutoff: Some(0.5), ..Material::default() },
+            Material { name: "Vidro".to_owned(), ..Material::default() },
+        ],
+        textures: vec![TextureSource::File(texture)],
+        ..Scene::default()
+    }
+}
+
+fn written(layout: Layout) -> Vec<u8> {
+    let folder = Folder::new();
+    let path = folder.path().join("seed");
+    write_cbo(&scene(&folder), &path, layout).expect("the scene can be written");
+    std::fs::read(path).expect("it was written")
+}
+
+/// A scene whose objects lie in the nodes of an octree; the writer writes lists only.
+fn octree(layout: Layout) -> Vec<u8> {
+    let is_2014 = layout == Layout::Cbo2014;
+    let word = |value: u32| value.to_le_bytes().to_vec();
+    let text = |text: &str| [&word(text.len() as u32)[..], text.as_bytes(), &[0]].concat();
+    let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let object = |key: &str| {
+        let class = if is_2014 { text("SimpleTransform") } else { Vec::new() };
+        [
+            [text(key), text("o"), floats(&[0.0; 6]), class, floats(&Mat4::IDENTITY.to_cols_array())].concat(),
+            [text("r"), word(1), text("position"), word(3)].concat(),
+            floats(&[0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0]),
+            // The word after the vertices; then a group without indices: the vertices in order.
+            [word(0), text("m"), word(0), word(0)].concat(),
+        ]
+        .concat()
+    };
+    let node = |objects: Vec<u8>, count: u32, children: u32| {
+        [floats(&[0.0; 12]), word(count), objects, word(children), word(0), word(0)].concat()
+    };
+    [
+        [word(0), text("OctreeByMatScene"), floats(&[0.0; 6]), text("tree")].concat(),
+        node(object("k"), 1, 1),
+        node([object("k"), object("l")].concat(), 2, 0),
+    ]
+    .concat()
+}
+
+/// A square of four vertices with texture coordinates and 16-bit indices.
+fn gltf_binary() -> Vec<u8> {
+    let floats = [
+        [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0].as_slice(),
+        [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0].as_slice(),
+    ];
+    let mut bytes: Vec<u8> = floats.concat().iter().flat_map(|value| value.to_le_bytes()).collect();
+    bytes.extend([0_u16, 1, 2, 2, 1, 3].iter().flat_map(|index| index.to_le_bytes()));
+    bytes
+}
+
+/// The asset of [`gltf_binary`]; `uri` is a JSON string or `null`.
+fn gltf_json(uri: &str) -> String {
+    format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,2]}}],
+"nodes":[{{"mesh":0,"name":"n","rotation":[0,0,0,1],"scale":[1,2,1],"children":[1]}},{{"mesh":0,"translation":[0,0,1]}},
+{{"mesh":0,"matrix":[1,0,0,0,0,1,0,0,0,0,1,0,3,0,0,1]}}],
+"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},"indices":2,"material":0}},
+{{"attributes":{{"POSITION":0,"TEXCOORD_0":1}},"mode":5,"material":1}},{{"attributes":{{"POSITION":0}},"mode":6}}]}}],
+"materials":[{{"name":"cut","alphaMode":"MASK","alphaCutoff":0.4,"doubleSided":true,
+"pbrMetallicRoughness":{{"baseColorFactor":[1,1,1,0.5],"baseColorTexture":{{"index":0,
+"extensions":{{"KHR_texture_transform":{{"offset":[0,1],"rotation":1.5,"scale":[2,2]}}}}}}}}}},
+{{"name":"pane","alphaMode":"BLEND","emissiveFactor":[0,0,1],"pbrMetallicRoughness":{{"baseColorTexture":{{"index":1}}}},
+"extensions":{{"KHR_materials_transmission":{{"transmissionFactor":0.9}},"KHR_materials_ior":{{"ior":1.4}},
+"KHR_materials_volume":{{"thicknessFactor":0.1,"attenuationDistance":2,"attenuationColor":[0.5,1,1]}},
+"KHR_materials_emissive_strength":{{"emissiveStrength":3}}}}}}],
+"textures":[{{"source":0}},{{"source":1,"sampler":0}}],"samplers":[{{"wrapS":33071}}],
+"images":[{{"uri":"t.tga"}},{{"bufferView":2,"mimeType":"image/png"}}],
+"accessors":[{{"bufferView":0,"componentType":5126,"count":4,"type":"VEC3"}},
+{{"bufferView":0,"byteOffset":48,"componentType":5126,"count":4,"type":"VEC2"}},
+{{"bufferView":1,"componentType":5123,"count":6,"type":"SCALAR"}}],
+"bufferViews":[{{"buffer":0,"byteLength":80}},{{"buffer":0,"byteOffset":80,"byteLength":12}},
+{{"buffer":0,"byteOffset":0,"byteLength":92}}],
+"buffers":[{{"byteLength":92,"uri":{uri}}}]}}"#
+    )
+}
+
+fn data_gltf() -> Vec<u8> {
+    gltf_json(&format!("\"data:application/octet-stream;base64,{}\"", base64(&gltf_binary()))).into_bytes()
+}
+
+fn glb() -> Vec<u8> {
+    let mut text = gltf_json("null").into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let binary = gltf_binary();
+    let word = |value: usize| (value as u32).to_le_bytes().to_vec();
+    let length = 28 + text.len() + binary.len();
+    let header = [b"glTF".to_vec(), word(2), word(length), word(text.len()), b"JSON".to_vec()].concat();
+    [header, text, word(binary.len()), b"BIN\0".to_vec(), binary].concat()
+}
+
+/// Positions that are zero but for one, put there by a sparse accessor with normalised integers beside it.
+const SPARSE_GLTF: &str = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1}}]}],
+"accessors":[{"componentType":5126,"count":3,"type":"VEC3","sparse":{"count":2,
+"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0,"byteOffset":4}}},
+{"bufferView":1,"componentType":5120,"normalized":true,"count":3,"type":"VEC3"}],
+"bufferViews":[{"buffer":0,"byteLength":28},{"buffer":0,"byteLength":28,"byteStride":4}],
+"buffers":[{"byteLength":28,"uri":"data:;base64,AQIAAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAA=="}]}"#;
+
+/// Base64 with padding (RFC 4648, section 4).
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::new();
+    for three in bytes.chunks(3) {
+        let at = |index: usize| u32::from(three.get(index).copied().unwrap_or(0));
+        let bits = at(0) << 16 | at(1) << 8 | at(2);
+        text.extend((0..4).map(|letter| match letter <= three.len() {
+            true => char::from(LETTERS[(bits >> (18 - 6 * letter) & 63) as usize]),
+            false => '=',
+        }));
+    }
+    text
+}
+
+fn encoded(format: ImageFormat, alpha: bool) -> Vec<u8> {
+    let image = RgbaImage::from_fn(5, 3, |x, y| Rgba([40 * x as u8, 80 * y as u8, 7, 40 * (x + y) as u8]));
+    let image = DynamicImage::ImageRgba8(image);
+    let image = if alpha { image } else { DynamicImage::ImageRgb8(image.into_rgb8()) };
+    let mut bytes = Cursor::new(Vec::new());
+    image.write_to(&mut bytes, format).expect("the format can be written");
+    bytes.into_inner()
+}
+
+/// One block of DXT1: 4 x 4 texels.
+fn dds() -> Vec<u8> {
+    let mut words = [0_u32; 32];
+    words[0] = u32::from_le_bytes(*b"DDS ");
+    // Sizes and flags of the header, then of its pixel format (Direct3D's `DDS_HEADER`).
+    (words[1], words[2], words[3], words[4]) = (124, 0x1007, 4, 4);
+    (words[19], words[20], words[21], words[27]) = (32, 4, u32::from_le_bytes(*b"DXT1"), 0x1000);
+    words.iter().flat_map(|word| word.to_le_bytes()).chain([0, 0xF8, 0x1F, 0, 0x1B, 0x2D, 0xFF, 0x00]).collect()
+}

@@ -1,0 +1,262 @@
+//! Benchmarks as CSV and as Markdown.
+
+use super::model::{BenchFile, BenchRow, RowError, ThesisFigure};
+use crate::pipeline::backend::RayCounts;
+use std::fmt::Write as _;
+
+/// Rays of one frame.
+#[must_use]
+pub fn rays(row: &BenchRow) -> Option<u64> {
+    let counts = row.steps.iter().filter_map(|step| step.rays).map(RayCounts::total);
+    row.rays.as_ref().map(|_| counts.sum())
+}
+
+/// Millions of rays a second of the time in ray passes.
+#[must_use]
+pub fn mrays_per_second(row: &BenchRow) -> Option<f64> {
+    let traced: Vec<_> = row.steps.iter().filter(|step| step.mrays_per_second.is_some()).collect();
+    let ms: f64 = traced.iter().map(|step| step.host.median).sum();
+    let rays: u64 = traced.iter().filter_map(|step| step.rays).map(RayCounts::total).sum();
+    (rays > 0).then(|| rays as f64 / 1e3 / ms.max(1e-6))
+}
+
+/// A CSV file: one line a row. What is not known is an empty field; times are milliseconds.
+#[must_use]
+pub fn csv(file: &BenchFile) -> String {
+    const HEADER: [&str; 33] = [
+        "label",
+        "effect",
+        "technique",
+        "view",
+        "project",
+        "set",
+        "width",
+        "height",
+        "fidelity",
+        "seed",
+        "triangles",
+        "raster",
+        "rays",
+        "n",
+        "median_ms",
+        "mean_ms",
+        "sd_ms",
+        "min_ms",
+        "max_ms",
+        "device_median_ms",
+        "ray_share",
+        "rays_per_frame",
+        "mrays_per_second",
+        "held_bytes",
+        "peak_memory_bytes",
+        "rmse",
+        "flip",
+        "ssim",
+        "reference_error",
+        "reference",
+        "thesis_ms",
+        "thesis_machine",
+        "ratio",
+    ];
+    let mut text = HEADER.join(",") + "\n";
+    for row in &file.rows {
+        let fields: Vec<String> = fields(row).iter().map(|field| quoted(field)).collect();
+        debug_assert_eq!(fields.len(), HEADER.len());
+        text += &(fields.join(",") + "\n");
+    }
+    text
+}
+
+fn fields(row: &BenchRow) -> Vec<String> {
+    fn known<T: ToString>(value: Option<T>) -> String {
+        value.map(|value| value.to_string()).unwrap_or_default()
+    }
+    let (comparison, own, reference) = match &row.error {
+        RowError::Against { reference, own_error, comparison, .. } => {
+            (Some(comparison), Some(own_error), reference.clone())
+        }
+        RowError::Missing(why) => (None, None, format!("missing: {why}")),
+    };
+    let technique = serde_json::to_value(row.technique).ok().and_then(|name| name.as_str().map(str::to_owned));
+    let thesis = row.thesis.as_ref();
+    vec![
+        row.label.clone(),
+        row.effect.clone(),
+        known(technique),
+        row.view.clone(),
+        row.project.display().to_string(),
+        row.set.join(" "),
+        row.size[0].to_string(),
+        row.size[1].to_string(),
+        row.fidelity.clone(),
+        row.seed.to_string(),
+        row.triangles.to_string(),
+        format!("{}: {}", row.raster.name, row.raster.device),
+        known(row.rays.as_ref().map(|rays| format!("{}: {}", rays.name, rays.device))),
+        row.frame.n().to_string(),
+        row.frame.median.to_string(),
+        row.frame.mean.to_string(),
+        row.frame.sd.to_string(),
+        row.frame.min.to_string(),
+        row.frame.max.to_string(),
+        known(row.frame_device.as_ref().map(|device| device.median)),
+        known(row.ray_share),
+        known(rays(row)),
+        known(mrays_per_second(row)),
+        row.held_bytes.to_string(),
+        known(row.peak_memory_bytes),
+        known(comparison.map(|comparison| comparison.rmse)),
+        known(comparison.map(|comparison| comparison.flip)),
+        known(comparison.map(|comparison| comparison.ssim)),
+        known(own),
+        reference,
+        known(thesis.map(|thesis| thesis.frame_ms)),
+        known(thesis.map(|thesis| thesis.machine.clone())),
+        known(thesis.and_then(|thesis| thesis.ratio)),
+    ]
+}
+
+/// RFC 4180.
+fn quoted(field: &str) -> String {
+    if field.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", field.replace('"', "\"\""))
+    } else {
+        field.to_owned()
+    }
+}
+
+/// References in the order of their first use, so that a table can number them.
+#[must_use]
+pub fn references(rows: &[BenchRow]) -> Vec<&str> {
+    let mut found: Vec<&str> = Vec::new();
+    for row in rows {
+        let name = reference(row);
+        if !found.contains(&name) {
+            found.push(name);
+        }
+    }
+    found
+}
+
+/// What a row's error is against, or why it has none.
+#[must_use]
+pub fn reference(row: &BenchRow) -> &str {
+    match &row.error {
+        RowError::Against { reference, .. } => reference,
+        RowError::Missing(why) => why,
+    }
+}
+
+/// A page of Markdown: machine, table, steps, references, and what is not there.
+#[must_use]
+pub fn markdown(file: &BenchFile) -> String {
+    let mut text = String::new();
+    let machine = &file.environment;
+    let _ = writeln!(text, "# Benchmark\n\n`{}`\n", file.command);
+    let _ = writeln!(
+        text,
+        "{}, {} threads, {}; curitiba {} ({}), {} build, {}. {} frames a row after {} of warm-up.",
+        machine.cpu,
+        machine.threads,
+        machine.platform,
+        machine.version,
+        machine.commit,
+        machine.profile,
+        machine.flags,
+        file.frames,
+        file.warmup
+    );
+    for (gpu, driver) in machine.gpu.iter().zip(&machine.driver) {
+        let _ = writeln!(text, "Graphics device: {gpu}, {driver}.");
+    }
+    for fallback in &machine.fallbacks {
+        let _ = writeln!(text, "Fallback: {fallback}.");
+    }
+    if !file.complete {
+        let _ = writeln!(text, "\n**Not complete.**");
+    }
+    let references = references(&file.rows);
+    text += "\n| effect | view | engines | ms (median ± σ) | min … max | n | % in rays | Mrays/s | MiB held | RMSE | FLIP | against | \
+             report | ratio |\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
+    for row in &file.rows {
+        let against = references.iter().position(|name| *name == reference(row)).map_or(0, |index| index + 1);
+        let _ = writeln!(text, "| {} | [{against}] | {} |", cells(row).join(" | "), thesis_cells(row.thesis.as_ref()));
+    }
+    text += "\nErrors are of the window's picture, in linear values, against:\n\n";
+    for (index, name) in references.iter().enumerate() {
+        let _ = writeln!(text, "{}. {name}", index + 1);
+    }
+    if let Some(thesis) = file.rows.iter().find_map(|row| row.thesis.as_ref()) {
+        let _ = writeln!(
+            text,
+            "\nThe report's times are of {}; ratios are its time divided by ours, for frames of the same size only.",
+            thesis.machine
+        );
+    }
+    steps(&mut text, &file.rows);
+    for missing in &file.unavailable {
+        let _ = writeln!(text, "\nNot measured: {}: {}", missing.what, missing.why);
+    }
+    text
+}
+
+fn cells(row: &BenchRow) -> Vec<String> {
+    let engines =
+        row.rays.as_ref().map_or(row.raster.name.clone(), |rays| format!("{} + {}", row.raster.name, rays.name));
+    let (rmse, flip) = match &row.error {
+        RowError::Against { comparison, .. } => (format!("{:.2e}", comparison.rmse), format!("{:.4}", comparison.flip)),
+        RowError::Missing(_) => ("-".to_owned(), "-".to_owned()),
+    };
+    vec![
+        row.label.clone(),
+        row.view.clone(),
+        engines,
+        format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd),
+        format!("{:.2} … {:.2}", row.frame.min, row.frame.max),
+        row.frame.n().to_string(),
+        row.ray_share.map_or("-".to_owned(), |share| format!("{:.1}", share * 100.0)),
+        mrays_per_second(row).map_or("-".to_owned(), |speed| format!("{speed:.1}")),
+        format!("{:.1}", row.held_bytes as f64 / f64::from(1 << 20)),
+        rmse,
+        flip,
+    ]
+}
+
+fn thesis_cells(thesis: Option<&ThesisFigure>) -> String {
+    let Some(thesis) = thesis else { return "- | -".to_owned() };
+    let ratio = thesis.ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
+    let share = thesis.ray_percent.map(|share| format!(" ({share} %)")).unwrap_or_default();
+    format!("{}{share} | {ratio}", thesis.frame_ms)
+}
+
+fn steps(text: &mut String, rows: &[BenchRow]) {
+    *text += "\n| effect | view | step | pass | host ms | device ms | rays | Mrays/s |\n|---|---|---|---|---:|---:|---:|---:|\n";
+    for row in rows {
+        for step in row.setup.iter().chain(&row.steps) {
+            let _ = writeln!(
+                text,
+                "| {} | {} | {} | {} | {:.2} | {} | {} | {} |",
+                row.label,
+                row.view,
+                step.kind.name(),
+                step.name,
+                step.host.median,
+                step.device.as_ref().map_or("-".to_owned(), |device| format!("{:.2}", device.median)),
+                step.rays.map_or("-".to_owned(), |rays| rays.total().to_string()),
+                step.mrays_per_second.map_or("-".to_owned(), |speed| format!("{speed:.1}")),
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn fields_with_commas_and_quotes_are_quoted() {
+        assert_eq!(quoted("AO"), "AO");
+        assert_eq!(quoted("AO, 4 samples"), "\"AO, 4 samples\"");
+        assert_eq!(quoted("a \"b\""), "\"a \"\"b\"\"\"");
+    }
+}

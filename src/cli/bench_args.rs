@@ -1,0 +1,168 @@
+//! The arguments of `bench`.
+
+use super::args::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_size};
+use clap::{Args, ValueEnum, ValueHint};
+use std::path::PathBuf;
+
+/// Arguments of `bench`.
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// Project files, one row each
+    #[arg(value_name = "PROJECT.xml", value_hint = ValueHint::FilePath, required_unless_present = "table2")]
+    pub projects: Vec<PathBuf>,
+    /// Measure the 19 rows of the report's table 2, beside its figures
+    #[arg(long, conflicts_with_all = ["projects", "camera", "sweep", "pipeline"])]
+    pub table2: bool,
+    /// Folder of the projects of --table2
+    #[arg(long = "projects", value_name = "DIR", value_hint = ValueHint::DirPath, default_value = "xml_projects")]
+    pub folder: PathBuf,
+    /// Window size; render targets scale with it [default: the project's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Camera of every pass; several make a row each [default: each pass's own]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Vec<String>,
+    /// Pipeline to run [default: the project's]
+    #[arg(long, value_name = "NAME")]
+    pub pipeline: Option<String>,
+    /// Frames measured of each row
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub frames: u32,
+    /// Frames rendered before them, and not counted
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    pub warmup: u32,
+    /// Measure each row on each of these; what is not there is listed with the reason
+    #[arg(long, value_enum, value_name = "ENGINES", value_delimiter = ',', conflicts_with = "raster")]
+    pub compare: Vec<EngineArg>,
+    /// Measure each row with each value of a parameter, of the first pass that reads it or of the pass named
+    #[arg(long, value_name = "[PASS.]NAME=A,B,…")]
+    pub sweep: Option<String>,
+    /// Rasteriser; auto takes a real GPU if there is one, else the cpu
+    #[arg(long, value_enum, default_value_t = Raster::Auto)]
+    pub raster: Raster,
+    /// Ray backend
+    #[arg(long, value_enum, default_value_t = Backend::Auto)]
+    pub backend: Backend,
+    /// The report's programs with their defects mended, or as they were written; errors are against the mended ones
+    #[arg(long, value_enum, default_value_t = FidelityArg::Corrected)]
+    pub fidelity: FidelityArg,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u32,
+    /// Set a parameter of a ray or effect pass; `curitiba list` names them
+    #[arg(long, value_name = "PASS.NAME=VALUE")]
+    pub set: Vec<String>,
+    /// Write all samples and the machine here, after every row
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub json: Option<PathBuf>,
+    /// Write one line a row here
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub csv: Option<PathBuf>,
+    /// Write a page of tables here
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub markdown: Option<PathBuf>,
+    /// Go on with the benchmark that the file of --json holds; rows that are there are not measured again
+    #[arg(long, requires = "json")]
+    pub resume: bool,
+    /// Measure times only, and no error
+    #[arg(long)]
+    pub no_error: bool,
+    /// Folder in which references are kept [default: CURITIBA_CACHE, or curitiba/references in the user's cache folder]
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub references: Option<PathBuf>,
+    /// Longest time for refining one reference; rows say where it was not enough
+    #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
+    pub reference_seconds: u32,
+    /// Threads of the cpu engines [default: all cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Most memory that scenes and targets may take, in bytes or with a unit: 512MiB, 8GiB
+    #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
+    pub max_memory: u64,
+}
+
+/// An engine of `--compare`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum EngineArg {
+    /// Rasteriser and rays on the processor
+    Cpu,
+    /// Rasteriser on the GPU, rays on the processor
+    Wgpu,
+    /// NVIDIA GPUs through CUDA
+    Cuda,
+    /// NVIDIA GPUs through OptiX
+    Optix,
+}
+
+impl EngineArg {
+    /// As it is written.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cpu => "cpu",
+            Self::Wgpu => "wgpu",
+            Self::Cuda => "cuda",
+            Self::Optix => "optix",
+        }
+    }
+}
+
+impl BenchArgs {
+    /// What is asked of one project, as for `render`.
+    pub fn project(&self, path: PathBuf, camera: Option<String>) -> ProjectArgs {
+        ProjectArgs {
+            path,
+            size: self.size,
+            camera,
+            pipeline: self.pipeline.clone(),
+            raster: self.raster,
+            backend: self.backend,
+            fidelity: self.fidelity,
+            seed: self.seed,
+            show: Vec::new(),
+            set: self.set.clone(),
+            threads: self.threads,
+            max_memory: self.max_memory,
+        }
+    }
+
+    /// The command with all that decides about the rows, in one order and with its defaults: equal commands make equal
+    /// rows. Where results are written is not part of it.
+    pub fn command(&self) -> String {
+        let value = |value: Option<String>| value.unwrap_or_else(|| "auto".to_owned());
+        let named = |name: &str, text: String| [format!("--{name}"), text];
+        let mut words = vec!["curitiba bench".to_owned()];
+        if self.table2 {
+            words.push("--table2".to_owned());
+            words.extend(named("projects", self.folder.display().to_string()));
+        }
+        words.extend(self.projects.iter().map(|path| path.display().to_string()));
+        if let Some([width, height]) = self.size {
+            words.extend(named("size", format!("{width}x{height}")));
+        }
+        words.extend(self.camera.iter().flat_map(|camera| named("camera", camera.clone())));
+        words.extend(self.pipeline.iter().flat_map(|pipeline| named("pipeline", pipeline.clone())));
+        words.extend(named("frames", self.frames.to_string()));
+        words.extend(named("warmup", self.warmup.to_string()));
+        if self.compare.is_empty() {
+            words.extend(named("raster", value(name_of(self.raster))));
+        } else {
+            let engines: Vec<&str> = self.compare.iter().map(|engine| engine.name()).collect();
+            words.extend(named("compare", engines.join(",")));
+        }
+        words.extend(named("backend", value(name_of(self.backend))));
+        words.extend(self.sweep.iter().flat_map(|sweep| named("sweep", sweep.clone())));
+        words.extend(named("fidelity", value(name_of(self.fidelity))));
+        words.extend(named("seed", self.seed.to_string()));
+        words.extend(self.set.iter().flat_map(|set| named("set", set.clone())));
+        if self.no_error {
+            words.push("--no-error".to_owned());
+        } else {
+            words.extend(named("reference-seconds", self.reference_seconds.to_string()));
+        }
+        words.join(" ")
+    }
+}
+
+fn name_of(value: impl ValueEnum) -> Option<String> {
+    value.to_possible_value().map(|value| value.get_name().to_owned())
+}

@@ -1,0 +1,114 @@
+//! The table that `bench` prints, row by row.
+
+use anstyle::Style;
+use curitiba::bench::model::{BenchFile, BenchRow, RowError};
+use curitiba::bench::text::{mrays_per_second, reference};
+use curitiba::pipeline::plan::mebibytes;
+
+const HEADER: Style = Style::new().bold();
+
+/// Prints rows as they come, and numbers the references that they name.
+pub struct Table {
+    label: usize,
+    references: Vec<String>,
+    begun: bool,
+}
+
+impl Table {
+    /// Prints what the rows are measured on.
+    pub fn new<'a>(labels: impl Iterator<Item = &'a str>, file: &BenchFile) -> Self {
+        let machine = &file.environment;
+        crate::say!(
+            "{}, {} threads, {} build, commit {}; {} frames a row after {} of warm-up",
+            machine.cpu,
+            machine.threads,
+            machine.profile,
+            machine.commit,
+            file.frames,
+            file.warmup
+        );
+        if machine.profile == "debug" {
+            crate::say!("this is no release build: times say little");
+        }
+        for fallback in &machine.fallbacks {
+            crate::say!("{fallback}");
+        }
+        let label = labels.map(|label| label.chars().count()).max().unwrap_or(0).max(6);
+        Self { label, references: Vec::new(), begun: false }
+    }
+
+    /// Prints a row.
+    pub fn print(&mut self, row: &BenchRow) {
+        let width = self.label;
+        if !self.begun {
+            self.begun = true;
+            crate::say!(
+                "{HEADER}{:width$}  {:8}  {:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>8}  {:>9}  {:>7}  {:>4}  {:>8}{HEADER:#}",
+                "effect",
+                "view",
+                "engines",
+                "ms: median ± sd",
+                "min … max",
+                "n",
+                "% rays",
+                "Mrays/s",
+                "RMSE",
+                "FLIP",
+                "ref",
+                "ratio"
+            );
+        }
+        let dash = || "-".to_owned();
+        let (rmse, flip) = match &row.error {
+            RowError::Against { comparison, .. } => {
+                (format!("{:.2e}", comparison.rmse), format!("{:.4}", comparison.flip))
+            }
+            RowError::Missing(_) => (dash(), dash()),
+        };
+        let engines = match &row.rays {
+            Some(rays) => format!("{} + {}", row.raster.name, rays.name),
+            None => row.raster.name.clone(),
+        };
+        crate::say!(
+            "{:width$}  {:8}  {engines:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>8}  {rmse:>9}  {flip:>7}  {:>4}  {:>8}",
+            row.label,
+            row.view,
+            format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd),
+            format!("{:.2} … {:.2}", row.frame.min, row.frame.max),
+            row.frame.n(),
+            row.ray_share.map_or_else(dash, |share| format!("{:.1}", share * 100.0)),
+            mrays_per_second(row).map_or_else(dash, |speed| format!("{speed:.1}")),
+            format!("[{}]", self.number(reference(row))),
+            row.thesis.as_ref().and_then(|thesis| thesis.ratio).map_or_else(dash, |ratio| format!("{ratio:.2}")),
+        );
+    }
+
+    fn number(&mut self, reference: &str) -> usize {
+        let found = self.references.iter().position(|known| known == reference);
+        found.unwrap_or_else(|| {
+            self.references.push(reference.to_owned());
+            self.references.len() - 1
+        }) + 1
+    }
+
+    /// Prints what the numbers of the references stand for, whose times the ratios are with, and what is not there.
+    pub fn end(&self, file: &BenchFile) {
+        for (index, reference) in self.references.iter().enumerate() {
+            crate::say!("[{}] {reference}", index + 1);
+        }
+        if let Some(thesis) = file.rows.iter().find_map(|row| row.thesis.as_ref()) {
+            let ratios = if file.rows.iter().any(|row| row.thesis.as_ref().is_some_and(|t| t.ratio.is_some())) {
+                format!("ratio: the report's time ({}) divided by ours", thesis.machine)
+            } else {
+                format!("no ratio to the report's times, which are of {}: the size differs", thesis.machine)
+            };
+            crate::say!("{ratios}");
+        }
+        if let Some(peak) = file.rows.iter().filter_map(|row| row.peak_memory_bytes).max() {
+            crate::say!("peak memory {}", mebibytes(peak));
+        }
+        for missing in &file.unavailable {
+            crate::say!("not measured: {}: {}", missing.what, missing.why);
+        }
+    }
+}

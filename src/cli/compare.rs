@@ -1,0 +1,360 @@
+//! `curitiba compare`: how far two pictures are apart, or two ways to render a project.
+
+use super::args::CompareArgs;
+use super::progress::Bars;
+use super::{Failure, failure, render, set_threads};
+use anstyle::{AnsiColor, Style};
+use curitiba::OpenError;
+use curitiba::compare::{CompareError, Compared, Operand, Rendered, Side};
+use curitiba::environment::Environment;
+use curitiba::pipeline::diagnostic::valid_names;
+use curitiba::pipeline::image::{Image, write_png};
+use curitiba::pipeline::metrics::{
+    Better, Comparison, EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, METRICS, Options, Verdict, ZTest, heat_map, strip,
+};
+use curitiba::spec::{SETTINGS, SpecError};
+use serde::Serialize;
+use std::path::PathBuf;
+
+const HEADER: Style = Style::new().bold();
+const WITHIN: Style = AnsiColor::Green.on_default();
+const BEYOND: Style = AnsiColor::Red.on_default().bold();
+
+/// Name of the z-test among the metrics.
+const Z_TEST: &str = "z";
+
+/// Compares, prints the table or the JSON, and fails beyond a limit.
+pub fn run(args: &CompareArgs) -> Result<(), Failure> {
+    set_threads(args.threads)?;
+    for path in [&args.heat, &args.strip].into_iter().flatten() {
+        if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+            return Err(Failure::Usage(format!("{}: this picture is written as .png", path.display())));
+        }
+        render::check_output(path)?;
+    }
+    let mut operands = [&args.test, &args.reference].map(|text| Operand::parse(text).map_err(Failure::from));
+    for operand in operands.iter_mut().flatten() {
+        if let Operand::Project(spec) = operand {
+            spec.settings.max_memory = args.max_memory;
+        }
+    }
+    let [test, reference] = operands;
+    let (test, reference) = (test?, reference?);
+    let options = Options {
+        outlier_threshold: args.outlier_threshold.unwrap_or(Options::default().outlier_threshold),
+        pixels_per_degree: args.pixels_per_degree,
+        ..Options::default()
+    };
+    let mut bars = Bars::default();
+    let sides = [(args.test.as_str(), &test), (args.reference.as_str(), &reference)];
+    let compared = curitiba::compare::compare(sides, args.seeds, &options, &mut bars)?;
+    drop(bars);
+    for side in [&compared.test, &compared.reference] {
+        print_warnings(side);
+    }
+    let checked = check(args, &compared)?;
+    let files = write_pictures(args, &compared)?;
+    if args.json {
+        print_json(&compared, &checked, &files, &options)?;
+    } else {
+        print(args, &compared, &checked, &files);
+    }
+    let beyond: Vec<&str> = checked.iter().filter(|limit| !limit.within).map(|limit| limit.metric).collect();
+    if beyond.is_empty() { Ok(()) } else { Err(Failure::Beyond(beyond.join(", "))) }
+}
+
+impl From<SpecError> for Failure {
+    fn from(error: SpecError) -> Self {
+        Self::Usage(error.to_string())
+    }
+}
+
+impl From<CompareError> for Failure {
+    fn from(error: CompareError) -> Self {
+        match error {
+            CompareError::Open(error) => error.into(),
+            CompareError::Render(error) => OpenError::Render(error).into(),
+            CompareError::Usage(message) => Self::Usage(message),
+            error @ (CompareError::Read(_) | CompareError::Mismatch(_)) => Self::Input(error.to_string()),
+        }
+    }
+}
+
+/// A limit, and what it was held against.
+#[derive(Debug, Clone, Serialize)]
+struct Limit {
+    metric: &'static str,
+    /// The option, such as `--max-rmse`.
+    option: &'static str,
+    limit: f64,
+    within: bool,
+}
+
+/// Holds what was found against the limits of the command line.
+fn check(args: &CompareArgs, compared: &Compared) -> Result<Vec<Limit>, Failure> {
+    let limits = &args.limits;
+    let given = [
+        ("rmse", "--max-rmse", limits.max_rmse),
+        ("relmse", "--max-relmse", limits.max_relmse),
+        ("max", "--max-difference", limits.max_difference),
+        ("psnr", "--min-psnr", limits.min_psnr),
+        ("ssim", "--min-ssim", limits.min_ssim),
+        ("flip", "--max-flip", limits.max_flip),
+        ("energy", "--max-energy", limits.max_energy),
+        ("outliers", "--max-outliers", limits.max_outliers),
+    ];
+    let mut checked = Vec::new();
+    for (name, option, limit) in given {
+        let (Some(limit), Some(metric)) = (limit, METRICS.iter().find(|metric| metric.name == name)) else { continue };
+        let value = (metric.value)(&compared.comparison);
+        let within = match metric.better {
+            Better::Lower => value <= limit,
+            Better::Higher => value >= limit,
+            Better::NearOne => (value - 1.0).abs() <= limit,
+        };
+        checked.push(Limit { metric: metric.name, option, limit, within });
+    }
+    if let Some(limit) = limits.max_z {
+        let Some(found) = &compared.z_test else {
+            return Err(Failure::Usage(
+                "--max-z needs a variance of both: add --seeds N, or compare .exr files with a layer `variance`".into(),
+            ));
+        };
+        let within = found.sigma <= limit && found.tiles_different_without_noise == 0;
+        checked.push(Limit { metric: Z_TEST, option: "--max-z", limit, within });
+    }
+    Ok(checked)
+}
+
+fn write_pictures(args: &CompareArgs, compared: &Compared) -> Result<Vec<PathBuf>, Failure> {
+    let heat = heat_map(&compared.flip);
+    let mut files = Vec::new();
+    let mut write = |path: &Option<PathBuf>, image: &dyn Fn() -> Image| {
+        let Some(path) = path else { return Ok(()) };
+        write_png(path, &image()).map_err(|error| Failure::Work(format!("{}: {error}", path.display())))?;
+        files.push(path.clone());
+        Ok::<(), Failure>(())
+    };
+    write(&args.heat, &|| heat.clone())?;
+    write(&args.strip, &|| strip(&[&compared.test.image, &compared.reference.image, &heat]))?;
+    Ok(files)
+}
+
+fn print_warnings(side: &Side) {
+    let Some(rendered) = &side.rendered else { return };
+    failure::print_warnings_of(&rendered.problems);
+    for warning in &rendered.warnings {
+        failure::print_warning(warning);
+    }
+}
+
+fn print(args: &CompareArgs, compared: &Compared, checked: &[Limit], files: &[PathBuf]) {
+    print_side("A", &compared.test);
+    print_side("B", &compared.reference);
+    let shown = |name: &str| args.metric.is_empty() || args.metric.iter().any(|chosen| chosen == name);
+    crate::say!("{HEADER}{:18}  {:>14}  limit{HEADER:#}", "metric", "value");
+    for metric in METRICS.iter().filter(|metric| shown(metric.name)) {
+        let value = number((metric.value)(&compared.comparison));
+        print_line(metric.title, &value, checked.iter().find(|limit| limit.metric == metric.name));
+    }
+    if let Some(found) = compared.z_test.as_ref().filter(|_| shown(Z_TEST)) {
+        let limit = checked.iter().find(|limit| limit.metric == Z_TEST);
+        print_line("z-test, sigma", &number(found.sigma), limit);
+        crate::say!("  {}", in_words(found));
+    }
+    crate::say!("{} pixels compared", compared.comparison.pixels);
+    for note in &compared.notes {
+        crate::say!("note: {note}");
+    }
+    for file in files {
+        crate::say!("wrote {}", file.display());
+    }
+    if !checked.is_empty() && checked.iter().all(|limit| limit.within) {
+        crate::say!("{WITHIN}within{WITHIN:#} all limits");
+    }
+}
+
+fn print_side(letter: &str, side: &Side) {
+    let size = format!("{} x {}", side.image.width, side.image.height);
+    let how = side.rendered.as_ref().map_or(String::new(), |rendered| {
+        let frames = if rendered.frames > 1 {
+            format!("median of {} frames, one for each seed", rendered.frames)
+        } else {
+            "one frame, without a warm-up".to_owned()
+        };
+        format!(", frame {:.2} ms ({frames}; raster {}, rays {})", rendered.frame_ms, rendered.raster, rendered.rays)
+    });
+    crate::say!("{HEADER}{letter}{HEADER:#}  {}: {size}{how}", side.name);
+}
+
+fn print_line(title: &str, value: &str, limit: Option<&Limit>) {
+    let limit = limit.map_or(String::new(), |limit| {
+        let (style, word) = if limit.within { (WITHIN, "within") } else { (BEYOND, "beyond") };
+        format!("{style}{word}{style:#} {} {}", limit.option, limit.limit)
+    });
+    crate::say!("{}", format!("{title:18}  {value:>14}  {limit}").trim_end());
+}
+
+/// Six digits, whatever the magnitude.
+fn number(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        magnitude if magnitude.is_infinite() => "infinite".to_owned(),
+        magnitude if !(1e-4..1e6).contains(&magnitude) => format!("{value:.5e}"),
+        magnitude => format!("{value:.*}", (5 - magnitude.log10().floor() as i32).max(0) as usize),
+    }
+}
+
+fn in_words(found: &ZTest) -> String {
+    let percent = |share: f64| format!("{:.2} %", share * 100.0);
+    let verdict = match found.verdict {
+        Verdict::Noise => "the difference is as large as the noise makes it",
+        Verdict::Different => "the difference is larger than the noise explains",
+        Verdict::Equal => return "neither has noise and both are equal: there is nothing to test".to_owned(),
+    };
+    let without = match found.tiles_different_without_noise {
+        0 => String::new(),
+        count => format!("; {count} colours of tiles without noise differ"),
+    };
+    let chi_square = number(found.chi_square);
+    // Few samples of a pixel are far from normal, so these shares alone decide nothing.
+    let few = if found.beyond_3 > 4.0 * EXPECTED_BEYOND_3 && found.verdict == Verdict::Noise {
+        "; as single pixels have too few samples for a normal distribution, the tiles decide"
+    } else {
+        ""
+    };
+    format!(
+        "{verdict}: chi-square {chi_square} per degree of freedom over {} tiles of 8 x 8 pixels (1 expected){without}\n  \
+         of {} noisy values of pixels {} lie beyond 2 standard deviations ({} expected), {} beyond 3 ({} expected){few}",
+        found.tiles,
+        found.values,
+        percent(found.beyond_2),
+        percent(EXPECTED_BEYOND_2),
+        percent(found.beyond_3),
+        percent(EXPECTED_BEYOND_3),
+    )
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    test: ReportedSide<'a>,
+    reference: ReportedSide<'a>,
+    pixels: u64,
+    metrics: &'a Comparison,
+    z_test: &'a Option<ZTest>,
+    outlier_threshold: f64,
+    pixels_per_degree: f64,
+    limits: &'a [Limit],
+    within: bool,
+    notes: &'a [String],
+    files: &'a [PathBuf],
+    environment: Environment,
+}
+
+#[derive(Serialize)]
+struct ReportedSide<'a> {
+    name: &'a str,
+    size: [u32; 2],
+    channels: &'a [String],
+    variance: bool,
+    rendered: &'a Option<Rendered>,
+}
+
+fn print_json(compared: &Compared, checked: &[Limit], files: &[PathBuf], options: &Options<'_>) -> Result<(), Failure> {
+    fn side(side: &Side) -> ReportedSide<'_> {
+        ReportedSide {
+            name: &side.name,
+            size: [side.image.width, side.image.height],
+            channels: &side.channels,
+            variance: side.variance.is_some(),
+            rendered: &side.rendered,
+        }
+    }
+    let report = Report {
+        test: side(&compared.test),
+        reference: side(&compared.reference),
+        pixels: compared.comparison.pixels,
+        metrics: &compared.comparison,
+        z_test: &compared.z_test,
+        outlier_threshold: options.outlier_threshold,
+        pixels_per_degree: options.pixels_per_degree,
+        limits: checked,
+        within: checked.iter().all(|limit| limit.within),
+        notes: &compared.notes,
+        files,
+        environment: Environment::here(),
+    };
+    crate::say!("{}", serde_json::to_string_pretty(&report).map_err(Failure::work)?);
+    Ok(())
+}
+
+/// A name for `--metric`.
+pub fn parse_metric(text: &str) -> Result<String, String> {
+    let names = METRICS.iter().map(|metric| metric.name).chain([Z_TEST]);
+    if names.clone().any(|name| name == text) { Ok(text.to_owned()) } else { Err(valid_names(text, names)) }
+}
+
+/// A limit: a number of 0 or more. SSIM may be negative.
+pub fn parse_limit(text: &str) -> Result<f64, String> {
+    let value: Option<f64> = text.trim().parse().ok().filter(|value: &f64| value.is_finite() && *value >= 0.0);
+    value.ok_or_else(|| format!("`{text}` is no number of 0 or more"))
+}
+
+/// What `--help` says below the options: settings, formulas, examples and exit codes.
+pub fn long_help() -> String {
+    let settings: String = SETTINGS.iter().map(|(name, value)| format!("  {name:10} {value}\n")).collect();
+    let formulas: String = METRICS.iter().map(|metric| format!("  {:10} {}\n", metric.name, metric.formula)).collect();
+    format!(
+        "\
+Settings of a project, PROJECT.xml@NAME=VALUE,NAME=VALUE (all may be left out):
+{settings}
+Metrics, of A (t) against B (r), over the colours of all pixels; alpha is not compared:
+{formulas}  {Z_TEST:10} (c - 1) sqrt(n / 2), c = mean over n tiles of 8 x 8 pixels of z^2, z = sum(t - r) / sqrt(sum(vt + vr)), vt \
+and vr the variances of the means; z of estimated variances is mapped from Student's t (Welch) to the normal value \
+of the same probability. Above 4 the difference is more than noise.
+  Displayed values are linear values cut to 0 to 1, taken as encoded in sRGB, as the .png of `render` holds them.
+  Positions and normals (.exr of --show) are compared as if they were colours.
+
+Examples:
+  curitiba compare a.exr b.exr --max-rmse 0.01 --max-flip 0.05
+  curitiba compare final.png old/final.png --strip strip.png
+  curitiba compare p.xml@fidelity=thesis p.xml@fidelity=corrected --heat heat.png
+  curitiba compare p.xml@raster=wgpu p.xml@raster=cpu --metric rmse,flip
+  curitiba compare SceneSSAO.xml@pass2.samples=4 SceneSSAO.xml@pass2.samples=100 --seeds 8 --max-z 4
+
+Exit codes: 0 within all limits, or none given; 1 beyond a limit (`beyond:` is printed), or the work failed (`error:`); \
+2 the command line is wrong; 3 a file is wrong: a picture cannot be read, holds NaN, or has another size or other channels \
+than the other."
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_six_digits() {
+        for (value, text) in [
+            (0.0, "0"),
+            (1.0, "1.00000"),
+            (0.012_345_678, "0.0123457"),
+            (-31.067_554_9, "-31.0676"),
+            (1.5e-7, "1.50000e-7"),
+            (3e30, "3.00000e30"),
+            (123_456.7, "123457"),
+            (f64::INFINITY, "infinite"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn help_names_every_metric_and_setting() {
+        let help = long_help();
+        for name in METRICS.iter().map(|metric| metric.name).chain(SETTINGS.iter().map(|(name, _)| *name)) {
+            assert!(help.contains(&format!("\n  {name:10} ")), "{name}");
+        }
+        assert!(parse_metric("flpi").expect_err("a typing error").contains("did you mean `flip`?"));
+        assert!(parse_limit("-1").is_err() && parse_limit("NaN").is_err() && parse_limit("0.5") == Ok(0.5));
+    }
+}

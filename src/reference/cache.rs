@@ -1,0 +1,104 @@
+//! The folder in which references are kept.
+
+use crate::pipeline::image::{Image, Layer, read_image, write_atomically, write_exr};
+use crate::pipeline::scene::fnv1a;
+use serde::{Deserialize, Serialize};
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// A folder of EXR files, each with a JSON file that says what it is and vouches for its bytes.
+pub(super) struct Folder(PathBuf);
+
+/// What is kept of a reference.
+pub(super) struct Entry {
+    pub picture: Image,
+    pub own_error: f64,
+    pub took: Duration,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Sidecar {
+    /// All that determines the picture; the file's name is its hash.
+    material: Vec<String>,
+    /// Estimated root mean square error of the picture.
+    own_error: f64,
+    /// How long rendering took.
+    seconds: f64,
+    /// Hash of the EXR file.
+    exr: String,
+}
+
+impl Folder {
+    pub fn new(path: PathBuf) -> Self {
+        Self(path)
+    }
+
+    /// The name of a reference.
+    pub fn key(material: &str) -> String {
+        format!("{:032x}", fnv1a(material.as_bytes()))
+    }
+
+    fn files(&self, material: &str) -> (PathBuf, PathBuf) {
+        let key = Self::key(material);
+        (self.0.join(format!("{key}.exr")), self.0.join(format!("{key}.json")))
+    }
+
+    /// A reference of this size, if there is one; or why what is there is not trusted.
+    pub fn load(&self, material: &str, size: [u32; 2]) -> Result<Option<Entry>, String> {
+        let (exr, json) = self.files(material);
+        // The JSON file is written last: without it there is nothing, or what an interrupted run left.
+        let text = match std::fs::read_to_string(&json) {
+            Ok(text) => text,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(damaged(&json, error)),
+        };
+        let sidecar: Sidecar = serde_json::from_str(&text).map_err(|error| damaged(&json, error))?;
+        if sidecar.material.join("\n") != material {
+            return Err(damaged(&json, "it is of another reference"));
+        }
+        if !(sidecar.own_error.is_finite() && sidecar.own_error >= 0.0) {
+            return Err(damaged(&json, "its error is not a number"));
+        }
+        let took = Duration::try_from_secs_f64(sidecar.seconds).map_err(|error| damaged(&json, error))?;
+        let bytes = std::fs::read(&exr).map_err(|error| damaged(&exr, error))?;
+        if format!("{:032x}", fnv1a(&bytes)) != sidecar.exr {
+            return Err(damaged(&exr, "its bytes are not those that were written"));
+        }
+        let picture = read_image(&exr).map_err(|error| damaged(&exr, error.message))?.image;
+        if [picture.width, picture.height] != size {
+            return Err(damaged(&exr, "it has another size"));
+        }
+        Ok(Some(Entry { picture, own_error: sidecar.own_error, took }))
+    }
+
+    /// Keeps a reference.
+    pub fn store(&self, material: &str, entry: &Entry) -> Result<(), String> {
+        let (exr, json) = self.files(material);
+        let wrong =
+            |error: &dyn std::fmt::Display| format!("the reference cannot be kept in {}: {error}", self.0.display());
+        std::fs::create_dir_all(&self.0).map_err(|error| wrong(&error))?;
+        let layer = Layer { name: "reference", channels: ["R", "G", "B", "A"], image: &entry.picture };
+        write_exr(&exr, layer).map_err(|error| wrong(&error))?;
+        let bytes = std::fs::read(&exr).map_err(|error| wrong(&error))?;
+        let sidecar = Sidecar {
+            material: material.split('\n').map(str::to_owned).collect(),
+            own_error: entry.own_error,
+            seconds: entry.took.as_secs_f64(),
+            exr: format!("{:032x}", fnv1a(&bytes)),
+        };
+        let text = serde_json::to_string_pretty(&sidecar).map_err(|error| wrong(&error))?;
+        write_atomically(&json, text.as_bytes()).map_err(|error| wrong(&error))
+    }
+
+    /// Removes a reference that a better one replaces. One that stays behind does no harm.
+    pub fn forget(&self, material: &str) {
+        let (exr, json) = self.files(material);
+        let _ = std::fs::remove_file(json);
+        let _ = std::fs::remove_file(exr);
+    }
+}
+
+fn damaged(path: &Path, why: impl std::fmt::Display) -> String {
+    format!("the cached reference {} cannot be used: {why}", path.display())
+}

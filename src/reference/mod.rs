@@ -1,0 +1,326 @@
+//! References: what the picture of a row should be, rendered by ourselves with more care than any row is.
+//!
+//! | the row computes | its reference |
+//! |---|---|
+//! | nothing by rays | the cpu rasteriser's picture |
+//! | rays without noise | the same G-buffer, traced in `f64` by [`Double`](crate::passes::trace::Double) |
+//! | ambient occlusion | the mean of two renders with different seeds and as many samples as it takes |
+//! | a raster effect | the reference of the ray program in its place, with the constants that both have |
+//!
+//! All are of the corrected programs, whatever the row's fidelity: an error is against what is right. G-buffers are the
+//! cpu rasteriser's, whatever drew the row.
+//!
+//! The number of samples is doubled until the estimated error of the reference is ten times below what is compared with
+//! it. The estimate is half the root mean square difference of the two renders: that of their mean, if their errors are
+//! independent and unbiased. The power that occlusion is raised to makes a bias that shrinks with the square of the
+//! noise, far below it at the sample counts used here.
+//!
+//! References are kept in a folder, as EXR files with a JSON file beside each. The name is a hash of everything that
+//! determines the picture: the passes and their constants, the view, the lights, the size, the scene's content, the
+//! sample count, and [`FORMAT`] for the programs themselves. Two versions of this program share none.
+
+mod cache;
+mod plan;
+mod rays;
+
+use crate::OpenError;
+use crate::bench::Case;
+use crate::bench::model::RowError;
+use crate::passes::raster::cpu::CpuRasteriser;
+use crate::pipeline::executor::{Engines, Observer, RenderError, Renderer};
+use crate::pipeline::image::Image;
+use crate::pipeline::metrics::{self, Comparison, MetricError};
+use cache::{Entry, Folder};
+use plan::{Kind, Request};
+use rays::{ReferenceRays, Sampling};
+use std::cell::Cell;
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// Changes whenever the same passes give other pictures than before: references of another format are not used.
+pub const FORMAT: u32 = 1;
+
+/// How many times the estimated error of a reference is to be below what is compared with it.
+pub const MARGIN: f64 = 10.0;
+
+/// Samples of each of the two renders of a reference with noise: the first, and the most.
+const SAMPLES: (u32, u32) = (256, 65_536);
+
+/// Seeds of the two renders; far from those that people choose.
+const SEEDS: [u32; 2] = [0x9e37_79b9, 0x7f4a_7c15];
+
+/// Why a row has no error.
+#[derive(Debug, thiserror::Error)]
+pub enum ReferenceError {
+    /// The reference's project, plan or engines.
+    #[error("the reference cannot be opened: {0}")]
+    Open(#[from] OpenError),
+    /// Rendering it.
+    #[error("the reference cannot be rendered: {0}")]
+    Render(#[from] RenderError),
+    /// Comparing with it.
+    #[error("the picture cannot be compared with its reference: {0}")]
+    Metric(#[from] MetricError),
+}
+
+/// A reference picture.
+#[derive(Debug, Clone)]
+pub struct Reference {
+    /// The picture.
+    pub picture: Image,
+    /// What it is, in words.
+    pub what: String,
+    /// Its name in the folder.
+    pub key: String,
+    /// Estimated root mean square error of its own; 0 where it has no noise.
+    pub own_error: f64,
+    /// Samples of each of its two renders; 0 where it has no noise.
+    pub samples: u32,
+}
+
+/// Makes references, and keeps them.
+pub struct References {
+    folder: Folder,
+    allowance: Duration,
+    /// By what a request says of itself: the content of its scenes.
+    fingerprints: HashMap<String, Vec<String>>,
+    /// By what determines a reference but for its samples.
+    held: HashMap<String, Held>,
+    /// The renderer of the request served last.
+    open: Option<(String, Open)>,
+    warnings: Vec<String>,
+}
+
+struct Held {
+    reference: Reference,
+    /// How long rendering took.
+    took: Duration,
+    /// Time spent on this reference by this process.
+    spent: Duration,
+}
+
+struct Open {
+    renderer: Renderer,
+    sampling: Rc<Cell<Sampling>>,
+}
+
+impl References {
+    /// Keeps references in `folder`, which is made when the first is written; `allowance` is the time that refining one
+    /// reference may take. The first render of a reference is made whatever it takes.
+    #[must_use]
+    pub fn new(folder: PathBuf, allowance: Duration) -> Self {
+        Self {
+            folder: Folder::new(folder),
+            allowance,
+            fingerprints: HashMap::new(),
+            held: HashMap::new(),
+            open: None,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Where references are kept unless a folder is named: `CURITIBA_CACHE`, or `curitiba/references` in the user's
+    /// cache folder (`XDG_CACHE_HOME`, `HOME/.cache`, `LOCALAPPDATA`), or in the folder for temporary files.
+    #[must_use]
+    pub fn default_folder() -> PathBuf {
+        let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+        variable("CURITIBA_CACHE").unwrap_or_else(|| {
+            variable("XDG_CACHE_HOME")
+                .or_else(|| variable("HOME").map(|home| home.join(".cache")))
+                .or_else(|| variable("LOCALAPPDATA"))
+                .unwrap_or_else(std::env::temp_dir)
+                .join("curitiba")
+                .join("references")
+        })
+    }
+
+    /// What went wrong with the folder since this was last asked: damaged files, files that cannot be written.
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// Compares a row's picture with its reference, which is refined until its own error is [`MARGIN`] times below the
+    /// row's, or the time or the samples are used up; then the row says by how much it falls short.
+    ///
+    /// # Errors
+    /// If the reference cannot be rendered, or the pictures cannot be compared.
+    pub fn compare(
+        &mut self,
+        case: &Case,
+        picture: &Image,
+        observer: &mut dyn Observer,
+    ) -> Result<RowError, ReferenceError> {
+        let request = Request::new(case)?;
+        let base = self.first(&request, observer)?;
+        let (comparison, short) = loop {
+            let reference = &self.held[&base].reference;
+            let comparison = metrics::compare(picture, &reference.picture, &metrics::Options::default())?;
+            let wanted = comparison.rmse / MARGIN;
+            if reference.own_error <= wanted {
+                break (comparison, None);
+            }
+            if let Some(end) = self.refine(&request, &base, wanted, observer)? {
+                break (comparison, Some(end));
+            }
+        };
+        let Reference { what, key, own_error, .. } = &self.held[&base].reference;
+        let reference = match short {
+            None => what.clone(),
+            Some(end) => format!("{what}; {}", shortfall(&comparison, *own_error, end)),
+        };
+        Ok(RowError::Against { reference, key: key.clone(), own_error: *own_error, comparison })
+    }
+
+    /// The reference of a case, as good as it is already; rendered if there is none yet.
+    ///
+    /// # Errors
+    /// If it cannot be rendered.
+    pub fn get(&mut self, case: &Case, observer: &mut dyn Observer) -> Result<Reference, ReferenceError> {
+        let request = Request::new(case)?;
+        let base = self.first(&request, observer)?;
+        Ok(self.held[&base].reference.clone())
+    }
+
+    /// Makes sure that there is a reference, and returns what determines it but for its samples.
+    fn first(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<String, ReferenceError> {
+        let identity = request.identity();
+        if !self.fingerprints.contains_key(&identity) {
+            let open = self.open(request, observer)?;
+            let hashes = open.renderer.scenes().map(|scene| format!("{:032x}", scene.fingerprint())).collect();
+            self.fingerprints.insert(identity.clone(), hashes);
+        }
+        let base = request.base(&self.fingerprints[&identity]);
+        if self.held.contains_key(&base) {
+            return Ok(base);
+        }
+        let levels: Vec<u32> = match request.kind {
+            Kind::Converged => std::iter::successors(Some(SAMPLES.1), |n| (*n > SAMPLES.0).then_some(n / 2)).collect(),
+            Kind::Raster | Kind::Exact => vec![0],
+        };
+        for samples in levels {
+            match self.folder.load(&material(&base, samples), request.plan.window) {
+                Ok(Some(entry)) => {
+                    self.hold(request, &base, samples, entry, Duration::ZERO);
+                    return Ok(base);
+                }
+                Ok(None) => {}
+                Err(why) => self.warnings.push(format!("{why}; it is rendered again")),
+            }
+        }
+        let samples = if request.kind == Kind::Converged { SAMPLES.0 } else { 0 };
+        self.render(request, &base, samples, observer)?;
+        Ok(base)
+    }
+
+    /// Renders a reference with more samples, or says why it does not.
+    fn refine(
+        &mut self,
+        request: &Request,
+        base: &str,
+        wanted: f64,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<&'static str>, ReferenceError> {
+        let held = &self.held[base];
+        let samples = held.reference.samples;
+        if samples == 0 || samples >= SAMPLES.1 {
+            return Ok(Some("the most samples are used up"));
+        }
+        let left = self.allowance.saturating_sub(held.spent).as_secs_f64();
+        // The error of these points falls no faster than as 1 / n: fewer doublings than this would not do.
+        let doublings = (held.reference.own_error / wanted).log2().ceil().clamp(1.0, 8.0) as u32;
+        let affordable = (0..=doublings).rev().find(|n| held.took.as_secs_f64() * f64::from(1 << n) <= left);
+        match affordable {
+            None | Some(0) => Ok(Some("the time allowed for it is used up")),
+            Some(n) => {
+                self.render(request, base, (samples << n).min(SAMPLES.1), observer)?;
+                Ok(None)
+            }
+        }
+    }
+
+    fn render(
+        &mut self,
+        request: &Request,
+        base: &str,
+        samples: u32,
+        observer: &mut dyn Observer,
+    ) -> Result<(), ReferenceError> {
+        let open = self.open(request, observer)?;
+        let start = Instant::now();
+        let (picture, own_error) = if samples == 0 {
+            (open.renderer.frame(observer)?, 0.0)
+        } else {
+            let mut render = |seed: u32| {
+                open.sampling.set(Sampling { samples, seed });
+                open.renderer.frame(observer)
+            };
+            let (first, second) = (render(SEEDS[0])?, render(SEEDS[1])?);
+            mean_of_two(first, &second)
+        };
+        let took = start.elapsed();
+        let entry = Entry { picture, own_error, took };
+        if let Err(why) = self.folder.store(&material(base, samples), &entry) {
+            self.warnings.push(why);
+        }
+        if let Some(held) = self.held.get(base) {
+            self.folder.forget(&material(base, held.reference.samples));
+        }
+        self.hold(request, base, samples, entry, took);
+        Ok(())
+    }
+
+    fn hold(&mut self, request: &Request, base: &str, samples: u32, entry: Entry, spent: Duration) {
+        let spent = spent + self.held.get(base).map_or(Duration::ZERO, |held| held.spent);
+        let reference = Reference {
+            picture: entry.picture,
+            what: request.words(samples),
+            key: Folder::key(&material(base, samples)),
+            own_error: entry.own_error,
+            samples,
+        };
+        self.held.insert(base.to_owned(), Held { reference, took: entry.took, spent });
+    }
+
+    fn open(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<&mut Open, ReferenceError> {
+        let identity = request.identity();
+        if self.open.as_ref().is_none_or(|(open, _)| *open != identity) {
+            // The old one is released first: two would not always fit.
+            self.open = None;
+            let sampling = Rc::new(Cell::new(Sampling { samples: SAMPLES.0, seed: SEEDS[0] }));
+            let rays = ReferenceRays::new(request.kind == Kind::Exact, Rc::clone(&sampling));
+            let engines = Engines { raster: Box::new(CpuRasteriser::new()), rays: Box::new(rays) };
+            let renderer = Renderer::new(request.plan.clone(), engines, observer)?;
+            self.open = Some((identity, Open { renderer, sampling }));
+        }
+        match &mut self.open {
+            Some((_, open)) => Ok(open),
+            None => unreachable!("it was opened above"),
+        }
+    }
+}
+
+/// Everything that determines a reference, in words.
+fn material(base: &str, samples: u32) -> String {
+    format!("{base}\nsamples {samples}, seeds {SEEDS:?}")
+}
+
+fn shortfall(comparison: &Comparison, own_error: f64, end: &str) -> String {
+    let times = comparison.rmse / own_error;
+    format!("its own error is only {times:.1} times below this row's, not {MARGIN:.0}: {end}")
+}
+
+/// The mean, and the estimated root mean square error of it over the three colours.
+fn mean_of_two(mut first: Image, second: &Image) -> (Image, f64) {
+    let mut squares = 0.0;
+    for (a, b) in first.pixels.iter_mut().zip(&second.pixels) {
+        squares += (0..3).map(|i| (f64::from(a[i]) - f64::from(b[i])).powi(2)).sum::<f64>();
+        *a = std::array::from_fn(|i| f32::midpoint(a[i], b[i]));
+    }
+    let values = (first.pixels.len() * 3).max(1) as f64;
+    (first, (squares / values).sqrt() / 2.0)
+}
+
+#[cfg(test)]
+mod tests;

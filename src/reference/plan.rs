@@ -1,0 +1,154 @@
+//! What a reference renders: the row's project with every pass at its best.
+
+use super::FORMAT;
+use crate::OpenError;
+use crate::bench::Case;
+use crate::pipeline::plan::{Plan, PlanError, PlannedPass, Settings, Work};
+use crate::pipeline::programs::{Fidelity, Sampler};
+use crate::pipeline::project::{self, ChannelRef, EffectPass, Pass, PassKind, RayPass};
+use crate::pipeline::raster_effects::EffectParams;
+
+/// How a reference is rendered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Without rays.
+    Raster,
+    /// By rays in `f64`.
+    Exact,
+    /// By many samples.
+    Converged,
+}
+
+/// A reference that is asked for.
+pub(super) struct Request {
+    pub plan: Plan,
+    pub kind: Kind,
+}
+
+impl Request {
+    /// The plan of a case's reference: corrected programs, rays in the place of raster effects, Sobol points.
+    pub fn new(case: &Case) -> Result<Self, OpenError> {
+        let mut project = project::load(&case.project)?;
+        let wrong = |message: String| OpenError::Plan(PlanError { message, help: None });
+        let pipeline = project.pipeline(case.settings.pipeline.as_deref()).map_err(wrong)?;
+        for pass in &mut project.pipelines[pipeline].passes {
+            at_its_best(pass, &case.settings.set).map_err(wrong)?;
+        }
+        let settings = Settings {
+            fidelity: Fidelity::Corrected,
+            seed: 0,
+            show: Vec::new(),
+            set: Vec::new(),
+            ..case.settings.clone()
+        };
+        let plan = Plan::new(project, settings)?;
+        let kind = plan.passes.iter().fold(Kind::Raster, |kind, planned| match (kind, kind_of(&plan, planned)) {
+            (Kind::Converged, _) | (_, Kind::Converged) => Kind::Converged,
+            (Kind::Exact, _) | (_, Kind::Exact) => Kind::Exact,
+            _ => Kind::Raster,
+        });
+        Ok(Self { plan, kind })
+    }
+
+    /// What tells the request from others while scene files stay as they are.
+    pub fn identity(&self) -> String {
+        format!("{:?}\n{}", self.plan.project.scenes, self.base(&[]))
+    }
+
+    /// Everything that determines the picture but for the number of samples; `scenes` are hashes of their content.
+    pub fn base(&self, scenes: &[String]) -> String {
+        let plan = &self.plan;
+        let mut lines = vec![
+            format!("curitiba {}, format {FORMAT}, {:?}", env!("CARGO_PKG_VERSION"), self.kind),
+            format!("window {:?}", plan.window),
+        ];
+        lines.extend(scenes.iter().map(|hash| format!("scene {hash}")));
+        lines.extend(plan.project.lights.iter().map(|light| format!("{:?} {:?}", light.direction, light.color)));
+        for (target, planned) in plan.project.targets.iter().zip(&plan.targets) {
+            let formats: Vec<_> = target.channels.iter().map(|channel| channel.format).collect();
+            lines.push(format!("{planned:?} {formats:?}"));
+        }
+        for planned in &plan.passes {
+            let pass = plan.pass(planned);
+            lines.push(format!("{:?} {:?} {:?}", planned.work, pass.target, pass.kind));
+        }
+        lines.join("\n")
+    }
+
+    /// What the reference is.
+    pub fn words(&self, samples: u32) -> String {
+        match self.kind {
+            Kind::Raster => {
+                "the cpu rasteriser's picture: nothing is traced, and that rasteriser's own rows agree with it by \
+                 construction"
+                    .to_owned()
+            }
+            Kind::Exact => "corrected programs, rays in f64 from the cpu rasteriser's G-buffer".to_owned(),
+            Kind::Converged => {
+                format!("corrected programs, mean of 2 renders of {samples} samples from the cpu rasteriser's G-buffer")
+            }
+        }
+    }
+}
+
+/// The best that a pass can do: rays for raster effects, and (where there are any) the samples that
+/// [`ReferenceRays`](super::rays::ReferenceRays) puts in the place of the pass's own.
+fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
+    let own = set.iter().filter_map(|assignment| {
+        let (key, value) = assignment.split_once('=')?;
+        let (name, parameter) = key.rsplit_once('.')?;
+        (name == pass.name).then_some((parameter, value.trim()))
+    });
+    match &mut pass.kind {
+        PassKind::Ray(ray) => {
+            for (name, value) in own {
+                ray.params.set(name, value)?;
+            }
+        }
+        PassKind::Effect(effect) => {
+            for (name, value) in own {
+                effect.params.set(name, value)?;
+            }
+            pass.kind = PassKind::Ray(by_rays(effect));
+        }
+        PassKind::Raster(_) | PassKind::Quad(_) => {}
+    }
+    if let PassKind::Ray(ray) = &mut pass.kind {
+        ray.params.sampler = Sampler::Sobol;
+        ray.params.samples = ray.params.samples.min(1);
+    }
+    Ok(())
+}
+
+/// The ray pass whose place an effect pass takes, with the constants that both have.
+fn by_rays(effect: &EffectPass) -> RayPass {
+    let EffectParams { index, radius, intensity, .. } = effect.params;
+    let EffectPass { scenes, camera, light, position, normal, color, colors, glass, program, .. } = effect.clone();
+    let params = crate::pipeline::programs::RayParams { index, radius, intensity, ..Default::default() };
+    let counterpart = program.info().counterpart;
+    // What the rays do not read need not be drawn: the reference is then the one of the ray project.
+    let read = |channel: Option<ChannelRef>, name: &str| channel.filter(|_| counterpart.info().buffers.contains(&name));
+    RayPass {
+        scenes,
+        camera,
+        light,
+        program: counterpart,
+        params,
+        position: read(position, "pos_buffer"),
+        normal: read(normal, "norm_buffer"),
+        color: read(color, "color_buffer"),
+        colors,
+        glass,
+        shadow_glass: Vec::new(),
+    }
+}
+
+fn kind_of(plan: &Plan, planned: &PlannedPass) -> Kind {
+    match (&planned.work, &plan.pass(planned).kind) {
+        (Work::Rays { params, .. }, PassKind::Ray(ray)) if ray.program.can_trace(params) => {
+            let noise = params.samples > 0 && ray.program.info().params.contains(&"samples");
+            if noise { Kind::Converged } else { Kind::Exact }
+        }
+        _ => Kind::Raster,
+    }
+}

@@ -1,0 +1,86 @@
+//! The ray backend of references.
+
+use crate::passes::cpu::{self, CpuRays};
+use crate::passes::trace::Double;
+use crate::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
+use crate::pipeline::executor::Progress;
+use crate::pipeline::image::Image;
+use crate::pipeline::programs::{Fidelity, RayParams, RayProgram};
+use crate::pipeline::scene::RenderScene;
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// About what [`Double`] takes a triangle, and as much again while it is built.
+const BYTES_PER_TRIANGLE: u64 = 400;
+
+/// What a reference with noise takes in the place of a pass's own samples and seed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Sampling {
+    pub samples: u32,
+    pub seed: u32,
+}
+
+/// Runs the programs of the cpu backend on the `f64` tracer, or on the fast one with as many samples as it is told.
+///
+/// Builds when it first traces: a reference that is found in its folder needs no structure.
+pub(super) struct ReferenceRays {
+    exact: bool,
+    sampling: Rc<Cell<Sampling>>,
+    scene: Option<(Arc<RenderScene>, Vec<bool>)>,
+    double: Option<Double>,
+    fast: Option<CpuRays>,
+}
+
+impl ReferenceRays {
+    pub fn new(exact: bool, sampling: Rc<Cell<Sampling>>) -> Self {
+        Self { exact, sampling, scene: None, double: None, fast: None }
+    }
+}
+
+impl RayBackend for ReferenceRays {
+    fn name(&self) -> &'static str {
+        "reference"
+    }
+
+    fn device(&self) -> String {
+        if self.exact { "rays in f64" } else { "cpu, many samples" }.to_owned()
+    }
+
+    fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
+        Ok(())
+    }
+
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        (self.double, self.fast) = (None, None);
+        self.scene = Some((Arc::clone(scene), filtered.to_vec()));
+        Ok(BuildStats::default())
+    }
+
+    fn bytes_per_triangle(&self) -> u64 {
+        BYTES_PER_TRIANGLE
+    }
+
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        let Some((scene, filtered)) = &self.scene else { return CpuRays::new().run(job, output, progress) };
+        if self.exact {
+            if job.program == RayProgram::Dummy {
+                return CpuRays::new().run(job, output, progress);
+            }
+            let double = self.double.get_or_insert_with(|| Double::build(&scene.geometry, filtered));
+            return cpu::trace(double, job, output, progress);
+        }
+        if self.fast.is_none() {
+            let mut fast = CpuRays::new();
+            fast.build(scene, filtered)?;
+            self.fast = Some(fast);
+        }
+        let Sampling { samples, seed } = self.sampling.get();
+        let samples = if job.params.samples > 0 { samples } else { 0 };
+        let job = RayJob { params: RayParams { samples, ..job.params }, seed, ..*job };
+        match &mut self.fast {
+            Some(fast) => fast.run(&job, output, progress),
+            None => unreachable!("it was built above"),
+        }
+    }
+}

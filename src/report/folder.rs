@@ -1,0 +1,199 @@
+//! The folder of a report: complete or not at all.
+
+use super::page::GENERATOR;
+use crate::pipeline::image::write_atomically;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// What a report's folder holds.
+const ENTRIES: [&str; 5] = ["index.html", "data.json", "data.csv", "pictures", "plots"];
+
+/// Why a report cannot be written where it was asked for.
+#[derive(Debug, thiserror::Error)]
+pub enum FolderError {
+    /// Something else is there.
+    #[error("{path}: {why}; name another folder with -o, or remove this one first", path = path.display())]
+    Occupied {
+        /// The place asked for.
+        path: PathBuf,
+        /// What is there.
+        why: String,
+    },
+    /// The file system failed.
+    #[error("{path}: {error}", path = path.display())]
+    Io {
+        /// File or folder.
+        path: PathBuf,
+        /// What the system said.
+        error: io::Error,
+    },
+}
+
+/// A report that is being written into a temporary folder beside its target.
+#[derive(Debug)]
+pub struct Folder {
+    target: PathBuf,
+    staging: tempfile::TempDir,
+}
+
+impl Folder {
+    /// Checks that `target` is free, empty, or holds a report of ours and nothing else, and makes the temporary folder.
+    ///
+    /// # Errors
+    /// If something else is there, or nothing can be written beside it.
+    pub fn begin(target: &Path) -> Result<Self, FolderError> {
+        check(target)?;
+        let parent = target.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let staging = tempfile::Builder::new()
+            .prefix(".curitiba-report-")
+            .tempdir_in(parent)
+            .map_err(|error| FolderError::Io { path: parent.to_owned(), error: io::Error::from(error.kind()) })?;
+        for sub in ["pictures", "plots"] {
+            make(&staging.path().join(sub))?;
+        }
+        Ok(Self { target: target.to_owned(), staging })
+    }
+
+    /// Where files go until the report is complete.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.staging.path()
+    }
+
+    /// A temporary folder on the same disk for what is needed meanwhile.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn scratch(&self) -> io::Result<tempfile::TempDir> {
+        let parent = self.path().parent().unwrap_or(Path::new("."));
+        tempfile::Builder::new().prefix(".curitiba-scratch-").tempdir_in(parent)
+    }
+
+    /// Writes a file of the report; `name` is relative, with `/`.
+    ///
+    /// # Errors
+    /// If the file system fails.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FolderError> {
+        let path = self.path().join(name);
+        write_atomically(&path, bytes).map_err(|error| FolderError::Io { path, error })
+    }
+
+    /// Puts the complete report in its place. A report that was there before is set aside until the new one stands, and
+    /// put back if that fails.
+    ///
+    /// # Errors
+    /// If something else came there meanwhile, or the file system fails.
+    pub fn finish(self) -> Result<PathBuf, FolderError> {
+        check(&self.target)?;
+        let failed = |error| FolderError::Io { path: self.target.clone(), error };
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt as _;
+            // Temporary folders are private; a report is like any folder that its user makes.
+            std::fs::set_permissions(self.staging.path(), std::fs::Permissions::from_mode(0o755)).map_err(failed)?;
+        }
+        let new = self.staging.keep();
+        let mut aside = None;
+        if self.target.exists() {
+            let parent = new.parent().unwrap_or(Path::new("."));
+            let old = tempfile::Builder::new().prefix(".curitiba-old-").tempdir_in(parent).map_err(failed)?;
+            std::fs::rename(&self.target, old.path().join("report")).map_err(failed)?;
+            aside = Some(old);
+        }
+        if let Err(error) = std::fs::rename(&new, &self.target) {
+            if let Some(old) = &aside {
+                std::fs::rename(old.path().join("report"), &self.target).map_err(failed)?;
+            }
+            // What could not be moved is worth nothing to anybody.
+            let _ = std::fs::remove_dir_all(&new);
+            return Err(FolderError::Io { path: self.target.clone(), error });
+        }
+        Ok(self.target)
+    }
+}
+
+fn make(path: &Path) -> Result<(), FolderError> {
+    std::fs::create_dir(path).map_err(|error| FolderError::Io { path: path.to_owned(), error })
+}
+
+/// Whether a report may be put there.
+fn check(target: &Path) -> Result<(), FolderError> {
+    let occupied = |why: String| Err(FolderError::Occupied { path: target.to_owned(), why });
+    if !target.exists() {
+        return Ok(());
+    }
+    if !target.is_dir() {
+        return occupied("this is a file".to_owned());
+    }
+    let entries = std::fs::read_dir(target).map_err(|error| FolderError::Io { path: target.to_owned(), error })?;
+    let mut names: Vec<String> =
+        entries.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned())).collect();
+    if names.is_empty() {
+        return Ok(());
+    }
+    names.sort();
+    if let Some(other) = names.iter().find(|name| !ENTRIES.contains(&name.as_str())) {
+        return occupied(format!("the folder holds `{other}`, which is no part of a report"));
+    }
+    let marker = format!("<meta name=\"generator\" content=\"{GENERATOR}\">");
+    match std::fs::read_to_string(target.join("index.html")) {
+        Ok(page) if page.contains(&marker) => Ok(()),
+        _ => occupied("the folder is not empty and its index.html is not a report of this program".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn page(text: &str) -> String {
+        format!("<html><meta name=\"generator\" content=\"{GENERATOR}\">{text}</html>")
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).expect("a folder");
+        entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned()).collect()
+    }
+
+    #[test]
+    fn a_report_replaces_an_older_one_only_when_it_is_complete() {
+        let place = tempfile::tempdir().expect("a folder");
+        let target = place.path().join("report");
+        let first = Folder::begin(&target).expect("free");
+        first.write("index.html", page("first").as_bytes()).expect("written");
+        assert!(!target.exists());
+        first.finish().expect("renamed");
+
+        let second = Folder::begin(&target).expect("a report of ours");
+        second.write("index.html", page("second").as_bytes()).expect("written");
+        let read = || std::fs::read_to_string(target.join("index.html")).expect("a page");
+        assert!(read().contains("first"));
+        second.finish().expect("renamed");
+        assert!(read().contains("second"));
+
+        drop(Folder::begin(&target).expect("a report of ours"));
+        assert!(read().contains("second"));
+        assert_eq!(names(place.path()), ["report"], "nothing is left behind");
+    }
+
+    #[test]
+    fn folders_and_files_of_others_are_refused_and_stay_as_they_are() {
+        let place = tempfile::tempdir().expect("a folder");
+        let holds = |name: &str, file: &str, text: &str| {
+            let folder = place.path().join(name);
+            std::fs::create_dir(&folder).expect("a folder");
+            std::fs::write(folder.join(file), text).expect("a file");
+            Folder::begin(&folder).map(drop).expect_err("occupied").to_string()
+        };
+        assert!(holds("photos", "cat.jpg", "x").contains("`cat.jpg`"));
+        assert!(holds("site", "index.html", "<html>mine</html>").contains("not a report of this program"));
+        let file = place.path().join("file");
+        std::fs::write(&file, "x").expect("a file");
+        assert!(Folder::begin(&file).expect_err("a file").to_string().contains("this is a file"));
+        let empty = place.path().join("empty");
+        std::fs::create_dir(&empty).expect("a folder");
+        Folder::begin(&empty).expect("an empty folder is free");
+        let missing = place.path().join("no/such/place");
+        assert!(matches!(Folder::begin(&missing), Err(FolderError::Io { .. })));
+    }
+}

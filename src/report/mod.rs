@@ -1,0 +1,67 @@
+//! Reports: what each effect costs by raster and by rays on this machine, and what error each has, as a page that opens
+//! from disk.
+//!
+//! [`collect`](collect::collect) carries out a [`plan`] and gives a [`model::ReportData`], which is all that a page is made
+//! from. [`page`], [`plots`] and [`summary`] are pure functions of it; nothing there renders.
+
+pub mod collect;
+pub mod folder;
+pub mod model;
+pub mod number;
+pub mod page;
+pub mod plan;
+pub mod plots;
+mod scale;
+pub mod summary;
+#[cfg(test)]
+mod tests;
+
+pub use collect::{ReportError, Request};
+pub use plan::Wanted;
+
+use crate::pipeline::executor::Observer;
+use folder::{Folder, FolderError};
+use std::path::{Path, PathBuf};
+
+/// What is about to be measured.
+#[derive(Debug, Clone, Copy)]
+pub struct Told<'a> {
+    /// The row.
+    pub label: &'a str,
+    /// Rows dealt with.
+    pub done: usize,
+    /// Rows in all.
+    pub of: usize,
+    /// Time spent and allowed.
+    pub time: plan::TimePlan,
+}
+
+/// Measures, builds the page and writes the folder, which appears when it is complete.
+///
+/// # Errors
+/// If the folder holds something else, nothing can be measured, or files cannot be written.
+pub fn make(
+    request: &Request,
+    target: &Path,
+    told: &mut dyn FnMut(Told<'_>),
+    observer: &mut dyn Observer,
+) -> Result<(PathBuf, model::ReportData), ReportError> {
+    let folder = Folder::begin(target)?;
+    let data = collect::collect(request, &folder, told, observer)?;
+    write(&data, &folder)?;
+    Ok((folder.finish()?, data))
+}
+
+/// Writes the page, the plots and the data.
+fn write(data: &model::ReportData, folder: &Folder) -> Result<(), FolderError> {
+    let page = page::build(data);
+    for (name, svg) in &page.plots {
+        folder.write(&format!("plots/{name}"), svg.as_bytes())?;
+    }
+    let json = serde_json::to_string_pretty(&data.bench)
+        .map_err(|error| FolderError::Io { path: folder.path().join("data.json"), error: error.into() })?;
+    folder.write("data.json", json.as_bytes())?;
+    folder.write("data.csv", crate::bench::text::csv(&data.bench).as_bytes())?;
+    // Last: a folder without it is no report.
+    folder.write("index.html", page.html.as_bytes())
+}

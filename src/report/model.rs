@@ -1,0 +1,222 @@
+//! What the page is made from: plain data, so that the page can be built and tested without rendering anything.
+
+use crate::bench::model::{BenchFile, BenchRow, RowError, Technique};
+use serde::{Deserialize, Serialize};
+
+/// Everything that a report shows.
+///
+/// Figures live in [`ReportData::bench`] alone; the rest refers to its rows by [`BenchRow::key`].
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ReportData {
+    /// What was drawn.
+    pub scene: SceneFacts,
+    /// Window of all rows but those of the scaling by pixels.
+    pub size: [u32; 2],
+    /// Whether the short report was asked for.
+    pub quick: bool,
+    /// Time that the report was allowed, seconds.
+    pub budget_s: f64,
+    /// Time that it took, seconds.
+    pub took_s: f64,
+    /// All rows with all samples, the machine, and what could not be measured.
+    pub bench: BenchFile,
+    /// Keys of the rows of the effect table, in its order.
+    pub table: Vec<String>,
+    /// One for each effect.
+    pub sections: Vec<Section>,
+    /// Time against triangles, then against pixels.
+    pub scalings: Vec<Scaling>,
+}
+
+/// The scene that was measured.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SceneFacts {
+    /// Name of its file.
+    pub file: String,
+    /// Triangles.
+    pub triangles: u64,
+}
+
+/// The four effects that both techniques compute.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Effect {
+    /// Shadows of a directional light.
+    Shadows,
+    /// Mirror reflection in glass.
+    Reflection,
+    /// Reflection and refraction in glass.
+    Refraction,
+    /// Ambient occlusion.
+    Occlusion,
+}
+
+impl Effect {
+    /// All, in the order of the page.
+    pub const ALL: [Self; 4] = [Self::Shadows, Self::Reflection, Self::Refraction, Self::Occlusion];
+
+    /// As [`BenchRow::effect`] and file names have it.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Shadows => "shadows",
+            Self::Reflection => "reflection",
+            Self::Refraction => "refraction",
+            Self::Occlusion => "ao",
+        }
+    }
+
+    /// As a heading.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Shadows => "Shadows",
+            Self::Reflection => "Reflection",
+            Self::Refraction => "Refraction",
+            Self::Occlusion => "Ambient occlusion",
+        }
+    }
+
+    /// Within a sentence.
+    #[must_use]
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Shadows => "shadows",
+            Self::Reflection => "reflection",
+            Self::Refraction => "refraction",
+            Self::Occlusion => "ambient occlusion",
+        }
+    }
+}
+
+/// One effect: its pictures and every setting that was measured.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Section {
+    /// Which.
+    pub effect: Effect,
+    /// The view of its pictures and settings.
+    pub view: String,
+    /// Pictures that can be compared, the reference last; empty where none could be rendered.
+    pub pictures: Vec<Picture>,
+    /// FLIP maps against the reference.
+    pub flip_maps: Vec<FlipMap>,
+    /// What leaving the effect out costs; `None` where it was not measured.
+    pub without: Option<Without>,
+    /// Every setting, in the order of the table.
+    pub settings: Vec<Setting>,
+}
+
+/// A frame without the effect, against the effect's reference: what an effect has to be better than.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Without {
+    /// Row of the frame.
+    pub row: String,
+    /// Its error, as of a row that computes the effect.
+    pub error: RowError,
+}
+
+/// A rendered picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Picture {
+    /// What tells it from the others of its section: `raster`, `rays`, `reference`, …
+    pub role: String,
+    /// What a reader calls it: `Raster: shadow map of 2048 texels`.
+    pub label: String,
+    /// Path of the PNG inside the report's folder, with `/`.
+    pub file: String,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Row that it was rendered by; `None` for the reference.
+    pub row: Option<String>,
+}
+
+/// A map of FLIP errors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlipMap {
+    /// What it is a map of: the picture's label.
+    pub label: String,
+    /// Path of the PNG inside the report's folder, with `/`.
+    pub file: String,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Mean FLIP error, 0 to 1.
+    pub mean: f64,
+}
+
+/// One measured setting of an effect.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Setting {
+    /// Its row.
+    pub row: String,
+    /// What it is one of: `shadow map, 3 x 3 texels`, `rays, Sobol`. One mark and colour of the plot each.
+    pub series: String,
+    /// What differs within the series: `2048`, `16 rays`.
+    pub value: String,
+}
+
+/// What a scaling plot has on its lower axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Against {
+    /// Triangles of the scene.
+    Triangles,
+    /// Pixels of the window.
+    Pixels,
+}
+
+/// Frame time against one quantity.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Scaling {
+    /// Which quantity.
+    pub against: Against,
+    /// Lines of the plot.
+    pub series: Vec<ScalingSeries>,
+}
+
+/// One line of a scaling plot.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ScalingSeries {
+    /// What a reader calls it.
+    pub label: String,
+    /// By rays or by raster.
+    pub technique: Technique,
+    /// Keys of the rows, from few to many.
+    pub rows: Vec<String>,
+}
+
+impl ReportData {
+    /// The row of a key.
+    #[must_use]
+    pub fn row(&self, key: &str) -> Option<&BenchRow> {
+        self.bench.rows.iter().find(|row| row.key == key)
+    }
+
+    /// The section of an effect.
+    #[must_use]
+    pub fn section(&self, effect: Effect) -> Option<&Section> {
+        self.sections.iter().find(|section| section.effect == effect)
+    }
+
+    /// The measured settings of a section, with their rows; a setting without a row was not measured and is not there.
+    pub fn settings<'a>(&'a self, section: &'a Section) -> impl Iterator<Item = (&'a Setting, &'a BenchRow)> {
+        section.settings.iter().filter_map(|setting| Some((setting, self.row(&setting.row)?)))
+    }
+
+    /// The row without any effect in a view: what the G-buffer alone takes.
+    #[must_use]
+    pub fn base(&self, view: &str) -> Option<&BenchRow> {
+        let plain = |row: &&BenchRow| row.technique == Technique::None && row.effect == "none" && row.size == self.size;
+        let mut rows = self.table.iter().filter_map(|key| self.row(key)).filter(plain);
+        let first = rows.clone().next();
+        rows.find(|row| row.view == view).or(first)
+    }
+}
+
+/// Root mean square error of a row, and that of its reference; `None` where it was not measured.
+#[must_use]
+pub fn rmse(row: &BenchRow) -> Option<(f64, f64)> {
+    match &row.error {
+        RowError::Against { own_error, comparison, .. } => Some((comparison.rmse, *own_error)),
+        RowError::Missing(_) => None,
+    }
+}

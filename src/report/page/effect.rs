@@ -1,0 +1,160 @@
+//! One effect: its pictures under a divider, FLIP maps, speed against error, where the time goes, every setting.
+
+use super::{Plots, table};
+use crate::bench::model::{BenchRow, RowError};
+use crate::report::model::{Effect, Picture, ReportData, Section, rmse};
+use crate::report::number::{error, significant};
+use crate::report::plots;
+use maud::{Markup, html};
+
+/// The section of an effect.
+pub fn section(data: &ReportData, section: &Section, plots: &mut Plots) -> Markup {
+    let id = section.effect.id();
+    let rows: Vec<&BenchRow> = data.settings(section).map(|(_, row)| row).collect();
+    let without: Vec<&BenchRow> = rows.iter().copied().filter(|row| rmse(row).is_none()).collect();
+    html! {
+        section aria-labelledby=(id) {
+            h2 id=(id) { (section.effect.title()) }
+            p { (about(section.effect)) " View " (section.view) "." }
+            h3 { "Pictures" }
+            (pictures(data, section))
+            (flip_maps(section))
+            h3 { "Speed against error" }
+            (plots.figure(
+                &format!("{id}-speed"),
+                plots::speed_against_error(data, section),
+                &html! {
+                    "Every mark is one setting; the line joins those that no other beats in both speed and error (the Pareto "
+                    "front), and they are named where there is room."
+                },
+                "No setting of this effect has both a time and an error.",
+            ))
+            @if let Some(first) = without.first() {
+                p.note {
+                    (without.len()) " of " (rows.len()) " settings have no error and no mark. "
+                    @if let RowError::Missing(why) = &first.error { (first.label) ": " (why) "." }
+                }
+            }
+            h3 { "Where the time goes" }
+            (plots.figure(
+                &format!("{id}-frames"),
+                plots::frame_bars(&format!("{}: median time of each step of a frame", section.effect.title()), &rows, section.effect.title()),
+                &html! { "Median host time of each step. The figure at the end of a bar is the median of the whole frame." },
+                "No setting of this effect was measured.",
+            ))
+            h3 { "All settings" }
+            @if rows.is_empty() {
+                p.note { "None was measured." }
+            } @else {
+                (table::rows(data, &rows, &format!("{}, every setting", section.effect.title())))
+            }
+        }
+    }
+}
+
+fn about(effect: Effect) -> &'static str {
+    match effect {
+        Effect::Shadows => {
+            "By raster, a depth map drawn from the light, whose texels are too coarse for far or slanted surfaces. By rays, \
+             one ray to the light from each pixel, exact for a light without extent."
+        }
+        Effect::Reflection => {
+            "By raster, a cube map drawn from the middle of the pane: what is near the pane is seen from a wrong place, and no \
+             pane sees another. By rays, the mirrored ray itself."
+        }
+        Effect::Refraction => {
+            "By raster, two look-ups in a cube map, weighted by the Fresnel equations. By rays, the mirrored and the bent ray, \
+             at every pane that they meet."
+        }
+        Effect::Occlusion => {
+            "By raster, what the G-buffer shows around a pixel: nothing outside the window or behind the nearest surface can \
+             occlude. By rays, the half sphere above each point."
+        }
+    }
+}
+
+fn alt(section: &Section, picture: &Picture) -> String {
+    format!("{} seen from view {}. {}", section.effect.title(), section.view, picture.label)
+}
+
+fn pictures(data: &ReportData, section: &Section) -> Markup {
+    let Some((reference, others)) = section.pictures.split_last() else {
+        return html! { p.note { "No picture could be rendered." } };
+    };
+    let Some(first) = others.first() else { return single(section, reference) };
+    let size = reference.size;
+    let id = section.effect.id();
+    let options = |chosen: &Picture| {
+        html! {
+            @for picture in &section.pictures {
+                option value=(picture.file) data-alt=(alt(section, picture)) selected[picture == chosen] { (picture.label) }
+            }
+        }
+    };
+    html! {
+        div.compare id={ "compare-" (id) } hidden {
+            div.choice {
+                label { span { "Left" } select { (options(first)) } }
+                label { span { "Right" } select { (options(reference)) } }
+            }
+            div.stage {
+                img src=(reference.file) width=(size[0]) height=(size[1]) alt=(alt(section, reference));
+                img.over src=(first.file) width=(size[0]) height=(size[1]) alt=(alt(section, first));
+                span.line {}
+                b.left { (first.label) }
+                b.right { (reference.label) }
+                input type="range" min="0" max="100" step="1" value="50" aria-label="Divider between the two pictures";
+            }
+            p.note { "Drag the divider, or focus it and use the arrow keys." }
+        }
+        div.pictures {
+            @for picture in &section.pictures {
+                figure {
+                    img src=(picture.file) width=(picture.size[0]) height=(picture.size[1]) alt=(alt(section, picture));
+                    figcaption { (picture.label) (figures(data, picture)) }
+                }
+            }
+        }
+    }
+}
+
+fn single(section: &Section, picture: &Picture) -> Markup {
+    html! {
+        figure {
+            img src=(picture.file) width=(picture.size[0]) height=(picture.size[1]) alt=(alt(section, picture));
+            figcaption { (picture.label) }
+        }
+    }
+}
+
+/// `: 12.3 ms, RMSE 0.01`.
+fn figures(data: &ReportData, picture: &Picture) -> Markup {
+    let row = picture.row.as_ref().and_then(|key| data.row(key));
+    html! {
+        @if let Some(row) = row {
+            ": " (significant(row.frame.median)) " ms a frame"
+            @if let Some((found, _)) = rmse(row) { ", RMSE " (error(found)) }
+        }
+    }
+}
+
+fn flip_maps(section: &Section) -> Markup {
+    html! {
+        @if !section.flip_maps.is_empty() {
+            h3 { "Where a person sees a difference" }
+            p.note {
+                "FLIP against the reference: 0 " span.bar role="img" aria-label="from black over purple and orange to pale yellow" {}
+                " 1. Black is no visible difference."
+            }
+            div.pictures {
+                @for map in &section.flip_maps {
+                    figure {
+                        img src=(map.file) width=(map.size[0]) height=(map.size[1])
+                            alt=(format!("FLIP map of {}: brighter where the difference is easier to see", map.label));
+                        figcaption { (map.label) ": mean FLIP " (error(map.mean)) }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,383 @@
+//! The page: from [`ReportData`] and finished plots to one HTML file. Nothing is rendered or read here.
+
+mod effect;
+mod table;
+
+use super::model::{Against, Effect, ReportData};
+use super::number::{date, duration, error, grouped, milliseconds};
+use super::plan::OUT_OF_TIME;
+use super::plots::{self, Plot};
+use super::summary::{self, Advice, Candidate, FRAME_60_MS, Verdict};
+use crate::bench::model::{BenchRow, Technique};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// What marks a page as ours, in its `meta name="generator"`.
+pub const GENERATOR: &str = "curitiba report";
+
+/// The page, and the plots as files of their own.
+#[derive(Debug, Clone)]
+pub struct Page {
+    /// `index.html`.
+    pub html: String,
+    /// Name inside `plots/` and content of each SVG file.
+    pub plots: Vec<(String, String)>,
+}
+
+/// Collects the plots while the page is built.
+#[derive(Default)]
+struct Plots(Vec<(String, String)>);
+
+impl Plots {
+    /// The plot as a figure with its caption, or a sentence that says why there is none.
+    fn figure(&mut self, name: &str, plot: Option<Plot>, caption: &Markup, missing: &str) -> Markup {
+        let Some(plot) = plot else { return html! { p.note { (missing) } } };
+        let file = format!("{name}.svg");
+        let path = format!("plots/{file}");
+        self.0.push((file, plot.file));
+        html! {
+            figure.plot {
+                div.scroll tabindex="0" role="group" aria-label="Plot; scrolls sideways where the window is narrow" {
+                    (PreEscaped(plot.inline))
+                }
+                figcaption { (caption) " " a href=(path) { "SVG" } }
+            }
+        }
+    }
+}
+
+/// Builds the page.
+#[must_use]
+pub fn build(data: &ReportData) -> Page {
+    let mut plots = Plots::default();
+    let scene = data.scene.file.clone();
+    let body = html! {
+        a.skip href="#in-short" { "Skip to the result" }
+        (top(data))
+        main {
+            (in_short(data))
+            (missing(data))
+            (effects(data, &mut plots))
+            @for section in &data.sections { (effect::section(data, section, &mut plots)) }
+            (scaling(data, &mut plots))
+            (method(data))
+        }
+        footer {
+            p { "Made by " (GENERATOR) " " (data.bench.environment.version) " on " (date(data.bench.started_unix_s)) "." }
+        }
+        script { (PreEscaped(SCRIPT)) }
+    };
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="generator" content=(GENERATOR);
+                meta name="color-scheme" content="light dark";
+                link rel="icon" href="data:,";
+                title { "Raster or rays: " (scene) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body { (body) }
+        }
+    };
+    Page { html: page.into_string(), plots: plots.0 }
+}
+
+fn top(data: &ReportData) -> Markup {
+    let [width, height] = data.size;
+    html! {
+        header.top {
+            p.kicker { "Benchmark report" @if data.quick { " · quick" } }
+            h1 { "Raster or rays: " (data.scene.file) }
+            p.lede {
+                "What each effect costs by rasterisation and by ray tracing on this machine, and how far either is from a reference."
+            }
+            nav aria-label="Contents" {
+                ul {
+                    li { a href="#in-short" { "In short" } }
+                    @if !data.bench.unavailable.is_empty() { li { a href="#missing" { "What is missing" } } }
+                    li { a href="#effects" { "All rows" } }
+                    @for section in &data.sections {
+                        li { a href={ "#" (section.effect.id()) } { (section.effect.title()) } }
+                    }
+                    li { a href="#scaling" { "Scaling" } }
+                    li { a href="#method" { "How it was measured" } }
+                }
+            }
+            dl.facts {
+                div { dt { "Scene" } dd { (data.scene.file) ", " (grouped(data.scene.triangles)) " triangles" } }
+                div { dt { "Window" } dd { (width) " × " (height) " pixels" } }
+                @for (name, value) in facts(data) { div { dt { (name) } dd { (value) } } }
+                @for (what, engine) in engines(data) { div { dt { (what) } dd { (engine) } } }
+                div { dt { "Date" } dd { (date(data.bench.started_unix_s)) ", took " (duration(data.took_s)) } }
+                div { dt { "Command" } dd { code { (data.bench.command) } } }
+            }
+            (busy(data))
+        }
+    }
+}
+
+/// Every field of the environment, under the name that a reader knows it by.
+fn facts(data: &ReportData) -> Vec<(String, String)> {
+    const ORDER: [&str; 10] =
+        ["cpu", "threads", "gpu", "driver", "platform", "version", "commit", "profile", "flags", "load_average"];
+    let Ok(serde_json::Value::Object(fields)) = serde_json::to_value(&data.bench.environment) else {
+        return Vec::new();
+    };
+    let mut fields: Vec<_> = fields.into_iter().collect();
+    fields.sort_by_key(|(name, _)| ORDER.iter().position(|known| known == name).unwrap_or(ORDER.len()));
+    let title = |field: &str| match field {
+        "cpu" => "Processor".to_owned(),
+        "gpu" | "gpus" => "Graphics processor".to_owned(),
+        "threads" => "Threads".to_owned(),
+        "profile" => "Build".to_owned(),
+        "platform" => "System".to_owned(),
+        other => {
+            let spaced = other.replace('_', " ");
+            let mut letters = spaced.chars();
+            letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+        }
+    };
+    fields.iter().map(|(name, value)| (title(name), words(value))).collect()
+}
+
+/// A JSON value as a reader reads it.
+fn words(value: &serde_json::Value) -> String {
+    match value {
+        serde_json::Value::Null => "not known".to_owned(),
+        serde_json::Value::String(text) if text.is_empty() => "none".to_owned(),
+        serde_json::Value::String(text) => text.clone(),
+        serde_json::Value::Bool(yes) => if *yes { "yes" } else { "no" }.to_owned(),
+        serde_json::Value::Array(parts) if parts.is_empty() => "none".to_owned(),
+        serde_json::Value::Array(parts) => parts.iter().map(words).collect::<Vec<_>>().join("; "),
+        serde_json::Value::Object(fields) => {
+            fields.iter().map(|(name, value)| format!("{name} {}", words(value))).collect::<Vec<_>>().join(", ")
+        }
+        number @ serde_json::Value::Number(_) => number.to_string(),
+    }
+}
+
+/// A caution where other programs ran beside the measurements.
+fn busy(data: &ReportData) -> Markup {
+    let environment = &data.bench.environment;
+    let others = environment.load_average.filter(|load| *load > environment.threads as f64 * 0.5);
+    html! {
+        @if let Some(load) = others {
+            p.note {
+                strong { "Other programs were at work: " }
+                "the load average was " (super::number::significant(load)) " on " (environment.threads)
+                " threads when the report began. An idle machine is faster, and its times vary less."
+            }
+        }
+    }
+}
+
+/// Every engine that a row ran on, in the order of the rows.
+fn engines(data: &ReportData) -> Vec<(&'static str, String)> {
+    let mut found: Vec<(&'static str, String)> = Vec::new();
+    for row in &data.bench.rows {
+        let rays = row.rays.iter().map(|engine| ("Rays", engine));
+        for (what, engine) in std::iter::once(("Rasteriser", &row.raster)).chain(rays) {
+            let entry = (what, format!("{}: {}", engine.name, engine.device));
+            if !found.contains(&entry) {
+                found.push(entry);
+            }
+        }
+    }
+    found.sort_by_key(|(what, _)| *what == "Rays");
+    found
+}
+
+fn in_short(data: &ReportData) -> Markup {
+    let verdicts = summary::verdicts(data, FRAME_60_MS);
+    let sentences = summary::in_short(data);
+    html! {
+        section.short aria-labelledby="in-short" {
+            h2 id="in-short" { "In short" }
+            @if let Some((first, rest)) = sentences.split_first() {
+                p { strong { (first) } }
+                @if !rest.is_empty() { p { (rest.join(" ")) } }
+            }
+            div.scroll tabindex="0" role="group" aria-label="Table of advice" {
+                table {
+                    thead {
+                        tr {
+                            th.text scope="col" { "Effect" } th.text scope="col" { "At 60 frames a second" }
+                            th.text scope="col" { "Setting" } th scope="col" { "Frame, ms" }
+                            th scope="col" { "RMSE" } th scope="col" { "FLIP" } th scope="col" { "RMSE without it" }
+                        }
+                    }
+                    tbody { @for verdict in &verdicts { (advice(data, verdict)) } }
+                }
+            }
+        }
+    }
+}
+
+fn advice(data: &ReportData, verdict: &Verdict) -> Markup {
+    let (candidate, prefix): (Option<&Candidate>, &str) = match &verdict.advice {
+        Advice::Fits(candidate) | Advice::FitsWithUnknownError(candidate) => (Some(candidate), ""),
+        Advice::LeaveOut { best, .. } => (Some(best), "best that fits: "),
+        Advice::NothingFits { cheapest, .. } => (Some(cheapest), "cheapest: "),
+        Advice::NotMeasured => (None, ""),
+    };
+    let quality = candidate.and_then(|candidate| candidate.error.as_ref().ok());
+    let without = data.section(verdict.effect).and_then(|section| summary::without(data, section));
+    let without = without.as_ref().and_then(|candidate| candidate.error.as_ref().ok());
+    html! {
+        tr {
+            th scope="row" { (verdict.effect.title()) }
+            td.text { strong { (summary::verb(&verdict.advice)) } }
+            td.text.wrap {
+                @match candidate {
+                    Some(candidate) => { (prefix) (candidate.label) },
+                    None => span.none { "–" },
+                }
+            }
+            td { (candidate.map_or("–".to_owned(), |candidate| super::number::significant(candidate.frame_ms))) }
+            td { (quality.map_or("–".to_owned(), |quality| error(quality.rmse))) }
+            td { (quality.map_or("–".to_owned(), |quality| error(quality.flip))) }
+            td { (without.map_or("–".to_owned(), |quality| error(quality.rmse))) }
+        }
+    }
+}
+
+fn missing(data: &ReportData) -> Markup {
+    let (late, other): (Vec<_>, Vec<_>) =
+        data.bench.unavailable.iter().partition(|entry| entry.why.starts_with(OUT_OF_TIME));
+    html! {
+        @if !data.bench.unavailable.is_empty() {
+            section aria-labelledby="missing" {
+                h2 id="missing" { "What is missing" }
+                p { "Nothing below was replaced by something else; it is absent from the tables and plots." }
+                ul.missing {
+                    @for entry in &other { li { strong { (entry.what) } ": " (entry.why) } }
+                }
+                @if !late.is_empty() {
+                    p {
+                        "For lack of time (" (duration(data.budget_s)) " were allowed), each with what it was expected to take:"
+                    }
+                    ul.missing.late.note {
+                        @for entry in &late {
+                            li { strong { (entry.what) } ": " (entry.why.trim_start_matches(OUT_OF_TIME).trim_start()) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn effects(data: &ReportData, plots: &mut Plots) -> Markup {
+    let rows: Vec<&BenchRow> = data.table.iter().filter_map(|key| data.row(key)).collect();
+    let whole: Vec<&BenchRow> =
+        rows.iter().copied().filter(|row| !Effect::ALL.iter().any(|effect| effect.id() == row.effect)).collect();
+    html! {
+        section aria-labelledby="effects" {
+            h2 id="effects" { "All rows" }
+            p {
+                "One row for each effect, technique and view, at its usual setting. A frame at 60 frames a second may take "
+                (milliseconds(FRAME_60_MS)) "."
+            }
+            (table::rows(data, &rows, "Frame times, rays and errors"))
+            (figures_of_2014(&rows))
+            h3 { "Where a frame’s time goes: no effect, and all together" }
+            (plots.figure(
+                "frames",
+                plots::frame_bars("Median time of each step of a frame", &whole, ""),
+                &html! { "Median host time of each step. The figure at the end of a bar is the median of the whole frame." },
+                "No such row was measured.",
+            ))
+        }
+    }
+}
+
+/// Names the report's machine beside ours, where its figures stand in the table.
+fn figures_of_2014(rows: &[&BenchRow]) -> Markup {
+    let thesis = rows.iter().find_map(|row| row.thesis.as_ref());
+    html! {
+        @if let Some(thesis) = thesis {
+            p.note {
+                "The column “2014” has the figures of the report that the projects come from, measured on "
+                (thesis.machine) "; the ratio is its time divided by ours, and is given where the sizes are the same."
+            }
+        }
+    }
+}
+
+fn scaling(data: &ReportData, plots: &mut Plots) -> Markup {
+    html! {
+        section aria-labelledby="scaling" {
+            h2 id="scaling" { "Scaling" }
+            p {
+                "Both axes are logarithmic: a line of slope 1 means that twice as much takes twice as long. The exponent in the "
+                "legend is the slope of the dashed line, fitted by least squares where there are at least three points."
+            }
+            @for scaling in &data.scalings {
+                @let (id, title, missing) = match scaling.against {
+                    Against::Triangles => ("triangles", "Against triangles", "No scene of another size was measured."),
+                    Against::Pixels => ("pixels", "Against pixels", "No other window size was measured."),
+                };
+                h3 { (title) }
+                (plots.figure(
+                    &format!("scaling-{id}"),
+                    plots::scaling_plot(data, scaling),
+                    &scaling_caption(data, scaling),
+                    missing,
+                ))
+                (table::scaling(data, scaling))
+            }
+        }
+    }
+}
+
+fn scaling_caption(data: &ReportData, scaling: &super::model::Scaling) -> Markup {
+    let [width, height] = data.size;
+    html! {
+        @match scaling.against {
+            Against::Triangles => { "The generated square at other densities, " (width) " × " (height) " pixels." },
+            Against::Pixels => { (data.scene.file) " in windows of other sizes." },
+        }
+    }
+}
+
+fn method(data: &ReportData) -> Markup {
+    let bench = &data.bench;
+    html! {
+        section aria-labelledby="method" {
+            h2 id="method" { "How it was measured" }
+            p {
+                "Up to " (bench.frames) " frames of each row after " (bench.warmup)
+                " that are not counted; rows that take long get fewer, n says how many. Times are host times of whole frames with "
+                "synchronisation; loading, uploading and building are done once and are not in them. Device times are on the "
+                "device’s own clock, where it has one."
+            }
+            p {
+                "Errors compare the picture of a row with a reference of its own effect, view and size. RMSE, relative MSE and the "
+                "energy ratio are of linear values; SSIM and FLIP are of what is displayed. A reference has an error of its own, "
+                "estimated from its samples: differences below it mean nothing."
+            }
+            p {
+                "The time allowed was " (duration(data.budget_s)) ". Before each stage its expected cost was compared with what was "
+                "left; what no longer fitted was left out and is listed above."
+            }
+            p { "All samples: " a href="data.json" { "data.json" } " · " a href="data.csv" { "data.csv" } }
+            p { "To make it again: " code { (bench.command) } }
+        }
+    }
+}
+
+/// A coloured tag for a technique.
+fn tag(technique: Technique) -> Markup {
+    html! {
+        @match technique {
+            Technique::Rays => span.tag.rays { "rays" },
+            Technique::Raster => span.tag.raster { "raster" },
+            Technique::None => span.tag { "none" },
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! Tables of rows: readable as they stand, sortable with the script.
+
+use super::tag;
+use crate::bench::model::{BenchRow, RowError, Stats};
+use crate::pipeline::metrics::Comparison;
+use crate::report::model::{Against, ReportData, Scaling};
+use crate::report::number::{bytes, error, grouped, significant};
+use maud::{Markup, html};
+
+/// The columns that every row has, grouped.
+pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
+    let device = rows.iter().any(|row| row.frame_device.is_some());
+    let rays = rows.iter().any(|row| row.rays.is_some());
+    let thesis = rows.iter().any(|row| row.thesis.is_some());
+    let mut columns = vec!["Row", "By", "View", "median", "RMSE", "FLIP", "SSIM", "against"];
+    if rays {
+        columns.extend(["in rays", "rays", "M/s"]);
+    }
+    columns.extend(["mean ± sd", "min", "max", "n"]);
+    if device {
+        columns.push("device");
+    }
+    columns.extend(["rel. MSE", "PSNR, dB", "energy", "outliers", "Memory"]);
+    if thesis {
+        columns.extend(["ms", "ratio"]);
+    }
+    let references = References::of(rows);
+    html! {
+        div.scroll.wide tabindex="0" role="group" aria-label=(format!("Table: {caption}")) {
+            table.sortable {
+                caption { (caption) "; " (data.size[0]) " × " (data.size[1]) " pixels" }
+                thead {
+                    tr.groups {
+                        th colspan="3" {}
+                        th scope="colgroup" { "Frame, ms" }
+                        th scope="colgroup" colspan="4" { "Error against the reference" }
+                        @if rays { th scope="colgroup" colspan="3" { "Rays of a frame" } }
+                        th scope="colgroup" colspan=(4 + usize::from(device)) { "Time of a frame, ms" }
+                        th.extra scope="colgroup" colspan="4" { "More errors" }
+                        th {}
+                        @if thesis { th scope="colgroup" colspan="2" { "2014" } }
+                    }
+                    tr {
+                        @for (index, column) in columns.iter().enumerate() {
+                            @let text = matches!(*column, "Row" | "By" | "View");
+                            th.text[text].extra[EXTRA.contains(column)] scope="col" data-column=(index) { (column) }
+                        }
+                    }
+                }
+                tbody {
+                    @for row in rows {
+                        tr {
+                            th scope="row" { (row.label) }
+                            td.text { (tag(row.technique)) }
+                            td.text { (row.view) }
+                            td data-v=(row.frame.median) { strong { (significant(row.frame.median)) } }
+                            (errors(row))
+                            (references.cell(row))
+                            @if rays { (traced(row)) }
+                            (spread(&row.frame))
+                            @if device { (number(row.frame_device.as_ref().map(|stats| stats.median), significant)) }
+                            (more_errors(row))
+                            (extra(row.peak_memory_bytes.map(|held| held as f64), |held| bytes(held as u64)))
+                            @if thesis {
+                                (number(row.thesis.as_ref().map(|thesis| thesis.frame_ms), significant))
+                                (number(row.thesis.as_ref().and_then(|thesis| thesis.ratio), significant))
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        p.note.on-paper { "More columns are on the screen and in data.csv." }
+        (references.list())
+    }
+}
+
+/// A cell with the value that it is sorted by; a dash where there is none.
+fn number(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
+    html! {
+        @match value {
+            Some(value) => td data-v=(value) { (print(value)) },
+            None => td.none data-v="" { "–" },
+        }
+    }
+}
+
+/// Columns that paper has no room for.
+const EXTRA: [&str; 5] = ["rel. MSE", "PSNR, dB", "energy", "outliers", "Memory"];
+
+/// [`number`] in one of the columns of [`EXTRA`].
+fn extra(value: Option<f64>, print: impl Fn(f64) -> String) -> Markup {
+    html! {
+        @match value {
+            Some(value) => td.extra data-v=(value) { (print(value)) },
+            None => td.extra.none data-v="" { "–" },
+        }
+    }
+}
+
+fn times(stats: &Stats) -> Markup {
+    html! {
+        td data-v=(stats.median) { strong { (significant(stats.median)) } }
+        (spread(stats))
+    }
+}
+
+fn spread(stats: &Stats) -> Markup {
+    html! {
+        td data-v=(stats.mean) { (significant(stats.mean)) " ± " (significant(stats.sd)) }
+        (number(Some(stats.min), significant))
+        (number(Some(stats.max), significant))
+        (number(Some(stats.n() as f64), |n| format!("{n:.0}")))
+    }
+}
+
+fn traced(row: &BenchRow) -> Markup {
+    let steps = || row.steps.iter().filter_map(|step| Some((step.rays?.total(), step.host.median)));
+    let rays: Option<u64> = row.rays.is_some().then(|| steps().map(|(rays, _)| rays).sum());
+    let ms: f64 = steps().map(|(_, ms)| ms).sum();
+    let speed = rays.filter(|rays| *rays > 0 && ms > 0.0).map(|rays| rays as f64 / 1e3 / ms);
+    html! {
+        (number(row.ray_share, |share| format!("{:.0} %", share * 100.0)))
+        (number(rays.map(|rays| rays as f64), |rays| grouped(rays as u64)))
+        (number(speed, significant))
+    }
+}
+
+fn comparison(row: &BenchRow) -> Option<&Comparison> {
+    match &row.error {
+        RowError::Against { comparison, .. } => Some(comparison),
+        RowError::Missing(_) => None,
+    }
+}
+
+fn errors(row: &BenchRow) -> Markup {
+    let found = comparison(row);
+    html! {
+        (number(found.map(|found| found.rmse), error))
+        (number(found.map(|found| found.flip), error))
+        (number(found.map(|found| found.ssim), |ssim| format!("{ssim:.4}")))
+    }
+}
+
+fn more_errors(row: &BenchRow) -> Markup {
+    let found = comparison(row);
+    html! {
+        (extra(found.map(|found| found.relative_mse), error))
+        (extra(found.map(|found| found.psnr), |psnr| if psnr.is_finite() { format!("{psnr:.1}") } else { "∞".to_owned() }))
+        (extra(found.map(|found| found.energy_ratio), |ratio| format!("{ratio:.4}")))
+        (extra(found.map(|found| found.outliers), |share| format!("{:.2} %", share * 100.0)))
+    }
+}
+
+/// What the errors of a table are against, each once: the cells have numbers.
+struct References(Vec<String>);
+
+impl References {
+    fn of(rows: &[&BenchRow]) -> Self {
+        let mut found = Vec::new();
+        for row in rows {
+            let words = Self::words(row);
+            if !found.contains(&words) {
+                found.push(words);
+            }
+        }
+        Self(found)
+    }
+
+    fn words(row: &BenchRow) -> String {
+        match &row.error {
+            RowError::Against { reference, own_error, .. } if *own_error > 0.0 => {
+                format!("{reference}; its own error: {}", error(*own_error))
+            }
+            RowError::Against { reference, .. } => reference.clone(),
+            RowError::Missing(why) => format!("No error: {why}"),
+        }
+    }
+
+    fn cell(&self, row: &BenchRow) -> Markup {
+        let words = Self::words(row);
+        let index = self.0.iter().position(|known| *known == words).unwrap_or_default() + 1;
+        html! { td data-v=(index) { (index) } }
+    }
+
+    fn list(&self) -> Markup {
+        html! {
+            p.note { "References:" }
+            ol.references.note { @for words in &self.0 { li { (words) } } }
+        }
+    }
+}
+
+/// The figures behind a scaling plot.
+pub fn scaling(data: &ReportData, scaling: &Scaling) -> Markup {
+    let quantity = match scaling.against {
+        Against::Triangles => "Triangles",
+        Against::Pixels => "Pixels",
+    };
+    html! {
+        @if scaling.series.iter().any(|series| !series.rows.is_empty()) {
+            div.scroll tabindex="0" role="group" aria-label=(format!("Table: time against {}", quantity.to_lowercase())) {
+                table.sortable {
+                    thead {
+                        tr {
+                            th.text scope="col" data-column="0" { "Row" }
+                            th.text scope="col" data-column="1" { "By" }
+                            th scope="col" data-column="2" { (quantity) }
+                            th scope="col" data-column="3" { "Window" }
+                            th scope="col" data-column="4" { "median, ms" }
+                            th scope="col" data-column="5" { "mean ± sd" }
+                            th scope="col" data-column="6" { "min" }
+                            th scope="col" data-column="7" { "max" }
+                            th scope="col" data-column="8" { "n" }
+                        }
+                    }
+                    tbody {
+                        @for series in &scaling.series {
+                            @for row in series.rows.iter().filter_map(|key| data.row(key)) {
+                                @let pixels = u64::from(row.size[0]) * u64::from(row.size[1]);
+                                @let amount = if scaling.against == Against::Triangles { row.triangles } else { pixels };
+                                tr {
+                                    th scope="row" { (series.label) }
+                                    td.text { (tag(series.technique)) }
+                                    (number(Some(amount as f64), |value| grouped(value as u64)))
+                                    td data-v=(pixels) { (row.size[0]) " × " (row.size[1]) }
+                                    (times(&row.frame))
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,435 @@
+//! What a report measures, in which order, and what it leaves out when the time does not suffice.
+
+use super::model::{Against, Effect};
+use crate::bench::model::Technique;
+
+/// What is asked of a report.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wanted {
+    /// Window, pixels.
+    pub size: [u32; 2],
+    /// The short report.
+    pub quick: bool,
+    /// Time allowed, seconds.
+    pub budget_s: f64,
+    /// Densities of the generated square for the scaling plot; none switches it off.
+    pub triangles: Vec<u32>,
+}
+
+impl Wanted {
+    /// The report as it is made unless asked otherwise: ten minutes, or one.
+    #[must_use]
+    pub fn new(quick: bool, size: Option<[u32; 2]>) -> Self {
+        let (side, budget_s) = if quick { (256, 60.0) } else { (512, 600.0) };
+        let triangles =
+            if quick { vec![10_000, 30_000, 100_000, 1_000_000] } else { vec![10_000, 100_000, 1_000_000, 10_000_000] };
+        Self { size: size.unwrap_or([side, side]), quick, budget_s, triangles }
+    }
+
+    /// Most frames of a row, and the time that they may take, milliseconds.
+    #[must_use]
+    pub fn frames(&self) -> (u32, f64) {
+        if self.quick { (5, 300.0) } else { (15, 2000.0) }
+    }
+
+    /// Time that refining one reference may take, seconds.
+    #[must_use]
+    pub fn reference_allowance_s(&self) -> f64 {
+        self.budget_s * 0.12
+    }
+}
+
+/// Parts of a report, in the order in which they are measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// No effect, and each effect at its usual setting, with references.
+    Effects,
+    /// All other settings of each effect.
+    Settings,
+    /// Other window sizes.
+    Pixels,
+    /// Other scenes.
+    Triangles,
+}
+
+impl Stage {
+    /// The share of the time at whose end the stage is over, so that each of the later ones gets some.
+    #[must_use]
+    pub fn until(self) -> f64 {
+        match self {
+            Self::Effects => 0.55,
+            Self::Settings => 0.68,
+            Self::Pixels => 0.76,
+            Self::Triangles => 0.96,
+        }
+    }
+}
+
+/// Something to measure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// When.
+    pub stage: Stage,
+    /// Project file inside the projects folder, with `/`.
+    pub file: &'static str,
+    /// As [`BenchRow::effect`](crate::bench::model::BenchRow::effect).
+    pub effect: &'static str,
+    /// By rays or by raster.
+    pub technique: Technique,
+    /// Whether it is seen in the view of the panes, where the project has that camera.
+    pub panes: bool,
+    /// `PASS.NAME=VALUE`.
+    pub set: Vec<String>,
+    /// What a reader calls it.
+    pub label: String,
+    /// Series and value in the effect's plot; `None` for rows of the table alone.
+    pub setting: Option<(String, String)>,
+    /// Role and label of its picture, where it is shown.
+    pub picture: Option<(&'static str, String)>,
+    /// Whether it stands in the effect table.
+    pub in_table: bool,
+    /// Whether it is measured on the cpu although the report uses another rasteriser.
+    pub on_cpu: bool,
+    /// Work of its effect in any unit that the entries of one project share.
+    pub weight: f64,
+}
+
+/// Files of an effect: by rays, then by raster.
+#[must_use]
+pub fn files(effect: Effect) -> (&'static str, &'static [&'static str]) {
+    match effect {
+        Effect::Shadows => ("SceneShadows.xml", &["raster/SceneShadowMap.xml"]),
+        Effect::Reflection => ("SceneReflect.xml", &["raster/SceneCubeReflect.xml"]),
+        Effect::Refraction => ("SceneRefract.xml", &["raster/SceneCubeRefract.xml"]),
+        Effect::Occlusion => ("SceneSSAO.xml", &["raster/SceneGTAO.xml", "raster/SceneDepthOcclusion.xml"]),
+    }
+}
+
+/// Rays a pixel of the usual ambient-occlusion row.
+pub const USUAL_SAMPLES: u32 = 16;
+
+/// Everything that is measured on the user's scene at the report's size. `gpu` tells whether the report's rasteriser is
+/// not the cpu's, which is then measured beside it.
+#[must_use]
+pub fn entries(wanted: &Wanted, gpu: bool) -> Vec<Entry> {
+    let mut entries = whole();
+    for effect in Effect::ALL {
+        entries.push(rays(effect, None));
+        entries.extend(files(effect).1.iter().map(|file| raster(effect, file, None)));
+    }
+    if gpu {
+        let usual: Vec<Entry> = entries.iter().filter(|e| e.technique == Technique::Raster).cloned().collect();
+        entries.extend(usual.into_iter().map(|entry| Entry {
+            on_cpu: true,
+            label: format!("{}, cpu", entry.label),
+            setting: entry.setting.map(|(series, value)| (format!("{series}, cpu"), value)),
+            picture: None,
+            ..entry
+        }));
+    }
+    entries.extend(elsewhere());
+    for effect in Effect::ALL {
+        entries.extend(sweep(effect, wanted.quick));
+    }
+    entries.sort_by_key(|entry| entry.stage);
+    entries
+}
+
+fn entry(file: &'static str, effect: &'static str, technique: Technique, label: &str) -> Entry {
+    Entry {
+        stage: Stage::Effects,
+        file,
+        effect,
+        technique,
+        panes: false,
+        set: Vec::new(),
+        label: label.to_owned(),
+        setting: None,
+        picture: None,
+        in_table: true,
+        on_cpu: false,
+        weight: 1.0,
+    }
+}
+
+/// Rows without an effect of their own.
+fn whole() -> Vec<Entry> {
+    let none = entry("SceneNoEffects.xml", "none", Technique::None, "No effects");
+    let panes = Entry { panes: true, label: "No effects, panes".to_owned(), ..none.clone() };
+    let dummy = entry("SceneDummy.xml", "dummy", Technique::Rays, "No effects, through the ray pass");
+    vec![none, panes, dummy]
+}
+
+/// Rows of the table that no plot shows: glass seen from afar, and all effects together.
+fn elsewhere() -> Vec<Entry> {
+    let afar = |effect: Effect| {
+        let (by_rays, by_raster) = files(effect);
+        let name = effect.title();
+        let rays = entry(by_rays, effect.id(), Technique::Rays, &format!("{name} by rays"));
+        let raster = entry(by_raster[0], effect.id(), Technique::Raster, &format!("{name} by cube maps"));
+        [rays, raster]
+    };
+    let mut rows: Vec<Entry> = [Effect::Reflection, Effect::Refraction].into_iter().flat_map(afar).collect();
+    for (samples, effect, label) in [(0, "all-but-ao", "All but AO, by rays"), (USUAL_SAMPLES, "all", "All, by rays")] {
+        rows.push(Entry {
+            set: vec![format!("pass2.samples={samples}")],
+            weight: f64::from(samples + 1),
+            ..entry("SceneFinal.xml", effect, Technique::Rays, label)
+        });
+    }
+    rows
+}
+
+/// An effect by rays. `other` are samples and sampler of a row that is not the usual one.
+fn rays(effect: Effect, other: Option<(u32, &'static str)>) -> Entry {
+    let base = entry(files(effect).0, effect.id(), Technique::Rays, "");
+    let panes = matches!(effect, Effect::Reflection | Effect::Refraction);
+    let (samples, sampler) = other.unwrap_or((USUAL_SAMPLES, "sobol"));
+    let (stage, in_table) = if other.is_some() { (Stage::Settings, false) } else { (Stage::Effects, true) };
+    let (set, value, series, weight) = if effect == Effect::Occlusion {
+        let set = vec![format!("pass2.samples={samples}"), format!("pass2.sampler={sampler}")];
+        let value = if samples == 1 { "1 ray".to_owned() } else { format!("{samples} rays") };
+        let name = if sampler == "sobol" { "rays, Sobol" } else { "rays, strata" };
+        (set, value, name, f64::from(samples))
+    } else {
+        (Vec::new(), "rays".to_owned(), "rays", 1.0)
+    };
+    let label = match (effect, sampler) {
+        (Effect::Occlusion, "sobol") => format!("{} by {value} a pixel", effect.title()),
+        (Effect::Occlusion, _) => format!("{} by {value} a pixel, {sampler}", effect.title()),
+        _ => format!("{} by rays", effect.title()),
+    };
+    let shown = if effect == Effect::Occlusion { format!("Rays: {value} a pixel") } else { "Rays".to_owned() };
+    Entry {
+        stage,
+        panes,
+        set,
+        label,
+        setting: Some((series.to_owned(), value)),
+        picture: other.is_none().then_some(("rays", shown)),
+        in_table,
+        weight,
+        ..base
+    }
+}
+
+/// An effect by raster. `other` are the parameters of a row that is not the usual one: the map's side and the number of
+/// cascades, or slices and steps.
+fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entry {
+    let base = entry(file, effect.id(), Technique::Raster, "");
+    let (stage, in_table) = if other.is_some() { (Stage::Settings, false) } else { (Stage::Effects, true) };
+    let panes = matches!(effect, Effect::Reflection | Effect::Refraction);
+    let (set, series, value, weight) = match effect {
+        Effect::Shadows => {
+            let (side, cascades) = other.unwrap_or((1024, 4));
+            let set = vec![format!("pass2.mapsize={side}"), format!("pass2.cascades={cascades}")];
+            let series = if cascades == 1 { "one shadow map".to_owned() } else { format!("{cascades} shadow maps") };
+            (set, series, side.to_string(), f64::from(cascades) * (f64::from(side * side) + 2e6))
+        }
+        Effect::Reflection | Effect::Refraction => {
+            let (side, _) = other.unwrap_or((512, 0));
+            let set = vec![format!("pass2.mapsize={side}")];
+            (set, "cube maps".to_owned(), side.to_string(), f64::from(side * side) * 6.0 + 1e6)
+        }
+        Effect::Occlusion => {
+            let (slices, steps) = other.unwrap_or((4, 8));
+            let set = vec![format!("pass2.slices={slices}"), format!("pass2.steps={steps}")];
+            let series = if file.contains("GTAO") { "GTAO" } else { "depth difference" };
+            (set, series.to_owned(), format!("{slices} × {steps}"), f64::from(slices * steps))
+        }
+    };
+    let unit = match effect {
+        Effect::Occlusion => "slices × steps",
+        _ => "texels",
+    };
+    let role = if file.contains("DepthOcclusion") { "raster-depth" } else { "raster" };
+    Entry {
+        stage,
+        panes,
+        set,
+        label: format!(
+            "{} by {series}, {value}{}",
+            effect.title(),
+            if effect == Effect::Occlusion { "" } else { " wide" }
+        ),
+        picture: other.is_none().then(|| (role, format!("Raster: {series}, {value} {unit}"))),
+        setting: Some((series, value)),
+        in_table,
+        weight,
+        ..base
+    }
+}
+
+/// The settings of an effect beside its usual ones.
+fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
+    let (_, by_raster) = files(effect);
+    let every = |file: &'static str, pairs: &[(u32, u32)]| -> Vec<Entry> {
+        pairs.iter().map(|pair| raster(effect, file, Some(*pair))).collect()
+    };
+    match effect {
+        Effect::Shadows if quick => every(by_raster[0], &[(512, 1), (2048, 1), (256, 4), (512, 4), (2048, 4)]),
+        Effect::Shadows => {
+            let sides = [256, 512, 1024, 2048, 4096];
+            let pairs: Vec<_> = [1, 2, 4].iter().flat_map(|cascades| sides.map(|side| (side, *cascades))).collect();
+            let others: Vec<_> = pairs.into_iter().filter(|pair| *pair != (1024, 4)).collect();
+            every(by_raster[0], &others)
+        }
+        Effect::Reflection | Effect::Refraction if quick => every(by_raster[0], &[(128, 0), (256, 0)]),
+        Effect::Reflection | Effect::Refraction => every(by_raster[0], &[(128, 0), (256, 0), (1024, 0), (2048, 0)]),
+        Effect::Occlusion => {
+            let pairs: &[(u32, u32)] =
+                if quick { &[(1, 4), (8, 8)] } else { &[(1, 4), (2, 4), (2, 8), (8, 8), (8, 16), (16, 16)] };
+            let mut entries: Vec<Entry> = by_raster.iter().flat_map(|file| every(file, pairs)).collect();
+            let counts: &[u32] = if quick { &[1, 4, 49] } else { &[1, 4, 9, 25, 36, 49, 64, 81, 100] };
+            entries.extend(counts.iter().map(|count| rays(effect, Some((*count, "sobol")))));
+            let strata: &[u32] = if quick { &[1, 4, 16] } else { &[1, 4, 9, 16, 25, 49, 100] };
+            entries.extend(strata.iter().map(|count| rays(effect, Some((*count, "strata")))));
+            // From cheap to dear, so that what no longer fits is the dearest.
+            entries.sort_by(|a, b| a.weight.total_cmp(&b.weight));
+            entries
+        }
+    }
+}
+
+/// The lines of the scaling plots: without effects, and shadows and ambient occlusion by each technique.
+#[must_use]
+pub fn scaling_lines() -> Vec<Entry> {
+    let mut lines = vec![whole().swap_remove(0), rays(Effect::Shadows, None)];
+    lines.push(raster(Effect::Shadows, files(Effect::Shadows).1[0], None));
+    lines.push(rays(Effect::Occlusion, Some((4, "sobol"))));
+    lines.push(raster(Effect::Occlusion, files(Effect::Occlusion).1[0], None));
+    lines
+        .into_iter()
+        .map(|line| Entry { setting: None, picture: None, in_table: false, stage: Stage::Pixels, ..line })
+        .collect()
+}
+
+/// Window sizes of the scaling by pixels: the report's, and others with the same shape, a factor of four apart in pixels.
+#[must_use]
+pub fn pixel_sizes(wanted: &Wanted) -> Vec<[u32; 2]> {
+    let scaled = |halvings: i32| wanted.size.map(|side| (f64::from(side) * 2_f64.powi(-halvings)).round() as u32);
+    let range = if wanted.quick { -1..=2 } else { -2..=2 };
+    range.rev().map(scaled).filter(|size| size.iter().all(|side| (16..=16_384).contains(side))).collect()
+}
+
+/// What a scaling stage is called where it is left out.
+#[must_use]
+pub fn scaling_name(against: Against, amount: u64) -> String {
+    match against {
+        Against::Triangles => format!("the square of {} triangles", super::number::grouped(amount)),
+        Against::Pixels => format!("the window of {} pixels", super::number::grouped(amount)),
+    }
+}
+
+/// How the reason begins where something is left out for lack of time.
+pub const OUT_OF_TIME: &str = "left out: it would take";
+
+/// The time: what is allowed and what is spent, seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimePlan {
+    /// Allowed.
+    pub total_s: f64,
+    /// Spent so far.
+    pub spent_s: f64,
+}
+
+impl TimePlan {
+    /// What a stage has left.
+    #[must_use]
+    pub fn left_s(&self, stage: Stage) -> f64 {
+        (self.total_s * stage.until() - self.spent_s).max(0.0)
+    }
+
+    /// Whether something that is expected to take this long still fits into its stage.
+    ///
+    /// # Errors
+    /// The reason why it is left out.
+    pub fn admit(&self, stage: Stage, expected_s: f64) -> Result<(), String> {
+        let left = self.left_s(stage);
+        if expected_s <= left {
+            return Ok(());
+        }
+        let plural = |seconds: f64| format!("{} s", super::number::significant(seconds));
+        Err(format!(
+            "{OUT_OF_TIME} about {}, and {} were left for this part of the report",
+            plural(expected_s),
+            plural(left)
+        ))
+    }
+}
+
+/// How many frames fit into `slot_ms`: at least 3, at most `most`.
+#[must_use]
+pub fn frames(expected_ms: f64, slot_ms: f64, most: u32) -> u32 {
+    let fitting = (slot_ms / expected_ms.max(1e-3)).floor();
+    // A conversion from float saturates, and NaN gives 0.
+    (fitting as u32).clamp(3.min(most), most)
+}
+
+/// Bytes that a generated scene takes at its peak, about: the scene in memory beside its file, then the structure with
+/// what building it needs. Measured: 4.6 GiB for ten million triangles.
+#[must_use]
+pub fn peak_bytes(triangles: u32) -> u64 {
+    u64::from(triangles) * 520
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    #[test]
+    fn every_effect_is_measured_both_ways_and_shown() {
+        for quick in [false, true] {
+            let entries = entries(&Wanted::new(quick, None), false);
+            for effect in Effect::ALL {
+                for technique in [Technique::Rays, Technique::Raster] {
+                    let of = || entries.iter().filter(move |e| e.effect == effect.id() && e.technique == technique);
+                    assert!(of().any(|entry| entry.picture.is_some() && entry.in_table), "{effect:?} {technique:?}");
+                    let settings = of().filter(|entry| entry.setting.is_some()).count();
+                    assert!(settings > 1 || technique == Technique::Rays, "{effect:?}");
+                }
+            }
+            let distinct: HashSet<String> =
+                entries.iter().map(|e| format!("{} {} {:?} {}", e.file, e.panes, e.set, e.on_cpu)).collect();
+            assert_eq!(distinct.len(), entries.len(), "no row is measured twice");
+            assert!(entries.is_sorted_by_key(|entry| entry.stage));
+        }
+    }
+
+    #[test]
+    fn a_machine_with_a_gpu_measures_the_cpu_rasteriser_beside_it() {
+        let wanted = Wanted::new(false, None);
+        let (without, with) = (entries(&wanted, false), entries(&wanted, true));
+        assert!(without.iter().all(|entry| !entry.on_cpu));
+        let added: Vec<_> = with.iter().filter(|entry| entry.on_cpu).collect();
+        assert_eq!(added.len(), with.len() - without.len());
+        assert_eq!(added.len(), 5);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_its_cost_and_what_is_left() {
+        let plan = TimePlan { total_s: 100.0, spent_s: 50.0 };
+        assert_eq!(plan.left_s(Stage::Triangles), 46.0);
+        assert!(plan.admit(Stage::Triangles, 46.0).is_ok());
+        let why = plan.admit(Stage::Triangles, 47.5).expect_err("too long");
+        assert!(why.contains("47.5 s") && why.contains("46.0 s"), "{why}");
+        let late = TimePlan { total_s: 100.0, spent_s: 99.0 };
+        assert_eq!(late.left_s(Stage::Triangles), 0.0);
+        assert!(late.admit(Stage::Effects, f64::NAN).is_err());
+    }
+
+    #[test]
+    fn slow_rows_get_few_frames_and_fast_ones_no_more_than_the_most() {
+        assert_eq!(frames(10.0, 100.0, 15), 10);
+        assert_eq!((frames(1e9, 100.0, 15), frames(1e-9, 100.0, 15), frames(f64::NAN, 100.0, 15)), (3, 15, 15));
+        assert_eq!(frames(1e9, 100.0, 1), 1);
+    }
+
+    #[test]
+    fn window_sizes_grow_by_four_around_the_reports() {
+        let sizes = pixel_sizes(&Wanted::new(false, Some([512, 256])));
+        assert_eq!(sizes, [[128, 64], [256, 128], [512, 256], [1024, 512], [2048, 1024]]);
+        assert_eq!(pixel_sizes(&Wanted::new(true, Some([20, 20]))), [[20, 20], [40, 40]]);
+    }
+}

@@ -1,0 +1,19 @@
+//! The report's plots, drawn by plotters as SVG whose colours follow the page: light, dark or printed.
+
+mod bars;
+mod canvas;
+mod scaling;
+mod speed;
+
+pub use bars::frame_bars;
+pub use scaling::{Fit, fit, scaling_plot};
+pub use speed::speed_against_error;
+
+/// A finished plot.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Plot {
+    /// An `svg` element for the page; its colours are the page's CSS variables.
+    pub inline: String,
+    /// The same as a file that stands alone.
+    pub file: String,
+}

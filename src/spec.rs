@@ -1,0 +1,211 @@
+//! `project.xml@setting,setting`: a project and what is asked of it, as one word of a command line.
+
+use crate::pipeline::diagnostic::valid_names;
+use crate::pipeline::plan::Settings;
+use crate::pipeline::programs::Fidelity;
+use crate::{BackendChoice, Choice, RasterChoice};
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// The settings by name, with what each may be; `PASS.NAME=VALUE` is the last.
+pub const SETTINGS: &[(&str, &str)] = &[
+    ("raster", "auto, cpu or wgpu: what draws"),
+    ("backend", "auto or cpu: what traces rays"),
+    ("fidelity", "corrected or thesis: the report's programs mended, or as written"),
+    ("camera", "NAME of a camera of the project"),
+    ("size", "WIDTHxHEIGHT of the window"),
+    ("seed", "N, of the random numbers"),
+    ("pipeline", "NAME of a pipeline of the project"),
+    ("PASS.NAME", "VALUE of a parameter of a pass"),
+];
+
+const RASTERS: [(&str, RasterChoice); 3] =
+    [("auto", RasterChoice::Auto), ("cpu", RasterChoice::Cpu), ("wgpu", RasterChoice::Wgpu)];
+const BACKENDS: [(&str, BackendChoice); 2] = [("auto", BackendChoice::Auto), ("cpu", BackendChoice::Cpu)];
+const FIDELITIES: [(&str, Fidelity); 2] = [("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)];
+
+/// A project file, and what differs from its defaults.
+#[derive(Debug, Clone)]
+pub struct Spec {
+    /// The project file.
+    pub project: PathBuf,
+    /// What the plan is made from.
+    pub settings: Settings,
+    /// Which engines.
+    pub choice: Choice,
+}
+
+/// What is wrong with a [`Spec`], and where.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SpecError {
+    /// The whole text.
+    pub text: String,
+    /// Character of the text, counted from 1.
+    pub position: usize,
+    /// What is wrong there.
+    pub message: String,
+    /// What would be valid.
+    pub help: String,
+}
+
+impl fmt::Display for SpecError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let indent = " ".repeat(7 + self.position.saturating_sub(1));
+        write!(f, "{} at character {}\n       {}\n{indent}^\n", self.message, self.position, self.text)?;
+        write!(f, "       {}", self.help)
+    }
+}
+
+impl std::error::Error for SpecError {}
+
+impl Spec {
+    /// Whether a text names a project and not another file: `x.xml`, `x.xml@` or `x.xml@setting`.
+    #[must_use]
+    pub fn is_project(text: &str) -> bool {
+        let path = Path::new(split(text).0);
+        path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml"))
+    }
+
+    /// Reads `project.xml@setting,setting`. The project's own values stand where nothing is set, so `project.xml@` and
+    /// `project.xml` mean the same. Names of cameras, pipelines and passes are only checked when the project is opened.
+    ///
+    /// # Errors
+    /// At the first setting that is unknown, given twice or without a valid value.
+    pub fn parse(text: &str) -> Result<Self, SpecError> {
+        let (project, settings) = split(text);
+        let error = |offset: usize, message: String, help: String| SpecError {
+            text: text.to_owned(),
+            position: text[..offset].chars().count() + 1,
+            message,
+            help,
+        };
+        if project.is_empty() {
+            let help = "write PROJECT.xml@SETTING,SETTING".to_owned();
+            return Err(error(0, "there is no project file".to_owned(), help));
+        }
+        let mut spec = Self { project: project.into(), settings: Settings::default(), choice: Choice::default() };
+        let mut given: Vec<&str> = Vec::new();
+        let mut offset = project.len() + 1;
+        for setting in settings.into_iter().filter(|settings| !settings.is_empty()).flat_map(|all| all.split(',')) {
+            let (key, value) = setting.split_once('=').ok_or_else(|| {
+                let message = format!("`{setting}` is not NAME=VALUE");
+                error(offset, message, valid_names(setting, SETTINGS.iter().map(|(name, _)| *name)))
+            })?;
+            if given.contains(&key) {
+                let message = format!("`{key}` is set twice");
+                return Err(error(offset, message, "leave one of the two out".to_owned()));
+            }
+            given.push(key);
+            spec.set(key, value).map_err(|(in_value, message, help)| {
+                error(if in_value { offset + key.len() + 1 } else { offset }, message, help)
+            })?;
+            offset += setting.len() + 1;
+        }
+        Ok(spec)
+    }
+
+    /// Sets one value; an error says whether it is in the value, what is wrong, and what is valid.
+    fn set(&mut self, key: &str, value: &str) -> Result<(), (bool, String, String)> {
+        if value.is_empty() {
+            let help = format!("write {key}=VALUE, or leave it out for the project's own");
+            return Err((true, format!("`{key}` has no value"), help));
+        }
+        match key {
+            "raster" => self.choice.raster = named(key, value, &RASTERS)?,
+            "backend" => self.choice.backend = named(key, value, &BACKENDS)?,
+            "fidelity" => self.settings.fidelity = named(key, value, &FIDELITIES)?,
+            "camera" => self.settings.camera = Some(value.to_owned()),
+            "pipeline" => self.settings.pipeline = Some(value.to_owned()),
+            "seed" => {
+                let help = format!("valid: 0 to {}", u32::MAX);
+                self.settings.seed = value.parse().map_err(|_| (true, format!("`{value}` is no seed"), help))?;
+            }
+            "size" => {
+                let sides = value.split_once(['x', 'X']);
+                let sides = sides.and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
+                let wrong =
+                    || (true, format!("`{value}` is no size"), "valid: WIDTHxHEIGHT, such as 512x512".to_owned());
+                self.settings.size = Some(sides.ok_or_else(wrong)?);
+            }
+            _ if key.rsplit_once('.').is_some_and(|(pass, name)| !pass.is_empty() && !name.is_empty()) => {
+                self.settings.set.push(format!("{key}={value}"));
+            }
+            _ => {
+                let help = valid_names(key, SETTINGS.iter().map(|(name, _)| *name));
+                return Err((false, format!("there is no setting `{key}`"), help));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn named<T: Copy>(key: &str, value: &str, valid: &[(&str, T)]) -> Result<T, (bool, String, String)> {
+    valid.iter().find(|(name, _)| *name == value).map(|(_, choice)| *choice).ok_or_else(|| {
+        let help = valid_names(value, valid.iter().map(|(name, _)| *name));
+        (true, format!("`{value}` is no value of `{key}`"), help)
+    })
+}
+
+/// At the first `@` behind `.xml`, since folders may have one in their names; else at the last.
+fn split(text: &str) -> (&str, Option<&str>) {
+    let lower = text.to_ascii_lowercase();
+    let at = lower.find(".xml@").map(|dot| dot + 4);
+    let at = at.or_else(|| if lower.ends_with(".xml") { None } else { text.rfind('@') });
+    at.map_or((text, None), |at| (&text[..at], Some(&text[at + 1..])))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_setting_is_read() {
+        let text = "a@b/p.xml@raster=wgpu,backend=cpu,fidelity=thesis,camera=Vidro é,size=64x32,seed=7,pipeline=x,pass2.samples=4,pass2.sampler=strata";
+        let spec = Spec::parse(text).expect("valid");
+        assert_eq!(spec.project, Path::new("a@b/p.xml"));
+        assert_eq!(spec.choice, Choice { raster: RasterChoice::Wgpu, backend: BackendChoice::Cpu });
+        let settings = spec.settings;
+        assert_eq!((settings.fidelity, settings.seed, settings.size), (Fidelity::Thesis, 7, Some([64, 32])));
+        assert_eq!((settings.camera.as_deref(), settings.pipeline.as_deref()), (Some("Vidro é"), Some("x")));
+        assert_eq!(settings.set, ["pass2.samples=4", "pass2.sampler=strata"]);
+    }
+
+    #[test]
+    fn a_project_alone_has_its_defaults() {
+        for text in ["p.xml@", "p.xml", "P.XML@"] {
+            let spec = Spec::parse(text).expect("valid");
+            assert!(Spec::is_project(text));
+            assert_eq!(spec.choice, Choice::default());
+            assert!(spec.settings.set.is_empty() && spec.settings.size.is_none() && spec.settings.camera.is_none());
+        }
+        for text in ["a.png", "a@b.png", "a.exr", "p.xml.png", ""] {
+            assert!(!Spec::is_project(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named_with_their_place_and_what_is_valid() {
+        for (text, position, words) in [
+            ("é.xml@bakend=cpu", 7, &["no setting `bakend`", "did you mean `backend`?"][..]),
+            ("p.xml@seed=1,raster=gpu", 21, &["no value of `raster`", "auto, cpu, wgpu"]),
+            ("p.xml@fidelity=thesys", 16, &["did you mean `thesis`?"]),
+            ("p.xml@size=64", 12, &["WIDTHxHEIGHT"]),
+            ("p.xml@size=64x-1", 12, &["WIDTHxHEIGHT"]),
+            ("p.xml@seed=-1", 12, &["0 to 4294967295"]),
+            ("p.xml@camera=", 14, &["`camera` has no value"]),
+            ("p.xml@cpu", 7, &["not NAME=VALUE", "raster"]),
+            ("p.xml@seed=1,,size=1x1", 14, &["not NAME=VALUE"]),
+            ("p.xml@seed=1,seed=2", 14, &["set twice"]),
+            ("p.xml@.samples=2", 7, &["no setting `.samples`"]),
+            ("@seed=1", 1, &["no project file"]),
+        ] {
+            let error = Spec::parse(text).expect_err(text);
+            assert_eq!(error.position, position, "{error}");
+            let printed = error.to_string();
+            for word in words {
+                assert!(printed.contains(word), "{printed}");
+            }
+            assert_eq!(printed.lines().nth(2).map(|line| line.chars().count()), Some(7 + position), "{printed}");
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! A small report, made by the program and looked at: its files, its links, and the page in a browser where there is one.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn root(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn report(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
+    command.current_dir(folder).arg("report").args(arguments).env("NO_COLOR", "1");
+    // References of other runs have no part in this one.
+    command.env("CURITIBA_CACHE", folder.join("cache")).output().expect("the program starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("output is UTF-8")
+}
+
+/// Values of an attribute, anywhere in the page.
+fn attributes<'a>(html: &'a str, name: &str) -> Vec<&'a str> {
+    let start = format!(" {name}=\"");
+    html.split(start.as_str()).skip(1).filter_map(|rest| rest.split('"').next()).collect()
+}
+
+#[test]
+fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_browser() {
+    let place = tempfile::tempdir().expect("a folder");
+    let projects = root("xml_projects");
+    let projects = projects.to_str().expect("a path in UTF-8");
+    // Much time is allowed, so that nothing is left out on a busy machine; it is not used.
+    let arguments = ["--quick", "--size", "48x48", "--raster", "cpu", "--max-triangles", "10000", "--time", "3000"];
+    let made = report(place.path(), &[&arguments[..], &["-o", "out", projects]].concat());
+    assert!(made.status.success(), "{}", text(&made.stderr));
+    assert!(text(&made.stdout).contains("On this machine, with "), "{}", text(&made.stdout));
+    assert!(text(&made.stderr).contains("left: Shadows by rays"), "{}", text(&made.stderr));
+
+    let folder = place.path().join("out");
+    let html = std::fs::read_to_string(folder.join("index.html")).expect("the page");
+    let mut linked = BTreeSet::new();
+    for name in ["src", "href", "value"] {
+        for target in attributes(&html, name) {
+            if let Some(id) = target.strip_prefix('#') {
+                assert!(html.contains(&format!(" id=\"{id}\"")), "#{id}");
+            } else if target.contains('/') || target.contains(".json") || target.contains(".csv") {
+                assert!(folder.join(target).is_file(), "{target}");
+                linked.insert(target.to_owned());
+            }
+        }
+    }
+    assert!(!html.contains("http:") && !html.contains("https:"), "the page asks the network for nothing");
+    for part in ["pictures", "plots"] {
+        for entry in std::fs::read_dir(folder.join(part)).expect("a folder") {
+            let name = format!("{part}/{}", entry.expect("an entry").file_name().to_string_lossy());
+            assert!(linked.contains(&name), "{name} is shown");
+        }
+    }
+    for effect in ["shadows", "reflection", "refraction", "ao"] {
+        for role in ["raster", "rays", "reference", "raster-flip", "rays-flip"] {
+            assert!(linked.contains(&format!("pictures/{effect}-{role}.png")), "{effect} {role}: {linked:?}");
+        }
+        assert!(linked.contains(&format!("plots/{effect}-speed.svg")), "{effect}");
+    }
+
+    let json = std::fs::read_to_string(folder.join("data.json")).expect("the data");
+    let data: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    let rows = data["rows"].as_array().expect("rows");
+    assert!(rows.len() > 30, "{} rows", rows.len());
+    assert!(rows.iter().all(|row| row["frame"]["samples"].as_array().is_some_and(|samples| !samples.is_empty())));
+    let judged = rows.iter().filter(|row| row["error"].get("against").is_some()).count();
+    assert!(judged > 20, "{judged} rows have an error");
+    let csv = std::fs::read_to_string(folder.join("data.csv")).expect("the table");
+    assert_eq!(csv.lines().count(), rows.len() + 1);
+
+    look_in_a_browser(&folder);
+}
+
+/// Runs the browser's checks, or says why not.
+fn look_in_a_browser(folder: &Path) {
+    let required = std::env::var_os("CURITIBA_REQUIRE_BROWSER_TESTS").is_some_and(|value| value == "1");
+    let skip = |why: &str| {
+        assert!(!required, "the browser's checks are required, and were skipped: {why}");
+        println!("skipped: {why}");
+    };
+    let mut command = Command::new("python3");
+    command.arg(root("tests/report/browser.py")).arg(folder);
+    command.args(std::env::var_os("CURITIBA_SCREENSHOTS"));
+    match command.output() {
+        Ok(output) if output.status.code() == Some(77) => skip(text(&output.stdout).trim()),
+        Ok(output) => assert!(output.status.success(), "{}\n{}", text(&output.stdout), text(&output.stderr)),
+        Err(error) => skip(&format!("python3: {error}")),
+    }
+}
+
+#[test]
+fn a_folder_of_somebody_else_is_refused_before_anything_is_measured() {
+    let place = tempfile::tempdir().expect("a folder");
+    std::fs::create_dir(place.path().join("out")).expect("a folder");
+    std::fs::write(place.path().join("out/cat.jpg"), "a cat").expect("a file");
+    let projects = root("xml_projects");
+    let refused = report(place.path(), &["-o", "out", projects.to_str().expect("a path in UTF-8")]);
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
+    assert!(text(&refused.stderr).contains("`cat.jpg`"), "{}", text(&refused.stderr));
+    assert_eq!(std::fs::read(place.path().join("out/cat.jpg")).expect("the file"), b"a cat");
+}
+
+#[test]
+fn a_folder_without_projects_is_named_and_nothing_is_left_behind() {
+    let place = tempfile::tempdir().expect("a folder");
+    let nowhere = report(place.path(), &["-o", "out", "nowhere"]);
+    assert_eq!(nowhere.status.code(), Some(2));
+    assert!(text(&nowhere.stderr).contains("nowhere: there is no such folder"), "{}", text(&nowhere.stderr));
+    std::fs::create_dir(place.path().join("empty")).expect("a folder");
+    let empty = report(place.path(), &["-o", "out", "empty", "--raster", "cpu"]);
+    assert_eq!(empty.status.code(), Some(3));
+    assert!(text(&empty.stderr).contains("SceneNoEffects.xml"), "{}", text(&empty.stderr));
+    let left: Vec<_> =
+        std::fs::read_dir(place.path()).expect("a folder").map(|e| e.expect("an entry").path()).collect();
+    assert_eq!(left, [place.path().join("empty")]);
+}
