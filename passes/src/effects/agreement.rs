@@ -172,13 +172,11 @@ impl Case {
     }
 }
 
+/// The pixels of a row, by column.
+type Pixels<'a> = &'a dyn Fn(u32) -> [f32; 4];
+
 /// Compared and delicate pixels; `Err` names a pixel that differs.
-fn compare(
-    world: &World,
-    job: &RayJob<'_>,
-    scale: f32,
-    others: &[(&str, &dyn Fn(u32) -> [f32; 4])],
-) -> Result<(u32, u32), String> {
+fn compare(world: &World, job: &RayJob<'_>, scale: f32, others: &[(&str, Pixels<'_>)]) -> Result<(u32, u32), String> {
     let (mut compared, mut skipped) = (0, 0);
     for x in 0..job.width {
         let careful =
@@ -191,8 +189,8 @@ fn compare(
         compared += 1;
         for (name, value) in others {
             let found = value(x);
-            let difference = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            if !(difference <= 2e-3) {
+            let close = found.iter().zip(&expected).all(|(a, b)| (a - b).abs() <= 2e-3);
+            if !close {
                 let (program, fidelity) = (job.program, job.fidelity);
                 return Err(format!("{program:?} {fidelity:?} pixel {x} on {name}: {found:?}, expected {expected:?}"));
             }

@@ -94,7 +94,7 @@ impl Setting {
     }
 
     /// The position of a pixel's centre at a depth that a buffer of this projection holds.
-    fn from_depth(&self, projection: Mat4, store: fn(f64) -> f64) -> Vec<[f32; 4]> {
+    fn rebuilt_from_depth(&self, projection: Mat4, store: fn(f64) -> f64) -> Vec<[f32; 4]> {
         let toward = Vec3::new(0.31, -0.36, 0.87).normalize();
         let clip = (projection * rh::view::look_to_mat4(self.view.eye, toward, Vec3::Y)).as_dmat4();
         let back: DMat4 = clip.inverse();
@@ -138,9 +138,9 @@ fn effects(setting: &Setting) -> Vec<(&'static str, Effect)> {
     let forms = [
         ("position f32", exact.clone()),
         ("position f16", f16(exact)),
-        ("reversed depth f32", setting.from_depth(reversed, |depth| f64::from(depth as f32))),
-        ("depth f32", setting.from_depth(standard, |depth| f64::from(depth as f32))),
-        ("depth 24 bits", setting.from_depth(standard, |depth| (depth * 16_777_215.0).round() / 16_777_215.0)),
+        ("reversed depth f32", setting.rebuilt_from_depth(reversed, |depth| f64::from(depth as f32))),
+        ("depth f32", setting.rebuilt_from_depth(standard, |depth| f64::from(depth as f32))),
+        ("depth 24 bits", setting.rebuilt_from_depth(standard, |depth| (depth * 16_777_215.0).round() / 16_777_215.0)),
     ];
     // The truth: exact positions on their triangles.
     let truth =
