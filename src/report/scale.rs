@@ -97,6 +97,8 @@ fn measure_lines(
         match collector.row(&shown, place, told, observer) {
             Ok((_, mut row, _)) => {
                 row.label.clone_from(&line.label);
+                // The copy's folder is temporary, and means nothing to a reader.
+                row.project = line.file.into();
                 row.error = crate::bench::model::RowError::Missing("only the time was asked for".to_owned());
                 series.rows.push(row.key.clone());
                 if collector.file.rows.iter().all(|other| other.key != row.key) {

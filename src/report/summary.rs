@@ -54,9 +54,9 @@ pub enum Advice {
     FitsWithUnknownError(Candidate),
     /// Nothing fits.
     NothingFits {
-        /// The fastest setting.
+        /// The fastest setting that is better than nothing.
         cheapest: Candidate,
-        /// The fastest by the other technique, where there is one.
+        /// The same by the other technique, where there is one.
         other: Option<Candidate>,
     },
     /// There is no setting at all.
@@ -113,7 +113,7 @@ fn quality(error: &RowError) -> Result<Quality, String> {
 }
 
 /// The least error among what fits, errors below the reference's own counting as equal and the faster of equals, if that is
-/// better than a frame `without` the effect; else the fastest of what fits; else the fastest of all.
+/// better than a frame `without` the effect; else the fastest of what fits; else the fastest of all that are better than that.
 #[must_use]
 pub fn advise(candidates: &[Candidate], without: Option<&Candidate>, limit_ms: f64) -> Advice {
     let fits = || candidates.iter().filter(|candidate| candidate.frame_ms <= limit_ms);
@@ -132,10 +132,19 @@ pub fn advise(candidates: &[Candidate], without: Option<&Candidate>, limit_ms: f
     if let Some(fastest) = fastest(&mut fits()) {
         return Advice::FitsWithUnknownError(fastest);
     }
-    match fastest(&mut candidates.iter()) {
+    // What is no better than nothing is not worth its time, unless there is nothing else.
+    let plain = without.and_then(|without| Some(without.error.as_ref().ok()?.known()));
+    let helps = |candidate: &&Candidate| match (&candidate.error, plain) {
+        (Ok(quality), Some(plain)) => quality.known() < plain,
+        _ => true,
+    };
+    let worth: Vec<&Candidate> = candidates.iter().filter(helps).collect();
+    let worth = if worth.is_empty() { candidates.iter().collect() } else { worth };
+    match fastest(&mut worth.iter().copied()) {
         None => Advice::NotMeasured,
         Some(cheapest) => {
-            let other = fastest(&mut candidates.iter().filter(|candidate| candidate.technique != cheapest.technique));
+            let others = worth.iter().copied().filter(|candidate| candidate.technique != cheapest.technique);
+            let other = fastest(&mut { others });
             Advice::NothingFits { cheapest, other }
         }
     }
@@ -308,7 +317,8 @@ fn nothing_fits(verdicts: &[Verdict]) -> Option<String> {
             _ => None,
         })
         .collect();
-    (!parts.is_empty()).then(|| format!("Where nothing fits, the cheapest is: {}.", parts.join("; ")))
+    (!parts.is_empty())
+        .then(|| format!("Where nothing fits, the cheapest that is better than nothing: {}.", parts.join("; ")))
 }
 
 /// Whether what was chosen fits together: the frame without effects and what each adds to it.

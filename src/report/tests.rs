@@ -206,6 +206,16 @@ fn where_nothing_fits_the_cheapest_is_named_with_the_other_technique_beside_it()
 }
 
 #[test]
+fn where_nothing_fits_what_is_worse_than_nothing_is_not_the_cheapest() {
+    let mut data = report(71.0, (260.0, against(0.001)), (130.0, against(0.02)));
+    data.sections[0].without = Some(Without { row: "none".to_owned(), error: against(0.01) });
+    let Advice::NothingFits { cheapest, other } = advice(&data) else { panic!("something fits") };
+    assert_eq!((cheapest.frame_ms, other), (260.0, None));
+    data.sections[0].without = Some(Without { row: "none".to_owned(), error: against(0.000_1) });
+    assert!(matches!(advice(&data), Advice::NothingFits { cheapest, .. } if cheapest.frame_ms == 130.0));
+}
+
+#[test]
 fn without_a_reference_nothing_is_claimed_about_the_picture() {
     let data = report(2.0, (12.0, missing()), (4.0, missing()));
     assert!(matches!(advice(&data), Advice::FitsWithUnknownError(chosen) if chosen.frame_ms == 4.0));

@@ -55,7 +55,7 @@ pub fn section(data: &ReportData, section: &Section, plots: &mut Plots) -> Marku
 fn about(effect: Effect) -> &'static str {
     match effect {
         Effect::Shadows => {
-            "By raster, a depth map drawn from the light, whose texels are too coarse for far or slanted surfaces. By rays, \
+            "By raster, depth maps drawn from the light, one for each range of distances; their texels blur and shift the edges. By rays, \
              one ray to the light from each pixel, exact for a light without extent."
         }
         Effect::Reflection => {
