@@ -206,6 +206,38 @@ impl LogAxis {
     }
 }
 
+/// A chart with two logarithmic axes.
+pub type LogChart<'b, 'a> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<LogAxis, LogAxis>>;
+
+/// Draws two logarithmic axes with their grid and titles; `right` pixels are left free for labels of points.
+pub fn log_chart<'b, 'a>(
+    body: &'b Root<'a>,
+    right: u32,
+    [x, y]: [&LogAxis; 2],
+    [x_title, y_title]: [&str; 2],
+) -> Result<LogChart<'b, 'a>, Failed> {
+    let mut chart = ChartBuilder::on(body)
+        .margin_left(10)
+        .margin_right(right)
+        .margin_top(6)
+        .x_label_area_size(46)
+        .y_label_area_size(70)
+        .build_cartesian_2d(x.clone(), y.clone())?;
+    chart
+        .configure_mesh()
+        .axis_style(MUTED.color())
+        .bold_line_style(GRID.color())
+        .light_line_style(TRANSPARENT)
+        .label_style(text(FONT, INK, HPos::Left, VPos::Top))
+        .axis_desc_style(text(FONT, INK, HPos::Left, VPos::Top))
+        .x_desc(x_title)
+        .y_desc(y_title)
+        .x_label_formatter(&|value| tick(*value))
+        .y_label_formatter(&|value| tick(*value))
+        .draw()?;
+    Ok(chart)
+}
+
 impl Ranged for LogAxis {
     type FormatOption = DefaultFormatting;
     type ValueType = f64;

@@ -1,11 +1,10 @@
 //! Time against the number of triangles or pixels, with the fitted exponent.
 
 use super::Plot;
-use super::canvas::{Entry, FONT, GRID, INK, LogAxis, MUTED, Mark, draw, lay_out, legend, text, tick};
+use super::canvas::{Entry, LogAxis, Mark, draw, lay_out, legend, log_chart};
 use super::speed::colors;
 use crate::report::model::{Against, ReportData, Scaling, ScalingSeries};
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, VPos};
 
 const SIZE: (u32, u32) = (760, 420);
 
@@ -84,25 +83,7 @@ pub fn scaling_plot(data: &ReportData, scaling: &Scaling) -> Option<Plot> {
         let (places, height) = lay_out(&entries, SIZE.0 as i32 - 80);
         legend(root, &entries, &places, (70, 8))?;
         let (_, body) = root.split_vertically(height + 10);
-        let mut chart = ChartBuilder::on(&body)
-            .margin_left(10)
-            .margin_right(28)
-            .margin_top(6)
-            .x_label_area_size(46)
-            .y_label_area_size(70)
-            .build_cartesian_2d(x.clone(), y.clone())?;
-        chart
-            .configure_mesh()
-            .axis_style(MUTED.color())
-            .bold_line_style(GRID.color())
-            .light_line_style(TRANSPARENT)
-            .label_style(text(FONT, INK, HPos::Left, VPos::Top))
-            .axis_desc_style(text(FONT, INK, HPos::Left, VPos::Top))
-            .x_desc(axis)
-            .y_desc("time of a frame, ms")
-            .x_label_formatter(&|value| tick(*value))
-            .y_label_formatter(&|value| tick(*value))
-            .draw()?;
+        let mut chart = log_chart(&body, 28, [&x, &y], [axis, "time of a frame, ms"])?;
         for ((points, fitted), entry) in lines.iter().zip(&entries) {
             let color = entry.ink.color();
             let logs: Vec<_> = points.iter().map(|(x, y)| (x.log10(), y.log10())).collect();

@@ -2,8 +2,8 @@
 
 use super::Plot;
 use super::canvas::{
-    Entry, FONT, GRID, INK, Ink, LogAxis, MUTED, Mark, NEUTRAL, RASTER, RAYS, Root, draw, lay_out, legend, text,
-    text_width, tick,
+    Entry, INK, Ink, LogAxis, MUTED, Mark, NEUTRAL, RASTER, RAYS, Root, draw, lay_out, legend, log_chart, text,
+    text_width,
 };
 use crate::bench::model::Technique;
 use crate::report::model::{ReportData, Section, rmse};
@@ -57,25 +57,12 @@ pub fn speed_against_error(data: &ReportData, section: &Section) -> Option<Plot>
         let (places, height) = lay_out(&entries, SIZE.0 as i32 - 80);
         legend(root, &entries, &places, (70, 8))?;
         let (_, body) = root.split_vertically(height + 10);
-        let mut chart = ChartBuilder::on(&body)
-            .margin_left(10)
-            .margin_right(24)
-            .margin_top(6)
-            .x_label_area_size(46)
-            .y_label_area_size(70)
-            .build_cartesian_2d(x.clone(), y.clone())?;
-        chart
-            .configure_mesh()
-            .axis_style(MUTED.color())
-            .bold_line_style(GRID.color())
-            .light_line_style(TRANSPARENT)
-            .label_style(text(FONT, INK, HPos::Left, VPos::Top))
-            .axis_desc_style(text(FONT, INK, HPos::Left, VPos::Top))
-            .x_desc("time of a frame, ms (less is better)")
-            .y_desc("RMSE against the reference (less is better)")
-            .x_label_formatter(&|value| tick(*value))
-            .y_label_formatter(&|value| tick(*value))
-            .draw()?;
+        let mut chart = log_chart(
+            &body,
+            24,
+            [&x, &y],
+            ["time of a frame, ms (less is better)", "RMSE against the reference (less is better)"],
+        )?;
         if own_error > 0.0 && own_error.log10() > y.range.0 {
             let line = [(x.range.0, own_error.log10()), (x.range.1, own_error.log10())];
             chart.draw_series(DashedLineSeries::new(line, 4, 4, MUTED.color().into()))?;

@@ -1,7 +1,7 @@
 //! Whether a picture calls for maps at all, asked on the device where the G-buffer is there.
 
 use super::inputs::Inputs;
-use super::programs::GROUP;
+use super::programs::{GROUP, compute_pipeline};
 use super::shader::{self, AskUniform};
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
@@ -46,23 +46,7 @@ impl Ask {
                 buffer(2, storage(false), BYTES as usize),
             ],
         });
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl(shader::ask_source(glass).into()),
-        });
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label,
-            bind_group_layouts: &[Some(&inputs.layout), Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label,
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(shader::ENTRY),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let pipeline = compute_pipeline(gpu, label, shader::ask_source(glass), [&inputs.layout, &layout]);
         let doing = "building the question whether maps are called for";
         gpu.check(doing)?;
         use wgpu::BufferUsages as Usage;

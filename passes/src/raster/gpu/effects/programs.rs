@@ -29,6 +29,31 @@ pub struct Program {
     params: wgpu::Buffer,
 }
 
+/// Compiles a shader of this folder: group 0 is the G-buffer, group 1 the program's own.
+pub fn compute_pipeline(
+    gpu: &Gpu,
+    label: Option<&str>,
+    source: String,
+    layouts: [&wgpu::BindGroupLayout; 2],
+) -> wgpu::ComputePipeline {
+    let module = gpu
+        .device
+        .create_shader_module(wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(source.into()) });
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label,
+        bind_group_layouts: &layouts.map(Some),
+        immediate_size: 0,
+    });
+    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label,
+        layout: Some(&layout),
+        module: &module,
+        entry_point: Some(shader::ENTRY),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}
+
 /// What a program binds besides its uniforms and the output, in the order of its bindings from 3.
 fn resources(program: EffectProgram) -> Vec<wgpu::BindingType> {
     let texture =
@@ -82,23 +107,8 @@ impl Program {
             .collect();
         let label = Some(program.info().name);
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl(shader::source(program).into()),
-        });
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label,
-            bind_group_layouts: &[Some(&inputs.layout), Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label,
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(shader::ENTRY),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let source = shader::source(program);
+        let pipeline = compute_pipeline(gpu, label, source, [&inputs.layout, &layout]);
         gpu.check(&format!("building the program {}", program.info().name))?;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let frame = gpu.buffer("creation of an effect's uniforms", usage, size_of::<FrameUniform>() as u64)?;
