@@ -11,6 +11,7 @@ mod brute;
 mod build;
 mod bvh;
 mod clear;
+pub mod device;
 mod dispatch;
 mod gather;
 mod lanes;
