@@ -3,7 +3,7 @@
 use crate::passes::cpu::CpuRays;
 use crate::passes::raster::cpu::CpuRasteriser;
 use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
-use crate::pipeline::backend::{BackendError, Rasteriser};
+use crate::pipeline::backend::{BackendError, Rasteriser, RayBackend};
 use crate::pipeline::executor::Engines;
 
 /// Which rasteriser.
@@ -26,6 +26,10 @@ pub enum BackendChoice {
     Auto,
     /// Our own tracer, on all cores.
     Cpu,
+    /// Our own tracer, on an NVIDIA GPU; in builds with the feature `cuda`.
+    Cuda,
+    /// NVIDIA's OptiX; in builds with the feature `cuda`.
+    Optix,
 }
 
 /// What the user asks for.
@@ -50,8 +54,26 @@ pub fn choose(choice: Choice) -> Result<Engines, BackendError> {
             Err(_) => Box::new(CpuRasteriser::new()),
         },
     };
-    let rays = match choice.backend {
-        BackendChoice::Auto | BackendChoice::Cpu => Box::new(CpuRays::new()),
-    };
-    Ok(Engines { raster, rays })
+    Ok(Engines { raster, rays: ray_backend(choice.backend)? })
+}
+
+/// Makes a ray backend.
+///
+/// # Errors
+/// If it cannot be had: says what is missing, and what to do.
+pub fn ray_backend(choice: BackendChoice) -> Result<Box<dyn RayBackend>, BackendError> {
+    match choice {
+        BackendChoice::Auto | BackendChoice::Cpu => Ok(Box::new(CpuRays::new())),
+        #[cfg(feature = "cuda")]
+        BackendChoice::Cuda => Ok(Box::new(curitiba_cuda::CudaRays::new()?)),
+        #[cfg(feature = "cuda")]
+        BackendChoice::Optix => Ok(Box::new(curitiba_cuda::OptixRays::new()?)),
+        #[cfg(not(feature = "cuda"))]
+        BackendChoice::Cuda | BackendChoice::Optix => Err(BackendError::Device {
+            backend: if choice == BackendChoice::Cuda { "cuda" } else { "optix" },
+            message: "this program was built without it; build it with `cargo build --release --features cuda` (no CUDA \
+                      toolkit is needed), or use --backend cpu"
+                .to_owned(),
+        }),
+    }
 }

@@ -25,6 +25,8 @@ pub mod bench;
 pub mod engines;
 pub mod environment;
 
+#[cfg(feature = "cuda")]
+pub use curitiba_cuda as cuda;
 pub use curitiba_passes as passes;
 pub use curitiba_pipeline as pipeline;
 pub use engines::{BackendChoice, Choice, RasterChoice};

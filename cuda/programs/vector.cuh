@@ -1,10 +1,9 @@
 // Vectors with the operation order of the Rust reference: nothing is fused or reassociated (the build passes -fmad=false).
 #pragma once
+#include "params.cuh"
 
 #define DEVICE static __device__ __forceinline__
 
-// 2^-24, the unit roundoff of single precision.
-constexpr float UNIT_ROUNDOFF = 1.0f / 16777216.0f;
 
 DEVICE float3 vec3(float x, float y, float z) { return make_float3(x, y, z); }
 DEVICE float3 splat(float s) { return make_float3(s, s, s); }
