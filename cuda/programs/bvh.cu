@@ -3,15 +3,6 @@
 
 #include CURITIBA_PROGRAM
 
-DEVICE void count_rays(const Params &params, unsigned index, const RayCounts &rays) {
-    unsigned long long *slot = params.ray_counts + (index >> 5) % RAY_COUNT_SLOTS * RAY_COUNT_KINDS;
-    const unsigned counts[RAY_COUNT_KINDS] = {rays.shadow, rays.occlusion, rays.reflected, rays.refracted, rays.certain};
-#pragma unroll
-    for (int kind = 0; kind < RAY_COUNT_KINDS; ++kind) {
-        if (counts[kind] != 0) atomicAdd(slot + kind, (unsigned long long)counts[kind]);
-    }
-}
-
 // A warp is a tile of 8 x 4 pixels: blocks have 8 threads a row.
 #define KERNEL(FIDELITY)                                                                                               \
     extern "C" __global__ void __launch_bounds__(BLOCK_WIDTH *BLOCK_HEIGHT)                                            \

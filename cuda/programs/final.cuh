@@ -4,7 +4,7 @@
 
 // A colour times the light's share and ambient occlusion. Black stays black, without a ray.
 template <class Tracer>
-static __device__ __noinline__ float3 visible(Pass<Tracer> &pass, float3 color, const Surface &surface, float3 lit_side,
+static __device__ OUTLINED float3 visible(Pass<Tracer> &pass, float3 color, const Surface &surface, float3 lit_side,
                                               unsigned key) {
     if (color.x == 0.0f && color.y == 0.0f && color.z == 0.0f) return color;
     float light = pass.light_share(surface, lit_side);
@@ -22,7 +22,7 @@ struct VisibleSurface {
         return visible(pass, lit_color(pass.params, hit, surface.normal), surface, surface.facing, key);
     }
     // The report's `closest_hit` hands `faceforward` the ray's direction where the other programs hand it the opposite.
-    template <class Tracer> static __device__ __noinline__ float3 thesis(Pass<Tracer> &pass, const Ray &ray, const Hit &hit) {
+    template <class Tracer> static __device__ OUTLINED float3 thesis(Pass<Tracer> &pass, const Ray &ray, const Hit &hit) {
         ThesisNormals normals = thesis_normals(pass.params, hit);
         float3 normal = face_forward(normals.shading, ray.direction, normals.geometric);
         float3 position = hit_position(ray, hit);

@@ -93,6 +93,7 @@ struct Params {
     float light_color[3];
     float scene_low[3];
     float scene_high[3];
+    unsigned filler;
 };
 static_assert(sizeof(Params) == 272, "Params");
 static_assert(offsetof(Params, position) == 0, "Params::position");
@@ -132,3 +133,4 @@ static_assert(offsetof(Params, to_light) == 220, "Params::to_light");
 static_assert(offsetof(Params, light_color) == 232, "Params::light_color");
 static_assert(offsetof(Params, scene_low) == 244, "Params::scene_low");
 static_assert(offsetof(Params, scene_high) == 256, "Params::scene_high");
+static_assert(offsetof(Params, filler) == 268, "Params::filler");

@@ -116,3 +116,13 @@ template <class Tracer> struct Pass {
 
 DEVICE float4 opaque(float3 color) { return make_float4(color.x, color.y, color.z, 1.0f); }
 DEVICE float4 splat4(float s) { return make_float4(s, s, s, s); }
+
+// Adds a pixel's rays to the sums, which are spread so that threads seldom meet.
+DEVICE void count_rays(const Params &params, unsigned index, const RayCounts &rays) {
+    unsigned long long *slot = params.ray_counts + (index >> 5) % RAY_COUNT_SLOTS * RAY_COUNT_KINDS;
+    const unsigned counts[RAY_COUNT_KINDS] = {rays.shadow, rays.occlusion, rays.reflected, rays.refracted, rays.certain};
+#pragma unroll
+    for (int kind = 0; kind < RAY_COUNT_KINDS; ++kind) {
+        if (counts[kind] != 0) atomicAdd(slot + kind, (unsigned long long)counts[kind]);
+    }
+}

@@ -3,6 +3,12 @@
 #include "params.cuh"
 
 #define DEVICE static __device__ __forceinline__
+// OptiX traces from inlined functions only.
+#ifdef CURITIBA_OPTIX
+#define OUTLINED __forceinline__
+#else
+#define OUTLINED __noinline__
+#endif
 
 
 DEVICE float3 vec3(float x, float y, float z) { return make_float3(x, y, z); }

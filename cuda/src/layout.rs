@@ -146,6 +146,8 @@ shared_structs! {
         scene_low: [f32; 3] = "float[3]",
         /// Greatest coordinates of all triangles.
         scene_high: [f32; 3] = "float[3]",
+        /// 0: fills the struct up to a multiple of 8 bytes.
+        filler: u32 = "unsigned",
     }
 }
 

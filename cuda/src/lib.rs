@@ -10,8 +10,9 @@
 pub mod bvh;
 pub mod device;
 pub mod layout;
+pub mod optix;
 pub mod programs;
 pub mod rays;
 pub mod scene;
 
-pub use rays::CudaRays;
+pub use rays::{CudaRays, OptixRays};

@@ -64,6 +64,9 @@ pub trait DeviceTracer: Sized {
 /// Our own traversal, compiled to kernels.
 pub type CudaRays = DeviceRays<crate::bvh::BvhTracer>;
 
+/// NVIDIA's OptiX, from the driver.
+pub type OptixRays = DeviceRays<crate::optix::OptixTracer>;
+
 /// Pixels of one launch at most: long passes are cut, so that no kernel runs into a display driver's time limit unless a
 /// pixel is very dear, and progress is seen.
 const PIXELS_OF_LAUNCH: u32 = 1 << 20;
@@ -176,6 +179,7 @@ impl<T: DeviceTracer> DeviceRays<T> {
             light_color: light_color.to_array(),
             scene_low: [0.0; 3],
             scene_high: [0.0; 3],
+            filler: 0,
         })
     }
 
