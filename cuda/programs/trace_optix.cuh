@@ -42,7 +42,8 @@ constexpr unsigned PAYLOADS = 7;
 // Traces a ray; `p` are the payloads, as written by the programs that ran.
 DEVICE void trace(const Ray &ray, unsigned flags, unsigned (&p)[PAYLOADS]) {
     // The function takes and returns 32 payloads, used or not.
-    unsigned none = 0, rest[32 - PAYLOADS];
+    unsigned none = 0;
+    [[maybe_unused]] unsigned rest[32 - PAYLOADS];
     // OptiX wants numbers.
     float t_max = fminf(ray.t_max, 3.402823466e38f);
     asm volatile("call (" "%0, %1, %2, %3, %4, %5, %6, %7, %8, %9, %10, %11, %12, %13, %14, %15, %16, %17, %18, %19, %20, %21, "
