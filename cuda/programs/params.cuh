@@ -20,6 +20,7 @@ constexpr unsigned MAX_CROSSINGS = 32u;
 constexpr unsigned THROUGH_GLASS_ENTRIES = 64u;
 constexpr unsigned STACK = 37u;
 constexpr unsigned CLEAR_VISITS = 32u;
+constexpr unsigned GATHERED = 12u;
 constexpr unsigned BLOCK_WIDTH = 8u;
 constexpr unsigned BLOCK_HEIGHT = 8u;
 constexpr unsigned RAY_COUNT_SLOTS = 1024u;

@@ -2,7 +2,8 @@
 // (`effects/occlusion.rs`). Generic over the tracer, which has
 //   bool closest<Accept>(ray, hit)          the nearest accepted hit; of several at one distance, the lowest triangle
 //   bool occluded<Accept>(ray, crossings)   whether any accepted hit exists
-//   bool clear_above(origin, normal, t_max) whether it is certain that no ray to the normal's side meets anything
+//   int gather(origin, normal, t_max, list) how many triangles a ray to the normal's side may meet; below 0: unknown
+//   bool blocked_by<Accept>(ray, list, count) whether any of them stops a ray
 #pragma once
 #include "surface.cuh"
 
@@ -54,7 +55,9 @@ template <class Tracer> struct Pass {
         unsigned samples = params.samples;
         if (samples == 0) return 1.0f;
         float3 origin = spawn(surface.point, surface.facing);
-        if (tracer.clear_above(origin, surface.facing, params.radius)) {
+        unsigned near[GATHERED];
+        int count = tracer.gather(origin, surface.facing, params.radius, near);
+        if (count == 0) {
             rays.certain += samples;
             return 1.0f;
         }
@@ -79,7 +82,9 @@ template <class Tracer> struct Pass {
             float3 direction = to_world(basis, cosine_direction(point));
             float below = fminf(dot(direction, surface.facing), 0.0f);
             direction = direction - 2.0f * below * surface.facing;
-            open += !tracer.template occluded<ACCEPT>({origin, direction, 0.0f, params.radius}, nullptr);
+            Ray ray = {origin, direction, 0.0f, params.radius};
+            open += !(count > 0 ? tracer.template blocked_by<ACCEPT>(ray, near, count)
+                                : tracer.template occluded<ACCEPT>(ray, nullptr));
         }
         return params.open_share[open];
     }

@@ -279,7 +279,22 @@ struct Bvh {
         return blocked;
     }
 
-    __device__ __forceinline__ bool clear_above(float3 origin, float3 normal, float radius) const;
+    __device__ __forceinline__ int gather(float3 origin, float3 normal, float radius, unsigned (&found)[GATHERED]) const;
+
+    // Whether any of the gathered triangles stops the ray.
+    template <Accept ACCEPT>
+    __device__ __forceinline__ bool blocked_by(const Ray &ray, const unsigned (&found)[GATHERED], int count) const {
+        Query query;
+        if (!prepare(ray, query)) return false;
+        for (int i = 0; i < count; ++i) {
+            Triangle triangle = load_triangle(params, found[i]);
+            Hit hit;
+            if (!intersect(params, query, triangle.a, triangle.b, triangle.c, query.t_max, hit)) continue;
+            hit.triangle = triangle.id & ~TRANSPARENT;
+            if (hit.t < query.t_max && (!(triangle.id & TRANSPARENT) || accepts(params, ACCEPT, hit, nullptr))) return true;
+        }
+        return false;
+    }
 };
 
 // The contribution of one axis to an upper bound of the height of a box above a plane (`trace/clear.rs`).
@@ -289,9 +304,10 @@ DEVICE float height_bound(float low, float high, float origin, float normal) {
     return most + size * (8.0f * UNIT_ROUNDOFF);
 }
 
-// Looks into a few nodes; giving up is never wrong.
-__device__ __forceinline__ bool Bvh::clear_above(float3 origin, float3 normal, float radius) const {
-    if (params.node_count == 0) return true;
+// Looks into a few nodes; giving up is never wrong. What is left out is met by no ray to the normal's side.
+__device__ __forceinline__ int search(const Params &params, float3 origin, float3 normal, float radius,
+                                      unsigned (&found)[GATHERED]) {
+    if (params.node_count == 0) return 0;
     float3 low, high;
     {
         auto side = [&](float o, float n, float &least, float &most) {
@@ -305,7 +321,7 @@ __device__ __forceinline__ bool Bvh::clear_above(float3 origin, float3 normal, f
         side(origin.y, normal.y, low.y, high.y);
         side(origin.z, normal.z, low.z, high.z);
     }
-    if (!(is_finite(low) && is_finite(high))) return false;
+    if (!(is_finite(low) && is_finite(high))) return -1;
     // What lies in the box and not certainly below the plane may be hit.
     auto reached = [&](float3 least, float3 most) {
         if (least.x > high.x || most.x < low.x || least.y > high.y || most.y < low.y || least.z > high.z || most.z < low.z) {
@@ -316,7 +332,7 @@ __device__ __forceinline__ bool Bvh::clear_above(float3 origin, float3 normal, f
                0.0f;
     };
     unsigned pending[CLEAR_VISITS];
-    int count = 1;
+    int count = 1, gathered = 0;
     pending[0] = 0;
     for (unsigned visit = 0; visit < CLEAR_VISITS; ++visit) {
         Node node = load_node(params, pending[--count]);
@@ -354,17 +370,25 @@ __device__ __forceinline__ bool Bvh::clear_above(float3 origin, float3 normal, f
                                height_bound(p.z, p.z, origin.z, normal.z) >
                            0.0f;
                 };
-                if (!outside && (above(a) || above(b) || above(c))) return false;
+                if (outside || !(above(a) || above(b) || above(c))) continue;
+                if (gathered == GATHERED) return -1;
+                found[gathered++] = node.meta.y + place + k;
             }
         }
         unsigned mask = node.head.w >> 24;
         while (inner != 0) {
             unsigned slot = __ffs(inner) - 1;
             inner &= inner - 1;
-            if (count == CLEAR_VISITS) return false;
+            if (count == CLEAR_VISITS) return -1;
             pending[count++] = node.meta.x + __popc(mask & ((1u << slot) - 1u));
         }
-        if (count == 0) return true;
+        if (count == 0) return gathered;
     }
-    return false;
+    return -1;
+}
+
+__device__ __forceinline__ int Bvh::gather(float3 origin, float3 normal, float radius, unsigned (&found)[GATHERED]) const {
+    int count = search(params, origin, normal, radius, found);
+    // A warp does one or the other: with some threads in the tree, the lists of the rest would come on top.
+    return count > 0 && __any_sync(__activemask(), count < 0) ? -1 : count;
 }

@@ -86,6 +86,10 @@ struct Optix {
         trace(ray, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
         return p[3] != MISSED;
     }
-    __device__ __forceinline__ bool clear_above(float3, float3, float) const { return false; }
+    __device__ __forceinline__ int gather(float3, float3, float, unsigned (&)[GATHERED]) const { return -1; }
+    template <Accept ACCEPT>
+    __device__ __forceinline__ bool blocked_by(const Ray &, const unsigned (&)[GATHERED], int) const {
+        return false;
+    }
     static constexpr unsigned MISSED = 0x6d697373u;
 };

@@ -175,6 +175,8 @@ pub const MAX_DEPTH: u32 = 16;
 pub const MAX_CROSSINGS: u32 = 32;
 /// Length of the table of what glass leaves of light.
 pub const THROUGH_GLASS_ENTRIES: u32 = 64;
+/// Triangles around a point that its occlusion rays are tested against one by one; with more in reach, each ray is traced.
+pub const GATHERED: u32 = 12;
 /// Threads of a block along x; a warp is a tile of 8 x 4 pixels.
 pub const BLOCK_WIDTH: u32 = 8;
 /// Threads of a block along y.
@@ -209,6 +211,7 @@ pub fn header() -> String {
         ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),
         ("STACK", tree::STACK as u32),
         ("CLEAR_VISITS", tree::CLEAR_VISITS as u32),
+        ("GATHERED", GATHERED),
         ("BLOCK_WIDTH", BLOCK_WIDTH),
         ("BLOCK_HEIGHT", BLOCK_HEIGHT),
         ("RAY_COUNT_SLOTS", RAY_COUNT_SLOTS),
