@@ -137,7 +137,12 @@ struct Beside {
 }
 
 impl Beside {
-    fn record(&mut self, index: usize, job: &RayJob<'_>, cpu: Option<(&Image, f64, RayCounts)>) -> Result<(), BackendError> {
+    fn record(
+        &mut self,
+        index: usize,
+        job: &RayJob<'_>,
+        cpu: Option<(&Image, f64, RayCounts)>,
+    ) -> Result<(), BackendError> {
         let other = &mut self.others[index];
         let mut output = Image::filled(job.width, job.height, [f32::NAN; 4]);
         let (mut device_ms, mut host_ms, mut rays) = (Vec::new(), Vec::new(), RayCounts::default());

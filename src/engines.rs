@@ -71,9 +71,10 @@ pub fn ray_backend(choice: BackendChoice) -> Result<Box<dyn RayBackend>, Backend
         #[cfg(not(feature = "cuda"))]
         BackendChoice::Cuda | BackendChoice::Optix => Err(BackendError::Device {
             backend: if choice == BackendChoice::Cuda { "cuda" } else { "optix" },
-            message: "this program was built without it; build it with `cargo build --release --features cuda` (no CUDA \
+            message:
+                "this program was built without it; build it with `cargo build --release --features cuda` (no CUDA \
                       toolkit is needed), or use --backend cpu"
-                .to_owned(),
+                    .to_owned(),
         }),
     }
 }

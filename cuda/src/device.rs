@@ -1,7 +1,7 @@
 //! The driver and the device: found at run time, with faults that say what is missing.
 
 use cudarc::driver::sys::{self, CUresult};
-use cudarc::driver::{CudaContext, CudaSlice, CudaStream, DeviceRepr, DevicePtr as _, DriverError};
+use cudarc::driver::{CudaContext, CudaSlice, CudaStream, DevicePtr as _, DeviceRepr, DriverError};
 use curitiba_pipeline::backend::BackendError;
 use std::sync::Arc;
 
@@ -39,7 +39,8 @@ impl Device {
         }
         let context = CudaContext::new(0).map_err(|error| fault(backend, "opening the GPU", &error))?;
         let stream = context.default_stream();
-        let described = describe(&context, version).map_err(|error| fault(backend, "asking the GPU its name", &error))?;
+        let described =
+            describe(&context, version).map_err(|error| fault(backend, "asking the GPU its name", &error))?;
         Ok(Self { context, stream, backend, description: described })
     }
 
@@ -176,7 +177,9 @@ pub(crate) fn fault(backend: &'static str, doing: &str, error: &DriverError) -> 
             "the device's memory is full: use a smaller scene or picture, or end other programs on the GPU"
         }
         CUresult::CUDA_ERROR_NO_DEVICE => "the driver finds no GPU: CUDA_VISIBLE_DEVICES may hide it",
-        CUresult::CUDA_ERROR_UNSUPPORTED_PTX_VERSION => "the driver is too old for the device programs: install 580 or newer",
+        CUresult::CUDA_ERROR_UNSUPPORTED_PTX_VERSION => {
+            "the driver is too old for the device programs: install 580 or newer"
+        }
         CUresult::CUDA_ERROR_INVALID_PTX | CUresult::CUDA_ERROR_NO_BINARY_FOR_GPU => {
             "the GPU is too old for the device programs: they need compute capability 7.5 or newer"
         }

@@ -3,6 +3,7 @@
 use crate::device::{Buffer, Device};
 use crate::layout::{BLOCK_HEIGHT, MAX_DEPTH, Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS, THROUGH_GLASS_ENTRIES};
 use crate::scene::{SceneBuffers, shades};
+use cudarc::driver::sys::CUevent_flags;
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
 use curitiba_passes::sampling::owen_sobol::reversed_sobol;
@@ -12,7 +13,6 @@ use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayProgram, Sampler};
 use curitiba_pipeline::scene::RenderScene;
-use cudarc::driver::sys::CUevent_flags;
 use glam::Vec3;
 use std::sync::Arc;
 use std::time::Duration;

@@ -205,14 +205,8 @@ structs! {
     }
 }
 
-pub type QueryFunctionTable = unsafe extern "C" fn(
-    c_int,
-    c_uint,
-    *mut c_void,
-    *const *const c_void,
-    *mut *const c_void,
-    usize,
-) -> OptixResult;
+pub type QueryFunctionTable =
+    unsafe extern "C" fn(c_int, c_uint, *mut c_void, *const *const c_void, *mut *const c_void, usize) -> OptixResult;
 pub type GetErrorName = unsafe extern "C" fn(OptixResult) -> *const c_char;
 pub type DeviceContextCreate =
     unsafe extern "C" fn(*mut c_void, *const OptixDeviceContextOptions, *mut Handle) -> OptixResult;

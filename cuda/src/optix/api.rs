@@ -88,7 +88,8 @@ impl Api {
         })?;
         // SAFETY: the symbol has this type in every release.
         let query = unsafe { library.get::<QueryFunctionTable>(b"optixQueryFunctionTable\0") };
-        let query = *query.map_err(|_| format!("{LIBRARY} has no `optixQueryFunctionTable`: it is not OptiX 7 or newer"))?;
+        let query =
+            *query.map_err(|_| format!("{LIBRARY} has no `optixQueryFunctionTable`: it is not OptiX 7 or newer"))?;
         let mut refused = Vec::new();
         for (version, functions) in VERSIONS {
             let mut table = [null(); FUNCTIONS];
@@ -306,7 +307,10 @@ impl Api {
     }
 
     /// Calls `use_input` with the description of a mesh, whose pointers live through the call.
-    fn with_input<R>(mesh: &Mesh, use_input: impl FnOnce(*const OptixBuildInput, *const OptixAccelBuildOptions) -> R) -> R {
+    fn with_input<R>(
+        mesh: &Mesh,
+        use_input: impl FnOnce(*const OptixBuildInput, *const OptixAccelBuildOptions) -> R,
+    ) -> R {
         let flags = [GEOMETRY_FLAG_DISABLE_ANYHIT, GEOMETRY_FLAG_NONE];
         let vertex_buffers = [mesh.positions];
         let input = OptixBuildInput {

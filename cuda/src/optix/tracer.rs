@@ -28,7 +28,8 @@ fn wrong(message: String) -> BackendError {
 /// By triangle: 1 where its material lets some rays through.
 fn asked(geometry: &Geometry, filtered: &[bool]) -> Vec<u32> {
     let flag = |material: u32| u32::from(filtered.get(material as usize).copied().unwrap_or(false));
-    let of_batch = |batch: &curitiba_pipeline::scene::Batch| std::iter::repeat_n(flag(batch.material), batch.count as usize);
+    let of_batch =
+        |batch: &curitiba_pipeline::scene::Batch| std::iter::repeat_n(flag(batch.material), batch.count as usize);
     geometry.batches.iter().flat_map(of_batch).collect()
 }
 
@@ -156,8 +157,7 @@ impl DeviceTracer for OptixTracer {
         let records = (records.address(device), fidelity == Fidelity::Thesis);
         // SAFETY: the parameters are laid out as the programs' compiler checked; what they point to are buffers of this
         // backend that live until the stream was synchronised.
-        let launched =
-            unsafe { self.api.launch(stream, pipeline, parameters, records, [params.width, params.rows]) };
+        let launched = unsafe { self.api.launch(stream, pipeline, parameters, records, [params.width, params.rows]) };
         launched.map_err(|why| wrong(format!("running `{}`: {why}", program.info().stem)))
     }
 }

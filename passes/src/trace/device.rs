@@ -274,7 +274,10 @@ mod tests {
         Geometry {
             positions,
             triangles: (0..count).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect(),
-            batches: vec![Batch { material: 0, first: 0, count: count / 2 }, Batch { material: 1, first: count / 2, count: count - count / 2 }],
+            batches: vec![
+                Batch { material: 0, first: 0, count: count / 2 },
+                Batch { material: 1, first: count / 2, count: count - count / 2 },
+            ],
             ..Geometry::default()
         }
     }
@@ -312,7 +315,9 @@ mod tests {
 
     #[test]
     fn every_triangle_is_in_the_tree_once_and_inside_all_boxes_on_its_way() {
-        for (count, center, size) in [(1, 0.0, 1.0), (3, 5.0, 0.0), (4, 0.0, 0.1), (5000, 0.0, 0.02), (3000, 1.0e4, 0.001)] {
+        for (count, center, size) in
+            [(1, 0.0, 1.0), (3, 5.0, 0.0), (4, 0.0, 0.1), (5000, 0.0, 0.02), (3000, 1.0e4, 0.001)]
+        {
             let geometry = soup(count, center, size);
             let tree = DeviceTree::build(&geometry, &[false, true], Quality::Balanced);
             let mut seen = Vec::new();

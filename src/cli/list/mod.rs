@@ -4,10 +4,10 @@ mod snippet;
 
 use super::Failure;
 use anstyle::Style;
-use curitiba::passes::raster::cpu::CpuRasteriser;
-use curitiba::passes::raster::gpu::adapters;
 use curitiba::BackendChoice;
 use curitiba::engines::ray_backend;
+use curitiba::passes::raster::cpu::CpuRasteriser;
+use curitiba::passes::raster::gpu::adapters;
 use curitiba::pipeline::backend::{BackendError, Rasteriser as _, RayBackend};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::programs::{
@@ -84,7 +84,8 @@ fn all() {
         crate::say!("  {:16} no adapter: this machine has no Vulkan, Metal or DX12 driver", "wgpu");
     }
     crate::say!("\n{HEADER}ray backends (--backend), program by program{HEADER:#}");
-    for (name, choice) in [("cpu", BackendChoice::Cpu), ("cuda", BackendChoice::Cuda), ("optix", BackendChoice::Optix)] {
+    for (name, choice) in [("cpu", BackendChoice::Cpu), ("cuda", BackendChoice::Cuda), ("optix", BackendChoice::Optix)]
+    {
         match ray_backend(choice) {
             Ok(rays) => ray_support(rays.as_ref()),
             Err(BackendError::Device { message, .. }) => crate::say!("  {name:16} not here: {message}"),
