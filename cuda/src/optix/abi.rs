@@ -154,7 +154,7 @@ structs! {
         num_payload_types: c_uint,
         payload_types: *const c_void,
     }
-    OptixPipelineCompileOptions(48) {
+    OptixPipelineCompileOptions(40) {
         uses_motion_blur: c_int,
         traversable_graph_flags: c_uint,
         num_payload_values: c_int,
@@ -190,7 +190,7 @@ structs! {
         continuation_callable: c_uint,
         direct_callable: c_uint,
     }
-    OptixShaderBindingTable(72) {
+    OptixShaderBindingTable(64) {
         raygen_record: DevicePointer,
         exception_record: DevicePointer,
         miss_record_base: DevicePointer,
