@@ -1,12 +1,14 @@
 //! The executor: carries out a plan with a rasteriser and a ray backend, and times every step.
 
 mod effect;
+mod fallback;
 mod output;
 mod prepare;
 mod quad;
 mod save;
 mod timeline;
 
+pub use fallback::{Fallback, Spare};
 pub use output::{Faults, Output, Range, Triangles};
 pub use save::Written;
 pub use timeline::{Observer, Progress, Row, Silent, StepKind, Timeline, median};
@@ -19,6 +21,8 @@ use crate::image::Image;
 use crate::plan::{Decision, Plan, PlannedPass, Work};
 use crate::project::{ChannelRef, PassKind};
 use crate::scene::{RenderScene, SceneError};
+use fallback::of_frame;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -28,6 +32,10 @@ pub struct Engines {
     pub raster: Box<dyn Rasteriser>,
     /// Traces rays.
     pub rays: Box<dyn RayBackend>,
+    /// What stands in where the ray backend fails, in this order; empty unless the user allowed it.
+    pub spares: VecDeque<Spare>,
+    /// Ray backends that failed so far.
+    pub fallbacks: Vec<Fallback>,
 }
 
 /// Why a frame could not be rendered.
@@ -42,10 +50,12 @@ pub enum RenderError {
         error: SceneError,
     },
     /// A backend, while working for a pass.
-    #[error("pass `{pass}`: {error}")]
+    #[error("pass `{pass}`{}: {error}", of_frame(*frame))]
     Pass {
         /// The pass.
         pass: String,
+        /// The frame, counted from 1; `None` before the first, when backends are made and structures built.
+        frame: Option<u32>,
         /// What went wrong.
         error: BackendError,
     },
@@ -90,6 +100,8 @@ pub struct Renderer {
     /// The scene sets that the rasteriser and the ray backend hold now.
     uploaded: Option<usize>,
     built: Option<usize>,
+    /// Frames begun.
+    frame: u32,
     timeline: Timeline,
     warnings: Warnings,
 }
@@ -111,12 +123,16 @@ impl Renderer {
             window: prepare::window(plan.window),
             uploaded: None,
             built: None,
+            frame: 0,
             timeline: Timeline::default(),
             warnings: Warnings::default(),
             plan,
             engines,
         };
-        renderer.check_support()?;
+        renderer.tell_of_fallbacks(observer);
+        if let Some((pass, error)) = renderer.unsupported() {
+            renderer.stand_in(&pass, error, observer)?;
+        }
         renderer.prepare(observer)?;
         Ok(renderer)
     }
@@ -169,21 +185,26 @@ impl Renderer {
     /// Renders a frame and returns the window's picture.
     ///
     /// # Errors
-    /// If a backend fails; names the pass.
+    /// If a backend fails and no other may stand in for it; names the pass and the frame. What was rendered before stays.
     pub fn frame(&mut self, observer: &mut dyn Observer) -> Result<Image, RenderError> {
+        self.frame = self.frame.saturating_add(1);
+        let frame = Some(self.frame);
         for index in 0..self.plan.passes.len() {
             let planned = self.plan.passes[index].clone();
             let name = self.plan.pass(&planned).name.clone();
             let result = match &planned.work {
                 Work::Raster { .. } => self.raster(index, &planned, &name, observer),
-                Work::Rays { .. } => self.trace(index, &planned, &name, observer),
+                Work::Rays { scene_set, .. } => {
+                    self.rays(index, &planned, *scene_set, &name, observer)?;
+                    Ok(())
+                }
                 Work::Effect { .. } => self.effect(index, &planned, &name, observer),
                 Work::Quad { viewport } => {
                     self.quad(&planned, &name, *viewport, observer);
                     Ok(())
                 }
             };
-            result.map_err(|error| RenderError::Pass { pass: name, error })?;
+            result.map_err(|error| RenderError::Pass { pass: name, frame, error })?;
             self.show_outputs(&planned, observer);
         }
         Ok(self.window_image())
@@ -241,6 +262,24 @@ impl Renderer {
         result
     }
 
+    /// Builds what a ray pass needs and runs it, with another backend where one fails and another is allowed.
+    fn rays(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        scene_set: usize,
+        name: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<(), RenderError> {
+        loop {
+            self.build_or_stand_in(scene_set, name, observer)?;
+            match self.trace(index, planned, name, observer) {
+                Ok(()) => return Ok(()),
+                Err(error) => self.stand_in(name, error, observer)?,
+            }
+        }
+    }
+
     fn trace(
         &mut self,
         index: usize,
@@ -252,7 +291,6 @@ impl Renderer {
         let pass = self.plan.pass(planned);
         let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
         let ray = ray.clone();
-        self.build(scene_set, observer)?;
         let buffer = std::mem::take(&mut self.targets[target]);
         let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
         let targets = &self.targets;
@@ -302,6 +340,12 @@ impl Renderer {
         row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
         row.rays = Some(stats.rays);
         row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(stats.rays));
+        // Times of two backends stand in one row.
+        for fallback in &self.engines.fallbacks {
+            if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
+                row.note += &format!("; before frame {frame} on {}", fallback.failed);
+            }
+        }
         Ok(())
     }
 
