@@ -4,11 +4,11 @@
 //! `CURITIBA_BENCH_SAMPLES=100` give the report's own frame.
 
 use criterion::{BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
+use curitiba::Choice;
 use curitiba::bench::Case;
 use curitiba::bench::model::Technique;
 use curitiba::pipeline::executor::{Renderer, Silent, StepKind};
 use curitiba::pipeline::plan::Settings;
-use curitiba::{BackendChoice, Choice, RasterChoice};
 use std::path::Path;
 use std::time::Duration;
 

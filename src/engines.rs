@@ -19,7 +19,7 @@ pub enum RasterChoice {
 }
 
 /// Which ray backend.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum BackendChoice {
     /// In builds with the feature `cuda` and on machines with an NVIDIA GPU `cuda`, else the cpu.
     #[default]
@@ -106,12 +106,8 @@ pub struct Choice {
 
 impl Choice {
     /// Both on the processor.
-    pub const CPU: Self = Self {
-        raster: RasterChoice::Cpu,
-        backend: BackendChoice::Cpu,
-        gpus: Gpus::Count(1),
-        fallback: [None; 3],
-    };
+    pub const CPU: Self =
+        Self { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu, gpus: Gpus::Count(1), fallback: [None; 3] };
 
     /// The same rasteriser with another ray backend.
     #[must_use]

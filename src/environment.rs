@@ -1,7 +1,7 @@
 //! What machine a timing was taken on.
 
-use crate::passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
 use crate::engines::{ray_backend, why_not_cuda};
+use crate::passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
 use crate::pipeline::backend::RayBackend;
 use crate::pipeline::executor::Engines;
 use crate::{BackendChoice, Choice, RasterChoice};
@@ -100,8 +100,11 @@ impl Environment {
 
     /// Adds the graphics devices of a ray backend that are not named yet, with their drivers.
     pub fn add_gpus(&mut self, rays: &dyn RayBackend) {
-        for gpu in rays.gpus() {
-            if !self.gpu.contains(&gpu.name) {
+        let known = self.gpu.clone();
+        for (index, gpu) in rays.gpus().into_iter().enumerate() {
+            // Equal ones have equal names, and each is named.
+            let equal = rays.gpus()[..=index].iter().filter(|other| **other == gpu).count();
+            if known.iter().filter(|name| **name == gpu.name).count() < equal {
                 self.gpu.push(gpu.name);
                 self.driver.push(gpu.driver);
             }

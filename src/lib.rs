@@ -23,6 +23,7 @@
 
 pub mod bench;
 pub mod compare;
+pub mod conformance;
 pub mod engines;
 pub mod environment;
 pub mod reference;

@@ -113,7 +113,8 @@ impl Spec {
             "backend" => self.choice.backend = named(key, value, &BackendChoice::NAMES)?,
             "gpus" => {
                 let help = "valid: 1 to 255, or all".to_owned();
-                self.choice.gpus = value.parse().map_err(|_| (true, format!("`{value}` is no number of GPUs"), help))?;
+                self.choice.gpus =
+                    value.parse().map_err(|_| (true, format!("`{value}` is no number of GPUs"), help))?;
             }
             "fidelity" => self.settings.fidelity = named(key, value, &FIDELITIES)?,
             "camera" => self.settings.camera = Some(value.to_owned()),

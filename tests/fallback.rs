@@ -3,9 +3,7 @@
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
-use curitiba::pipeline::executor::{
-    Engines, Fallback, Observer, Progress, RenderError, Renderer, Spare, StepKind,
-};
+use curitiba::pipeline::executor::{Engines, Fallback, Observer, Progress, RenderError, Renderer, Spare, StepKind};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::{Fidelity, RayProgram};
@@ -173,8 +171,11 @@ fn a_backend_that_cannot_build_or_does_not_run_the_program_is_replaced_before_th
 fn a_backend_that_is_lost_in_a_frame_is_replaced_within_it_and_never_used_again() {
     let (calls, mut ears) = (Calls::default(), Ears::default());
     // Named twice, and tried once.
-    let backends =
-        vec![spare("cuda", Fails::Run(3), &calls), spare("cuda", Fails::Never, &calls), spare("cpu", Fails::Never, &calls)];
+    let backends = vec![
+        spare("cuda", Fails::Run(3), &calls),
+        spare("cuda", Fails::Never, &calls),
+        spare("cpu", Fails::Never, &calls),
+    ];
     let mut renderer = renderer(backends, &mut ears).expect("ready");
     let expected = expected();
     for _ in 0..4 {

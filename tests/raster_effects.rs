@@ -6,7 +6,7 @@
 use curitiba::pipeline::executor::{Renderer, Silent, StepKind};
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::Settings;
-use curitiba::{BackendChoice, Choice, OpenError, RasterChoice};
+use curitiba::{Choice, OpenError, RasterChoice};
 use std::path::Path;
 
 const SIDE: u32 = 192;

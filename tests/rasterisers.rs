@@ -3,13 +3,13 @@
 //! Needs a Vulkan, Metal or DirectX 12 driver, a software one included; says `skipped` without one, and fails instead
 //! with `CURITIBA_REQUIRE_GPU_TESTS=1`.
 
+use curitiba::Choice;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use curitiba::pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Shade, Sun, View};
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::plan::{Settings, Work};
 use curitiba::pipeline::scene::RenderScene;
-use curitiba::{BackendChoice, Choice, RasterChoice};
 use glam::{Vec3, Vec4};
 use std::path::Path;
 use std::sync::Arc;

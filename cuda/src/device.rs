@@ -43,9 +43,9 @@ pub fn ordinals(backend: &'static str, wanted: Option<usize>) -> Result<Vec<usiz
 /// `0,2` as numbers.
 fn listed(text: &str) -> Result<Vec<usize>, String> {
     let numbers = text.split(',').map(|number| number.trim().parse::<usize>());
-    numbers.collect::<Result<Vec<_>, _>>().map_err(|_| {
-        format!("{GPUS_VARIABLE} is `{text}`; valid: numbers of GPUs with commas between, such as 0,1")
-    })
+    numbers
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|_| format!("{GPUS_VARIABLE} is `{text}`; valid: numbers of GPUs with commas between, such as 0,1"))
 }
 
 /// The first of those that are there.
@@ -201,7 +201,7 @@ impl Device {
         values: &[T],
         parts: &[Range<usize>],
     ) -> Result<(), BackendError> {
-        if values.is_empty() || parts == [0..values.len()] {
+        if values.is_empty() || matches!(parts, [whole] if *whole == (0..values.len())) {
             return self.replace(what, buffer, values);
         }
         let failed = |error| self.fault(&copying(what, size_of_val(values)), &error);

@@ -46,7 +46,9 @@ fn meaning(error: &DriverError) -> &'static str {
             "the GPU's memory is full: use a smaller scene or picture, or end other programs on the GPU"
         }
         CUresult::CUDA_ERROR_NO_DEVICE => "the driver finds no GPU: CUDA_VISIBLE_DEVICES may hide it",
-        CUresult::CUDA_ERROR_INVALID_DEVICE => "there is no GPU of this number: `nvidia-smi -L` lists them, counted from 0",
+        CUresult::CUDA_ERROR_INVALID_DEVICE => {
+            "there is no GPU of this number: `nvidia-smi -L` lists them, counted from 0"
+        }
         CUresult::CUDA_ERROR_DEVICE_UNAVAILABLE => {
             "another program holds the GPU for itself, or its compute mode forbids use: `nvidia-smi` shows both"
         }
@@ -62,8 +64,7 @@ fn meaning(error: &DriverError) -> &'static str {
         CUresult::CUDA_ERROR_STUB_LIBRARY => {
             "this libcuda is the toolkit's stub and no driver: take its folder out of LD_LIBRARY_PATH"
         }
-        CUresult::CUDA_ERROR_UNSUPPORTED_PTX_VERSION
-        | CUresult::CUDA_ERROR_COMPAT_NOT_SUPPORTED_ON_DEVICE => {
+        CUresult::CUDA_ERROR_UNSUPPORTED_PTX_VERSION | CUresult::CUDA_ERROR_COMPAT_NOT_SUPPORTED_ON_DEVICE => {
             "the driver is too old for the device programs: install release 580 or newer"
         }
         CUresult::CUDA_ERROR_INVALID_PTX | CUresult::CUDA_ERROR_NO_BINARY_FOR_GPU => {
@@ -115,7 +116,9 @@ mod tests {
 
     #[test]
     fn only_failures_of_the_device_itself_lose_it() {
-        for code in [CUresult::CUDA_ERROR_OUT_OF_MEMORY, CUresult::CUDA_ERROR_NO_DEVICE, CUresult::CUDA_ERROR_INVALID_PTX] {
+        for code in
+            [CUresult::CUDA_ERROR_OUT_OF_MEMORY, CUresult::CUDA_ERROR_NO_DEVICE, CUresult::CUDA_ERROR_INVALID_PTX]
+        {
             assert!(!loses_the_device(&DriverError(code)), "{code:?}");
         }
         for code in [CUresult::CUDA_ERROR_LAUNCH_TIMEOUT, CUresult::CUDA_ERROR_ILLEGAL_ADDRESS] {

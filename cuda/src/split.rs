@@ -181,7 +181,10 @@ mod tests {
         let mut pixels = vec![[0.0; 4]; 1024];
         let shares = deal(&mut pixels, [1, 1024], 2);
         assert!(shares.iter().all(|share| share.len() == STRIPES as usize));
-        assert_eq!(shares.iter().map(|share| share.iter().map(|s| s.pixels.len()).sum()).collect::<Vec<usize>>(), [512, 512]);
+        assert_eq!(
+            shares.iter().map(|share| share.iter().map(|s| s.pixels.len()).sum()).collect::<Vec<usize>>(),
+            [512, 512]
+        );
         let mut pixels = vec![[0.0; 4]; 1024];
         assert_eq!(deal(&mut pixels, [1, 1024], 1)[0].len(), 1, "one GPU gets one piece");
     }

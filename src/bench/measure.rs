@@ -135,9 +135,9 @@ fn frame_device(timeline: &[Row], frames: usize) -> Option<Stats> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Choice;
     use crate::pipeline::executor::{Silent, Timeline};
     use crate::pipeline::plan::Settings;
-    use crate::{BackendChoice, Choice, RasterChoice};
     use std::path::Path;
     use std::time::Duration;
 

@@ -405,12 +405,7 @@ impl ProjectArgs {
 
     /// Which engines.
     pub fn choice(&self) -> Choice {
-        Choice {
-            raster: self.raster.choice(),
-            backend: self.backend.choice(),
-            gpus: self.gpus,
-            ..Choice::default()
-        }
+        Choice { raster: self.raster.choice(), backend: self.backend.choice(), gpus: self.gpus, ..Choice::default() }
     }
 }
 

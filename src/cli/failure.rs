@@ -44,9 +44,9 @@ impl Failure {
             _ => false,
         };
         match Self::from(error) {
-            Self::Work(message) if of_device && !may_fall_back => {
-                Self::Work(format!("{message}\n       `--fallback cpu` goes on with the cpu where another ray backend fails"))
-            }
+            Self::Work(message) if of_device && !may_fall_back => Self::Work(format!(
+                "{message}\n       `--fallback cpu` goes on with the cpu where another ray backend fails"
+            )),
             failure => failure,
         }
     }

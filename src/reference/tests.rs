@@ -1,9 +1,9 @@
 use super::*;
+use crate::Choice;
 use crate::bench::{MeasureOptions, measure};
 use crate::pipeline::executor::Silent;
 use crate::pipeline::plan::Settings;
 use crate::pipeline::programs::Fidelity;
-use crate::{BackendChoice, Choice, RasterChoice};
 use std::path::Path;
 
 const CPU: Choice = Choice::CPU;

@@ -19,10 +19,7 @@ pub struct Spare {
 impl Spare {
     /// `name` is what users call it; `make` is called at most once.
     #[must_use]
-    pub fn new(
-        name: &'static str,
-        make: impl FnOnce() -> Result<Box<dyn RayBackend>, BackendError> + 'static,
-    ) -> Self {
+    pub fn new(name: &'static str, make: impl FnOnce() -> Result<Box<dyn RayBackend>, BackendError> + 'static) -> Self {
         Self { name, make: Box::new(make) }
     }
 }

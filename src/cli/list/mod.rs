@@ -4,7 +4,6 @@ mod snippet;
 
 use super::Failure;
 use anstyle::Style;
-use curitiba::{BackendChoice, Choice};
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::adapters;
@@ -14,6 +13,7 @@ use curitiba::pipeline::programs::{
     Fidelity, PARAMS, ParamInfo, QUAD_PROGRAMS, RASTER_PROGRAMS, RAY_PROGRAMS, RayParams, RayProgramInfo,
 };
 use curitiba::pipeline::raster_effects::{EFFECT_PARAMS, EFFECT_PROGRAMS, EffectParams, EffectProgramInfo};
+use curitiba::{BackendChoice, Choice};
 
 const HEADER: Style = Style::new().bold();
 
