@@ -299,7 +299,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             copied.map_err(|error| self.device.fault("reading the picture", &error))?;
         }
         let rays = self.read_counts()?;
-        Ok(RayStats { rays, device_time: Some(device_time) })
+        Ok(RayStats { rays, device_time: Some(device_time), ..RayStats::default() })
     }
 }
 

@@ -103,7 +103,7 @@ pub fn trace<T: Tracer>(
 ) -> Result<RayStats, BackendError> {
     check::images(NAME, job, output)?;
     let rays = run(tracer, job, Whole { output, progress })?;
-    Ok(RayStats { rays, device_time: None })
+    Ok(RayStats { rays, ..RayStats::default() })
 }
 
 /// What a program other than `dummy` writes at one pixel, which lies inside the job's images.

@@ -56,6 +56,7 @@ impl Renderer {
             self.check_structure_memory(set)?;
             self.build(set, observer).map_err(|error| RenderError::Pass { pass, error })?;
         }
+        self.join_engines();
         Ok(())
     }
 
