@@ -35,7 +35,7 @@ fn number(variable: &str, default: u32) -> u32 {
 /// The cases of `curitiba bench` for all projects, with the names that they have had since the first measurements.
 fn cases() -> Vec<(String, Case)> {
     let (side, samples) = (number("CURITIBA_BENCH_SIZE", 256), number("CURITIBA_BENCH_SAMPLES", 16));
-    let choice = Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu };
+    let choice = Choice::CPU;
     let case = |(project, sampled): (&str, bool)| {
         let set = if sampled { vec![format!("pass2.samples={samples}")] } else { Vec::new() };
         let settings = Settings { size: Some([side, side]), set, ..Settings::default() };

@@ -329,7 +329,7 @@ fn run(arguments: &Arguments) -> Result<bool, Box<dyn std::error::Error>> {
                     runs: arguments.runs,
                     compare: !arguments.time_only,
                 };
-                let engines = Engines { raster: Box::new(CpuRasteriser::new()), rays: Box::new(beside) };
+                let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(beside));
                 Renderer::new(Plan::new(project, settings)?, engines, &mut Silent)?.frame(&mut Silent)?;
             }
         }

@@ -31,7 +31,7 @@ fn open(name: &str, camera: Option<&str>) -> Renderer {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/Scene{name}.xml"));
     let camera = camera.map(str::to_owned);
     let settings = Settings { size: Some([SIDE, SIDE]), camera, ..Settings::default() };
-    let choice = Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu };
+    let choice = Choice::CPU;
     curitiba::open(path, settings, choice, &mut Silent).expect("the project opens")
 }
 

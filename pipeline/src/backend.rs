@@ -163,6 +163,16 @@ pub enum BackendError {
     },
 }
 
+impl BackendError {
+    /// The name of the backend that it is of.
+    #[must_use]
+    pub fn backend(&self) -> &'static str {
+        match self {
+            Self::Unsupported { backend, .. } | Self::Device { backend, .. } => backend,
+        }
+    }
+}
+
 /// Draws triangles into G-buffers.
 pub trait Rasteriser {
     /// `cpu` or `wgpu`.
@@ -393,12 +403,25 @@ pub struct BuildStats {
     pub nodes: u64,
 }
 
+/// A graphics device, in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Gpu {
+    /// Its name and what it has.
+    pub name: String,
+    /// Its driver.
+    pub driver: String,
+}
+
 /// Runs ray programs.
 pub trait RayBackend {
     /// `cpu`, and later `wgpu`, `cuda`, `optix`.
     fn name(&self) -> &'static str;
     /// The device and driver, in words.
     fn device(&self) -> String;
+    /// The graphics devices among what it uses; none for the processor.
+    fn gpus(&self) -> Vec<Gpu> {
+        Vec::new()
+    }
     /// Why a program cannot run here, or `Ok`.
     ///
     /// # Errors

@@ -28,7 +28,7 @@ pub struct SharedGBuffer {
     pub attachments: Attachments,
     /// The memory.
     pub memory: SharedHandle,
-    /// Its size.
+    /// Its size, at least where the last attachment ends.
     pub bytes: u64,
     /// A timeline semaphore. It reaches the value that a hand-over names when the attachments are complete.
     pub semaphore: SharedHandle,

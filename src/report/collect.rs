@@ -131,7 +131,7 @@ impl<'a> Collector<'a> {
                 format: FORMAT,
                 command: request.command.clone(),
                 started_unix_s: now.as_secs(),
-                environment: Environment::probe(Choice { raster: request.raster, backend: BackendChoice::Cpu }),
+                environment: Environment::probe(Choice { raster: request.raster, ..Choice::CPU }),
                 frames: wanted.frames().0,
                 warmup: 1,
                 complete: false,
@@ -194,7 +194,7 @@ impl<'a> Collector<'a> {
             ..Settings::default()
         };
         let raster = if entry.on_cpu { RasterChoice::Cpu } else { self.request.raster };
-        let choice = Choice { raster, backend: BackendChoice::Cpu };
+        let choice = Choice { raster, ..Choice::CPU };
         let mut case = Case::new(&path, settings, choice).map_err(|error| error.to_string())?;
         case.label.clone_from(&entry.label);
         case.effect = entry.effect.to_owned();

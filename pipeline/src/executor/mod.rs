@@ -1,6 +1,7 @@
 //! The executor: carries out a plan with a rasteriser and a ray backend, and times every step.
 
 mod effect;
+mod fallback;
 mod join;
 mod output;
 mod prepare;
@@ -8,6 +9,7 @@ mod quad;
 mod save;
 mod timeline;
 
+pub use fallback::{Fallback, Spare};
 pub use output::{Faults, Output, Range, Triangles};
 pub use save::Written;
 pub use timeline::{Observer, Progress, Row, Silent, StepKind, Timeline, median};
@@ -21,6 +23,8 @@ use crate::plan::{Decision, Plan, PlannedPass, Work};
 use crate::project::{ChannelRef, PassKind};
 use crate::scene::{RenderScene, SceneError};
 use crate::shared::DeviceUuid;
+use fallback::of_frame;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -30,6 +34,10 @@ pub struct Engines {
     pub raster: Box<dyn Rasteriser>,
     /// Traces rays.
     pub rays: Box<dyn RayBackend>,
+    /// What stands in where the ray backend fails, in this order; empty unless the user allowed it.
+    pub spares: VecDeque<Spare>,
+    /// Ray backends that failed so far.
+    pub fallbacks: Vec<Fallback>,
 }
 
 /// Why a frame could not be rendered.
@@ -44,10 +52,12 @@ pub enum RenderError {
         error: SceneError,
     },
     /// A backend, while working for a pass.
-    #[error("pass `{pass}`: {error}")]
+    #[error("pass `{pass}`{}: {error}", of_frame(*frame))]
     Pass {
         /// The pass.
         pass: String,
+        /// The frame, counted from 1; `None` before the first, when backends are made and structures built.
+        frame: Option<u32>,
         /// What went wrong.
         error: BackendError,
     },
@@ -80,6 +90,14 @@ struct PassMaterials {
     shadow_glass: Vec<bool>,
 }
 
+/// How far a ray pass came.
+enum Traced {
+    /// It is done.
+    Done,
+    /// Another backend has taken over which reads host memory, where the G-buffer is not: the frame begins again.
+    NothingInHost,
+}
+
 /// A plan with everything loaded and built, ready to render frames.
 pub struct Renderer {
     plan: Plan,
@@ -94,6 +112,8 @@ pub struct Renderer {
     built: Option<usize>,
     /// The device on which the G-buffer of a target is shared.
     joined: Option<(DeviceUuid, usize)>,
+    /// Frames begun.
+    frame: u32,
     timeline: Timeline,
     warnings: Warnings,
 }
@@ -116,12 +136,16 @@ impl Renderer {
             uploaded: None,
             built: None,
             joined: None,
+            frame: 0,
             timeline: Timeline::default(),
             warnings: Warnings::default(),
             plan,
             engines,
         };
-        renderer.check_support()?;
+        renderer.tell_of_fallbacks(observer);
+        if let Some((pass, error)) = renderer.unsupported() {
+            renderer.stand_in(&pass, error, observer)?;
+        }
         renderer.prepare(observer)?;
         Ok(renderer)
     }
@@ -174,22 +198,32 @@ impl Renderer {
     /// Renders a frame and returns the window's picture.
     ///
     /// # Errors
-    /// If a backend fails; names the pass.
+    /// If a backend fails and no other may stand in for it; names the pass and the frame. What was rendered before stays.
     pub fn frame(&mut self, observer: &mut dyn Observer) -> Result<Image, RenderError> {
-        for index in 0..self.plan.passes.len() {
+        self.frame = self.frame.saturating_add(1);
+        let frame = Some(self.frame);
+        let mut index = 0;
+        while index < self.plan.passes.len() {
             let planned = self.plan.passes[index].clone();
             let name = self.plan.pass(&planned).name.clone();
             let result = match &planned.work {
                 Work::Raster { .. } => self.raster(index, &planned, &name, observer),
-                Work::Rays { .. } => self.trace(index, &planned, &name, observer),
+                Work::Rays { scene_set, .. } => match self.rays(index, &planned, *scene_set, &name, observer)? {
+                    Traced::Done => Ok(()),
+                    Traced::NothingInHost => {
+                        index = 0;
+                        continue;
+                    }
+                },
                 Work::Effect { .. } => self.effect(index, &planned, &name, observer),
                 Work::Quad { viewport } => {
                     self.quad(&planned, &name, *viewport, observer);
                     Ok(())
                 }
             };
-            result.map_err(|error| RenderError::Pass { pass: name, error })?;
+            result.map_err(|error| RenderError::Pass { pass: name, frame, error })?;
             self.show_outputs(&planned, observer);
+            index += 1;
         }
         Ok(self.window_image())
     }
@@ -247,6 +281,28 @@ impl Renderer {
         result
     }
 
+    /// Builds what a ray pass needs and runs it, with another backend where one fails and another is allowed.
+    fn rays(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        scene_set: usize,
+        name: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<Traced, RenderError> {
+        let joined = self.joined;
+        loop {
+            self.build_or_stand_in(scene_set, name, observer)?;
+            if self.joined != joined {
+                return Ok(Traced::NothingInHost);
+            }
+            match self.trace(index, planned, name, observer) {
+                Ok(()) => return Ok(Traced::Done),
+                Err(error) => self.stand_in(name, error, observer)?,
+            }
+        }
+    }
+
     fn trace(
         &mut self,
         index: usize,
@@ -258,7 +314,6 @@ impl Renderer {
         let pass = self.plan.pass(planned);
         let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
         let ray = ray.clone();
-        self.build(scene_set, observer)?;
         let in_place = resident.is_some() && self.is_joined(resident);
         let reads =
             |channel: Option<ChannelRef>, name: &str| channel.filter(|_| ray.program.info().buffers.contains(&name));
@@ -334,6 +389,12 @@ impl Renderer {
         row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
         row.rays = Some(stats.rays);
         row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(stats.rays));
+        // Times of two backends stand in one row.
+        for fallback in &self.engines.fallbacks {
+            if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
+                row.note += &format!("; before frame {frame} on {}", fallback.failed);
+            }
+        }
         if let Some(read_back) = stats.read_back {
             self.timeline.record(StepKind::ReadBack, name, read_back);
         }

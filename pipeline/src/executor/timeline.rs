@@ -1,6 +1,6 @@
 //! The one definition of time: every step's host time with synchronisation, and the device's own clock where it has one.
 
-use super::{Output, Triangles};
+use super::{Fallback, Output, Triangles};
 use crate::backend::{RayCounts, RayJob};
 use crate::image::Image;
 use serde::{Deserialize, Serialize};
@@ -183,6 +183,10 @@ pub trait Observer {
     /// A ray pass ran; the picture is not yet rounded to the format of its target.
     fn traced(&mut self, pass: &str, job: &RayJob<'_>, picture: &Image) {
         let _ = (pass, job, picture);
+    }
+    /// A ray backend failed, and another takes its place.
+    fn fell_back(&mut self, fallback: &Fallback) {
+        let _ = fallback;
     }
 }
 

@@ -50,7 +50,7 @@ impl Sharing {
         if bytes == 0 || bytes > largest {
             return Err(wrong(format!("between 1 and {largest} bytes can be shared")));
         }
-        let (buffer, memory) = vulkan::buffer(&gpu.device, bytes).map_err(wrong)?;
+        let (buffer, memory, bytes) = vulkan::buffer(&gpu.device, bytes).map_err(wrong)?;
         let (semaphore, handle) = Semaphore::new(&gpu.device).map_err(wrong)?;
         let packer = Packer { buffer, width, height, attachments, programs: Vec::new() };
         gpu.check("sharing memory")?;

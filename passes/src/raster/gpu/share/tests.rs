@@ -80,7 +80,8 @@ fn a_device_that_shares_memory_hands_over_what_it_drew() {
         Err(error) if rasteriser.device().contains("software") => return println!("skipped: {error}"),
         Err(error) => panic!("{error}"),
     };
-    assert_eq!((shared.width, shared.height, shared.bytes), (SIZE, SIZE, Offsets::new(SIZE, SIZE, ALL).end));
+    assert_eq!((shared.width, shared.height), (SIZE, SIZE));
+    assert!(shared.bytes >= Offsets::new(SIZE, SIZE, ALL).end);
     assert_eq!(rasteriser.hand_over(ALL).expect("handed over"), 1);
     rasteriser.hand_over_time().expect("done");
     assert_eq!(rasteriser.hand_over(ALL).expect("handed over"), 2);

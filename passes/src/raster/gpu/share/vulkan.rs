@@ -61,8 +61,8 @@ pub fn uuid(device: &wgpu::Device) -> Option<DeviceUuid> {
     })
 }
 
-/// A buffer in memory of its own, which `OwnedFd` names outside.
-pub fn buffer(device: &wgpu::Device, bytes: u64) -> Result<(wgpu::Buffer, OwnedFd), String> {
+/// A buffer in memory of its own, the name of that memory outside, and its size, which may be larger than the buffer's.
+pub fn buffer(device: &wgpu::Device, bytes: u64) -> Result<(wgpu::Buffer, OwnedFd, u64), String> {
     let failed = |doing: &str, error: vk::Result| format!("{doing}: {error}");
     // SAFETY: nothing that wgpu owns is destroyed through the guard.
     let hal = unsafe { device.as_hal::<Vulkan>() }.ok_or("the device is no Vulkan device")?;
@@ -123,7 +123,7 @@ pub fn buffer(device: &wgpu::Device, bytes: u64) -> Result<(wgpu::Buffer, OwnedF
         drop(hal);
         device.create_buffer_from_hal::<Vulkan>(hal_buffer, &descriptor)
     };
-    Ok((buffer, handle))
+    Ok((buffer, handle, needs.size))
 }
 
 /// A timeline semaphore that another interface can wait for.
