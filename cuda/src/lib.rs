@@ -10,6 +10,7 @@
 pub mod bvh;
 pub mod device;
 pub mod fault;
+mod join;
 pub mod layout;
 pub mod optix;
 pub mod programs;

@@ -1,6 +1,7 @@
 //! The ray programs on one GPU, whichever tracer it asks. [`crate::split`] makes a backend of one or several.
 
-use crate::device::{Buffer, Device};
+use crate::device::{Address, Buffer, Device};
+use crate::join::Joined;
 use crate::layout::{BLOCK_HEIGHT, MAX_DEPTH, Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS, THROUGH_GLASS_ENTRIES};
 use crate::scene::{SceneBuffers, shades};
 use cudarc::driver::CudaEvent;
@@ -13,11 +14,12 @@ use curitiba_pipeline::backend::{BackendError, BuildStats, RayCounts, RayJob, Ra
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::programs::{Fidelity, RayProgram, Sampler};
 use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::shared::SharedGBuffer;
 use glam::Vec3;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What traces the rays of the device programs.
 pub trait DeviceTracer: Sized + Send {
@@ -71,6 +73,11 @@ pub trait DeviceTracer: Sized + Send {
 /// Pixels of one launch at most: long passes are cut, so that no kernel runs into a display driver's time limit unless a
 /// pixel is very dear, and progress is seen.
 const PIXELS_OF_LAUNCH: u32 = 1 << 20;
+
+/// The place of a point, given with its bits reversed, on a Z-shaped curve.
+fn morton(reversed: &[u32; 2]) -> u64 {
+    (0..32).fold(0, |code, bit| code << 2 | u64::from(reversed[0] >> bit & 1) << 1 | u64::from(reversed[1] >> bit & 1))
+}
 
 /// Launches that wait behind one another at most: enough that the device never waits for the host.
 const LAUNCHES_AHEAD: usize = 3;
@@ -127,17 +134,35 @@ pub(crate) struct OneGpu<T> {
     pub tracer: T,
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
     images: Images,
+    joined: Option<Joined>,
 }
 
 impl<T: DeviceTracer> OneGpu<T> {
     /// With nothing built.
     pub fn new(device: Device) -> Result<Self, BackendError> {
         let tracer = T::new(&device)?;
-        Ok(Self { device, tracer, built: None, images: Images::default() })
+        Ok(Self { device, tracer, built: None, images: Images::default(), joined: None })
     }
 
-    /// Copies a pass's tables and the rows that are computed here to the device, and describes them.
-    fn describe(&mut self, job: &RayJob<'_>, stripes: &[Stripe<'_>]) -> Result<Params, BackendError> {
+    /// Opens a G-buffer that the rasteriser fills; the one opened before is released.
+    pub fn join(&mut self, shared: SharedGBuffer) -> Result<(), BackendError> {
+        self.joined = None;
+        self.joined = Some(Joined::open(&self.device, shared)?);
+        Ok(())
+    }
+
+    /// The shared G-buffer of a job that reads one.
+    fn shared(&self, job: &RayJob<'_>) -> Result<Option<(&Joined, u64)>, BackendError> {
+        let Some(value) = job.shared else { return Ok(None) };
+        match self.joined.as_ref().filter(|joined| joined.has_size(job.width, job.height)) {
+            Some(joined) => Ok(Some((joined, value))),
+            None => Err(check::missing(T::NAME, job, "no shared G-buffer of its size was opened")),
+        }
+    }
+
+    /// Copies the rows of the G-buffer that are computed here to the device.
+    fn copy(&mut self, job: &RayJob<'_>, stripes: &[Stripe<'_>]) -> Result<Duration, BackendError> {
+        let start = Instant::now();
         let (device, images) = (&self.device, &mut self.images);
         let cast = bytemuck::cast_slice::<[f32; 4], f32>;
         let parts: Vec<_> = stripes.iter().map(|stripe| stripe.range(job.width)).collect();
@@ -146,6 +171,26 @@ impl<T: DeviceTracer> OneGpu<T> {
         device.replace_parts("the normals", &mut images.normal, cast(job.normal), &fours)?;
         device.replace_parts("the colours", &mut images.color, cast(job.color), &fours)?;
         device.replace_parts("the triangle ids", &mut images.triangle, job.triangle, &parts)?;
+        self.synchronise("copying the G-buffer")?;
+        Ok(start.elapsed())
+    }
+
+    /// Addresses of positions, normals, colours and triangle ids.
+    fn gbuffer(&self, job: &RayJob<'_>) -> Result<[Address; 4], BackendError> {
+        let (device, images) = (&self.device, &self.images);
+        let Some((joined, _)) = self.shared(job)? else {
+            let (position, normal, color) = (&images.position, &images.normal, &images.color);
+            let floats = [position, normal, color].map(|buffer| buffer.address(device));
+            return Ok([floats[0], floats[1], floats[2], images.triangle.address(device)]);
+        };
+        let at = joined.offsets();
+        Ok([at.position, at.normal, at.color, at.triangle].map(|offset| joined.address(device, offset)))
+    }
+
+    /// Copies a pass's tables to the device, and describes them.
+    fn describe(&mut self, job: &RayJob<'_>) -> Result<Params, BackendError> {
+        let [position, normal, color, triangle] = self.gbuffer(job)?;
+        let (device, images) = (&self.device, &mut self.images);
         let pixels = job.width as usize * job.height as usize;
         if images.output.0.as_ref().is_none_or(|output| output.len() < 4 * pixels) {
             images.output = Buffer::default();
@@ -161,8 +206,10 @@ impl<T: DeviceTracer> OneGpu<T> {
             let shares: Vec<f32> = (0..=samples).map(share).collect();
             device.replace("the table of open shares", &mut images.open_share, &shares)?;
             if strata == 0 {
-                let points: Vec<u32> = (0..samples).flat_map(reversed_sobol).collect();
-                device.replace("the occlusion points", &mut images.sobol, &points)?;
+                let mut points: Vec<[u32; 2]> = (0..samples).map(reversed_sobol).collect();
+                // Scrambling keeps neighbours in both dimensions neighbours: rays side by side go the same way.
+                points.sort_by_key(morton);
+                device.replace("the occlusion points", &mut images.sobol, points.as_flattened())?;
             }
         }
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
@@ -172,10 +219,10 @@ impl<T: DeviceTracer> OneGpu<T> {
         device.replace("the ray counts", &mut images.counts, &counts)?;
         let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
         Ok(Params {
-            position: images.position.address(device),
-            normal: images.normal.address(device),
-            color: images.color.address(device),
-            triangle: images.triangle.address(device),
+            position,
+            normal,
+            color,
+            triangle,
             output: images.output.address(device),
             positions: 0,
             normals: 0,
@@ -299,7 +346,8 @@ impl<T: DeviceTracer> OneGpu<T> {
     ) -> Result<RayStats, BackendError> {
         self.device.bind()?;
         self.tracer.load(&self.device, job.program)?;
-        let mut params = self.describe(job, stripes)?;
+        let upload = if job.shared.is_none() { Some(self.copy(job, stripes)?) } else { None };
+        let mut params = self.describe(job)?;
         // Kept until the kernels are done.
         let unbuilt;
         match &self.built {
@@ -314,7 +362,11 @@ impl<T: DeviceTracer> OneGpu<T> {
             }
             _ => return Err(check::missing(T::NAME, job, "its scene's acceleration structure was not built")),
         }
+        if let Some((joined, value)) = self.shared(job)? {
+            joined.wait(&self.device, value)?;
+        }
         let device_time = self.launch_all(job, &mut params, stripes, progress)?;
+        let start = Instant::now();
         if let Some(picture) = &self.images.output.0 {
             for stripe in stripes {
                 let part = stripe.range(job.width);
@@ -323,14 +375,26 @@ impl<T: DeviceTracer> OneGpu<T> {
                 copied.map_err(|error| self.device.fault("reading the picture", &error))?;
             }
         }
+        let read_back = Some(start.elapsed());
         let rays = self.read_counts()?;
-        Ok(RayStats { rays, device_time: Some(device_time) })
+        Ok(RayStats { rays, upload, read_back, device_time: Some(device_time) })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sorted_points_that_follow_each_other_lie_in_one_part_of_the_square() {
+        let mut points: Vec<[u32; 2]> = (0..64).map(reversed_sobol).collect();
+        let quarter = |point: &[u32; 2]| point.map(|coordinate| coordinate & 1);
+        let changes =
+            |points: &[[u32; 2]]| points.windows(2).filter(|pair| quarter(&pair[0]) != quarter(&pair[1])).count();
+        assert!(changes(&points) > 30);
+        points.sort_by_key(morton);
+        assert_eq!(changes(&points), 3);
+    }
 
     #[test]
     fn launches_of_a_stripe_cover_its_rows_once_and_in_order() {

@@ -4,6 +4,7 @@
 //! its stripes from its own copy of the scene. No pixel depends on another, so pictures and ray counts are those of one GPU.
 
 use crate::device::Device;
+use crate::join;
 use crate::layout::BLOCK_HEIGHT;
 use crate::rays::{DeviceTracer, OneGpu, Stripe, launches};
 use curitiba_passes::cpu::check;
@@ -12,6 +13,7 @@ use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
 use std::sync::Arc;
 
 /// Our own traversal, compiled to kernels.
@@ -92,6 +94,8 @@ fn together(parts: &[RayStats]) -> RayStats {
     for part in parts {
         whole.rays += part.rays;
         whole.device_time = whole.device_time.max(part.device_time);
+        whole.upload = whole.upload.max(part.upload);
+        whole.read_back = whole.read_back.max(part.read_back);
     }
     whole
 }
@@ -130,6 +134,15 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
 
     fn bytes_per_triangle(&self) -> u64 {
         T::BYTES_PER_TRIANGLE
+    }
+
+    fn joins(&self, device: DeviceUuid) -> bool {
+        // Another GPU would have to copy its rows from the one that draws.
+        matches!(self.gpus.as_slice(), [gpu] if join::is_on(&gpu.device, device))
+    }
+
+    fn join(&mut self, shared: SharedGBuffer) -> Result<(), BackendError> {
+        self.gpus[0].join(shared)
     }
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
@@ -194,6 +207,7 @@ mod tests {
         let part = |shadow, ms| RayStats {
             rays: RayCounts { shadow, ..RayCounts::default() },
             device_time: Some(Duration::from_millis(ms)),
+            ..RayStats::default()
         };
         let whole = together(&[part(3, 7), part(4, 9), RayStats::default()]);
         assert_eq!((whole.rays.shadow, whole.device_time), (7, Some(Duration::from_millis(9))));

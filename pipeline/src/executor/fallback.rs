@@ -152,6 +152,7 @@ impl Renderer {
                 Ok(rays) => {
                     self.engines.rays = rays;
                     self.built = None;
+                    self.joined = None;
                     match self.unsupported() {
                         None => return Ok(()),
                         Some((_, error)) => error,

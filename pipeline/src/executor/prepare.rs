@@ -43,6 +43,7 @@ impl Renderer {
         if let Some((pass, set)) = traced {
             self.build_or_stand_in(set, &pass, observer)?;
         }
+        self.join_engines();
         Ok(())
     }
 

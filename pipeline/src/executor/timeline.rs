@@ -25,6 +25,8 @@ pub enum StepKind {
     Effect,
     /// Copying what was drawn into host memory.
     ReadBack,
+    /// Bringing what was drawn to the device that traces rays.
+    Join,
     /// Tracing rays.
     Rays,
     /// Filling a rectangle.
@@ -45,6 +47,7 @@ impl StepKind {
             Self::Maps => "maps",
             Self::Effect => "effect",
             Self::ReadBack => "read-back",
+            Self::Join => "join",
             Self::Rays => "rays",
             Self::Quad => "quad",
             Self::Write => "write",
@@ -54,7 +57,7 @@ impl StepKind {
     /// Whether the step is done again for every frame.
     #[must_use]
     pub fn per_frame(self) -> bool {
-        matches!(self, Self::Raster | Self::Maps | Self::Effect | Self::ReadBack | Self::Rays | Self::Quad)
+        matches!(self, Self::Raster | Self::Maps | Self::Effect | Self::ReadBack | Self::Join | Self::Rays | Self::Quad)
     }
 }
 
