@@ -120,6 +120,7 @@ impl Choice {
     pub fn rays_in_words(self) -> String {
         let name = self.backend.name();
         match self.gpus {
+            _ if self.backend == BackendChoice::Cpu => name.to_owned(),
             Gpus::Count(1) => name.to_owned(),
             Gpus::Count(count) => format!("{name} on {count} GPUs"),
             Gpus::All => format!("{name} on all GPUs"),
@@ -162,7 +163,11 @@ pub fn rasteriser(choice: RasterChoice) -> Result<Box<dyn Rasteriser>, BackendEr
 /// If it cannot be had: says what is missing, and what to do.
 pub fn ray_backend(choice: Choice) -> Result<Box<dyn RayBackend>, BackendError> {
     match choice.backend {
-        BackendChoice::Auto => Ok(cuda(choice).unwrap_or_else(|_| Box::new(CpuRays::new()))),
+        BackendChoice::Auto => match cuda(choice) {
+            // Who asks for several GPUs does not mean the processor.
+            Err(error) if choice.gpus != Gpus::default() => Err(error),
+            made => Ok(made.unwrap_or_else(|_| Box::new(CpuRays::new()))),
+        },
         BackendChoice::Cpu => Ok(Box::new(CpuRays::new())),
         BackendChoice::Cuda => cuda(choice),
         BackendChoice::Optix => optix(choice),
@@ -225,5 +230,6 @@ mod tests {
         }
         let two = Choice { gpus: Gpus::Count(2), backend: BackendChoice::Optix, ..Choice::CPU };
         assert_eq!((two.rays_in_words().as_str(), Choice::CPU.rays_in_words().as_str()), ("optix on 2 GPUs", "cpu"));
+        assert_eq!(two.traced_by(BackendChoice::Cpu).rays_in_words(), "cpu");
     }
 }
