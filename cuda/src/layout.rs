@@ -11,7 +11,7 @@ macro_rules! shared_structs {
     ($( $(#[$about:meta])* struct $name:ident { $( $(#[$field_about:meta])* $field:ident: $type:ty = $spelling:literal, )* } )*) => {
         $(
             $(#[$about])*
-            #[derive(Debug, Clone, Copy)]
+            #[derive(Debug, Clone, Copy, PartialEq)]
             #[repr(C)]
             pub struct $name { $( $(#[$field_about])* pub $field: $type, )* }
         )*

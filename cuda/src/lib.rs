@@ -17,5 +17,6 @@ pub mod programs;
 pub mod rays;
 pub mod scene;
 pub mod split;
+mod staging;
 
 pub use split::{CudaRays, DeviceRays, OptixRays};

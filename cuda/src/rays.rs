@@ -4,8 +4,9 @@ use crate::device::{Address, Buffer, Device};
 use crate::join::Joined;
 use crate::layout::{BLOCK_HEIGHT, MAX_DEPTH, Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS, THROUGH_GLASS_ENTRIES};
 use crate::scene::{SceneBuffers, shades};
-use cudarc::driver::CudaEvent;
+use crate::staging::Staging;
 use cudarc::driver::sys::CUevent_flags;
+use cudarc::driver::{CudaEvent, DeviceRepr};
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
 use curitiba_passes::sampling::owen_sobol::reversed_sobol;
@@ -121,10 +122,35 @@ struct Images {
     triangle: Buffer<u32>,
     output: Buffer<f32>,
     counts: Buffer<u64>,
-    sobol: Buffer<u32>,
-    open_share: Buffer<f32>,
-    through_glass: Buffer<f32>,
-    shades: Buffer<crate::layout::Shade>,
+    sobol: Table<u32>,
+    open_share: Table<f32>,
+    through_glass: Table<f32>,
+    shades: Table<crate::layout::Shade>,
+}
+
+/// Values that seldom change from pass to pass: they are copied to the device when they do.
+#[derive(Debug)]
+struct Table<T> {
+    values: Vec<T>,
+    buffer: Buffer<T>,
+}
+
+impl<T> Default for Table<T> {
+    fn default() -> Self {
+        Self { values: Vec::new(), buffer: Buffer::default() }
+    }
+}
+
+impl<T: DeviceRepr + PartialEq> Table<T> {
+    fn set(&mut self, device: &Device, what: &str, values: Vec<T>) -> Result<(), BackendError> {
+        if self.values != values {
+            // What fails leaves nothing that a later pass could take for its own.
+            self.values.clear();
+            device.replace(what, &mut self.buffer, &values)?;
+            self.values = values;
+        }
+        Ok(())
+    }
 }
 
 /// One GPU with its own copy of scene and structure.
@@ -135,13 +161,14 @@ pub(crate) struct OneGpu<T> {
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
     images: Images,
     joined: Option<Joined>,
+    staging: Staging,
 }
 
 impl<T: DeviceTracer> OneGpu<T> {
     /// With nothing built.
     pub fn new(device: Device) -> Result<Self, BackendError> {
         let tracer = T::new(&device)?;
-        Ok(Self { device, tracer, built: None, images: Images::default(), joined: None })
+        Ok(Self { device, tracer, built: None, images: Images::default(), joined: None, staging: Staging::default() })
     }
 
     /// Opens a G-buffer that the rasteriser fills; the one opened before is released.
@@ -204,19 +231,23 @@ impl<T: DeviceTracer> OneGpu<T> {
         if samples > 0 {
             let share = |open: u32| (open as f32 / samples as f32).powf(job.params.intensity);
             let shares: Vec<f32> = (0..=samples).map(share).collect();
-            device.replace("the table of open shares", &mut images.open_share, &shares)?;
+            images.open_share.set(device, "the table of open shares", shares)?;
             if strata == 0 {
                 let mut points: Vec<[u32; 2]> = (0..samples).map(reversed_sobol).collect();
                 // Scrambling keeps neighbours in both dimensions neighbours: rays side by side go the same way.
                 points.sort_by_key(morton);
-                device.replace("the occlusion points", &mut images.sobol, points.as_flattened())?;
+                images.sobol.set(device, "the occlusion points", points.into_flattened())?;
             }
         }
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
-        device.replace("the table of glass", &mut images.through_glass, &through)?;
-        device.replace("the materials", &mut images.shades, &shades(job))?;
-        let counts = vec![0; (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as usize];
-        device.replace("the ray counts", &mut images.counts, &counts)?;
+        images.through_glass.set(device, "the table of glass", through)?;
+        images.shades.set(device, "the materials", shades(job))?;
+        let slots = (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as usize;
+        let zeroed = match &mut images.counts.0 {
+            Some(counts) => device.stream().memset_zeros(counts),
+            none => device.stream().alloc_zeros(slots).map(|counts| *none = Some(counts)),
+        };
+        zeroed.map_err(|error| device.fault("clearing the ray counts", &error))?;
         let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
         Ok(Params {
             position,
@@ -229,12 +260,12 @@ impl<T: DeviceTracer> OneGpu<T> {
             texcoords: 0,
             triangles: 0,
             materials: 0,
-            shades: images.shades.address(device),
+            shades: images.shades.buffer.address(device),
             textures: 0,
             texels: 0,
-            sobol: images.sobol.address(device),
-            open_share: images.open_share.address(device),
-            through_glass: images.through_glass.address(device),
+            sobol: images.sobol.buffer.address(device),
+            open_share: images.open_share.buffer.address(device),
+            through_glass: images.through_glass.buffer.address(device),
             ray_counts: images.counts.address(device),
             nodes: 0,
             leaves: 0,
@@ -370,9 +401,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         if let Some(picture) = &self.images.output.0 {
             for stripe in stripes {
                 let part = stripe.range(job.width);
-                let part = picture.slice(4 * part.start..4 * part.end);
-                let copied = self.device.stream().memcpy_dtoh(&part, stripe.pixels.as_flattened_mut());
-                copied.map_err(|error| self.device.fault("reading the picture", &error))?;
+                self.staging.read(&self.device, picture, 4 * part.start, stripe.pixels.as_flattened_mut())?;
             }
         }
         let read_back = Some(start.elapsed());

@@ -101,6 +101,8 @@ pub struct RasterJob<'a> {
     pub clear_color: Vec4,
     /// What is written.
     pub attachments: Attachments,
+    /// What of it is also written into the memory that [`Rasteriser::share`] made, whose size is the viewport's.
+    pub shared: Attachments,
 }
 
 /// The triangle id of a pixel that nothing covers.
@@ -198,33 +200,18 @@ pub trait Rasteriser {
     /// If the device fails.
     fn read_back(&mut self, job: &RasterJob<'_>, wanted: Attachments, target: &mut GBuffer)
     -> Result<(), BackendError>;
-    /// The device, if other interfaces of it can read what was drawn where it is: then the three functions below work.
+    /// The device, if other interfaces of it can read what is drawn where it is.
     fn shares(&self) -> Option<DeviceUuid> {
         None
     }
-    /// Makes memory for G-buffers of that size, in place of what was made before.
+    /// Makes memory for G-buffers of that size, in place of what was made before; jobs name in [`RasterJob::shared`] what
+    /// is written there.
     ///
     /// # Errors
     /// If the device cannot share so much, or nothing at all.
     fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
         let what = format!("a shared G-buffer of {width} x {height} pixels with {attachments:?}");
         Err(BackendError::Unsupported { backend: self.name(), what, why: "it shares no memory".to_owned() })
-    }
-    /// Starts to copy the wanted attachments drawn last, whole and of the shared size, into the shared memory, and does
-    /// not wait. Returns the value that the semaphore reaches when they are there.
-    ///
-    /// # Errors
-    /// If the device fails, or what was drawn last is something else.
-    fn hand_over(&mut self, wanted: Attachments) -> Result<u64, BackendError> {
-        let what = format!("a hand-over of {wanted:?}");
-        Err(BackendError::Unsupported { backend: self.name(), what, why: "it shares no memory".to_owned() })
-    }
-    /// What the last hand-over took on the device's own clock, once what waited for it is done; `None` without a clock.
-    ///
-    /// # Errors
-    /// If the device fails.
-    fn hand_over_time(&mut self) -> Result<Option<Duration>, BackendError> {
-        Ok(None)
     }
     /// Runs a raster effect: draws the maps that it needs, then computes every pixel of `output`, which has the job's size.
     ///
@@ -300,11 +287,24 @@ pub struct EffectStats {
     pub bytes: u64,
 }
 
+/// Attachments on their way into shared memory.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct HandOver {
+    /// What the memory's semaphore reaches when they are there.
+    pub value: u64,
+    /// Host time with synchronisation: not in that of the draw.
+    pub host: Duration,
+    /// Time on the device's own clock, where it has one: not in that of the draw.
+    pub device: Option<Duration>,
+}
+
 /// What a draw did.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DrawStats {
     /// Time on the device's own clock, where it has one.
     pub device_time: Option<Duration>,
+    /// What bringing attachments into shared memory took, if that was asked for.
+    pub shared: Option<HandOver>,
     /// Triangles submitted.
     pub triangles: u64,
 }

@@ -1,7 +1,7 @@
 //! G-buffers that ray passes read where they were drawn.
 
 use super::{Renderer, StepKind};
-use crate::backend::{Attachments, BackendError};
+use crate::backend::{Attachments, HandOver};
 use crate::plan::Work;
 use std::time::Instant;
 
@@ -49,27 +49,16 @@ impl Renderer {
         if self.is_joined(target) { host } else { host.union(traced) }
     }
 
-    /// Starts to bring what was drawn last to the shared memory.
-    pub(super) fn hand_over(&mut self, wanted: Attachments) -> Result<HandOver, BackendError> {
-        let start = Instant::now();
-        let value = self.engines.raster.hand_over(wanted)?;
-        Ok(HandOver { value, host: start.elapsed() })
+    /// What of a raster pass is brought into shared memory.
+    pub(super) fn in_shared_memory(&self, target: Option<usize>, traced: Attachments) -> Attachments {
+        if self.is_joined(target) { traced } else { Attachments::default() }
     }
 
-    /// Records what it took, once the rays are done.
-    pub(super) fn record_hand_over(&mut self, name: &str, handed: &HandOver) -> Result<(), BackendError> {
-        let device = self.engines.raster.hand_over_time()?;
+    /// Records what that took.
+    pub(super) fn record_hand_over(&mut self, name: &str, handed: HandOver) {
+        self.handed_over = handed.value;
         let row = self.timeline.record(StepKind::Join, name, handed.host);
-        row.device_ms.extend(device.map(|time| time.as_secs_f64() * 1e3));
+        row.device_ms.extend(handed.device.map(|time| time.as_secs_f64() * 1e3));
         row.note = "in device memory".to_owned();
-        Ok(())
     }
-}
-
-/// A hand-over that was started.
-pub(super) struct HandOver {
-    /// What the semaphore reaches.
-    pub value: u64,
-    /// What starting it took.
-    host: std::time::Duration,
 }

@@ -26,7 +26,7 @@ use crate::shared::DeviceUuid;
 use fallback::of_frame;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What does the work.
 pub struct Engines {
@@ -112,6 +112,8 @@ pub struct Renderer {
     built: Option<usize>,
     /// The device on which the G-buffer of a target is shared.
     joined: Option<(DeviceUuid, usize)>,
+    /// What its semaphore reaches when the last G-buffer is there.
+    handed_over: u64,
     /// Frames begun.
     frame: u32,
     timeline: Timeline,
@@ -136,6 +138,7 @@ impl Renderer {
             uploaded: None,
             built: None,
             joined: None,
+            handed_over: 0,
             frame: 0,
             timeline: Timeline::default(),
             warnings: Warnings::default(),
@@ -258,15 +261,18 @@ impl Renderer {
         let mut buffer = std::mem::take(self.buffer(target));
         let scene = Arc::clone(&self.scenes[scene_set].scene);
         let shades = &self.materials[index].shades;
-        let job = RasterJob { scene: &scene, program, view, sun, shades, viewport, clear_color, attachments };
+        let shared = self.in_shared_memory(target, traced);
+        let job = RasterJob { scene: &scene, program, view, sun, shades, viewport, clear_color, attachments, shared };
         let progress = Arc::new(Progress::default());
         observer.begin(StepKind::Raster, name, &progress);
         let start = Instant::now();
         let drawn = self.engines.raster.draw(&job, &mut buffer);
         let elapsed = start.elapsed();
         observer.end();
+        let handed = drawn.as_ref().ok().and_then(|stats| stats.shared);
         let mut result = drawn.map(|stats| {
-            let row = self.timeline.record(StepKind::Raster, name, elapsed);
+            let joining = handed.map_or(Duration::ZERO, |handed| handed.host);
+            let row = self.timeline.record(StepKind::Raster, name, elapsed.saturating_sub(joining));
             row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
             row.note = format!("{} triangles on {}", stats.triangles, self.engines.raster.name());
         });
@@ -275,6 +281,9 @@ impl Renderer {
             let start = Instant::now();
             result = self.engines.raster.read_back(&job, host, &mut buffer);
             self.timeline.record(StepKind::ReadBack, name, start.elapsed());
+        }
+        if let Some(handed) = handed {
+            self.record_hand_over(name, handed);
         }
         *self.buffer(target) = buffer;
         self.round_to_formats(target);
@@ -323,17 +332,6 @@ impl Renderer {
             reads(ray.color, "color_buffer"),
             ray.position.filter(|_| reads_triangle),
         );
-        let handed = if in_place {
-            let (position, normal, color, triangle) = channels;
-            Some(self.hand_over(Attachments {
-                color: color.is_some(),
-                position: position.is_some(),
-                normal: normal.is_some(),
-                triangle: triangle.is_some(),
-            })?)
-        } else {
-            None
-        };
         let buffer = std::mem::take(&mut self.targets[target]);
         let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
         let targets = &self.targets;
@@ -361,7 +359,7 @@ impl Renderer {
             normal: read(channels.1),
             color: read(channels.2),
             triangle,
-            shared: handed.as_ref().map(|handed| handed.value),
+            shared: in_place.then_some(self.handed_over),
             shades: &materials.shades,
             glass: &materials.glass,
             shadow_glass: &materials.shadow_glass,
@@ -378,9 +376,6 @@ impl Renderer {
         self.targets[target] = GBuffer { color: output.pixels, ..buffer };
         self.round_to_formats(Some(target));
         let stats = traced?;
-        if let Some(handed) = &handed {
-            self.record_hand_over(name, handed)?;
-        }
         if let Some(upload) = stats.upload {
             self.timeline.record(StepKind::Join, name, upload).note = "copied from the host".to_owned();
         }

@@ -232,6 +232,7 @@ fn map_job<'a>(
         viewport: Rect { x: 0, y: 0, width: size, height: size },
         clear_color: Vec4::ZERO,
         attachments,
+        shared: Attachments::default(),
     }
 }
 

@@ -128,7 +128,7 @@ impl CpuRasteriser {
         self.stages = Stages::default();
         let geometry = &job.scene.geometry;
         let triangles = geometry.triangles.len();
-        let stats = DrawStats { device_time: None, triangles: triangles as u64 };
+        let stats = DrawStats { triangles: triangles as u64, ..DrawStats::default() };
         if job.viewport.width == 0 || job.viewport.height == 0 {
             return Ok(stats);
         }

@@ -40,8 +40,6 @@ use effects::{Context, Effects};
 use geometry::DeviceGeometry;
 use pipelines::{Layouts, Pipelines};
 use std::sync::Arc;
-#[cfg(all(feature = "share", unix))]
-use std::time::Duration;
 use targets::{Staging, TargetCache};
 use textures::DeviceTextures;
 use timer::Timer;
@@ -186,6 +184,8 @@ impl Rasteriser for WgpuRasteriser {
             });
             self.draws.record(&mut pass, &self.pipelines, geometry, textures);
         }
+        #[cfg(all(feature = "share", unix))]
+        let handed = share::hand_over(&self.gpu, self.sharing.as_mut(), targets, job, &mut encoder)?;
         let device_time = match &self.timer {
             Some(timer) => Some(timer.submit_and_wait(&self.gpu, encoder, "draw")?),
             None => {
@@ -194,7 +194,13 @@ impl Rasteriser for WgpuRasteriser {
             }
         };
         self.drawn = Some((job.viewport, job.attachments));
-        Ok(DrawStats { device_time, triangles: self.draws.triangles() })
+        #[cfg(all(feature = "share", unix))]
+        let shared = self.sharing.as_ref().zip(handed).map(|(sharing, handed)| sharing.finish(&self.gpu, handed));
+        #[cfg(all(feature = "share", unix))]
+        let shared = shared.transpose()?;
+        #[cfg(not(all(feature = "share", unix)))]
+        let shared = None;
+        Ok(DrawStats { device_time, shared, triangles: self.draws.triangles() })
     }
 
     fn needs_read_back(&self) -> bool {
@@ -232,23 +238,6 @@ impl Rasteriser for WgpuRasteriser {
         let (sharing, shared) = share::Sharing::new(&self.gpu, device, [width, height], attachments)?;
         self.sharing = Some(sharing);
         Ok(shared)
-    }
-
-    #[cfg(all(feature = "share", unix))]
-    fn hand_over(&mut self, wanted: Attachments) -> Result<u64, BackendError> {
-        let targets = self.targets.last().filter(|targets| {
-            let (width, height) = targets.size();
-            self.drawn == Some((Rect { x: 0, y: 0, width, height }, targets.attachments()))
-        });
-        match (&mut self.sharing, targets) {
-            (Some(sharing), Some(targets)) => sharing.hand_over(&self.gpu, targets, wanted),
-            _ => Err(failure("there is nothing to hand over")),
-        }
-    }
-
-    #[cfg(all(feature = "share", unix))]
-    fn hand_over_time(&mut self) -> Result<Option<Duration>, BackendError> {
-        self.sharing.as_ref().map_or(Ok(None), |sharing| sharing.time(&self.gpu))
     }
 
     fn effect(

@@ -62,6 +62,7 @@ pub(super) fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<
         viewport: Rect { x: 0, y: 0, width: SIZE, height: SIZE },
         clear_color: Vec4::ONE,
         attachments: ALL,
+        shared: Attachments::default(),
     }
 }
 

@@ -11,11 +11,11 @@ pub use vulkan::{open, uuid};
 use super::device::{Gpu, failure};
 use super::targets::Targets;
 use super::timer::Timer;
-use curitiba_pipeline::backend::{Attachments, BackendError};
+use curitiba_pipeline::backend::{Attachments, BackendError, HandOver, RasterJob};
 use curitiba_pipeline::shared::{DeviceUuid, Offsets, SharedGBuffer};
 use std::fmt::Write as _;
 use std::num::NonZeroU64;
-use std::time::Duration;
+use std::time::Instant;
 use vulkan::Semaphore;
 
 /// Pixels a side of a workgroup.
@@ -58,23 +58,38 @@ impl Sharing {
         Ok((Self { packer, semaphore, timer: Timer::new(gpu)?, value: 0 }, shared))
     }
 
-    /// Starts to write the wanted attachments, and returns the value that the semaphore reaches then.
-    pub fn hand_over(&mut self, gpu: &Gpu, targets: &Targets, wanted: Attachments) -> Result<u64, BackendError> {
-        let encoder = self.packer.encode(gpu, self.timer.as_ref(), targets, wanted)?;
-        let value = self.value + 1;
-        if !self.semaphore.signal_after_next(&gpu.queue, value) {
-            return Err(failure("the device's queue is not Vulkan's"));
-        }
-        gpu.queue.submit([encoder.finish()]);
-        gpu.check("handing the G-buffer over")?;
-        self.value = value;
-        Ok(value)
+    /// What a hand-over took, once it is done.
+    pub fn finish(&self, gpu: &Gpu, mut handed: HandOver) -> Result<HandOver, BackendError> {
+        let start = Instant::now();
+        handed.device = match &self.timer {
+            Some(timer) => Some(timer.read(gpu, None, "handing the G-buffer over")?),
+            None => None,
+        };
+        handed.host += handed.device.unwrap_or_default() + start.elapsed();
+        Ok(handed)
     }
+}
 
-    /// What the last hand-over took on the device.
-    pub fn time(&self, gpu: &Gpu) -> Result<Option<Duration>, BackendError> {
-        self.timer.as_ref().map(|timer| timer.read(gpu, None, "handing the G-buffer over")).transpose()
+/// Lets what `encoder` draws be written into shared memory, too, and the semaphore tell when it is there; nothing if the job
+/// shares nothing.
+pub(super) fn hand_over(
+    gpu: &Gpu,
+    sharing: Option<&mut Sharing>,
+    targets: &Targets,
+    job: &RasterJob<'_>,
+    encoder: &mut wgpu::CommandEncoder,
+) -> Result<Option<HandOver>, BackendError> {
+    if job.shared == Attachments::default() {
+        return Ok(None);
     }
+    let sharing = sharing.ok_or_else(|| failure("no memory is shared"))?;
+    let start = Instant::now();
+    sharing.packer.encode(gpu, sharing.timer.as_ref(), targets, job.shared, encoder)?;
+    sharing.value += 1;
+    if !sharing.semaphore.signal_after_next(&gpu.queue, sharing.value) {
+        return Err(failure("the device's queue is not Vulkan's"));
+    }
+    Ok(Some(HandOver { value: sharing.value, host: start.elapsed(), device: None }))
 }
 
 /// Writes attachments into a buffer, dense and one after the other.
@@ -103,18 +118,17 @@ impl Packer {
         timer: Option<&Timer>,
         targets: &Targets,
         wanted: Attachments,
-    ) -> Result<wgpu::CommandEncoder, BackendError> {
+        encoder: &mut wgpu::CommandEncoder,
+    ) -> Result<(), BackendError> {
         let drawn = targets.attachments();
         let has = |all: Attachments| all.union(wanted) == all;
         if targets.size() != (self.width, self.height) || !has(self.attachments) || !has(drawn) {
             let (width, height) = targets.size();
             let found = format!("{width} x {height} pixels with {drawn:?}");
-            return Err(failure(&format!("{wanted:?} cannot be handed over: what was drawn last is {found}")));
+            return Err(failure(&format!("{wanted:?} cannot be handed over: what is drawn is {found}")));
         }
         let index = self.program(gpu, targets, wanted)?;
         let Program { pipeline, group, .. } = &self.programs[index];
-        let descriptor = wgpu::CommandEncoderDescriptor { label: Some("hand-over") };
-        let mut encoder = gpu.device.create_command_encoder(&descriptor);
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some("hand-over"),
@@ -125,9 +139,9 @@ impl Packer {
             pass.dispatch_workgroups(self.width.div_ceil(GROUP), self.height.div_ceil(GROUP), 1);
         }
         if let Some(timer) = timer {
-            timer.resolve(&mut encoder);
+            timer.resolve(encoder);
         }
-        Ok(encoder)
+        Ok(())
     }
 
     /// The program that writes these attachments, bound to the textures that were drawn.

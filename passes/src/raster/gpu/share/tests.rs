@@ -57,12 +57,15 @@ fn attachments_are_written_dense_and_one_after_the_other() {
     let ids = Attachments { position: true, triangle: true, ..Attachments::default() };
     for wanted in [color, ids, shared] {
         let targets = rasteriser.targets.last().expect("drawn");
-        let encoder = packer.encode(&rasteriser.gpu, None, targets, wanted).expect("encoded");
+        let mut encoder = rasteriser.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        packer.encode(&rasteriser.gpu, None, targets, wanted, &mut encoder).expect("encoded");
         rasteriser.gpu.submit_and_wait(Some(encoder.finish()), "test").expect("done");
         assert_holds(&read(&rasteriser.gpu, &packer.buffer), wanted, shared, &expected);
     }
     let targets = rasteriser.targets.last().expect("drawn");
-    let error = packer.encode(&rasteriser.gpu, None, targets, ALL).expect_err("normals are not shared").to_string();
+    let mut encoder = rasteriser.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let refused = packer.encode(&rasteriser.gpu, None, targets, ALL, &mut encoder);
+    let error = refused.expect_err("normals are not shared").to_string();
     assert!(error.contains("handed over"), "{error}");
 }
 
@@ -82,9 +85,14 @@ fn a_device_that_shares_memory_hands_over_what_it_drew() {
     };
     assert_eq!((shared.width, shared.height), (SIZE, SIZE));
     assert!(shared.bytes >= Offsets::new(SIZE, SIZE, ALL).end);
-    assert_eq!(rasteriser.hand_over(ALL).expect("handed over"), 1);
-    rasteriser.hand_over_time().expect("done");
-    assert_eq!(rasteriser.hand_over(ALL).expect("handed over"), 2);
+    let (scene, shades) = (squares(12), shades());
+    rasteriser.upload(&scene).expect("uploaded");
+    let mut target = GBuffer::new(SIZE, SIZE, ALL);
+    for value in [1, 2] {
+        let job = RasterJob { shared: ALL, ..job(&scene, &shades) };
+        let stats = rasteriser.draw(&job, &mut target).expect("drawn");
+        assert_eq!(stats.shared.expect("handed over").value, value);
+    }
     let bytes = read(&rasteriser.gpu, &rasteriser.sharing.as_ref().expect("shared").packer.buffer);
     assert_holds(&bytes, ALL, ALL, &expected);
 }

@@ -144,8 +144,8 @@ impl Semaphore {
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind).push_next(&mut export);
         let failed = |error: vk::Result| format!("making a shared semaphore: {error}");
         // SAFETY: a valid description; a device without timeline semaphores answers with an error.
-        let semaphore =
-            Self { device: device.clone(), raw: unsafe { raw.create_semaphore(&info, None) }.map_err(failed)? };
+        let made = unsafe { raw.create_semaphore(&info, None) };
+        let semaphore = Self { device: device.clone(), raw: made.map_err(failed)? };
         let functions = khr::external_semaphore_fd::Device::new(hal.shared_instance().raw_instance(), raw);
         let get = vk::SemaphoreGetFdInfoKHR::default().semaphore(semaphore.raw).handle_type(SEMAPHORE);
         // SAFETY: the extension was enabled by `open`, and the semaphore was made to be exported.
