@@ -1,7 +1,8 @@
 //! Pictures on their way to the host: through memory that the device writes directly.
 
 use crate::device::Device;
-use cudarc::driver::{CudaSlice, DriverError, PinnedHostSlice};
+use cudarc::driver::result::memcpy_dtoh_async;
+use cudarc::driver::{CudaSlice, DevicePtr as _, DriverError, PinnedHostSlice};
 use curitiba_pipeline::backend::BackendError;
 use rayon::prelude::*;
 
@@ -26,7 +27,7 @@ impl Staging {
         self.copy(device, source, first, target).map_err(|error| device.fault("reading the picture", &error))
     }
 
-    #[allow(unsafe_code, reason = "allocates memory without setting it")]
+    #[allow(unsafe_code, reason = "lets the device write into memory while the host goes on")]
     fn copy(
         &mut self,
         device: &Device,
@@ -39,25 +40,35 @@ impl Staging {
             let piece = || unsafe { device.context().alloc_pinned_with_flags::<f32>(PIECE, 0) };
             self.0 = Some([piece()?, piece()?]);
         }
-        let Some([filled, next]) = &mut self.0 else { return Ok(()) };
-        let (mut filled, mut next) = (filled, next);
-        let begin = |piece: usize, length: usize, into: &mut PinnedHostSlice<f32>| {
+        let Some([one, other]) = &mut self.0 else { return Ok(()) };
+        let (mut filled, mut next) = (one.as_mut_slice()?, other.as_mut_slice()?);
+        let stream = device.stream();
+        let begin = |piece: usize, into: &mut [f32]| {
             let from = first + piece * PIECE;
-            device.stream().memcpy_dtoh(&source.slice(from..from + length), into)
+            let part = source.slice(from..from + into.len());
+            // SAFETY: source and target are as long; the target is page-locked, lives as long as `self`, and nobody looks
+            // at it before the event that follows has happened, for which every way out of this function waits: a failure
+            // leaves a stream on which nothing runs any more.
+            unsafe { memcpy_dtoh_async(into, part.device_ptr(stream).0, stream.cu_stream()) }?;
+            stream.record_event(None)
         };
         let mut pieces = target.chunks_mut(PIECE).enumerate().peekable();
-        if let Some((piece, part)) = pieces.peek() {
-            begin(*piece, part.len(), filled)?;
-        }
+        let mut done = match pieces.peek() {
+            Some((piece, part)) => begin(*piece, &mut filled[..part.len()])?,
+            None => return Ok(()),
+        };
         while let Some((_, part)) = pieces.next() {
-            if let Some((piece, part)) = pieces.peek() {
-                begin(*piece, part.len(), next)?;
-            }
-            // Waits for its own copy only.
-            let numbers = &filled.as_slice()?[..part.len()];
+            let following = match pieces.peek() {
+                Some((piece, part)) => Some(begin(*piece, &mut next[..part.len()])?),
+                None => None,
+            };
+            done.synchronize()?;
+            let numbers = &filled[..part.len()];
             part.par_chunks_mut(COPIED_AT_ONCE)
                 .zip(numbers.par_chunks(COPIED_AT_ONCE))
                 .for_each(|(to, from)| to.copy_from_slice(from));
+            let Some(following) = following else { break };
+            done = following;
             std::mem::swap(&mut filled, &mut next);
         }
         Ok(())

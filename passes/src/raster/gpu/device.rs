@@ -64,11 +64,7 @@ impl Gpu {
             required_limits: limits.clone(),
             ..Default::default()
         };
-        #[cfg(all(feature = "share", unix))]
-        let shared = super::share::open(&adapter, &descriptor);
-        #[cfg(not(all(feature = "share", unix)))]
-        let shared: Option<Result<_, String>> = None;
-        let opened = shared.unwrap_or_else(|| {
+        let opened = super::share::open(&adapter, &descriptor).unwrap_or_else(|| {
             pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())
         });
         let (device, queue) = opened

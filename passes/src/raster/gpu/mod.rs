@@ -15,7 +15,6 @@ mod geometry;
 mod job;
 mod pipelines;
 mod shader;
-#[cfg(all(feature = "share", unix))]
 mod share;
 mod targets;
 #[cfg(test)]
@@ -32,7 +31,6 @@ use curitiba_pipeline::backend::{
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
-#[cfg(all(feature = "share", unix))]
 use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
 use device::{Gpu, NAME, failure, unsupported};
 use draws::DrawList;
@@ -60,10 +58,8 @@ pub struct WgpuRasteriser {
     /// Once there was an effect.
     effects: Option<Effects>,
     /// The device, if it shares memory.
-    #[cfg(all(feature = "share", unix))]
     uuid: Option<DeviceUuid>,
     /// Once memory is shared.
-    #[cfg(all(feature = "share", unix))]
     sharing: Option<share::Sharing>,
 }
 
@@ -100,9 +96,7 @@ impl WgpuRasteriser {
         let timer = Timer::new(&gpu)?;
         let draws = DrawList::new(&gpu, &layouts)?;
         Ok(Self {
-            #[cfg(all(feature = "share", unix))]
             uuid: share::uuid(&gpu.device),
-            #[cfg(all(feature = "share", unix))]
             sharing: None,
             gpu,
             layouts,
@@ -184,22 +178,23 @@ impl Rasteriser for WgpuRasteriser {
             });
             self.draws.record(&mut pass, &self.pipelines, geometry, textures);
         }
-        #[cfg(all(feature = "share", unix))]
-        let handed = share::hand_over(&self.gpu, self.sharing.as_mut(), targets, job, &mut encoder)?;
+        let mut shared =
+            share::hand_over(&self.gpu, self.sharing.as_mut(), self.timer.as_ref(), targets, job, &mut encoder)?;
         let device_time = match &self.timer {
-            Some(timer) => Some(timer.submit_and_wait(&self.gpu, encoder, "draw")?),
+            Some(timer) => {
+                let [drawn, handed] = timer.submit_spans(&self.gpu, encoder, shared.is_some(), "draw")?;
+                if let Some(shared) = &mut shared {
+                    // Host time with synchronisation: the draw waits for both.
+                    (shared.device, shared.host) = (Some(handed), shared.host + handed);
+                }
+                Some(drawn)
+            }
             None => {
                 self.gpu.submit_and_wait(Some(encoder.finish()), "draw")?;
                 None
             }
         };
         self.drawn = Some((job.viewport, job.attachments));
-        #[cfg(all(feature = "share", unix))]
-        let shared = self.sharing.as_ref().zip(handed).map(|(sharing, handed)| sharing.finish(&self.gpu, handed));
-        #[cfg(all(feature = "share", unix))]
-        let shared = shared.transpose()?;
-        #[cfg(not(all(feature = "share", unix)))]
-        let shared = None;
         Ok(DrawStats { device_time, shared, triangles: self.draws.triangles() })
     }
 
@@ -225,12 +220,10 @@ impl Rasteriser for WgpuRasteriser {
         }
     }
 
-    #[cfg(all(feature = "share", unix))]
     fn shares(&self) -> Option<DeviceUuid> {
         self.uuid
     }
 
-    #[cfg(all(feature = "share", unix))]
     fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
         // What is there goes first: both need not fit at once.
         self.sharing = None;

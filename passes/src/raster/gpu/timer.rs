@@ -4,9 +4,12 @@ use super::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 use std::time::Duration;
 
-const BYTES: u64 = 2 * size_of::<u64>() as u64;
+/// Begin and end of two spans.
+const STAMPS: u32 = 4;
+const STAMP_BYTES: u64 = size_of::<u64>() as u64;
+const BYTES: u64 = STAMPS as u64 * STAMP_BYTES;
 
-/// Two timestamps, and the buffers that bring them to the host.
+/// Timestamps, and the buffers that bring them to the host.
 #[derive(Debug)]
 pub(super) struct Timer {
     queries: wgpu::QuerySet,
@@ -25,7 +28,7 @@ impl Timer {
         let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("timer"),
             ty: wgpu::QueryType::Timestamp,
-            count: 2,
+            count: STAMPS,
         });
         let doing = "creation of the timer";
         let resolve = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
@@ -62,35 +65,46 @@ impl Timer {
         })
     }
 
+    /// For a compute pass that follows in the same submission and is timed by itself.
+    #[cfg(all(feature = "share", unix))]
+    pub fn second_span(&self) -> wgpu::ComputePassTimestampWrites<'_> {
+        wgpu::ComputePassTimestampWrites {
+            query_set: &self.queries,
+            beginning_of_pass_write_index: Some(2),
+            end_of_pass_write_index: Some(3),
+        }
+    }
+
     /// Submits `encoder`, whose pass wrote the timestamps, waits, and gives the time between them.
     pub fn submit_and_wait(
         &self,
         gpu: &Gpu,
-        mut encoder: wgpu::CommandEncoder,
+        encoder: wgpu::CommandEncoder,
         doing: &str,
     ) -> Result<Duration, BackendError> {
-        self.resolve(&mut encoder);
-        self.read(gpu, Some(encoder.finish()), doing)
+        Ok(self.submit_spans(gpu, encoder, false, doing)?[0])
     }
 
-    /// Lets `encoder` bring the timestamps to where [`Self::read`] finds them.
-    pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.resolve_query_set(&self.queries, 0..2, &self.resolved, 0);
-        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, BYTES);
-    }
-
-    /// Submits what resolves the timestamps if that was not done before, waits, and gives the time between them.
-    pub fn read(
+    /// The same for two spans, of which the second is [`Self::second_span`]; without it, it took no time.
+    pub fn submit_spans(
         &self,
         gpu: &Gpu,
-        commands: Option<wgpu::CommandBuffer>,
+        mut encoder: wgpu::CommandEncoder,
+        second: bool,
         doing: &str,
-    ) -> Result<Duration, BackendError> {
-        let mut ticks = [0_u64; 2];
-        gpu.read_mapped(&self.readable, BYTES, commands, doing, |bytes| {
-            bytemuck::cast_slice_mut(&mut ticks).copy_from_slice(bytes);
+    ) -> Result<[Duration; 2], BackendError> {
+        let stamps = if second { STAMPS } else { 2 };
+        let bytes = u64::from(stamps) * STAMP_BYTES;
+        encoder.resolve_query_set(&self.queries, 0..stamps, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, bytes);
+        let mut ticks = [0_u64; STAMPS as usize];
+        gpu.read_mapped(&self.readable, bytes, Some(encoder.finish()), doing, |bytes| {
+            bytemuck::cast_slice_mut(&mut ticks[..stamps as usize]).copy_from_slice(bytes);
         })?;
-        let nanoseconds = ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.period);
-        Ok(Duration::from_nanos(nanoseconds as u64))
+        let span = |first: usize| {
+            let nanoseconds = ticks[first + 1].saturating_sub(ticks[first]) as f64 * f64::from(self.period);
+            Duration::from_nanos(nanoseconds as u64)
+        };
+        Ok([span(0), span(2)])
     }
 }

@@ -1,9 +1,11 @@
 //! What is handed over is what is read back, bit for bit.
 
 use super::super::tests::{ALL, SIZE, job, rasteriser, shades, squares};
-use super::*;
+use super::memory::Packer;
 use crate::raster::gpu::WgpuRasteriser;
-use curitiba_pipeline::backend::{GBuffer, Rasteriser as _};
+use crate::raster::gpu::device::Gpu;
+use curitiba_pipeline::backend::{Attachments, GBuffer, RasterJob, Rasteriser as _};
+use curitiba_pipeline::shared::Offsets;
 
 /// The bytes of a buffer.
 fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u8> {
@@ -52,7 +54,7 @@ fn attachments_are_written_dense_and_one_after_the_other() {
     let shared = Attachments { normal: false, ..ALL };
     let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
     let buffer = rasteriser.gpu.buffer("test", usage, Offsets::new(SIZE, SIZE, shared).end).expect("room");
-    let mut packer = Packer { buffer, width: SIZE, height: SIZE, attachments: shared, programs: Vec::new() };
+    let mut packer = Packer::new(buffer, [SIZE, SIZE], shared);
     let color = Attachments { color: true, ..Attachments::default() };
     let ids = Attachments { position: true, triangle: true, ..Attachments::default() };
     for wanted in [color, ids, shared] {

@@ -1,0 +1,39 @@
+//! What there is to say where nothing can be shared.
+
+use crate::raster::gpu::device::{Gpu, unsupported};
+use crate::raster::gpu::targets::Targets;
+use crate::raster::gpu::timer::Timer;
+use curitiba_pipeline::backend::{Attachments, BackendError, HandOver, RasterJob};
+use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
+
+/// None is made.
+#[derive(Debug)]
+pub enum Sharing {}
+
+impl Sharing {
+    pub fn new(_: &Gpu, _: DeviceUuid, _: [u32; 2], _: Attachments) -> Result<(Self, SharedGBuffer), BackendError> {
+        Err(unsupported("sharing memory", "this build has no means to;"))
+    }
+}
+
+pub fn open(_: &wgpu::Adapter, _: &wgpu::DeviceDescriptor<'_>) -> Option<Result<(wgpu::Device, wgpu::Queue), String>> {
+    None
+}
+
+pub fn uuid(_: &wgpu::Device) -> Option<DeviceUuid> {
+    None
+}
+
+pub fn hand_over(
+    _: &Gpu,
+    _: Option<&mut Sharing>,
+    _: Option<&Timer>,
+    _: &Targets,
+    job: &RasterJob<'_>,
+    _: &mut wgpu::CommandEncoder,
+) -> Result<Option<HandOver>, BackendError> {
+    if job.shared == Attachments::default() {
+        return Ok(None);
+    }
+    Err(unsupported("sharing memory", "this build has no means to;"))
+}

@@ -1,0 +1,218 @@
+//! The memory, and the way into it.
+//!
+//! A compute shader writes the attachments into dense buffers: their textures' own layout is the driver's secret, and copies
+//! from textures to buffers pad their rows. Limit: ownership is not transferred between queue families, which NVIDIA's driver
+//! does not ask for.
+
+use super::vulkan::{self, Semaphore};
+use crate::raster::gpu::device::{Gpu, failure};
+use crate::raster::gpu::targets::Targets;
+use crate::raster::gpu::timer::Timer;
+use curitiba_pipeline::backend::{Attachments, BackendError, HandOver, RasterJob};
+use curitiba_pipeline::shared::{DeviceUuid, Offsets, SharedGBuffer};
+use std::fmt::Write as _;
+use std::num::NonZeroU64;
+use std::time::Instant;
+
+/// Pixels a side of a workgroup.
+const GROUP: u32 = 8;
+const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
+const TRIANGLE: usize = 3;
+
+fn in_order<T>(color: T, position: T, normal: T, triangle: T) -> [T; 4] {
+    [color, position, normal, triangle]
+}
+
+/// The shared memory and the way into it.
+#[derive(Debug)]
+pub struct Sharing {
+    pub(super) packer: Packer,
+    semaphore: Semaphore,
+    /// What the semaphore reaches with the last hand-over.
+    value: u64,
+}
+
+impl Sharing {
+    pub fn new(
+        gpu: &Gpu,
+        device: DeviceUuid,
+        [width, height]: [u32; 2],
+        attachments: Attachments,
+    ) -> Result<(Self, SharedGBuffer), BackendError> {
+        let bytes = Offsets::new(width, height, attachments).end;
+        let wrong = |why: String| failure(&format!("sharing {bytes} bytes on {}: {why}", gpu.adapter));
+        let largest = gpu.max_buffer_bytes.min(gpu.limits.max_storage_buffer_binding_size);
+        if bytes == 0 || bytes > largest {
+            return Err(wrong(format!("between 1 and {largest} bytes can be shared")));
+        }
+        let (buffer, memory, bytes) = vulkan::buffer(&gpu.device, bytes).map_err(wrong)?;
+        let (semaphore, handle) = Semaphore::new(&gpu.device).map_err(wrong)?;
+        let packer = Packer::new(buffer, [width, height], attachments);
+        gpu.check("sharing memory")?;
+        let shared = SharedGBuffer { device, width, height, attachments, memory, bytes, semaphore: handle };
+        Ok((Self { packer, semaphore, value: 0 }, shared))
+    }
+}
+
+/// Lets what `encoder` draws be written into shared memory, too, and the semaphore tell when it is there; nothing if the job
+/// shares nothing.
+pub fn hand_over(
+    gpu: &Gpu,
+    sharing: Option<&mut Sharing>,
+    timer: Option<&Timer>,
+    targets: &Targets,
+    job: &RasterJob<'_>,
+    encoder: &mut wgpu::CommandEncoder,
+) -> Result<Option<HandOver>, BackendError> {
+    if job.shared == Attachments::default() {
+        return Ok(None);
+    }
+    let sharing = sharing.ok_or_else(|| failure("no memory is shared"))?;
+    let start = Instant::now();
+    sharing.packer.encode(gpu, timer, targets, job.shared, encoder)?;
+    sharing.value += 1;
+    if !sharing.semaphore.signal_after_next(&gpu.queue, sharing.value) {
+        return Err(failure("the device's queue is not Vulkan's"));
+    }
+    Ok(Some(HandOver { value: sharing.value, host: start.elapsed(), device: None }))
+}
+
+/// Writes attachments into a buffer, dense and one after the other.
+#[derive(Debug)]
+pub(super) struct Packer {
+    pub(super) buffer: wgpu::Buffer,
+    width: u32,
+    height: u32,
+    attachments: Attachments,
+    /// A program for each choice of attachments, with what it was bound to last.
+    programs: Vec<Program>,
+}
+
+#[derive(Debug)]
+struct Program {
+    wanted: Attachments,
+    pipeline: wgpu::ComputePipeline,
+    views: [Option<wgpu::TextureView>; 4],
+    group: wgpu::BindGroup,
+}
+
+impl Packer {
+    /// For pictures of that size; `buffer` holds them.
+    pub(super) fn new(buffer: wgpu::Buffer, [width, height]: [u32; 2], attachments: Attachments) -> Self {
+        Self { buffer, width, height, attachments, programs: Vec::new() }
+    }
+
+    pub(super) fn encode(
+        &mut self,
+        gpu: &Gpu,
+        timer: Option<&Timer>,
+        targets: &Targets,
+        wanted: Attachments,
+        encoder: &mut wgpu::CommandEncoder,
+    ) -> Result<(), BackendError> {
+        let drawn = targets.attachments();
+        let has = |all: Attachments| all.union(wanted) == all;
+        if targets.size() != (self.width, self.height) || !has(self.attachments) || !has(drawn) {
+            let (width, height) = targets.size();
+            let found = format!("{width} x {height} pixels with {drawn:?}");
+            return Err(failure(&format!("{wanted:?} cannot be handed over: what is drawn is {found}")));
+        }
+        let index = self.program(gpu, targets, wanted)?;
+        let Program { pipeline, group, .. } = &self.programs[index];
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some("hand-over"),
+                timestamp_writes: timer.map(Timer::second_span),
+            });
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(self.width.div_ceil(GROUP), self.height.div_ceil(GROUP), 1);
+        }
+        Ok(())
+    }
+
+    /// The program that writes these attachments, bound to the textures that were drawn.
+    fn program(&mut self, gpu: &Gpu, targets: &Targets, wanted: Attachments) -> Result<usize, BackendError> {
+        let flags = in_order(wanted.color, wanted.position, wanted.normal, wanted.triangle);
+        let all = targets.views();
+        let views: [_; 4] = std::array::from_fn(|channel| all[channel].filter(|_| flags[channel]).cloned());
+        let known = self.programs.iter().position(|program| program.wanted == wanted);
+        if let Some(index) = known {
+            if self.programs[index].views != views {
+                let layout = self.programs[index].pipeline.get_bind_group_layout(0);
+                self.programs[index].group = self.bind(gpu, &layout, &views)?;
+                self.programs[index].views = views;
+            }
+            return Ok(index);
+        }
+        let label = Some("hand-over");
+        let source = wgpu::ShaderSource::Wgsl(source(flags, self.width, self.height).into());
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: None,
+            module: &module,
+            entry_point: None,
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        gpu.check("building the hand-over")?;
+        let group = self.bind(gpu, &pipeline.get_bind_group_layout(0), &views)?;
+        self.programs.push(Program { wanted, pipeline, views, group });
+        Ok(self.programs.len() - 1)
+    }
+
+    fn bind(
+        &self,
+        gpu: &Gpu,
+        layout: &wgpu::BindGroupLayout,
+        views: &[Option<wgpu::TextureView>; 4],
+    ) -> Result<wgpu::BindGroup, BackendError> {
+        let offsets = Offsets::new(self.width, self.height, self.attachments);
+        let offsets = in_order(offsets.color, offsets.position, offsets.normal, offsets.triangle);
+        let pixels = u64::from(self.width) * u64::from(self.height);
+        let mut entries = Vec::new();
+        for (channel, view) in views.iter().enumerate() {
+            let (Some(view), Some(offset)) = (view, offsets[channel]) else { continue };
+            let binding = 2 * channel as u32;
+            entries.push(wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) });
+            let bytes = pixels * if channel == TRIANGLE { 4 } else { 16 };
+            let range = wgpu::BufferBinding { buffer: &self.buffer, offset, size: NonZeroU64::new(bytes) };
+            entries.push(wgpu::BindGroupEntry { binding: binding + 1, resource: wgpu::BindingResource::Buffer(range) });
+        }
+        let label = Some("hand-over");
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries });
+        gpu.check("binding the hand-over")?;
+        Ok(group)
+    }
+}
+
+/// The shader that writes the channels of a picture of that size. Triangle ids are stored plus 1 in the texture.
+fn source(flags: [bool; 4], width: u32, height: u32) -> String {
+    let (mut declarations, mut stores) = (String::new(), String::new());
+    for (channel, name) in CHANNELS.iter().enumerate().filter(|(channel, _)| flags[*channel]) {
+        let [scalar, element, value] = match channel {
+            TRIANGLE => ["u32", "u32", ".x - 1u"],
+            _ => ["f32", "vec4<f32>", ""],
+        };
+        let binding = 2 * channel;
+        let _ = writeln!(
+            declarations,
+            "@group(0) @binding({binding}) var {name}: texture_2d<{scalar}>;\n\
+             @group(0) @binding({}) var<storage, read_write> dense_{name}: array<{element}>;",
+            binding + 1
+        );
+        let _ = writeln!(stores, "    dense_{name}[index] = textureLoad({name}, at.xy, 0){value};");
+    }
+    format!(
+        "{declarations}
+@compute @workgroup_size({GROUP}, {GROUP})
+fn hand_over(@builtin(global_invocation_id) at: vec3<u32>) {{
+    if (at.x >= {width}u || at.y >= {height}u) {{
+        return;
+    }}
+    let index = at.y * {width}u + at.x;
+{stores}}}
+"
+    )
+}
