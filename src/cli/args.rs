@@ -447,6 +447,22 @@ mod tests {
     }
 
     #[test]
+    fn backends_that_may_take_over_keep_their_order_and_are_named_once() {
+        let choice = |words: &[&str]| {
+            let parsed =
+                Cli::try_parse_from([&["curitiba", "render", "p.xml"], words].concat()).map_err(|e| e.to_string())?;
+            let Command::Render(args) = parsed.command else { return Err("another command".to_owned()) };
+            Ok(args.choice())
+        };
+        assert_eq!(choice(&[]), Ok(Choice::default()));
+        let both = choice(&["--fallback", "cuda,cpu,cuda", "--fallback", "cpu", "--gpus", "all"]).expect("valid");
+        assert_eq!(both.fallback, [Some(BackendChoice::Cuda), Some(BackendChoice::Cpu), None]);
+        assert_eq!(both.gpus, Gpus::All);
+        assert!(choice(&["--gpus", "0"]).expect_err("none is no number").contains("1 to 255, or all"));
+        assert!(choice(&["--fallback", "wgpu"]).is_err());
+    }
+
+    #[test]
     fn pixels_are_a_column_and_a_row() {
         assert_eq!(parse_pixel("3, 40"), Ok([3, 40]));
         assert!(parse_pixel("3").is_err() && parse_pixel("3x4").is_err() && parse_pixel("-1,2").is_err());
