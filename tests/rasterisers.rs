@@ -60,6 +60,7 @@ fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBu
         viewport,
         clear_color: Vec4::W + clear_color,
         attachments,
+        half: Attachments::default(),
     };
     let mut buffer = GBuffer::new(SIDE, SIDE, attachments);
     rasteriser.upload(&scene).expect("the scene fits");

@@ -56,7 +56,7 @@ pub struct Rect {
 }
 
 /// Which attachments a raster pass writes: those that something reads later.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Attachments {
     /// Shaded colour.
     pub color: bool,
@@ -100,6 +100,9 @@ pub struct RasterJob<'a> {
     pub clear_color: Vec4,
     /// What is written.
     pub attachments: Attachments,
+    /// What of it is declared in 16-bit floats. A rasteriser that keeps attachments of its own stores these so, and effects
+    /// read them so; in host memory the executor rounds them. Whether a device rounds to the nearest is its own affair.
+    pub half: Attachments,
 }
 
 /// The triangle id of a pixel that nothing covers.

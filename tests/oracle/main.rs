@@ -186,6 +186,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         viewport: Rect { x: 0, y: 0, width, height },
         clear_color: Vec4::ZERO,
         attachments,
+        half: Attachments::default(),
     };
     rasteriser.draw(&job, &mut buffer).expect("drawn");
     let program = match stored.program.as_str() {

@@ -114,6 +114,7 @@ pub fn job<'a>(
         viewport: Rect { x: 0, y: 0, width, height },
         clear_color: Vec4::new(0.1, 0.2, 0.3, 0.4),
         attachments,
+        half: Attachments::default(),
     }
 }
 

@@ -60,6 +60,7 @@ fn setting(offset: Vec3) -> Setting {
         viewport,
         clear_color: Vec4::ZERO,
         attachments,
+        half: Attachments::default(),
     };
     rasteriser.draw(&job, &mut buffer).expect("drawn");
     let tree = Bvh::build(&scene.geometry, &vec![false; scene.materials.len()], Quality::Balanced);

@@ -109,6 +109,7 @@ impl World {
             viewport: Rect { x: 0, y: 0, width, height },
             clear_color: Vec4::from_array(BACKGROUND),
             attachments,
+            half: Attachments::default(),
         };
         let mut raster = CpuRasteriser::new();
         let mut buffer = GBuffer::new(width, height, attachments);

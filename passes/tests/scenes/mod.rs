@@ -40,6 +40,7 @@ impl Setup {
             viewport: Rect { x: 0, y: 0, width, height },
             clear_color: Vec4::new(0.25, 0.5, 0.75, 1.0),
             attachments,
+            half: Attachments::default(),
         }
     }
 }

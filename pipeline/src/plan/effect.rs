@@ -91,7 +91,7 @@ impl Plan {
         }
     }
 
-    /// Whether all that an effect reads is what was drawn last, as it was drawn: in 32-bit floats and not written since.
+    /// Whether all that an effect reads is what was drawn last, as it was drawn: in floats and not written since.
     fn is_resident(&self, passes: &[Pass], index: usize, effect: &EffectPass, source: &Source<'_>) -> bool {
         let between = &passes[source.index + 1..index];
         let undisturbed =
@@ -99,7 +99,8 @@ impl Plan {
         undisturbed
             && inputs(effect).all(|channel| {
                 let format = self.project.targets[channel.target].channels[channel.channel].format;
-                Some(channel.target) == source.pass.target && format == PixelFormat::Rgba32Float
+                let floats = matches!(format, PixelFormat::Rgba32Float | PixelFormat::Rgba16Float);
+                Some(channel.target) == source.pass.target && floats
             })
     }
 }

@@ -42,6 +42,7 @@ fn the_number_of_rounds_does_not_show() {
         viewport: Rect { x: 0, y: 0, width: 500, height: 350 },
         clear_color: Vec4::ZERO,
         attachments,
+        half: Attachments::default(),
     };
     let mut pictures = Vec::new();
     let mut rasteriser = CpuRasteriser::new();

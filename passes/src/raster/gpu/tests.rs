@@ -62,6 +62,7 @@ fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<'a> {
         viewport: Rect { x: 0, y: 0, width: SIZE, height: SIZE },
         clear_color: Vec4::ONE,
         attachments: ALL,
+        half: Attachments::default(),
     }
 }
 

@@ -162,6 +162,7 @@ pub fn draw(
         viewport: Rect { x: 0, y: 0, width: 0, height: 0 },
         clear_color: Vec4::ZERO,
         attachments: Attachments { color, ..Attachments::default() },
+        half: Attachments::default(),
     };
     check_scene(&raster)?;
     let Context { gpu, layouts, pipelines, timer, geometry, textures, .. } = context;
