@@ -3,7 +3,7 @@
 use crate::passes::cpu::CpuRays;
 use crate::passes::raster::cpu::CpuRasteriser;
 use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
-use crate::pipeline::backend::{BackendError, Rasteriser};
+use crate::pipeline::backend::{BackendError, Rasteriser, RayBackend};
 use crate::pipeline::executor::Engines;
 
 /// Which rasteriser.
@@ -21,11 +21,38 @@ pub enum RasterChoice {
 /// Which ray backend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BackendChoice {
-    /// The best there is in this build: the cpu.
+    /// In builds with the feature `cuda` and on machines with an NVIDIA GPU `cuda`, else the cpu.
     #[default]
     Auto,
     /// Our own tracer, on all cores.
     Cpu,
+    /// Our own tracer, on an NVIDIA GPU; in builds with the feature `cuda`.
+    Cuda,
+    /// NVIDIA's OptiX; in builds with the feature `cuda`.
+    Optix,
+}
+
+impl RasterChoice {
+    /// All, by the names that users write.
+    pub const NAMES: [(&str, Self); 3] = [("auto", Self::Auto), ("cpu", Self::Cpu), ("wgpu", Self::Wgpu)];
+
+    /// As users write it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, choice)| *choice == self).map_or("", |(name, _)| name)
+    }
+}
+
+impl BackendChoice {
+    /// All, by the names that users write.
+    pub const NAMES: [(&str, Self); 4] =
+        [("auto", Self::Auto), ("cpu", Self::Cpu), ("cuda", Self::Cuda), ("optix", Self::Optix)];
+
+    /// As users write it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(_, choice)| *choice == self).map_or("", |(name, _)| name)
+    }
 }
 
 /// What the user asks for.
@@ -50,8 +77,34 @@ pub fn choose(choice: Choice) -> Result<Engines, BackendError> {
             Err(_) => Box::new(CpuRasteriser::new()),
         },
     };
-    let rays = match choice.backend {
-        BackendChoice::Auto | BackendChoice::Cpu => Box::new(CpuRays::new()),
-    };
-    Ok(Engines { raster, rays })
+    Ok(Engines { raster, rays: ray_backend(choice.backend)? })
+}
+
+/// Makes a ray backend.
+///
+/// # Errors
+/// If it cannot be had: says what is missing, and what to do.
+pub fn ray_backend(choice: BackendChoice) -> Result<Box<dyn RayBackend>, BackendError> {
+    match choice {
+        #[cfg(feature = "cuda")]
+        BackendChoice::Auto => match curitiba_cuda::CudaRays::new() {
+            Ok(gpu) => Ok(Box::new(gpu)),
+            Err(_) => Ok(Box::new(CpuRays::new())),
+        },
+        #[cfg(not(feature = "cuda"))]
+        BackendChoice::Auto => Ok(Box::new(CpuRays::new())),
+        BackendChoice::Cpu => Ok(Box::new(CpuRays::new())),
+        #[cfg(feature = "cuda")]
+        BackendChoice::Cuda => Ok(Box::new(curitiba_cuda::CudaRays::new()?)),
+        #[cfg(feature = "cuda")]
+        BackendChoice::Optix => Ok(Box::new(curitiba_cuda::OptixRays::new()?)),
+        #[cfg(not(feature = "cuda"))]
+        BackendChoice::Cuda | BackendChoice::Optix => Err(BackendError::Device {
+            backend: choice.name(),
+            message:
+                "this program was built without it; build it with `cargo build --release --features cuda` (no CUDA \
+                      toolkit is needed), or use --backend cpu"
+                    .to_owned(),
+        }),
+    }
 }

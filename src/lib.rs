@@ -29,6 +29,8 @@ pub mod reference;
 pub mod report;
 pub mod spec;
 
+#[cfg(feature = "cuda")]
+pub use curitiba_cuda as cuda;
 pub use curitiba_passes as passes;
 pub use curitiba_pipeline as pipeline;
 pub use engines::{BackendChoice, Choice, RasterChoice};

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// The settings by name, with what each may be; `PASS.NAME=VALUE` and `TEXTURE.format=FORMAT` are the last.
 pub const SETTINGS: &[(&str, &str)] = &[
     ("raster", "auto, cpu or wgpu: what draws"),
-    ("backend", "auto or cpu: what traces rays"),
+    ("backend", "auto, cpu, cuda or optix: what traces rays"),
     ("fidelity", "corrected or thesis: the report's programs mended, or as written"),
     ("camera", "NAME of a camera of the project"),
     ("size", "WIDTHxHEIGHT of the window"),
@@ -20,9 +20,6 @@ pub const SETTINGS: &[(&str, &str)] = &[
     ("TEXTURE.format", "RGBA32F, RGBA16F, RGBA8, R32F or R8: how a render target stores it"),
 ];
 
-const RASTERS: [(&str, RasterChoice); 3] =
-    [("auto", RasterChoice::Auto), ("cpu", RasterChoice::Cpu), ("wgpu", RasterChoice::Wgpu)];
-const BACKENDS: [(&str, BackendChoice); 2] = [("auto", BackendChoice::Auto), ("cpu", BackendChoice::Cpu)];
 const FIDELITIES: [(&str, Fidelity); 2] = [("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)];
 
 /// A project file, and what differs from its defaults.
@@ -112,8 +109,8 @@ impl Spec {
             return Err((true, format!("`{key}` has no value"), help));
         }
         match key {
-            "raster" => self.choice.raster = named(key, value, &RASTERS)?,
-            "backend" => self.choice.backend = named(key, value, &BACKENDS)?,
+            "raster" => self.choice.raster = named(key, value, &RasterChoice::NAMES)?,
+            "backend" => self.choice.backend = named(key, value, &BackendChoice::NAMES)?,
             "fidelity" => self.settings.fidelity = named(key, value, &FIDELITIES)?,
             "camera" => self.settings.camera = Some(value.to_owned()),
             "pipeline" => self.settings.pipeline = Some(value.to_owned()),

@@ -1,6 +1,6 @@
 //! Ray programs on the processor: tiles of pixels over rayon's global pool.
 
-mod check;
+pub mod check;
 
 use crate::effects::{
     AlphaTested, Coverage, Opaque, Pass, Pixel, Workspace, combined, deferred_shadows, reflection, refraction, ssao,
@@ -67,14 +67,14 @@ impl RayBackend for CpuRays {
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
         if job.program == RayProgram::Dummy {
-            check::images(job, output)?;
+            check::images(NAME, job, output)?;
             output.pixels.copy_from_slice(job.color);
             return Ok(RayStats::default());
         }
         match &self.built {
             Some((scene, bvh)) if std::ptr::eq(&raw const **scene, job.scene) => trace(bvh, job, output, progress),
             _ if !may_trace(job) => trace(&empty(), job, output, progress),
-            _ => Err(check::missing(job, "its scene's acceleration structure was not built")),
+            _ => Err(check::missing(NAME, job, "its scene's acceleration structure was not built")),
         }
     }
 }
@@ -84,7 +84,8 @@ fn empty() -> Bvh {
 }
 
 /// Whether a job can trace any ray: where it cannot, the executor builds no structure.
-fn may_trace(job: &RayJob<'_>) -> bool {
+#[must_use]
+pub fn may_trace(job: &RayJob<'_>) -> bool {
     let needs_glass = matches!(job.program, RayProgram::Reflection | RayProgram::Refraction);
     let finds_glass = job.fidelity == Fidelity::Thesis || job.glass.contains(&true);
     job.program.can_trace(&job.params) && (!needs_glass || finds_glass)
@@ -100,7 +101,7 @@ pub fn trace<T: Tracer>(
     output: &mut Image,
     progress: &Progress,
 ) -> Result<RayStats, BackendError> {
-    check::images(job, output)?;
+    check::images(NAME, job, output)?;
     let rays = run(tracer, job, Whole { output, progress })?;
     Ok(RayStats { rays, device_time: None })
 }
@@ -110,12 +111,12 @@ pub fn trace<T: Tracer>(
 /// # Errors
 /// As [`trace`].
 pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
-    check::buffers(job)?;
+    check::buffers(NAME, job)?;
     run(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
 fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
-    check::scene(job)?;
+    check::scene(NAME, job)?;
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
     Ok(if cut {
         let coverage = AlphaTested { scene: job.scene, shades: job.shades };
@@ -127,7 +128,7 @@ fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<
 
 fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result<Pass<'a, T, C>, BackendError> {
     let samples = if job.program.info().params.contains(&"samples") { job.params.samples } else { 0 };
-    let wrong = |why: String| check::missing(job, &why);
+    let wrong = |why: String| check::missing(NAME, job, &why);
     let (occlusion, strata) = match job.fidelity {
         _ if samples == 0 => (None, 0),
         Fidelity::Corrected => (Some(HemisphereSampler::new(job.params.sampler, samples).map_err(wrong)?), 0),

@@ -4,7 +4,7 @@ use super::model::Technique;
 use crate::pipeline::plan::{Plan, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, RayProgram};
 use crate::pipeline::project::{self, PassKind};
-use crate::{BackendChoice, Choice, OpenError, RasterChoice};
+use crate::{Choice, OpenError};
 use std::path::{Path, PathBuf};
 
 /// A project with its settings on one set of engines.
@@ -130,24 +130,9 @@ fn key(path: &Path, plan: &Plan, view: &str, choice: Choice) -> String {
         format!("{width}x{height}"),
         fidelity_name(settings.fidelity).to_owned(),
         format!("seed {}", settings.seed),
-        format!("raster {}", raster_name(choice.raster)),
-        format!("rays {}", backend_name(choice.backend)),
+        format!("raster {}", choice.raster.name()),
+        format!("rays {}", choice.backend.name()),
     ];
     parts.extend(settings.set.iter().cloned());
     parts.join(" | ")
-}
-
-fn raster_name(choice: RasterChoice) -> &'static str {
-    match choice {
-        RasterChoice::Auto => "auto",
-        RasterChoice::Cpu => "cpu",
-        RasterChoice::Wgpu => "wgpu",
-    }
-}
-
-fn backend_name(choice: BackendChoice) -> &'static str {
-    match choice {
-        BackendChoice::Auto => "auto",
-        BackendChoice::Cpu => "cpu",
-    }
 }

@@ -145,7 +145,7 @@ pub struct ProjectArgs {
     /// Rasteriser; auto takes a real GPU if there is one, else the cpu
     #[arg(long, value_enum, default_value_t = Raster::Auto)]
     pub raster: Raster,
-    /// Ray backend
+    /// Ray backend; cuda and optix need an NVIDIA GPU and a build with the feature `cuda`, auto takes cuda if it is there, else the cpu
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     pub backend: Backend,
     /// The report's programs with their defects mended, or as they were written
@@ -319,6 +319,8 @@ impl Raster {
 pub enum Backend {
     Auto,
     Cpu,
+    Cuda,
+    Optix,
 }
 
 /// `--fidelity`.
@@ -353,6 +355,8 @@ impl ProjectArgs {
             backend: match self.backend {
                 Backend::Auto => BackendChoice::Auto,
                 Backend::Cpu => BackendChoice::Cpu,
+                Backend::Cuda => BackendChoice::Cuda,
+                Backend::Optix => BackendChoice::Optix,
             },
         }
     }

@@ -7,6 +7,7 @@ use super::{Failure, failure, set_threads};
 use curitiba::bench::model::{BenchFile, RowError};
 use curitiba::bench::table2::{self, TableRow};
 use curitiba::bench::{Case, FileError, MeasureOptions, measure, text};
+use curitiba::engines::ray_backend;
 use curitiba::environment::Environment;
 use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use curitiba::pipeline::backend::{BackendError, Rasteriser as _};
@@ -69,19 +70,18 @@ fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice
     let mut choices = Vec::new();
     for engine in &args.compare {
         let made = match engine {
-            EngineArg::Cpu => Ok(Choice { raster: RasterChoice::Cpu, ..choice }),
+            EngineArg::Cpu => Ok(cpu()),
             EngineArg::Wgpu => WgpuRasteriser::new(AdapterChoice::Any)
                 .map(|gpu| {
                     let note = format!("`wgpu` is {}", gpu.device());
                     if gpu.device().contains("software") && !file.environment.fallbacks.contains(&note) {
                         file.environment.fallbacks.push(note);
                     }
-                    Choice { raster: RasterChoice::Wgpu, ..choice }
+                    Choice { raster: RasterChoice::Wgpu, backend: BackendChoice::Cpu }
                 })
                 .map_err(|error| error.to_string()),
-            EngineArg::Cuda | EngineArg::Optix => Err("this build has no such engine: it draws with cpu and wgpu and \
-                 traces with cpu; `curitiba list` names what there is"
-                .to_owned()),
+            EngineArg::Cuda => traced_by(BackendChoice::Cuda, choice),
+            EngineArg::Optix => traced_by(BackendChoice::Optix, choice),
         };
         match made {
             Ok(choice) if choices.contains(&choice) => {}
@@ -93,6 +93,10 @@ fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice
         }
     }
     choices
+}
+
+fn traced_by(backend: BackendChoice, choice: Choice) -> Result<Choice, String> {
+    ray_backend(backend).map(|_| Choice { backend, ..choice }).map_err(|error| error.to_string())
 }
 
 /// Everything that is to be measured, checked before anything is.
@@ -206,7 +210,9 @@ fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<O
             Ok(measured) => measured,
             Err(error) => {
                 drop(bars);
-                let what = format!("{}, {} on {}", case.label, case.view, engines(case));
+                let choice = case.choice;
+                let engines = format!("{} and {}", choice.raster.name(), choice.backend.name());
+                let what = format!("{}, {} on {engines}", case.label, case.view);
                 file.miss(what.clone(), error_text(&error));
                 failure::print_warning(&format!("{what}: {}", error_text(&error)));
                 if !is_unsupported(&error) {
@@ -241,14 +247,6 @@ fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<O
     }
     table.end(file);
     Ok(first_failure)
-}
-
-fn engines(case: &Case) -> &'static str {
-    match case.choice.raster {
-        RasterChoice::Auto => "auto",
-        RasterChoice::Cpu => "cpu",
-        RasterChoice::Wgpu => "wgpu",
-    }
 }
 
 fn error_text(error: &OpenError) -> String {

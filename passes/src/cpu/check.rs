@@ -1,28 +1,34 @@
 //! Whether a job has all that its program reads, so that no pixel needs to ask.
 
-use super::NAME;
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 
 /// The error of a job that lacks something.
-pub fn missing(job: &RayJob<'_>, why: &str) -> BackendError {
-    BackendError::Unsupported { backend: NAME, what: job.program.info().stem.to_owned(), why: why.to_owned() }
+#[must_use]
+pub fn missing(backend: &'static str, job: &RayJob<'_>, why: &str) -> BackendError {
+    BackendError::Unsupported { backend, what: job.program.info().stem.to_owned(), why: why.to_owned() }
 }
 
 /// Checks the sizes of the images that the program reads and of the one it writes.
-pub fn images(job: &RayJob<'_>, output: &Image) -> Result<(), BackendError> {
+///
+/// # Errors
+/// [`BackendError::Unsupported`] of that backend; says what is missing.
+pub fn images(backend: &'static str, job: &RayJob<'_>, output: &Image) -> Result<(), BackendError> {
     let size = format!("{} x {}", job.width, job.height);
     let pixels = job.width as usize * job.height as usize;
     if (output.width, output.height, output.pixels.len()) != (job.width, job.height, pixels) {
         let found = format!("{} x {} ({} pixels)", output.width, output.height, output.pixels.len());
-        return Err(missing(job, &format!("the output is {found}, not {size}")));
+        return Err(missing(backend, job, &format!("the output is {found}, not {size}")));
     }
-    buffers(job)
+    buffers(backend, job)
 }
 
 /// Checks the sizes of the images that the program reads.
-pub fn buffers(job: &RayJob<'_>) -> Result<(), BackendError> {
+///
+/// # Errors
+/// [`BackendError::Unsupported`] of that backend; says what is missing.
+pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     let size = format!("{} x {}", job.width, job.height);
     let pixels = job.width as usize * job.height as usize;
     let reads = |name: &str| job.program.info().buffers.contains(&name);
@@ -36,18 +42,21 @@ pub fn buffers(job: &RayJob<'_>) -> Result<(), BackendError> {
     for (name, needed, found) in buffers {
         if needed && found != pixels {
             let found = if found == 0 { "absent".to_owned() } else { format!("{found} pixels") };
-            return Err(missing(job, &format!("it reads {name}, which is {found}; it needs {size} pixels")));
+            return Err(missing(backend, job, &format!("it reads {name}, which is {found}; it needs {size} pixels")));
         }
     }
     Ok(())
 }
 
 /// Checks that materials, vertex attributes and the light are there as far as the program reads them.
-pub fn scene(job: &RayJob<'_>) -> Result<(), BackendError> {
+///
+/// # Errors
+/// [`BackendError::Unsupported`] of that backend; says what is missing.
+pub fn scene(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
     let info = job.program.info();
     let (scene, geometry) = (job.scene, &job.scene.geometry);
     if job.sun.is_none() && info.globals.contains(&"lightDir") {
-        return Err(missing(job, "it reads lightDir, and the pass has no directional light"));
+        return Err(missing(backend, job, "it reads lightDir, and the pass has no directional light"));
     }
     let hits_are_shaded = !info.material_attributes.is_empty();
     let cuts = job.fidelity == Fidelity::Corrected;
@@ -59,11 +68,11 @@ pub fn scene(job: &RayJob<'_>) -> Result<(), BackendError> {
     ];
     for (name, needed, found) in tables {
         if needed && found != materials {
-            return Err(missing(job, &format!("`{name}` has {found} entries for {materials} materials")));
+            return Err(missing(backend, job, &format!("`{name}` has {found} entries for {materials} materials")));
         }
     }
     if hits_are_shaded && geometry.normals.len() != geometry.positions.len() {
-        return Err(missing(job, "it reads vertex normals, and the scene was prepared without"));
+        return Err(missing(backend, job, "it reads vertex normals, and the scene was prepared without"));
     }
     let sampled = |(_, shade): &(usize, &curitiba_pipeline::backend::Shade)| {
         shade.texture.is_some() && (hits_are_shaded || cuts && shade.alpha_cutoff.is_some())
@@ -71,18 +80,18 @@ pub fn scene(job: &RayJob<'_>) -> Result<(), BackendError> {
     for (material, shade) in job.shades.iter().enumerate().filter(sampled) {
         let name = &scene.materials[material].name;
         if shade.texture.is_some_and(|texture| texture as usize >= scene.textures.len()) {
-            return Err(missing(job, &format!("material `{name}` has a texture that was not loaded")));
+            return Err(missing(backend, job, &format!("material `{name}` has a texture that was not loaded")));
         }
         if geometry.texcoords.len() != geometry.positions.len() {
             let why =
                 format!("material `{name}` has a texture, and the scene was prepared without texture coordinates");
-            return Err(missing(job, &why));
+            return Err(missing(backend, job, &why));
         }
     }
     let known = geometry.triangles.len();
     if job.fidelity == Fidelity::Corrected && job.triangle.iter().any(|id| *id != NO_TRIANGLE && *id as usize >= known)
     {
-        return Err(missing(job, &format!("the triangle ids name more than the scene's {known} triangles")));
+        return Err(missing(backend, job, &format!("the triangle ids name more than the scene's {known} triangles")));
     }
     Ok(())
 }

@@ -7,7 +7,7 @@ use curitiba_pipeline::scene::{Geometry, RenderScene};
 use glam::{Vec2, Vec3};
 
 /// The report's ambient light.
-const AMBIENT: f32 = 0.3;
+pub const AMBIENT: f32 = 0.3;
 
 /// Says where the surface of a triangle really is.
 pub trait Coverage: Sync {

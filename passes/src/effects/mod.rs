@@ -51,6 +51,15 @@ use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob};
 use glam::{Vec3, Vec4};
 
+/// What other spellings of the programs must have in common with these, beside the formulas.
+pub mod constants {
+    pub use super::material::AMBIENT;
+    pub use super::occlusion::{SHADOWED, THROUGH_GLASS};
+    pub use super::optix::{BOUNCE, EPSILON, REFRACTED_EPSILON};
+    pub use super::refraction::corrected::{REFLECTED, REFRACTED};
+    pub use crate::sampling::hash::{DIMENSIONS, PATH, PIXEL, SCRAMBLE};
+}
+
 /// What the pixels of one pass have in common. The job's slices were checked against its sizes.
 #[derive(Debug)]
 pub struct Pass<'a, T, C> {

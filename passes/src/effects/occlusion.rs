@@ -9,7 +9,7 @@ use glam::Vec3;
 /// What light keeps behind an opaque surface.
 pub const SHADOWED: f32 = 0.5;
 /// What light keeps at each glass surface that it crosses.
-const THROUGH_GLASS: f32 = 0.9;
+pub const THROUGH_GLASS: f32 = 0.9;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// Ambient occlusion of a surface: the share of its cosine-weighted hemisphere that is open within the radius, to the

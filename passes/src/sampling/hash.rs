@@ -3,9 +3,12 @@
 /// The counter that [`dimensions`] takes for the scrambling seeds of a point set; above every sample number.
 pub const SCRAMBLE: u32 = u32::MAX;
 
-pub(crate) const PIXEL: u32 = 0;
-const PATH: u32 = 1;
-pub(crate) const DIMENSIONS: u32 = 2;
+/// The last word that [`pixel_key`] hashes: what is hashed for one purpose is never hashed for another.
+pub const PIXEL: u32 = 0;
+/// The same for [`path_key`].
+pub const PATH: u32 = 1;
+/// The same for [`dimensions`].
+pub const DIMENSIONS: u32 = 2;
 
 /// The hash `pcg4d` (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3), listing in section 4):
 /// a permutation of 128-bit values.

@@ -13,7 +13,7 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
 /// Levels of nodes that follow the binary tree; below them, subtrees are rebuilt by halving, whose depth is bounded.
 const FREE_DEPTH: usize = 24;
-/// Levels of nodes at most: 2³¹ triangles cut into 8 equal parts until 8 are left take 10 levels.
+/// Levels of nodes at most: 2³¹ triangles cut into 8 equal parts until 8 are left take 10 levels, until 3 are left 11.
 pub(super) const MAX_DEPTH: usize = FREE_DEPTH + 11;
 /// Every node on the way down leaves at most 7 siblings on the stack.
 const _: () = assert!(MAX_DEPTH * (LANES - 1) < super::stack::STACK);
@@ -42,25 +42,59 @@ pub(super) struct Effort {
     pub(super) reinsertion: f32,
 }
 
+/// Where the leaves of a tree are kept, and what they cost.
+pub(super) trait Leaves: Default {
+    /// Triangles in a leaf at most.
+    const MOST: usize;
+    /// What testing a leaf of so many triangles costs, where opening a node costs [`NODE_COST`].
+    fn cost(triangles: usize) -> f32;
+    /// Adds a leaf and returns its number; `members` are indices into `triangles`.
+    fn add(&mut self, triangles: &[Input], members: &[u32]) -> usize;
+    /// Says that no leaf will be added.
+    fn finish(&mut self) {}
+}
+
+impl Leaves for Vec<Block> {
+    const MOST: usize = LANES;
+
+    fn cost(_: usize) -> f32 {
+        BLOCK_COST
+    }
+
+    fn add(&mut self, triangles: &[Input], members: &[u32]) -> usize {
+        let mut block = Block::EMPTY;
+        for (lane, &member) in members.iter().enumerate() {
+            let triangle = &triangles[member as usize];
+            block.set(lane, triangle.corners, triangle.id);
+        }
+        self.push(block);
+        self.len() - 1
+    }
+
+    fn finish(&mut self) {
+        self.shrink_to_fit();
+    }
+}
+
 /// The tree.
-pub(super) struct Built {
+pub(super) struct Built<L> {
     pub(super) nodes: Vec<Node>,
-    pub(super) blocks: Vec<Block>,
+    pub(super) leaves: L,
     pub(super) root: Child,
     pub(super) bounds: Bounds,
 }
 
 /// Builds the tree; `triangles` have finite corners.
-pub(super) fn build(triangles: &[Input], effort: Effort) -> Built {
+pub(super) fn build<L: Leaves>(triangles: &[Input], effort: Effort) -> Built<L> {
     let bounds = triangles.iter().fold(Bounds::EMPTY, |all, triangle| all.union(Bounds::of(&triangle.corners)));
     let binary = binary_tree(triangles, bounds, effort);
-    let plan = Plan::new(&binary, triangles);
-    let mut emitter = Emitter { plan: &plan, binary: &binary, triangles, nodes: Vec::new(), blocks: Vec::new() };
+    let plan = Plan::new::<L>(&binary, triangles);
+    let mut emitter = Emitter { plan: &plan, binary: &binary, triangles, nodes: Vec::new(), leaves: L::default() };
     let root = if triangles.is_empty() { Child::NONE } else { emitter.emit(0, 0) };
-    let Emitter { mut nodes, mut blocks, .. } = emitter;
+    let Emitter { mut nodes, mut leaves, .. } = emitter;
     nodes.shrink_to_fit();
-    blocks.shrink_to_fit();
-    Built { nodes, blocks, root, bounds }
+    leaves.finish();
+    Built { nodes, leaves, root, bounds }
 }
 
 /// obvhs's tree with one triangle a leaf.
@@ -124,7 +158,7 @@ struct Plan {
 }
 
 impl Plan {
-    fn new(binary: &Bvh2, triangles: &[Input]) -> Self {
+    fn new<L: Leaves>(binary: &Bvh2, triangles: &[Input]) -> Self {
         let empty = Subtree { bounds: Bounds::EMPTY, triangles: 0, cost: [0.0; LANES - 1] };
         let mut plan = Self { subtrees: vec![empty; binary.nodes.len()] };
         for &index in parents_first(binary).iter().rev() {
@@ -133,23 +167,23 @@ impl Plan {
             plan.subtrees[index as usize] = if node.is_leaf() {
                 let triangle = &triangles[binary.primitive_indices[first] as usize];
                 let bounds = Bounds::of(&triangle.corners);
-                Subtree { bounds, triangles: 1, cost: [bounds.half_area() * BLOCK_COST; LANES - 1] }
+                Subtree { bounds, triangles: 1, cost: [bounds.half_area() * L::cost(1); LANES - 1] }
             } else {
-                plan.inner(first)
+                plan.inner::<L>(first)
             };
         }
         plan
     }
 
-    fn inner(&self, first: usize) -> Subtree {
+    fn inner<L: Leaves>(&self, first: usize) -> Subtree {
         let (left, right) = (&self.subtrees[first], &self.subtrees[first + 1]);
         let bounds = left.bounds.union(right.bounds);
         let triangles = left.triangles + right.triangles;
         let area = bounds.half_area();
         let opened = self.split(first, LANES).0 + area * NODE_COST;
         let mut cost = [opened; LANES - 1];
-        if triangles as usize <= LANES {
-            cost[0] = cost[0].min(area * BLOCK_COST);
+        if triangles as usize <= L::MOST {
+            cost[0] = cost[0].min(area * L::cost(triangles as usize));
         }
         for children in 2..LANES {
             cost[children - 1] = cost[children - 2].min(self.split(first, children).0);
@@ -188,23 +222,23 @@ fn parents_first(binary: &Bvh2) -> Vec<u32> {
     order
 }
 
-struct Emitter<'a> {
+struct Emitter<'a, L> {
     plan: &'a Plan,
     binary: &'a Bvh2,
     triangles: &'a [Input],
     nodes: Vec<Node>,
-    blocks: Vec<Block>,
+    leaves: L,
 }
 
-impl Emitter<'_> {
+impl<L: Leaves> Emitter<'_, L> {
     /// Emits the subtree of a binary node under `depth` wide nodes.
     fn emit(&mut self, index: usize, depth: usize) -> Child {
         let subtree = &self.plan.subtrees[index];
         let count = subtree.triangles as usize;
         let binary = &self.binary.nodes[index];
-        let as_block = subtree.bounds.half_area() * BLOCK_COST;
-        if binary.is_leaf() || count <= LANES && as_block <= subtree.cost[0] {
-            return self.block(&self.gather(index));
+        let as_leaf = subtree.bounds.half_area() * L::cost(count);
+        if binary.is_leaf() || count <= L::MOST && as_leaf <= subtree.cost[0] {
+            return self.leaf(&self.gather(index));
         }
         if depth >= FREE_DEPTH {
             let mut members = self.gather(index);
@@ -253,20 +287,14 @@ impl Emitter<'_> {
         members
     }
 
-    fn block(&mut self, members: &[u32]) -> Child {
-        let mut block = Block::EMPTY;
-        for (lane, &member) in members.iter().enumerate() {
-            let triangle = &self.triangles[member as usize];
-            block.set(lane, triangle.corners, triangle.id);
-        }
-        self.blocks.push(block);
-        Child::block(self.blocks.len() - 1)
+    fn leaf(&mut self, members: &[u32]) -> Child {
+        Child::block(self.leaves.add(self.triangles, members))
     }
 
     /// Emits triangles as a tree of equal parts, cut along the longest axis.
     fn halve(&mut self, members: &mut [u32]) -> Child {
-        if members.len() <= LANES {
-            return self.block(members);
+        if members.len() <= L::MOST {
+            return self.leaf(members);
         }
         let triangles = self.triangles;
         let bounds = bounds_of(triangles, members);

@@ -27,7 +27,7 @@ pub enum Quality {
 }
 
 impl Quality {
-    fn effort(self, triangles: usize) -> Effort {
+    pub(super) fn effort(self, triangles: usize) -> Effort {
         // Reinsertion searches the whole tree for each candidate: its share shrinks where there are many.
         let share = (1.0e6 / triangles.max(1) as f32).min(1.0);
         match self {
@@ -74,23 +74,11 @@ impl Bvh {
     /// If there are 2³¹ triangles or more.
     #[must_use]
     pub fn build(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Self {
-        assert!(geometry.triangles.len() < TRANSPARENT as usize, "a tree holds fewer than 2^31 triangles");
-        let mut inputs = Vec::with_capacity(geometry.triangles.len());
-        let mut flags = geometry.batches.iter().flat_map(|batch| {
-            let flag = transparent.get(batch.material as usize).copied().unwrap_or(false);
-            std::iter::repeat_n(if flag { TRANSPARENT } else { 0 }, batch.count as usize)
-        });
-        for (triangle, id) in geometry.triangles.iter().zip(0_u32..) {
-            let flag = flags.next().unwrap_or(0);
-            let corners = triangle.map(|vertex| geometry.positions.get(vertex as usize).copied().unwrap_or(Vec3::NAN));
-            if corners.iter().all(|corner| corner.is_finite()) {
-                inputs.push(Input { corners, id: id | flag });
-            }
-        }
-        let built = build::build(&inputs, quality.effort(inputs.len()));
+        let inputs = inputs(geometry, transparent);
+        let built = build::build::<Vec<Block>>(&inputs, quality.effort(inputs.len()));
         Self {
             nodes: built.nodes,
-            blocks: built.blocks,
+            blocks: built.leaves,
             root: built.root,
             bounds: built.bounds,
             lanes: Detected::best(),
@@ -120,6 +108,24 @@ impl Bvh {
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice()) + size_of_val(self.blocks.as_slice())
     }
+}
+
+/// The triangles to build on: those with finite corners.
+pub(super) fn inputs(geometry: &Geometry, transparent: &[bool]) -> Vec<Input> {
+    assert!(geometry.triangles.len() < TRANSPARENT as usize, "a tree holds fewer than 2^31 triangles");
+    let mut inputs = Vec::with_capacity(geometry.triangles.len());
+    let mut flags = geometry.batches.iter().flat_map(|batch| {
+        let flag = transparent.get(batch.material as usize).copied().unwrap_or(false);
+        std::iter::repeat_n(if flag { TRANSPARENT } else { 0 }, batch.count as usize)
+    });
+    for (triangle, id) in geometry.triangles.iter().zip(0_u32..) {
+        let flag = flags.next().unwrap_or(0);
+        let corners = triangle.map(|vertex| geometry.positions.get(vertex as usize).copied().unwrap_or(Vec3::NAN));
+        if corners.iter().all(|corner| corner.is_finite()) {
+            inputs.push(Input { corners, id: id | flag });
+        }
+    }
+    inputs
 }
 
 impl Tracer for Bvh {

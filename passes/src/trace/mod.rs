@@ -13,6 +13,7 @@ mod brute;
 mod build;
 mod bvh;
 mod clear;
+pub mod device;
 mod dispatch;
 mod double;
 mod facet;

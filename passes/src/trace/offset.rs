@@ -7,11 +7,11 @@ use glam::{DVec3, Vec3};
 
 /// Units of rounding error by which [`SurfacePoint::spawn`] moves off the surface. Of 4.8 million hits over twelve
 /// combinations of scale and distance from the origin, 8 units left a few self-intersections and 16 none.
-const UNITS: f32 = 32.0;
+pub(super) const UNITS: f32 = 32.0;
 
 /// Units of rounding error of the triangle test for each unit of distance to the farthest corner, relative to [`UNITS`]: the
 /// test sees the corners from the ray's origin, so it errs even where the coordinates along the normal are exactly 0.
-const REACH: f64 = 0.5;
+pub(super) const REACH: f64 = 0.5;
 
 /// A point on a triangle, with what is known of its error.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -4,10 +4,11 @@ mod snippet;
 
 use super::Failure;
 use anstyle::Style;
-use curitiba::passes::cpu::CpuRays;
+use curitiba::BackendChoice;
+use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::adapters;
-use curitiba::pipeline::backend::{Rasteriser as _, RayBackend as _};
+use curitiba::pipeline::backend::{BackendError, Rasteriser as _, RayBackend};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::programs::{
     Fidelity, PARAMS, ParamInfo, QUAD_PROGRAMS, RASTER_PROGRAMS, RAY_PROGRAMS, RayParams, RayProgramInfo,
@@ -37,7 +38,6 @@ pub fn run(program: Option<&str>) -> Result<(), Failure> {
 }
 
 fn all() {
-    let rays = CpuRays::new();
     crate::say!("{HEADER}ray programs (class=\"optix\" or \"rt\"){HEADER:#}");
     for info in RAY_PROGRAMS {
         crate::say!("  {:16} {}", info.stem, info.about);
@@ -84,6 +84,17 @@ fn all() {
         crate::say!("  {:16} no adapter: this machine has no Vulkan, Metal or DX12 driver", "wgpu");
     }
     crate::say!("\n{HEADER}ray backends (--backend), program by program{HEADER:#}");
+    for (name, choice) in [("cpu", BackendChoice::Cpu), ("cuda", BackendChoice::Cuda), ("optix", BackendChoice::Optix)]
+    {
+        match ray_backend(choice) {
+            Ok(rays) => ray_support(rays.as_ref()),
+            Err(BackendError::Device { message, .. }) => crate::say!("  {name:16} not here: {message}"),
+            Err(error) => crate::say!("  {name:16} not here: {error}"),
+        }
+    }
+}
+
+fn ray_support(rays: &dyn RayBackend) {
     crate::say!("  {:16} {}", rays.name(), rays.device());
     for info in RAY_PROGRAMS {
         let verdict = |fidelity| match rays.supports(info.program, fidelity) {

@@ -25,9 +25,10 @@ pub(in crate::effects) struct Glass<'p, 'a, T, C, F> {
     pub shade: F,
 }
 
-/// The two branches of a split ray, as they enter the key of a path.
-const REFLECTED: u32 = 0;
-const REFRACTED: u32 = 1;
+/// The reflected branch of a split ray, as it enters the key of a path.
+pub const REFLECTED: u32 = 0;
+/// The refracted branch.
+pub const REFRACTED: u32 = 1;
 
 impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3> Glass<'_, '_, T, C, F> {
     /// What glass shows in direction `view` after `bounces` glass hits: reflected and refracted colours by their Fresnel

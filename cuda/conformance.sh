@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# Runs the conformance matrix and the measurements of the ray backends on a machine with an NVIDIA GPU, and writes JSON.
+# Usage: cuda/conformance.sh BINARIES OUTPUT, where BINARIES is a folder with `curitiba` and `conformance`, built by
+#   cargo build --release --features cuda && cargo build --release --features cuda --example conformance
+# (anywhere: no toolkit, no GPU), and OUTPUT is the folder for the JSON files. Run it in the repository, whose projects it
+# renders. Nothing is compiled here: the driver alone is needed.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+binaries=$(cd "$1" && pwd)
+mkdir -p "$2"
+output=$(cd "$2" && pwd)
+failed=0
+projects=(xml_projects/SceneDummy.xml xml_projects/SceneShadows.xml xml_projects/SceneReflect.xml
+    xml_projects/SceneRefract.xml xml_projects/SceneSSAO.xml xml_projects/SceneFinal.xml)
+
+"$binaries/curitiba" list | sed -n '/ray backends/,$p'
+
+# Every program, fidelity and tracer against the processor.
+"$binaries/conformance" "${projects[@]}" --camera MainCamera --camera Vidro --size 512 512 --set pass2.samples=25 --runs 3 \
+    -o "$output/conformance.json" || failed=1
+
+# The report's frame.
+"$binaries/conformance" "${projects[@]}" --time-only --runs 12 -o "$output/report.json" || failed=1
+"$binaries/conformance" "${projects[@]}" --camera Vidro --time-only --runs 12 -o "$output/report_vidro.json" || failed=1
+
+# Larger squares.
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+for triangles in ${CURITIBA_TRIANGLES:-1000000 10000000}; do
+    cp -r xml_projects "$work/$triangles"
+    "$binaries/curitiba" scene --generate "$triangles" -o "$work/square"
+    cp -r "$work/square/." "$work/$triangles/3dsmodels/"
+    rm -r "$work/square"
+    "$binaries/conformance" "$work/$triangles"/Scene{Shadows,Reflect,Refract,SSAO,Final}.xml --fidelity corrected --time-only \
+        --runs 6 -o "$output/square_$triangles.json" || failed=1
+    rm -r "${work:?}/$triangles"
+done
+exit $failed

@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# Compiles the device programs to PTX for compute capability 7.5, which every later GPU runs, with a pinned nvcc from PyPI: no
+# toolkit, no GPU. Usage: cuda/programs/build.sh [DIR], where DIR keeps the compiler between runs [default: a temporary one].
+# Needs python3 with venv, and a C++ compiler that nvcc accepts (g++).
+set -euo pipefail
+cd "$(dirname "$0")"
+kept=${1:-$(mktemp -d)}
+mkdir -p "$kept"
+if [ ! -x "$kept/nvcc" ]; then
+    python3 -m venv "$kept/venv"
+    "$kept/venv/bin/pip" install --quiet --no-deps nvidia-cuda-nvcc==13.0.88 nvidia-nvvm==13.0.88 nvidia-cuda-crt==13.0.88 \
+        nvidia-cuda-runtime==13.0.96
+    root=$(echo "$kept"/venv/lib/python3*/site-packages/nvidia/cu13)
+    chmod +x "$root"/bin/* "$root"/nvvm/bin/*
+    ln -sf "$root/bin/nvcc" "$kept/nvcc"
+fi
+nvcc=$(readlink -f "$kept/nvcc")
+
+# The hash of everything that the programs are made from, which the tests compare with the recorded one.
+hash=$(python3 - <<'PYTHON'
+import pathlib
+hash = 0xCBF29CE484222325  # FNV-1a, 64 bits
+for path in sorted(p for p in pathlib.Path(".").iterdir() if p.suffix in (".cu", ".cuh", ".sh")):
+    for byte in path.read_bytes():
+        hash = (hash ^ byte) * 0x100000001B3 % 2**64
+print(f"{hash:016x}")
+PYTHON
+)
+
+# -fmad=false: products and sums round separately, as on the processor, so that pictures agree bit for bit where no library
+# function differs. Where it costs accuracy nothing, the programs fuse by hand.
+flags=(-ptx -arch=compute_75 -std=c++17 -fmad=false -ftz=false -prec-div=true -prec-sqrt=true)
+for tracer in bvh optix; do
+    mkdir -p "ptx/$tracer"
+    # Keeps what OptiX looks for by name: the launch parameters and the programs.
+    extra=()
+    [ "$tracer" = optix ] && extra=(-rdc=true)
+    for program in dummy deferredShadows reflection refraction ssao final; do
+        # OptiX's functions are calls that the driver resolves when it compiles a module.
+        out=ptx/$tracer/$program.ptx
+        "$nvcc" "${flags[@]}" "${extra[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" -o "$out.new" "$tracer.cu"
+        # Without the compiler's own comments and the process's number in the names of internal functions, so that the same
+        # sources give the same file; the hash says what it was made from.
+        { echo "// curitiba sources $hash"; grep -v '^//' "$out.new" | sed -E 's/_INTERNAL_[0-9a-f]{8}_/_INTERNAL_00000000_/g'; } >"$out"
+        rm "$out.new"
+        echo "$out"
+    done
+done

@@ -1,0 +1,37 @@
+// `deferredShadows`: the hard shadow of a directional light, 0.5 in shadow and 1 in light.
+#pragma once
+#include "pass.cuh"
+
+template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
+    const Params &params = pass.params;
+    unsigned triangle = pass.triangle();
+    float4 position = pass.position();
+    if (triangle == NO_TRIANGLE || !(position.w > 0.0f)) return splat4(1.0f);
+    SurfacePoint point = snap(params, triangle, xyz(position));
+    float3 side;
+    if (params.normals == nullptr) {
+        side = pass.eye() - point.position;
+    } else {
+        Corners corners = positions_of(params, triangle);
+        double3 a = wide(corners.a), e1 = wide(corners.b) - a, e2 = wide(corners.c) - a, to = wide(point.position) - a;
+        double3 normal = cross(e1, e2);
+        double area = dot(normal, normal);
+        Hit at = {0.0f, triangle, (float)(dot(cross(to, e2), normal) / area), (float)(dot(cross(e1, to), normal) / area)};
+        side = normal_at(params, at);
+    }
+    float towards = dot(point.normal, pass.to_light()) * copysignf(1.0f, dot(point.normal, side));
+    if (towards <= 0.0f) return opaque(splat(SHADOWED));
+    pass.rays.shadow += 1;
+    Ray ray = {spawn(point, pass.to_light()), pass.to_light(), 0.0f, INFINITY};
+    bool lit = !pass.tracer.template occluded<ACCEPT_COVERED>(ray, nullptr);
+    return opaque(splat(lit ? 1.0f : SHADOWED));
+}
+
+template <class Tracer> DEVICE float4 thesis(Pass<Tracer> &pass) {
+    float4 position = pass.position();
+    if (position.w > 0.0f) {
+        pass.rays.shadow += 1;
+        if (!pass.template thesis_sees_light<ACCEPT_ALL>(xyz(position))) return splat4(SHADOWED);
+    }
+    return splat4(1.0f);
+}

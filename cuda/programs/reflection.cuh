@@ -1,0 +1,40 @@
+// `reflection`: a mirror in the place of glass. Other pixels keep their colour.
+#pragma once
+#include "pass.cuh"
+
+template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
+    const Params &params = pass.params;
+    unsigned triangle = pass.triangle();
+    if (triangle == NO_TRIANGLE || !is_glass(params, triangle)) return pass.color();
+    float3 view;
+    Surface surface = pass.surface_at(triangle, pass.normal(), view);
+    for (unsigned bounce = 0; bounce <= params.depth; ++bounce) {
+        float3 direction = reflect(view, interface_normal(surface, view));
+        pass.rays.reflected += 1;
+        Hit hit;
+        if (!pass.closest(spawn(surface.point, direction), direction, hit)) break;
+        surface = surface_hit(params, direction, hit);
+        if (!is_glass(params, hit.triangle)) return opaque(lit_color(params, hit, surface.normal));
+        view = direction;
+    }
+    return opaque(splat(0.0f));
+}
+
+template <class Tracer> DEVICE float4 thesis(Pass<Tracer> &pass) {
+    const Params &params = pass.params;
+    float4 color = pass.color();
+    if (!is_glass_mask(color)) return color;
+    float3 origin = xyz(pass.position());
+    float3 direction = reflect(thesis_view(params, origin), pass.normal());
+    for (unsigned bounce = 0; bounce <= params.depth; ++bounce) {
+        pass.rays.reflected += 1;
+        Hit hit;
+        if (!pass.thesis_closest(origin, direction, THESIS_EPSILON, hit)) break;
+        ThesisNormals normals = thesis_normals(params, hit);
+        float3 normal = face_forward(normals.shading, -direction, normals.geometric);
+        if (!is_glass(params, hit.triangle)) return opaque(lit_color(params, hit, normal));
+        origin = hit_position({origin, direction, 0.0f, INFINITY}, hit);
+        direction = reflect(direction, normal);
+    }
+    return opaque(splat(0.0f));
+}

@@ -1,0 +1,142 @@
+// What is hit: rays, hits, vertex attributes, textures, materials, and where triangles are cut out.
+#pragma once
+#include "params.cuh"
+#include "sampling.cuh"
+
+// Hits have t_min < t < t_max.
+struct Ray {
+    float3 origin, direction;
+    float t_min, t_max;
+};
+struct Hit {
+    float t;
+    unsigned triangle;
+    float u, v;
+};
+
+DEVICE float3 vector_at(const float *values, unsigned index) {
+    const float *v = values + 3ull * index;
+    return vec3(__ldg(v), __ldg(v + 1), __ldg(v + 2));
+}
+DEVICE uint3 corners_of(const Params &params, unsigned triangle) {
+    const unsigned *c = params.triangles + 3ull * triangle;
+    return make_uint3(__ldg(c), __ldg(c + 1), __ldg(c + 2));
+}
+struct Corners {
+    float3 a, b, c;
+};
+DEVICE Corners positions_of(const Params &params, unsigned triangle) {
+    uint3 i = corners_of(params, triangle);
+    return {vector_at(params.positions, i.x), vector_at(params.positions, i.y), vector_at(params.positions, i.z)};
+}
+DEVICE float3 normal_at(const Params &params, const Hit &hit) {
+    uint3 i = corners_of(params, hit.triangle);
+    float3 a = vector_at(params.normals, i.x), b = vector_at(params.normals, i.y), c = vector_at(params.normals, i.z);
+    return a * (1.0f - hit.u - hit.v) + b * hit.u + c * hit.v;
+}
+DEVICE float2 texture_coordinates(const Params &params, const Hit &hit) {
+    uint3 i = corners_of(params, hit.triangle);
+    float2 a = __ldg(params.texcoords + i.x), b = __ldg(params.texcoords + i.y), c = __ldg(params.texcoords + i.z);
+    float w = 1.0f - hit.u - hit.v;
+    return make_float2(a.x * w + b.x * hit.u + c.x * hit.v, a.y * w + b.y * hit.u + c.y * hit.v);
+}
+
+DEVICE float4 lerp(float4 a, float4 b, float s) {
+    float r = 1.0f - s;
+    return make_float4(a.x * r + b.x * s, a.y * r + b.y * s, a.z * r + b.z * s, a.w * r + b.w * s);
+}
+DEVICE float4 texel(const Params &params, const TextureInfo &info, int x, int y) {
+    int width = (int)info.width, height = (int)info.height;
+    x = x < 0 ? x + width : x >= width ? x - width : x;
+    y = y < 0 ? y + height : y >= height ? y - height : y;
+    uchar4 t = params.texels[info.first + (unsigned long long)y * info.width + x];
+    return make_float4((float)t.x / 255.0f, (float)t.y / 255.0f, (float)t.z / 255.0f, (float)t.w / 255.0f);
+}
+// Bilinear filtering of level 0; `v = 0` is the bottom row, coordinates repeat.
+DEVICE float4 sample_texture(const Params &params, unsigned texture, float2 uv) {
+    TextureInfo info = params.textures[texture];
+    if (!(isfinite(uv.x) && isfinite(uv.y))) return texel(params, info, 0, 0);
+    float x = (uv.x - floorf(uv.x)) * (float)info.width - 0.5f;
+    float y = (1.0f - (uv.y - floorf(uv.y))) * (float)info.height - 0.5f;
+    float left = floorf(x), top = floorf(y);
+    float fx = x - left, fy = y - top;
+    int l = (int)left, t = (int)top;
+    float4 upper = lerp(texel(params, info, l, t), texel(params, info, l + 1, t), fx);
+    float4 lower = lerp(texel(params, info, l, t + 1), texel(params, info, l + 1, t + 1), fx);
+    return lerp(upper, lower, fy);
+}
+
+DEVICE const Shade &shade_of(const Params &params, unsigned triangle) {
+    return params.shades[__ldg(params.materials + triangle)];
+}
+DEVICE bool is_glass(const Params &params, unsigned triangle) { return shade_of(params, triangle).flags & SHADE_GLASS; }
+DEVICE bool passes_light(const Params &params, unsigned triangle) {
+    return shade_of(params, triangle).flags & SHADE_SHADOW_GLASS;
+}
+// Whether there is a surface at this point of the triangle.
+DEVICE bool covers(const Params &params, const Hit &hit) {
+    if (!params.cut) return true;
+    const Shade &shade = shade_of(params, hit.triangle);
+    if (shade.texture == NO_TEXTURE || !(shade.flags & SHADE_CUT)) return true;
+    return sample_texture(params, shade.texture, texture_coordinates(params, hit)).w >= shade.cutoff;
+}
+
+// Diffuse light, ambient light and texture, with this unit normal.
+DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
+    const Shade &shade = shade_of(params, hit.triangle);
+    float3 diffuse = vec3(shade.diffuse[0], shade.diffuse[1], shade.diffuse[2]);
+    float3 to_light = vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
+    float3 light = vec3(params.light_color[0], params.light_color[1], params.light_color[2]);
+    float3 lit = diffuse * (light * fmaxf(dot(to_light, normal), 0.0f));
+    if (shade.texture == NO_TEXTURE) return lit + AMBIENT * diffuse;
+    return (lit + splat(AMBIENT)) * xyz(sample_texture(params, shade.texture, texture_coordinates(params, hit)));
+}
+
+// Which candidate hits on transparent materials count. What decides is the same for both tracers; in OptiX it runs in the
+// any-hit program.
+enum Accept : unsigned {
+    ACCEPT_ALL = 0,     // every one
+    ACCEPT_COVERED = 1, // where the triangle is not cut out
+    ACCEPT_STOPS = 2,   // covered, and not glass that shadow rays pass
+    ACCEPT_OPAQUE = 3,  // not glass that shadow rays pass (thesis: nothing is cut out)
+    ACCEPT_COUNTS = 4,  // as ACCEPT_STOPS; the covered glass on the way is counted
+};
+
+// The distances of the glass surfaces that a shadow ray crosses. A tracer may show a hit twice, and a ray through the edge
+// between two triangles meets both: distances no farther apart than the rounding of their computation are one surface.
+// Beyond MAX_CROSSINGS distances, each counts as a surface of its own; light has less than 3 percent left there.
+struct Crossings {
+    float distance[MAX_CROSSINGS];
+    unsigned stored, beyond;
+};
+DEVICE void add_crossing(Crossings &crossings, float t) {
+    if (crossings.stored == MAX_CROSSINGS) {
+        crossings.beyond += 1;
+        return;
+    }
+    unsigned slot = crossings.stored++;
+    for (; slot > 0 && crossings.distance[slot - 1] > t; --slot) crossings.distance[slot] = crossings.distance[slot - 1];
+    crossings.distance[slot] = t;
+}
+DEVICE unsigned distinct(const Crossings &crossings) {
+    constexpr float ROUNDING = 16.0f * UNIT_ROUNDOFF;
+    unsigned count = crossings.beyond + (crossings.stored > 0);
+    for (unsigned i = 1; i < crossings.stored; ++i) {
+        count += crossings.distance[i] - crossings.distance[i - 1] > ROUNDING * crossings.distance[i];
+    }
+    return count;
+}
+
+DEVICE bool accepts(const Params &params, Accept accept, const Hit &hit, Crossings *crossings) {
+    switch (accept) {
+    case ACCEPT_ALL: return true;
+    case ACCEPT_COVERED: return covers(params, hit);
+    case ACCEPT_STOPS: return !passes_light(params, hit.triangle) && covers(params, hit);
+    case ACCEPT_OPAQUE: return !passes_light(params, hit.triangle);
+    default:
+        if (!covers(params, hit)) return false;
+        if (!passes_light(params, hit.triangle)) return true;
+        add_crossing(*crossings, hit.t);
+        return false;
+    }
+}

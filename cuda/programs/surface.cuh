@@ -1,0 +1,121 @@
+// Points on surfaces, origins of the rays that leave them, and smooth interfaces (`trace/offset.rs`, `effects/surface.rs`,
+// `effects/optics.rs`).
+#pragma once
+#include "scene.cuh"
+
+// A point of a triangle, with what is known of its error along the normal.
+struct SurfacePoint {
+    float3 position, normal;
+    float error;
+};
+
+DEVICE SurfacePoint point_on(const Corners &corners, double u, double v) {
+    double3 a = wide(corners.a), e1 = wide(corners.b) - a, e2 = wide(corners.c) - a;
+    double3 normal = normalize_or_zero(cross(e1, e2));
+    double3 ue = u * e1, ve = v * e2;
+    double3 magnitude = absolute(a) + absolute(ue) + absolute(ve);
+    double3 position = a + ue + ve;
+    double reach = 0.0;
+    double3 distances[3] = {absolute(a - position), absolute(wide(corners.b) - position),
+                            absolute(wide(corners.c) - position)};
+#pragma unroll
+    for (int corner = 0; corner < 3; ++corner) {
+        reach = fmax(reach, fmax(fmax(distances[corner].x, distances[corner].y), distances[corner].z));
+    }
+    float error = (float)(dot(absolute(normal), magnitude) + (double)OFFSET_REACH * reach) * UNIT_ROUNDOFF;
+    return {narrow(position), narrow(normal), error};
+}
+// The point of a triangle nearest to a stored position.
+DEVICE SurfacePoint snap(const Params &params, unsigned triangle, float3 position) {
+    Corners corners = positions_of(params, triangle);
+    double3 a = wide(corners.a), e1 = wide(corners.b) - a, e2 = wide(corners.c) - a, to = wide(position) - a;
+    double d11 = dot(e1, e1), d12 = dot(e1, e2), d22 = dot(e2, e2), d1 = dot(to, e1), d2 = dot(to, e2);
+    double determinant = d11 * d22 - d12 * d12;
+    double u = (d22 * d1 - d12 * d2) / determinant, v = (d11 * d2 - d12 * d1) / determinant;
+    if (!isfinite(u + v)) u = v = 0.0;
+    u = fmax(u, 0.0);
+    v = fmax(v, 0.0);
+    double sum = fmax(u + v, 1.0);
+    return point_on(corners, u / sum, v / sum);
+}
+// Where a ray in this direction starts: off the plane, to the side to which it goes.
+DEVICE float3 spawn(const SurfacePoint &point, float3 direction) {
+    float distance = OFFSET_UNITS * point.error;
+    return point.position + point.normal * (dot(point.normal, direction) < 0.0f ? -distance : distance);
+}
+
+// A point seen from one side: the geometric normal towards the viewer, and the shading normal on the same side.
+struct Surface {
+    SurfacePoint point;
+    float3 facing, normal;
+};
+DEVICE Surface surface_of(const SurfacePoint &point, float3 normal, float3 view) {
+    float3 facing = dot(point.normal, view) > 0.0f ? -point.normal : point.normal;
+    normal = normalize_or(normal, facing);
+    return {point, facing, dot(normal, facing) < 0.0f ? -normal : normal};
+}
+
+DEVICE float3 reflect(float3 i, float3 n) { return i - 2.0f * n * dot(n, i); }
+
+DEVICE float3 interface_normal(const Surface &surface, float3 view) {
+    bool usable = dot(surface.normal, view) < 0.0f && dot(reflect(view, surface.normal), surface.facing) > 0.0f;
+    return usable ? surface.normal : surface.facing;
+}
+
+// The point that a ray meets.
+DEVICE Surface surface_hit(const Params &params, float3 direction, const Hit &hit) {
+    SurfacePoint point = point_on(positions_of(params, hit.triangle), (double)hit.u, (double)hit.v);
+    return surface_of(point, normal_at(params, hit), direction);
+}
+
+struct Interface {
+    float reflectance, cos_refracted;
+};
+DEVICE Interface fresnel(float cos_incident, float index_of_pane) {
+    double cos_in = (double)fminf(fmaxf(cos_incident, 0.0f), 1.0f), index = (double)index_of_pane;
+    double discriminant = index * index - 1.0 + cos_in * cos_in;
+    if (discriminant <= 0.0) return {1.0f, 0.0f};
+    double cos_out = sqrt(discriminant) / index;
+    double perpendicular = (cos_in - index * cos_out) / (cos_in + index * cos_out);
+    double parallel = (index * cos_in - cos_out) / (index * cos_in + cos_out);
+    return {(float)(0.5 * (perpendicular * perpendicular + parallel * parallel)), (float)cos_out};
+}
+DEVICE bool refract(const Interface &interface, float3 i, float3 n, float index, float3 &out) {
+    if (interface.reflectance >= 1.0f) return false;
+    float3 along = i - n * dot(n, i);
+    return try_normalize(along / index - n * interface.cos_refracted, out);
+}
+
+// What the report's device code takes from OptiX, for thesis fidelity.
+DEVICE bool is_glass_mask(float4 color) { return color.x > 0.0f && color.y == 0.0f && color.z > 0.0f && color.w == 0.0f; }
+DEVICE bool thesis_refract(float3 i, float3 n, float index, float3 &out) {
+    float cosine = dot(i, n), eta = 1.0f / index;
+    if (cosine > 0.0f) {
+        n = -n;
+        cosine = -cosine;
+        eta = index;
+    }
+    float k = 1.0f - eta * eta * (1.0f - cosine * cosine);
+    if (k < 0.0f) return false;
+    float3 refracted = eta * i - (eta * cosine + sqrtf(k)) * n;
+    out = refracted * length_recip(refracted);
+    return true;
+}
+DEVICE float3 face_forward(float3 n, float3 i, float3 reference) { return n * copysignf(1.0f, dot(i, reference)); }
+DEVICE float thesis_coefficient(float index, float3 n, float3 d) {
+    float cosine = dot(n, -d);
+    return 1.0f - index * index * (1.0f - cosine * cosine);
+}
+DEVICE float3 thesis_view(const Params &params, float3 position) {
+    float3 direction = position - vec3(params.eye[0], params.eye[1], params.eye[2]);
+    return direction * length_recip(direction);
+}
+struct ThesisNormals {
+    float3 geometric, shading;
+};
+DEVICE ThesisNormals thesis_normals(const Params &params, const Hit &hit) {
+    Corners corners = positions_of(params, hit.triangle);
+    return {normalize_or_zero(cross(corners.b - corners.a, corners.c - corners.a)),
+            normalize_or_zero(normal_at(params, hit))};
+}
+DEVICE float3 hit_position(const Ray &ray, const Hit &hit) { return ray.origin + hit.t * ray.direction; }

@@ -1,0 +1,258 @@
+//! Structs and constants that host and device share, declared once: what is here is written to `programs/params.cuh`.
+
+use crate::device::Address;
+use cudarc::driver::DeviceRepr;
+use curitiba_passes::effects::constants as effects;
+use curitiba_passes::trace::device as tree;
+use std::fmt::Write as _;
+
+/// Declares structs in Rust and says how they are spelled in CUDA C++.
+macro_rules! shared_structs {
+    ($( $(#[$about:meta])* struct $name:ident { $( $(#[$field_about:meta])* $field:ident: $type:ty = $spelling:literal, )* } )*) => {
+        $(
+            $(#[$about])*
+            #[derive(Debug, Clone, Copy)]
+            #[repr(C)]
+            pub struct $name { $( $(#[$field_about])* pub $field: $type, )* }
+        )*
+
+        /// The structs as CUDA C++ declares them, with their sizes and offsets checked there.
+        fn structs() -> String {
+            let mut text = String::new();
+            $(
+                write!(text, "\nstruct {} {{\n", stringify!($name)).expect("strings grow");
+                $(
+                    writeln!(text, "    {};", declaration($spelling, stringify!($field))).expect("strings grow");
+                )*
+                writeln!(text, "}};\nstatic_assert(sizeof({0}) == {1}, \"{0}\");", stringify!($name), size_of::<$name>())
+                    .expect("strings grow");
+                $(
+                    writeln!(
+                        text,
+                        "static_assert(offsetof({0}, {1}) == {2}, \"{0}::{1}\");",
+                        stringify!($name), stringify!($field), std::mem::offset_of!($name, $field)
+                    ).expect("strings grow");
+                )*
+            )*
+            text
+        }
+    };
+}
+
+/// `float[3]` becomes `float name[3]`.
+fn declaration(spelling: &str, name: &str) -> String {
+    match spelling.split_once('[') {
+        Some((element, length)) => format!("{element} {name}[{length}"),
+        None => format!("{spelling} {name}"),
+    }
+}
+
+shared_structs! {
+    /// What hits on a material are shaded with.
+    struct Shade {
+        /// Diffuse colour.
+        diffuse: [f32; 3] = "float[3]",
+        /// [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`].
+        flags: u32 = "unsigned",
+        /// Index into [`Params::textures`], or [`NO_TEXTURE`].
+        texture: u32 = "unsigned",
+        /// With [`SHADE_CUT`]: alpha below this is a hole.
+        cutoff: f32 = "float",
+    }
+
+    /// Level 0 of a texture.
+    struct TextureInfo {
+        /// Index of its first texel in [`Params::texels`].
+        first: u64 = "unsigned long long",
+        /// Texels a row.
+        width: u32 = "unsigned",
+        /// Rows.
+        height: u32 = "unsigned",
+    }
+
+    /// What a launch is given. Addresses of what the program does not read are 0.
+    struct Params {
+        /// World position and light cosine of each pixel.
+        position: Address = "const float4 *",
+        /// Shading normal of each pixel.
+        normal: Address = "const float4 *",
+        /// Shaded colour of each pixel.
+        color: Address = "const float4 *",
+        /// Triangle id of each pixel.
+        triangle: Address = "const unsigned *",
+        /// Where each pixel goes.
+        output: Address = "float4 *",
+        /// World positions of the vertices, three numbers each.
+        positions: Address = "const float *",
+        /// Shading normals of the vertices, three numbers each.
+        normals: Address = "const float *",
+        /// Texture coordinates of the vertices.
+        texcoords: Address = "const float2 *",
+        /// Vertices of the triangles, three indices each.
+        triangles: Address = "const unsigned *",
+        /// Material of each triangle.
+        materials: Address = "const unsigned *",
+        /// By material.
+        shades: Address = "const Shade *",
+        /// By texture.
+        textures: Address = "const TextureInfo *",
+        /// Texels of all textures.
+        texels: Address = "const uchar4 *",
+        /// Occlusion points: both dimensions of the Sobol sequence, bits reversed.
+        sobol: Address = "const uint2 *",
+        /// By the number of open rays: their share to the power of the intensity.
+        open_share: Address = "const float *",
+        /// By the number of glass surfaces crossed: what is left of the light.
+        through_glass: Address = "const float *",
+        /// Sums of rays: [`RAY_COUNT_SLOTS`] times [`RAY_COUNT_KINDS`].
+        ray_counts: Address = "unsigned long long *",
+        /// Nodes of our tree, five vectors each.
+        nodes: Address = "const uint4 *",
+        /// Triangles of our tree, three vectors each.
+        leaves: Address = "const float4 *",
+        /// The structure that OptiX built.
+        handle: Address = "unsigned long long",
+        /// Number of nodes.
+        node_count: u32 = "unsigned",
+        /// Pixels a row.
+        width: u32 = "unsigned",
+        /// Rows.
+        height: u32 = "unsigned",
+        /// First row of this launch.
+        first_row: u32 = "unsigned",
+        /// Rows of this launch.
+        rows: u32 = "unsigned",
+        /// Seed of the random numbers.
+        seed: u32 = "unsigned",
+        /// Occlusion rays a point; 0 switches occlusion off.
+        samples: u32 = "unsigned",
+        /// Strata a side; 0 takes Sobol points.
+        strata: u32 = "unsigned",
+        /// Deepest glass bounce, at most [`MAX_DEPTH`].
+        depth: u32 = "unsigned",
+        /// Whether any material is cut out.
+        cut: u32 = "unsigned",
+        /// Longest distance to an occluder.
+        radius: f32 = "float",
+        /// Index of refraction of a pane.
+        index: f32 = "float",
+        /// Camera position.
+        eye: [f32; 3] = "float[3]",
+        /// Unit vector towards the light.
+        to_light: [f32; 3] = "float[3]",
+        /// The light's colour.
+        light_color: [f32; 3] = "float[3]",
+        /// Least coordinates of all triangles.
+        scene_low: [f32; 3] = "float[3]",
+        /// Greatest coordinates of all triangles.
+        scene_high: [f32; 3] = "float[3]",
+        /// 0: fills the struct up to a multiple of 8 bytes.
+        filler: u32 = "unsigned",
+    }
+}
+
+// SAFETY: plain numbers in C layout, and the device's declarations of both are checked against it by the compiler.
+#[allow(unsafe_code, reason = "says that the struct may be passed to a kernel")]
+unsafe impl DeviceRepr for Params {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Shade {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for TextureInfo {}
+
+/// Rays bounce on the material.
+pub const SHADE_GLASS: u32 = 1;
+/// Shadow rays pass through it, dimmed.
+pub const SHADE_SHADOW_GLASS: u32 = 2;
+/// It is cut out by its texture's alpha.
+pub const SHADE_CUT: u32 = 4;
+/// No texture.
+pub const NO_TEXTURE: u32 = u32::MAX;
+/// Deepest glass bounce that a launch has room for: the greatest value of the parameter.
+pub const MAX_DEPTH: u32 = 16;
+/// Glass surfaces on the way of a shadow ray that are told apart.
+pub const MAX_CROSSINGS: u32 = 32;
+/// Length of the table of what glass leaves of light.
+pub const THROUGH_GLASS_ENTRIES: u32 = 64;
+/// Triangles around a point that its occlusion rays are tested against one by one; with more in reach, each ray is traced.
+pub const GATHERED: u32 = 12;
+/// Threads of a block along x; a warp is a tile of 8 x 4 pixels.
+pub const BLOCK_WIDTH: u32 = 8;
+/// Threads of a block along y.
+pub const BLOCK_HEIGHT: u32 = 8;
+/// Over how many sums the counts of rays are spread, so that threads seldom meet.
+pub const RAY_COUNT_SLOTS: u32 = 1024;
+/// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain.
+pub const RAY_COUNT_KINDS: u32 = 5;
+
+/// The header, whole: `programs/params.cuh`.
+#[must_use]
+pub fn header() -> String {
+    let mut text = String::from(
+        "// Written by `cargo test` of this crate from `src/layout.rs`, where everything is declared and described.\n\
+         // Do not edit: run the tests with CURITIBA_BLESS=1 to write it anew.\n#pragma once\n#include <cstddef>\n\n",
+    );
+    let integers = [
+        ("NO_TRIANGLE", curitiba_pipeline::backend::NO_TRIANGLE),
+        ("NO_TEXTURE", NO_TEXTURE),
+        ("TRANSPARENT", tree::TRANSPARENT),
+        ("SHADE_GLASS", SHADE_GLASS),
+        ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
+        ("SHADE_CUT", SHADE_CUT),
+        ("HASH_PIXEL", effects::PIXEL),
+        ("HASH_PATH", effects::PATH),
+        ("HASH_DIMENSIONS", effects::DIMENSIONS),
+        ("HASH_SCRAMBLE", effects::SCRAMBLE),
+        ("BRANCH_REFLECTED", effects::REFLECTED),
+        ("BRANCH_REFRACTED", effects::REFRACTED),
+        ("MAX_DEPTH", MAX_DEPTH),
+        ("MAX_CROSSINGS", MAX_CROSSINGS),
+        ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),
+        ("STACK", tree::STACK as u32),
+        ("CLEAR_VISITS", tree::CLEAR_VISITS as u32),
+        ("GATHERED", GATHERED),
+        ("BLOCK_WIDTH", BLOCK_WIDTH),
+        ("BLOCK_HEIGHT", BLOCK_HEIGHT),
+        ("RAY_COUNT_SLOTS", RAY_COUNT_SLOTS),
+        ("RAY_COUNT_KINDS", RAY_COUNT_KINDS),
+    ];
+    for (name, value) in integers {
+        writeln!(text, "constexpr unsigned {name} = {value}u;").expect("strings grow");
+    }
+    let floats = [
+        ("AMBIENT", effects::AMBIENT),
+        ("SHADOWED", effects::SHADOWED),
+        ("THESIS_EPSILON", effects::EPSILON),
+        ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
+        ("GLASS_BOUNCE", effects::BOUNCE),
+        ("OFFSET_UNITS", tree::OFFSET_UNITS),
+        ("OFFSET_REACH", tree::OFFSET_REACH),
+        ("UNIT_ROUNDOFF", tree::UNIT_ROUNDOFF),
+    ];
+    for (name, value) in floats {
+        writeln!(text, "constexpr float {name} = {value:e}f;").expect("strings grow");
+    }
+    text + &structs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_header_of_the_programs_is_what_is_declared_here() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/programs/params.cuh");
+        if std::env::var_os("CURITIBA_BLESS").is_some() {
+            std::fs::write(path, header()).expect("the crate's folder can be written");
+        }
+        let found = std::fs::read_to_string(path).expect("the header is there");
+        assert_eq!(found, header(), "run this test with CURITIBA_BLESS=1, then programs/build.sh");
+    }
+
+    #[test]
+    fn arrays_are_spelled_as_c_does() {
+        assert_eq!(declaration("float[3]", "eye"), "float eye[3]");
+        assert_eq!(declaration("const float *", "normals"), "const float * normals");
+    }
+}

@@ -1,0 +1,120 @@
+//! A scene in device memory: vertices, materials and textures.
+
+use crate::device::{Address, Buffer, Device};
+use crate::layout::{NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_SHADOW_GLASS, Shade, TextureInfo};
+use curitiba_pipeline::backend::{BackendError, RayJob};
+use curitiba_pipeline::programs::Fidelity;
+use curitiba_pipeline::scene::{Geometry, RenderScene};
+
+/// What programs read of a scene, whatever traces the rays.
+#[derive(Debug, Default)]
+pub struct SceneBuffers {
+    positions: Buffer<f32>,
+    normals: Buffer<f32>,
+    texcoords: Buffer<f32>,
+    triangles: Buffer<u32>,
+    materials: Buffer<u32>,
+    textures: Buffer<TextureInfo>,
+    texels: Buffer<u8>,
+}
+
+impl SceneBuffers {
+    /// Copies a scene to the device.
+    pub fn new(device: &Device, scene: &RenderScene) -> Result<Self, BackendError> {
+        let geometry = &scene.geometry;
+        let (textures, texels) = textures(scene);
+        Ok(Self {
+            positions: device.upload("vertex positions", bytemuck::cast_slice(&geometry.positions))?,
+            normals: device.upload("vertex normals", bytemuck::cast_slice(&geometry.normals))?,
+            texcoords: device.upload("texture coordinates", bytemuck::cast_slice(&geometry.texcoords))?,
+            triangles: device.upload("triangles", bytemuck::cast_slice(&geometry.triangles))?,
+            materials: device.upload("the materials of triangles", &materials_of(geometry))?,
+            textures: device.upload("texture sizes", &textures)?,
+            texels: device.upload("textures", &texels)?,
+        })
+    }
+
+    /// Writes the addresses into a launch's parameters.
+    pub fn fill(&self, device: &Device, params: &mut Params) {
+        params.positions = self.positions.address(device);
+        params.normals = self.normals.address(device);
+        params.texcoords = self.texcoords.address(device);
+        params.triangles = self.triangles.address(device);
+        params.materials = self.materials.address(device);
+        params.textures = self.textures.address(device);
+        params.texels = self.texels.address(device);
+    }
+
+    /// Vertex positions and triangles, for a structure that is built on the device.
+    pub fn mesh(&self, device: &Device) -> (Address, Address) {
+        (self.positions.address(device), self.triangles.address(device))
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        self.positions.bytes()
+            + self.normals.bytes()
+            + self.texcoords.bytes()
+            + self.triangles.bytes()
+            + self.materials.bytes()
+            + self.textures.bytes()
+            + self.texels.bytes()
+    }
+}
+
+/// The material of each triangle.
+fn materials_of(geometry: &Geometry) -> Vec<u32> {
+    let of_batch = |batch: &curitiba_pipeline::scene::Batch| std::iter::repeat_n(batch.material, batch.count as usize);
+    geometry.batches.iter().flat_map(of_batch).collect()
+}
+
+/// Level 0 of every texture: the only one that rays read.
+fn textures(scene: &RenderScene) -> (Vec<TextureInfo>, Vec<u8>) {
+    let (mut infos, mut texels) = (Vec::with_capacity(scene.textures.len()), Vec::new());
+    for texture in &scene.textures {
+        let level = &texture.levels[0];
+        infos.push(TextureInfo { first: texels.len() as u64 / 4, width: level.width, height: level.height });
+        texels.extend_from_slice(level.texels.as_flattened());
+    }
+    (infos, texels)
+}
+
+/// What the job knows of the materials.
+pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
+    let set = |flags: &[bool], material: usize, flag: u32| {
+        if flags.get(material).copied().unwrap_or(false) { flag } else { 0 }
+    };
+    let shade = |(material, shade): (usize, &curitiba_pipeline::backend::Shade)| {
+        let cutoff = shade.alpha_cutoff.filter(|_| job.fidelity == Fidelity::Corrected);
+        Shade {
+            diffuse: shade.diffuse.truncate().to_array(),
+            flags: set(job.glass, material, SHADE_GLASS)
+                | set(job.shadow_glass, material, SHADE_SHADOW_GLASS)
+                | if cutoff.is_some() { SHADE_CUT } else { 0 },
+            texture: shade.texture.unwrap_or(NO_TEXTURE),
+            cutoff: cutoff.unwrap_or(0.0),
+        }
+    };
+    job.shades.iter().enumerate().map(shade).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use curitiba_pipeline::scene::Batch;
+    use curitiba_pipeline::scene::texture::Texture;
+
+    #[test]
+    fn triangles_know_their_material_and_textures_their_texels() {
+        let geometry = Geometry {
+            batches: vec![Batch { material: 3, first: 0, count: 2 }, Batch { material: 1, first: 2, count: 1 }],
+            ..Geometry::default()
+        };
+        assert_eq!(materials_of(&geometry), [3, 3, 1]);
+        let texture = |width: u32, value: u8| Texture::new(String::new(), width, 1, vec![[value; 4]; width as usize]);
+        let scene = RenderScene { textures: vec![texture(2, 7), texture(1, 9)], ..RenderScene::default() };
+        let (infos, texels) = textures(&scene);
+        assert_eq!((infos[1].first, infos[1].width, infos[1].height), (2, 1, 1));
+        assert_eq!(texels, [7, 7, 7, 7, 7, 7, 7, 7, 9, 9, 9, 9]);
+    }
+}

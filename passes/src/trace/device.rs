@@ -1,0 +1,352 @@
+//! The wide tree in the layout that a GPU traverses, one ray a thread.
+//!
+//! Nodes have eight children whose boxes are quantised to 8 bits a plane, outwards: Ylitie, Karras and Laine, "Efficient
+//! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 3. Leaves have up to three triangles.
+//! The tree is built and collapsed as [`Bvh`](super::Bvh) is, with the costs of this layout.
+
+use super::build::{self, Input, Leaves, MAX_DEPTH};
+use super::bvh::inputs;
+use super::node::{Child, Node};
+use super::query::Bounds;
+use super::{Quality, block, clear, lanes::LANES, offset, query};
+use bytemuck::{Pod, Zeroable};
+use curitiba_pipeline::scene::Geometry;
+use glam::Vec3;
+
+/// Marks the id of a triangle whose hits are asked for.
+pub const TRANSPARENT: u32 = block::TRANSPARENT;
+/// Entries that the traversal stack needs: one a level, and the root's.
+pub const STACK: usize = MAX_DEPTH + 2;
+/// Units of rounding error by which rays start off their surface.
+pub const OFFSET_UNITS: f32 = offset::UNITS;
+/// Error of the triangle test for each unit of distance to the farthest corner, relative to [`OFFSET_UNITS`].
+pub const OFFSET_REACH: f32 = offset::REACH as f32;
+/// Unit roundoff of `f32`.
+pub const UNIT_ROUNDOFF: f32 = query::UNIT_ROUNDOFF;
+/// Nodes that the search for a clear hemisphere opens at most.
+pub const CLEAR_VISITS: usize = clear::VISITS;
+
+/// Triangles in a leaf at most: what the three bits of a child's description count.
+const LEAF: usize = 3;
+/// Cost of testing a triangle, where opening a node of eight boxes costs 1.
+const TRIANGLE_COST: f32 = 0.3;
+
+/// A node of eight children: 80 bytes.
+///
+/// A plane of child `s` lies at `corner + q * 2^(exponent - 127)` along its axis, `q` being byte `s` of the axis's eight.
+/// Children lie in slots by where they are: bit 0 of the slot is set where the child is on the high side along x, bit 1
+/// along y, bit 2 along z, as far as several children do not contend for a slot.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C, align(16))]
+pub struct DeviceNode {
+    /// Where the quantised coordinates count from.
+    pub corner: [f32; 3],
+    /// Biased exponents of the quantum along x, y and z.
+    pub exponents: [u8; 3],
+    /// Bit `s`: whether slot `s` holds a node.
+    pub inner: u8,
+    /// Index of the first child node; the others follow in the order of their slots.
+    pub first_child: u32,
+    /// Index of the first triangle of the leaves, three vectors a triangle.
+    pub first_triangle: u32,
+    /// By slot: 0 for none; `0x20 | 24 + slot` for a node; for a leaf the number of its triangles in unary (1, 3, 7) times
+    /// 32, and their offset.
+    pub children: [u8; LANES],
+    /// Low planes by axis.
+    pub low: [[u8; LANES]; 3],
+    /// High planes by axis.
+    pub high: [[u8; LANES]; 3],
+}
+
+/// The tree, ready to be copied to a device.
+#[derive(Debug, Clone, Default)]
+pub struct DeviceTree {
+    /// Nodes, the root first; none if there is no triangle.
+    pub nodes: Vec<DeviceNode>,
+    /// Three vectors a triangle: its corners; in the first one's fourth place the bits of its id, with [`TRANSPARENT`].
+    pub triangles: Vec<[[f32; 4]; 3]>,
+    /// The least and the greatest coordinates of all triangles.
+    pub bounds: [[f32; 3]; 2],
+}
+
+/// The members of the leaves, one after another.
+#[derive(Default)]
+struct Members {
+    members: Vec<u32>,
+    /// Where each leaf ends.
+    ends: Vec<u32>,
+}
+
+impl Members {
+    fn leaf(&self, leaf: usize) -> &[u32] {
+        let first = if leaf == 0 { 0 } else { self.ends[leaf - 1] as usize };
+        &self.members[first..self.ends[leaf] as usize]
+    }
+}
+
+impl Leaves for Members {
+    const MOST: usize = LEAF;
+
+    fn cost(triangles: usize) -> f32 {
+        triangles as f32 * TRIANGLE_COST
+    }
+
+    fn add(&mut self, _: &[Input], members: &[u32]) -> usize {
+        self.members.extend_from_slice(members);
+        self.ends.push(self.members.len() as u32);
+        self.ends.len() - 1
+    }
+}
+
+impl DeviceTree {
+    /// Builds the tree over all triangles, with rayon's global pool; arguments as for [`Bvh::build`](super::Bvh::build).
+    ///
+    /// # Panics
+    /// If there are 2³¹ triangles or more.
+    #[must_use]
+    pub fn build(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Self {
+        let inputs = inputs(geometry, transparent);
+        let built = build::build::<Members>(&inputs, quality.effort(inputs.len()));
+        let mut tree = Self::default();
+        if built.root == Child::NONE {
+            return tree;
+        }
+        tree.bounds = [built.bounds.low.to_array(), built.bounds.high.to_array()];
+        tree.triangles.reserve_exact(inputs.len());
+        // A tree of one leaf gets a node around it.
+        let mut alone = Node::EMPTY;
+        alone.set(0, built.bounds, built.root);
+        let node_of = |child: Child| if child.is_block() { &alone } else { &built.nodes[child.index()] };
+        tree.nodes.reserve_exact(built.nodes.len().max(1));
+        tree.nodes.push(DeviceNode::zeroed());
+        let mut pending = vec![(built.root, 0)];
+        while let Some((child, place)) = pending.pop() {
+            let written = tree.write(node_of(child), &built.leaves, &inputs, &mut pending);
+            tree.nodes[place] = written;
+        }
+        tree
+    }
+
+    /// Memory of nodes and triangles, bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice())
+    }
+
+    /// Makes a node, adds its triangles, and makes room for its inner children, which become `pending`.
+    fn write(
+        &mut self,
+        node: &Node,
+        leaves: &Members,
+        inputs: &[Input],
+        pending: &mut Vec<(Child, usize)>,
+    ) -> DeviceNode {
+        let used: Vec<usize> = (0..LANES).filter(|lane| node.children[*lane] != Child::NONE).collect();
+        let boxes: Vec<Bounds> = used.iter().map(|lane| bounds_of(node, *lane)).collect();
+        let whole = boxes.iter().fold(Bounds::EMPTY, |all, bounds| all.union(*bounds));
+        let mut written = DeviceNode {
+            corner: whole.low.to_array(),
+            exponents: [0, 1, 2].map(|axis| exponent(whole.low[axis], whole.high[axis])),
+            first_child: self.nodes.len() as u32,
+            first_triangle: self.triangles.len() as u32,
+            ..DeviceNode::zeroed()
+        };
+        let mut offset = 0;
+        for (slot, child) in slots(&boxes, whole).into_iter().enumerate() {
+            let Some(child) = child else { continue };
+            written.quantise(slot, boxes[child]);
+            let child = node.children[used[child]];
+            if child.is_block() {
+                let members = leaves.leaf(child.index());
+                written.children[slot] = (0b111_u8 >> (LEAF - members.len())) << 5 | offset;
+                offset += members.len() as u8;
+                self.triangles.extend(members.iter().map(|member| {
+                    let Input { corners: [a, b, c], id } = inputs[*member as usize];
+                    [a.extend(f32::from_bits(id)), b.extend(0.0), c.extend(0.0)].map(|corner| corner.to_array())
+                }));
+            } else {
+                written.inner |= 1 << slot;
+                written.children[slot] = 0x20 | (24 + slot as u8);
+                pending.push((child, self.nodes.len()));
+                self.nodes.push(DeviceNode::zeroed());
+            }
+        }
+        written
+    }
+}
+
+fn bounds_of(node: &Node, lane: usize) -> Bounds {
+    let point = |planes: &[super::lanes::F8; 3]| Vec3::from_array([0, 1, 2].map(|axis: usize| planes[axis].0[lane]));
+    Bounds { low: point(&node.planes[0]), high: point(&node.planes[1]) }
+}
+
+fn quantum(exponent: u8) -> f32 {
+    f32::from_bits(u32::from(exponent) << 23)
+}
+
+/// The coordinate of a quantised plane, rounded as a device rounds it.
+fn plane(corner: f32, quantum: f32, steps: u8) -> f32 {
+    // The product is exact, so this is one rounding, fused or not.
+    corner + f32::from(steps) * quantum
+}
+
+/// The biased exponent of the least power of two of which 255 steps reach from `low` to `high`.
+fn exponent(low: f32, high: f32) -> u8 {
+    let step = (f64::from(high) - f64::from(low)) / 255.0;
+    let mut exponent = ((step as f32).to_bits() >> 23).clamp(1, 254) as u8;
+    while exponent < 254 && plane(low, quantum(exponent), 255) < high {
+        exponent += 1;
+    }
+    exponent
+}
+
+impl DeviceNode {
+    /// Writes the box of a slot, rounded outwards.
+    fn quantise(&mut self, slot: usize, bounds: Bounds) {
+        for axis in 0..3 {
+            let (corner, quantum) = (self.corner[axis], quantum(self.exponents[axis]));
+            let steps = |coordinate: f32| (f64::from(coordinate) - f64::from(corner)) / f64::from(quantum);
+            let mut low = steps(bounds.low[axis]).floor() as u8;
+            while low > 0 && plane(corner, quantum, low) > bounds.low[axis] {
+                low -= 1;
+            }
+            let mut high = steps(bounds.high[axis]).ceil() as u8;
+            while high < u8::MAX && plane(corner, quantum, high) < bounds.high[axis] {
+                high += 1;
+            }
+            (self.low[axis][slot], self.high[axis][slot]) = (low, high);
+        }
+    }
+
+    /// The box of a slot.
+    #[must_use]
+    pub fn bounds(&self, slot: usize) -> [[f32; 3]; 2] {
+        [&self.low, &self.high].map(|planes| {
+            [0, 1, 2].map(|axis: usize| plane(self.corner[axis], quantum(self.exponents[axis]), planes[axis][slot]))
+        })
+    }
+}
+
+/// Which child goes into each slot: greedily, the one that lies farthest towards the slot's corner first.
+fn slots(boxes: &[Bounds], whole: Bounds) -> [Option<usize>; LANES] {
+    let center = (whole.low + whole.high) * 0.5;
+    let towards = |slot: usize| Vec3::from_array([0, 1, 2].map(|axis| if slot >> axis & 1 == 1 { 1.0 } else { -1.0 }));
+    let mut taken = [None; LANES];
+    let mut placed = [false; LANES];
+    for _ in 0..boxes.len() {
+        let mut best: Option<(f32, usize, usize)> = None;
+        for (child, bounds) in boxes.iter().enumerate().filter(|(child, _)| !placed[*child]) {
+            let from_center = (bounds.low + bounds.high) * 0.5 - center;
+            for slot in (0..LANES).filter(|slot| taken[*slot].is_none()) {
+                let along = from_center.dot(towards(slot));
+                if best.is_none_or(|best| along > best.0) {
+                    best = Some((along, child, slot));
+                }
+            }
+        }
+        // Not a number where coordinates overflow: then any place serves.
+        let (child, slot) = match best {
+            Some((_, child, slot)) => (child, slot),
+            None => break,
+        };
+        taken[slot] = Some(child);
+        placed[child] = true;
+    }
+    taken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use curitiba_pipeline::scene::Batch;
+
+    fn soup(count: u32, center: f32, size: f32) -> Geometry {
+        let mut state = 7_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f32 / 8_388_608.0 - 1.0
+        };
+        let mut positions = Vec::new();
+        for _ in 0..count {
+            let middle = Vec3::new(random(), random(), random()) + center;
+            positions.extend([0; 3].map(|_| middle + Vec3::new(random(), random(), random()) * size));
+        }
+        Geometry {
+            positions,
+            triangles: (0..count).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect(),
+            batches: vec![
+                Batch { material: 0, first: 0, count: count / 2 },
+                Batch { material: 1, first: count / 2, count: count - count / 2 },
+            ],
+            ..Geometry::default()
+        }
+    }
+
+    /// Checks that every triangle below a node lies in the boxes on its way, and returns how many there are.
+    fn check(tree: &DeviceTree, index: usize, inside: &[[[f32; 3]; 2]], seen: &mut Vec<u32>) -> usize {
+        let node = &tree.nodes[index];
+        let mut depth = 1;
+        for slot in 0..LANES {
+            let meta = node.children[slot];
+            if meta == 0 {
+                continue;
+            }
+            let boxes: Vec<_> = inside.iter().copied().chain([node.bounds(slot)]).collect();
+            if node.inner >> slot & 1 == 1 {
+                assert_eq!(usize::from(meta), 0x20 + 24 + slot);
+                let before = (node.inner & ((1 << slot) - 1)).count_ones();
+                depth = depth.max(1 + check(tree, (node.first_child + before) as usize, &boxes, seen));
+                continue;
+            }
+            for triangle in 0..(meta >> 5).count_ones() {
+                let corners = tree.triangles[(node.first_triangle + u32::from(meta & 31) + triangle) as usize];
+                seen.push(corners[0][3].to_bits());
+                for corner in corners {
+                    for axis in 0..3 {
+                        for [low, high] in &boxes {
+                            assert!(low[axis] <= corner[axis] && corner[axis] <= high[axis]);
+                        }
+                    }
+                }
+            }
+        }
+        depth
+    }
+
+    #[test]
+    fn every_triangle_is_in_the_tree_once_and_inside_all_boxes_on_its_way() {
+        for (count, center, size) in
+            [(1, 0.0, 1.0), (3, 5.0, 0.0), (4, 0.0, 0.1), (5000, 0.0, 0.02), (3000, 1.0e4, 0.001)]
+        {
+            let geometry = soup(count, center, size);
+            let tree = DeviceTree::build(&geometry, &[false, true], Quality::Balanced);
+            let mut seen = Vec::new();
+            let depth = check(&tree, 0, &[], &mut seen);
+            assert!(depth <= MAX_DEPTH + 1);
+            seen.sort_unstable_by_key(|id| id & !TRANSPARENT);
+            let expected: Vec<u32> = (0..count).map(|id| if id < count / 2 { id } else { id | TRANSPARENT }).collect();
+            assert_eq!(seen, expected);
+            assert_eq!(tree.triangles.len(), count as usize);
+        }
+    }
+
+    #[test]
+    fn a_tree_of_nothing_has_no_node() {
+        let tree = DeviceTree::build(&Geometry::default(), &[], Quality::Balanced);
+        assert!(tree.nodes.is_empty() && tree.triangles.is_empty() && tree.bytes() == 0);
+    }
+
+    #[test]
+    fn boxes_are_no_looser_than_their_quantum() {
+        let geometry = soup(2000, 0.0, 0.02);
+        let tree = DeviceTree::build(&geometry, &[], Quality::Balanced);
+        let root = &tree.nodes[0];
+        for axis in 0..3 {
+            let (low, high) = (tree.bounds[0][axis], tree.bounds[1][axis]);
+            let used = (0..LANES).filter(|slot| root.children[*slot] != 0);
+            let most = used.map(|slot| root.bounds(slot)[1][axis]).fold(f32::NEG_INFINITY, f32::max);
+            assert!(root.corner[axis] == low && most >= high && most - high <= quantum(root.exponents[axis]));
+            assert!((high - low) / quantum(root.exponents[axis]) > 126.0, "a finer quantum would do");
+        }
+    }
+}
