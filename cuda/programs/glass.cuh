@@ -25,12 +25,12 @@ DEVICE float3 corrected_glass(Pass<Tracer> &pass, Surface surface, float3 view, 
     while (true) {
         // The light that this surface sends along `view` splits.
         float3 normal = interface_normal(surface, view);
-        Interface interface = fresnel(-dot(normal, view), params.index);
+        Interface interface = interface_of(params, -dot(normal, view));
         float3 refracted;
         bool enters = refract(interface, view, normal, params.index, refracted);
         if (enters && dot(refracted, surface.facing) >= 0.0f) {
             normal = surface.facing;
-            interface = fresnel(-dot(normal, view), params.index);
+            interface = interface_of(params, -dot(normal, view));
             enters = refract(interface, view, normal, params.index, refracted);
         }
         Branch next = {surface.point.position, view, 0.0f, key, bounces};

@@ -11,7 +11,7 @@ use curitiba_passes::sampling::square_root;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, RayProgram, Sampler};
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram, Sampler};
 use curitiba_pipeline::scene::RenderScene;
 use glam::Vec3;
 use std::sync::Arc;
@@ -179,7 +179,7 @@ impl<T: DeviceTracer> DeviceRays<T> {
             light_color: light_color.to_array(),
             scene_low: [0.0; 3],
             scene_high: [0.0; 3],
-            filler: 0,
+            schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
         })
     }
 
