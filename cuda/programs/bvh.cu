@@ -3,15 +3,19 @@
 
 #include CURITIBA_PROGRAM
 
-// A warp is a tile of 8 x 4 pixels: blocks have 8 threads a row.
+// A warp is a tile of 8 x 4 pixels: blocks have 8 threads a row. So many blocks as the program says are to fit on a
+// multiprocessor at once, which bounds the registers of a thread.
 #define KERNEL(FIDELITY)                                                                                               \
-    extern "C" __global__ void __launch_bounds__(BLOCK_WIDTH *BLOCK_HEIGHT)                                            \
+    extern "C" __global__ void __launch_bounds__(BLOCK_WIDTH *BLOCK_HEIGHT, RESIDENT_BLOCKS)                           \
         curitiba_##FIDELITY(const __grid_constant__ Params params) {                                                   \
-        unsigned x = blockIdx.x * BLOCK_WIDTH + threadIdx.x, y = params.first_row + blockIdx.y * BLOCK_HEIGHT + threadIdx.y; \
-        if (x >= params.width || y >= params.first_row + params.rows) return;                                          \
+        unsigned column = blockIdx.x * BLOCK_WIDTH + threadIdx.x, row = blockIdx.y * BLOCK_HEIGHT + threadIdx.y;       \
+        bool inside = column < params.width && row < params.rows;                                                      \
+        unsigned x = min(column, params.width - 1), y = params.first_row + min(row, params.rows - 1);                  \
         Bvh tracer = {params};                                                                                         \
-        Pass<Bvh> pass = {params, tracer, {x, y, y * params.width + x}, {}};                                           \
-        params.output[pass.pixel.index] = FIDELITY(pass);                                                              \
+        Pass<Bvh> pass = {params, tracer, {x, y, y * params.width + x}, inside, {}};                                   \
+        float4 result = FIDELITY(pass);                                                                                \
+        if (!inside) return;                                                                                           \
+        params.output[pass.pixel.index] = result;                                                                      \
         count_rays(params, pass.pixel.index, pass.rays);                                                               \
     }
 KERNEL(corrected)

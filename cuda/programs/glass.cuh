@@ -1,6 +1,6 @@
-// Glass that reflects and refracts, shared by `refraction` and `final`. `Shader` gives the colour of everything else:
-//   float3 corrected(pass, hit, surface, key)
-//   float3 thesis(pass, ray, hit)
+// Glass that reflects and refracts, shared by `refraction` and `final`. In thesis fidelity `Shader` gives the colour of
+// everything else, and is asked by threads that met nothing too:
+//   float3 thesis(pass, here, ray, hit)
 //
 // The Rust reference recurses; here the tree of rays is walked with a list of the branches still to be traced, each with
 // the weight of its colour. The sum is the same but for the order of its roundings.
@@ -14,16 +14,39 @@ struct Branch {
     unsigned key, bounces;
 };
 
-template <class Shader, class Tracer>
-DEVICE float3 corrected_glass(Pass<Tracer> &pass, Surface surface, float3 view, unsigned key) {
-    const Params &params = pass.params;
-    float3 color = splat(0.0f);
+// Where a ray through glass ends, and what its colour weighs.
+struct GlassEnd {
+    Hit hit;
+    Surface surface;
+    float weight;
+    unsigned key;
+};
+
+// The tree of rays of one pixel, walked from end to end.
+struct GlassWalk {
     Branch waiting[MAX_DEPTH + 1];
     unsigned count = 0;
-    float weight = 1.0f;
-    unsigned bounces = 0;
-    while (true) {
-        // The light that this surface sends along `view` splits.
+    Branch next;
+    bool follows = false, splits = false;
+    // The glass on which a ray splits next.
+    Surface surface;
+    float3 view;
+    float weight;
+    unsigned key, bounces;
+
+    // Starts at glass that is seen in a direction.
+    DEVICE_MEMBER void enter(const Surface &at, float3 direction, unsigned path, float share, unsigned bounce) {
+        surface = at;
+        view = direction;
+        key = path;
+        weight = share;
+        bounces = bounce;
+        splits = true;
+    }
+
+    // The light that the glass sends along `view` splits.
+    template <class Tracer> DEVICE_MEMBER void split(Pass<Tracer> &pass) {
+        const Params &params = pass.params;
         float3 normal = interface_normal(surface, view);
         Interface interface = interface_of(params, -dot(normal, view));
         float3 refracted;
@@ -33,8 +56,7 @@ DEVICE float3 corrected_glass(Pass<Tracer> &pass, Surface surface, float3 view, 
             interface = interface_of(params, -dot(normal, view));
             enters = refract(interface, view, normal, params.index, refracted);
         }
-        Branch next = {surface.point.position, view, 0.0f, key, bounces};
-        bool follows = false;
+        follows = false;
         if (enters) {
             pass.rays.refracted += 1;
             next = {spawn(surface.point, refracted), refracted, weight * (1.0f - interface.reflectance),
@@ -49,11 +71,16 @@ DEVICE float3 corrected_glass(Pass<Tracer> &pass, Surface surface, float3 view, 
                     path_key(key, BRANCH_REFLECTED), bounces};
             follows = true;
         }
-        // Follows rays until one ends on glass that splits it again.
-        bool split = false;
-        while (!split) {
+        splits = false;
+    }
+
+    // Goes on to the next end that is not glass; false when there is none left.
+    template <class Tracer> DEVICE_MEMBER bool advance(Pass<Tracer> &pass, GlassEnd &end) {
+        const Params &params = pass.params;
+        while (true) {
+            if (splits) split(pass);
             if (!follows) {
-                if (count == 0) return color;
+                if (count == 0) return false;
                 next = waiting[--count];
             }
             follows = false;
@@ -61,23 +88,27 @@ DEVICE float3 corrected_glass(Pass<Tracer> &pass, Surface surface, float3 view, 
             if (!pass.closest(next.origin, next.direction, hit)) continue;
             bool glass = is_glass(params, hit.triangle);
             if (glass && next.bounces >= params.depth) continue;
-            surface = surface_hit(params, next.direction, hit);
-            if (glass) {
-                weight = GLASS_BOUNCE * next.weight;
-                view = next.direction;
-                key = next.key;
-                bounces = next.bounces + 1;
-                split = true;
-            } else {
-                color = color + next.weight * Shader::corrected(pass, hit, surface, next.key);
+            Surface met = surface_hit(params, next.direction, hit);
+            if (!glass) {
+                end = {hit, met, next.weight, next.key};
+                return true;
             }
+            enter(met, next.direction, next.key, GLASS_BOUNCE * next.weight, next.bounces + 1);
         }
     }
-}
+};
 
-// The bounces of a radiance ray of the report: a chain, since its glass keeps the reflected colour only.
-template <class Shader, class Tracer>
-DEVICE float3 thesis_chain(Pass<Tracer> &pass, float3 origin, float3 direction, float t_min, bool refracted) {
+// Where a radiance ray of the report ends.
+struct ThesisEnd {
+    Ray ray;
+    Hit hit;
+    float weight;
+};
+
+// The bounces of a radiance ray of the report: a chain, since its glass keeps the reflected colour only. Whether it ends on
+// anything.
+template <class Tracer>
+DEVICE bool thesis_chain(Pass<Tracer> &pass, float3 origin, float3 direction, float t_min, bool refracted, ThesisEnd &end) {
     const Params &params = pass.params;
     float weight = 1.0f;
     for (unsigned bounce = 0; bounce <= params.depth; ++bounce) {
@@ -87,9 +118,12 @@ DEVICE float3 thesis_chain(Pass<Tracer> &pass, float3 origin, float3 direction, 
             pass.rays.reflected += 1;
         }
         Hit hit;
-        if (!pass.thesis_closest(origin, direction, t_min, hit)) break;
+        if (!pass.thesis_closest(origin, direction, t_min, hit)) return false;
         Ray ray = {origin, direction, t_min, INFINITY};
-        if (!is_glass(params, hit.triangle)) return weight * Shader::thesis(pass, ray, hit);
+        if (!is_glass(params, hit.triangle)) {
+            end = {ray, hit, weight};
+            return true;
+        }
         ThesisNormals normals = thesis_normals(params, hit);
         float3 normal = face_forward(normals.shading, -direction, normals.geometric);
         float3 unused;
@@ -98,28 +132,30 @@ DEVICE float3 thesis_chain(Pass<Tracer> &pass, float3 origin, float3 direction, 
         direction = reflect(direction, normal);
         t_min = THESIS_EPSILON;
     }
-    return splat(0.0f);
+    return false;
 }
 
-// The glass branch of the report's `buffer_camera`.
-template <class Shader, class Tracer> DEVICE float3 thesis_glass(Pass<Tracer> &pass) {
+// The glass branch of the report's `buffer_camera`, where it is wanted. `Shader` is asked by all threads together.
+template <class Shader, class Tracer> DEVICE float3 thesis_glass(Pass<Tracer> &pass, bool wanted) {
     const Params &params = pass.params;
     float3 position = xyz(pass.position()), normal = pass.normal();
     float3 view = thesis_view(params, position);
     float3 direction = reflect(view, normal), colors[2] = {splat(0.0f), splat(0.0f)};
     float t_min = THESIS_EPSILON;
+    bool goes = wanted;
     // One loop, so that the chain and all that it inlines is compiled once.
 #pragma unroll 1
     for (int branch = 0; branch < 2; ++branch) {
-        float3 color = thesis_chain<Shader>(pass, position, direction, t_min, branch == 1);
+        ThesisEnd end;
+        bool here = goes && thesis_chain(pass, position, direction, t_min, branch == 1, end);
+        float3 color = Shader::thesis(pass, here, end.ray, end.hit);
+        if (here) colors[branch] = end.weight * color;
         if (branch == 0) {
-            colors[0] = color;
-            if (!thesis_refract(view, normal, params.index, direction)) return color;
+            goes = goes && thesis_refract(view, normal, params.index, direction);
             t_min = THESIS_REFRACTED_EPSILON;
-        } else {
-            colors[1] = color;
         }
     }
+    if (!goes) return colors[0];
     float weight = thesis_coefficient(params.index, normal, view);
     return weight * colors[1] + (1.0f - weight) * colors[0];
 }

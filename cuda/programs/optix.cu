@@ -29,7 +29,7 @@ extern "C" __global__ void __miss__miss() {
     extern "C" __global__ void __raygen__##FIDELITY() {                                                                \
         unsigned x = launch_x(), y = params.first_row + launch_y();                                                    \
         Optix tracer = {params};                                                                                       \
-        Pass<Optix> pass = {params, tracer, {x, y, y * params.width + x}, {}};                                         \
+        Pass<Optix> pass = {params, tracer, {x, y, y * params.width + x}, true, {}};                                   \
         params.output[pass.pixel.index] = FIDELITY(pass);                                                              \
         count_rays(params, pass.pixel.index, pass.rays);                                                                       \
     }

@@ -2,10 +2,10 @@
 // (`effects/occlusion.rs`). Generic over the tracer, which has
 //   bool closest<Accept>(ray, hit)          the nearest accepted hit; of several at one distance, the lowest triangle
 //   bool occluded<Accept>(ray, crossings)   whether any accepted hit exists
-//   int gather(origin, normal, t_max, list) how many triangles a ray to the normal's side may meet; below 0: unknown
-//   bool blocked_by<Accept>(ray, list, count) whether any of them stops a ray
+//   unsigned count_open<Accept>(wanted, fan, samples, rays)  how many rays of a fan nothing stops; counts the rays
+//   bool any(value)                         whether it is true in any thread that works together with this one
 #pragma once
-#include "surface.cuh"
+#include "fan.cuh"
 
 struct RayCounts {
     unsigned shadow, occlusion, reflected, refracted, certain;
@@ -18,13 +18,15 @@ struct Pixel {
 template <class Tracer> struct Pass {
     const Params &params;
     const Tracer &tracer;
+    // Threads beyond the last row or column repeat a pixel, so that warps are whole; they see nothing.
     Pixel pixel;
+    bool inside;
     RayCounts rays;
 
     __device__ __forceinline__ float4 position() const { return params.position[pixel.index]; }
     __device__ __forceinline__ float3 normal() const { return xyz(params.normal[pixel.index]); }
     __device__ __forceinline__ float4 color() const { return params.color[pixel.index]; }
-    __device__ __forceinline__ unsigned triangle() const { return params.triangle[pixel.index]; }
+    __device__ __forceinline__ unsigned triangle() const { return inside ? params.triangle[pixel.index] : NO_TRIANGLE; }
     __device__ __forceinline__ float3 eye() const { return vec3(params.eye[0], params.eye[1], params.eye[2]); }
     __device__ __forceinline__ float3 to_light() const {
         return vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
@@ -50,61 +52,22 @@ template <class Tracer> struct Pass {
         return !tracer.template occluded<ACCEPT>({position, to_light(), THESIS_EPSILON, INFINITY}, nullptr);
     }
 
-    // The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity.
-    template <Accept ACCEPT> __device__ __forceinline__ float occlusion(const Surface &surface, unsigned key) {
+    // The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity; 1 where
+    // it is not wanted. All threads of a warp call it together: they share their rays.
+    template <Accept ACCEPT> __device__ __forceinline__ float occlusion(bool wanted, const Surface &surface, unsigned key) {
         unsigned samples = params.samples;
         if (samples == 0) return 1.0f;
-        float3 origin = spawn(surface.point, surface.facing);
-        unsigned near[GATHERED];
-        int count = tracer.gather(origin, surface.facing, params.radius, near);
-        if (count == 0) {
-            rays.certain += samples;
-            return 1.0f;
-        }
-        rays.occlusion += samples;
-        Basis basis = basis_around(surface.normal);
-        uint2 seeds = dimensions(key, HASH_SCRAMBLE);
-        unsigned open = 0;
-        for (unsigned i = 0; i < samples; ++i) {
-            float2 point;
-            if (params.strata == 0) {
-                uint2 sobol = __ldg(params.sobol + i);
-                point.x = unit_of(scramble_reversed(sobol.x, seeds.x));
-                point.y = unit_of(scramble_reversed(sobol.y, seeds.y));
-            } else {
-                constexpr float ONE_BELOW = 1.0f - UNIT_ROUNDOFF;
-                uint2 jitter = dimensions(key, i);
-                float width = 1.0f / (float)params.strata;
-                unsigned row = i / params.strata, column = i - row * params.strata;
-                point.x = fminf(((float)row + unit_of(jitter.x)) * width, ONE_BELOW);
-                point.y = fminf(((float)column + unit_of(jitter.y)) * width, ONE_BELOW);
-            }
-            float3 direction = to_world(basis, cosine_direction(point));
-            float below = fminf(dot(direction, surface.facing), 0.0f);
-            direction = direction - 2.0f * below * surface.facing;
-            Ray ray = {origin, direction, 0.0f, params.radius};
-            open += !(count > 0 ? tracer.template blocked_by<ACCEPT>(ray, near, count)
-                                : tracer.template occluded<ACCEPT>(ray, nullptr));
-        }
-        return params.open_share[open];
+        Fan fan;
+        if (wanted) fan = {spawn(surface.point, surface.facing), surface.facing, surface.normal, key};
+        unsigned open = tracer.template count_open<ACCEPT>(wanted, fan, samples, rays);
+        return wanted ? params.open_share[open] : 1.0f;
     }
-    template <Accept ACCEPT> __device__ __forceinline__ float thesis_occlusion(float3 position, float3 normal) {
-        unsigned side = params.strata;
-        if (side == 0) return 1.0f;
-        Basis basis = thesis_basis(normal);
-        unsigned open = 0;
-        for (unsigned i = 0; i < side; ++i) {
-            for (unsigned j = 0; j < side; ++j) {
-                float3 direction = to_world(basis, thesis_cosine(thesis_stratum(position, i, j, side)));
-                if (!(is_finite(direction) && is_finite(position))) {
-                    open += 1;
-                    continue;
-                }
-                rays.occlusion += 1;
-                open += !tracer.template occluded<ACCEPT>({position, direction, THESIS_EPSILON, params.radius}, nullptr);
-            }
-        }
-        return params.open_share[open];
+    template <Accept ACCEPT>
+    __device__ __forceinline__ float thesis_occlusion(bool wanted, float3 position, float3 normal) {
+        if (params.strata == 0) return 1.0f;
+        ThesisFan fan = {position, normal};
+        unsigned open = tracer.template count_open<ACCEPT>(wanted, fan, params.strata * params.strata, rays);
+        return wanted ? params.open_share[open] : 1.0f;
     }
 
     // What reaches a surface of the light in `final`.

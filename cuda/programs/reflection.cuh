@@ -2,6 +2,8 @@
 #pragma once
 #include "pass.cuh"
 
+constexpr unsigned RESIDENT_BLOCKS = 1;
+
 template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     const Params &params = pass.params;
     unsigned triangle = pass.triangle();

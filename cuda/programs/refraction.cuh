@@ -2,12 +2,11 @@
 #pragma once
 #include "glass.cuh"
 
+constexpr unsigned RESIDENT_BLOCKS = 1;
+
 struct LitSurface {
-    template <class Tracer>
-    DEVICE float3 corrected(Pass<Tracer> &pass, const Hit &hit, const Surface &surface, unsigned) {
-        return lit_color(pass.params, hit, surface.normal);
-    }
-    template <class Tracer> DEVICE float3 thesis(Pass<Tracer> &pass, const Ray &ray, const Hit &hit) {
+    template <class Tracer> DEVICE float3 thesis(Pass<Tracer> &pass, bool here, const Ray &ray, const Hit &hit) {
+        if (!here) return splat(0.0f);
         ThesisNormals normals = thesis_normals(pass.params, hit);
         return lit_color(pass.params, hit, face_forward(normals.shading, -ray.direction, normals.geometric));
     }
@@ -18,10 +17,15 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     if (triangle == NO_TRIANGLE || !is_glass(pass.params, triangle)) return pass.color();
     float3 view;
     Surface surface = pass.surface_at(triangle, pass.normal(), view);
-    return opaque(corrected_glass<LitSurface>(pass, surface, view, 0u));
+    GlassWalk walk;
+    walk.enter(surface, view, 0u, 1.0f, 0);
+    GlassEnd end;
+    float3 color = splat(0.0f);
+    while (walk.advance(pass, end)) color = color + end.weight * lit_color(pass.params, end.hit, end.surface.normal);
+    return opaque(color);
 }
 
 template <class Tracer> DEVICE float4 thesis(Pass<Tracer> &pass) {
     float4 color = pass.color();
-    return is_glass_mask(color) ? opaque(thesis_glass<LitSurface>(pass)) : color;
+    return is_glass_mask(color) ? opaque(thesis_glass<LitSurface>(pass, true)) : color;
 }

@@ -9,6 +9,8 @@
 #pragma once
 #include "pass.cuh"
 
+constexpr unsigned WHOLE_WARP = ~0u;
+
 // Between the smallest reciprocal that does not overflow and the largest slope that matters: a ray that runs along an axis
 // is treated as one that leaves it by this share, which no coordinate of the scene notices.
 constexpr float LEAST_DIRECTION = 1.0e-25f;
@@ -279,11 +281,8 @@ struct Bvh {
         return blocked;
     }
 
-    __device__ __forceinline__ int gather(float3 origin, float3 normal, float radius, unsigned (&found)[GATHERED]) const;
-
     // Whether any of the gathered triangles stops the ray.
-    template <Accept ACCEPT>
-    __device__ __forceinline__ bool blocked_by(const Ray &ray, const unsigned (&found)[GATHERED], int count) const {
+    template <Accept ACCEPT> __device__ __forceinline__ bool blocked_by(const Ray &ray, const unsigned *found, int count) const {
         Query query;
         if (!prepare(ray, query)) return false;
         for (int i = 0; i < count; ++i) {
@@ -295,6 +294,10 @@ struct Bvh {
         }
         return false;
     }
+
+    template <Accept ACCEPT, class Rays>
+    __device__ __forceinline__ unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const;
+    static __device__ __forceinline__ bool any(bool value) { return __any_sync(WHOLE_WARP, value); }
 };
 
 // The contribution of one axis to an upper bound of the height of a box above a plane (`trace/clear.rs`).
@@ -306,7 +309,7 @@ DEVICE float height_bound(float low, float high, float origin, float normal) {
 
 // Looks into a few nodes; giving up is never wrong. What is left out is met by no ray to the normal's side.
 __device__ __forceinline__ int search(const Params &params, float3 origin, float3 normal, float radius,
-                                      unsigned (&found)[GATHERED]) {
+                                      unsigned *found) {
     if (params.node_count == 0) return 0;
     float3 low, high;
     {
@@ -387,8 +390,67 @@ __device__ __forceinline__ int search(const Params &params, float3 origin, float
     return -1;
 }
 
-__device__ __forceinline__ int Bvh::gather(float3 origin, float3 normal, float radius, unsigned (&found)[GATHERED]) const {
-    int count = search(params, origin, normal, radius, found);
-    // A warp does one or the other: with some threads in the tree, the lists of the rest would come on top.
-    return count > 0 && __any_sync(__activemask(), count < 0) ? -1 : count;
+// The fans of a block, where all threads of a warp see them.
+template <class Rays> struct SharedFan {
+    Rays fan;
+    int count;                                           // of the triangles below; below 0: the tree is searched
+    unsigned found[Rays::IN_HEMISPHERE ? GATHERED : 1u]; // triangles that may stop a ray
+};
+
+// Bits `from` to `to` of a word, where they exist.
+DEVICE unsigned bits_between(long long from, long long to) {
+    if (from >= 32 || to <= 0) return 0u;
+    unsigned below = from > 0 ? (1u << from) - 1u : 0u;
+    return (to < 32 ? (1u << to) - 1u : ~0u) & ~below;
+}
+
+// The rays of all fans of a warp are dealt to its threads: those of one fan side by side, since they start at one point.
+template <Accept ACCEPT, class Rays>
+__device__ __forceinline__ unsigned Bvh::count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
+    __shared__ SharedFan<Rays> fans[BLOCK_WIDTH * BLOCK_HEIGHT];
+    __shared__ unsigned char order[BLOCK_WIDTH * BLOCK_HEIGHT];
+    unsigned thread = threadIdx.y * BLOCK_WIDTH + threadIdx.x, lane = thread % 32u, warp = thread - lane;
+    unsigned open = 0;
+    int count = 0;
+    if (wanted) {
+        count = -1;
+        if constexpr (Rays::IN_HEMISPHERE) {
+            count = search(params, fan.origin, fan.facing, params.radius, fans[thread].found);
+        }
+        if (count == 0) {
+            rays.certain += samples;
+            open = samples;
+        } else {
+            fans[thread].fan = fan;
+            fans[thread].count = count;
+        }
+    }
+    // First the fans with few triangles, then the others, so that threads do the same.
+#pragma unroll
+    for (int few = Rays::IN_HEMISPHERE ? 1 : 0; few >= 0; --few) {
+        bool traces = few == 1 ? count > 0 : count < 0;
+        unsigned mask = __ballot_sync(WHOLE_WARP, traces);
+        unsigned place = __popc(mask & ((1u << lane) - 1u)), total = __popc(mask) * samples;
+        if (traces) order[warp + place] = (unsigned char)lane;
+        __syncwarp();
+        for (unsigned first = 0; first < total; first += 32u) {
+            unsigned index = first + lane;
+            bool traced = false, clear = false;
+            if (index < total) {
+                unsigned owner = index / samples, sample = index - owner * samples;
+                const SharedFan<Rays> &shared = fans[warp + order[warp + owner]];
+                Ray ray;
+                traced = shared.fan.ray(params, sample, ray);
+                clear = !traced || !(few == 1 ? blocked_by<ACCEPT>(ray, shared.found, shared.count)
+                                              : occluded<ACCEPT>(ray, nullptr));
+            }
+            // The part of the 32 rays that is of this thread's own fan.
+            long long from = (long long)place * samples - first;
+            unsigned own = traces ? bits_between(from, from + samples) : 0u;
+            open += __popc(__ballot_sync(WHOLE_WARP, clear) & own);
+            rays.occlusion += __popc(__ballot_sync(WHOLE_WARP, traced) & own);
+        }
+        __syncwarp();
+    }
+    return open;
 }

@@ -86,10 +86,22 @@ struct Optix {
         trace(ray, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
         return p[3] != MISSED;
     }
-    __device__ __forceinline__ int gather(float3, float3, float, unsigned (&)[GATHERED]) const { return -1; }
-    template <Accept ACCEPT>
-    __device__ __forceinline__ bool blocked_by(const Ray &, const unsigned (&)[GATHERED], int) const {
-        return false;
+    template <Accept ACCEPT, class Rays>
+    __device__ __forceinline__ unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
+        if (!wanted) return 0;
+        unsigned open = 0;
+        for (unsigned i = 0; i < samples; ++i) {
+            Ray ray;
+            if (!fan.ray(params, i, ray)) {
+                open += 1;
+                continue;
+            }
+            rays.occlusion += 1;
+            open += !occluded<ACCEPT>(ray, nullptr);
+        }
+        return open;
     }
+    // OptiX may move threads from warp to warp: each works alone.
+    static __device__ __forceinline__ bool any(bool value) { return value; }
     static constexpr unsigned MISSED = 0x6d697373u;
 };

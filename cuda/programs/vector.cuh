@@ -3,6 +3,7 @@
 #include "params.cuh"
 
 #define DEVICE static __device__ __forceinline__
+#define DEVICE_MEMBER __device__ __forceinline__
 // OptiX traces from inlined functions only.
 #ifdef CURITIBA_OPTIX
 #define OUTLINED __forceinline__

@@ -176,7 +176,8 @@ pub const MAX_CROSSINGS: u32 = 32;
 /// Length of the table of what glass leaves of light.
 pub const THROUGH_GLASS_ENTRIES: u32 = 64;
 /// Triangles around a point that its occlusion rays are tested against one by one; with more in reach, each ray is traced.
-pub const GATHERED: u32 = 12;
+/// Measured on an H100, 100 samples in the report's radius: `ssao` takes 7.6, 5.7 and 5.4 ms with 12, 32 and 64.
+pub const GATHERED: u32 = 64;
 /// Threads of a block along x; a warp is a tile of 8 x 4 pixels.
 pub const BLOCK_WIDTH: u32 = 8;
 /// Threads of a block along y.

@@ -71,6 +71,11 @@ pub type OptixRays = DeviceRays<crate::optix::OptixTracer>;
 /// pixel is very dear, and progress is seen.
 const PIXELS_OF_LAUNCH: u32 = 1 << 20;
 
+/// The place of a point, given with its bits reversed, on a Z-shaped curve.
+fn morton(reversed: &[u32; 2]) -> u64 {
+    (0..32).fold(0, |code, bit| code << 2 | u64::from(reversed[0] >> bit & 1) << 1 | u64::from(reversed[1] >> bit & 1))
+}
+
 /// Device images and tables that are kept from pass to pass.
 #[derive(Debug, Default)]
 struct Images {
@@ -129,8 +134,10 @@ impl<T: DeviceTracer> DeviceRays<T> {
             let shares: Vec<f32> = (0..=samples).map(share).collect();
             device.replace("the table of open shares", &mut images.open_share, &shares)?;
             if strata == 0 {
-                let points: Vec<u32> = (0..samples).flat_map(reversed_sobol).collect();
-                device.replace("the occlusion points", &mut images.sobol, &points)?;
+                let mut points: Vec<[u32; 2]> = (0..samples).map(reversed_sobol).collect();
+                // Scrambling keeps neighbours in both dimensions neighbours: rays side by side go the same way.
+                points.sort_by_key(morton);
+                device.replace("the occlusion points", &mut images.sobol, points.as_flattened())?;
             }
         }
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
@@ -293,5 +300,21 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         }
         let rays = self.read_counts()?;
         Ok(RayStats { rays, device_time: Some(device_time) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sorted_points_that_follow_each_other_lie_in_one_part_of_the_square() {
+        let mut points: Vec<[u32; 2]> = (0..64).map(reversed_sobol).collect();
+        let quarter = |point: &[u32; 2]| point.map(|coordinate| coordinate & 1);
+        let changes =
+            |points: &[[u32; 2]]| points.windows(2).filter(|pair| quarter(&pair[0]) != quarter(&pair[1])).count();
+        assert!(changes(&points) > 30);
+        points.sort_by_key(morton);
+        assert_eq!(changes(&points), 3);
     }
 }

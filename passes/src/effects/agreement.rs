@@ -30,6 +30,8 @@ struct Careful<'w> {
     /// Lengths below this are not told apart.
     size: f64,
     delicate: AtomicBool,
+    /// Whether a surface was looked for beyond the pixel's own.
+    bounced: AtomicBool,
 }
 
 impl Careful<'_> {
@@ -73,6 +75,7 @@ impl Careful<'_> {
 
 impl Tracer for Careful<'_> {
     fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.bounced.store(true, Ordering::Relaxed);
         self.look(ray);
         self.inner.closest(ray, accept)
     }
@@ -177,14 +180,24 @@ impl Case {
 /// The pixels of a row, by column.
 type Pixels<'a> = &'a dyn Fn(u32) -> [f32; 4];
 
+/// Whether the last bit of a hit decides about occlusion there: the report's noise is a fraction of a sine times 43758.
+fn is_noise_at_hits(job: &RayJob<'_>) -> bool {
+    (job.program, job.fidelity) == (RayProgram::Final, Thesis) && job.params.samples > 0
+}
+
 /// Compared and delicate pixels; `Err` names a pixel that differs.
 fn compare(world: &World, job: &RayJob<'_>, scale: f32, others: &[(&str, Pixels<'_>)]) -> Result<(u32, u32), String> {
     let (mut compared, mut skipped) = (0, 0);
     for x in 0..job.width {
-        let careful =
-            Careful { inner: world.brute_force(), world, size: f64::from(scale), delicate: AtomicBool::new(false) };
+        let careful = Careful {
+            inner: world.brute_force(),
+            world,
+            size: f64::from(scale),
+            delicate: AtomicBool::new(false),
+            bounced: AtomicBool::new(false),
+        };
         let expected = trace_pixel(&careful, job, x, 0).expect("a complete job");
-        if careful.delicate.into_inner() {
+        if careful.delicate.into_inner() || is_noise_at_hits(job) && careful.bounced.into_inner() {
             skipped += 1;
             continue;
         }
@@ -212,9 +225,16 @@ fn check(case: &Case, program: RayProgram, fidelity: Fidelity, drop: Option<u32>
     }
     let fast = Bvh::build(&geometry, &all, Quality::Balanced);
     let double = Double::build(&geometry, &all);
-    let on_fast = |x| trace_pixel(&fast, &job, x, 0).expect("a complete job");
-    let on_double = |x| trace_pixel(&double, &job, x, 0).expect("a complete job");
-    compare(&world, &job, case.scale, &[("the fast tree", &on_fast), ("the f64 tree", &on_double)])
+    let judge = |job: &RayJob<'_>| {
+        let on_fast = |x| trace_pixel(&fast, job, x, 0).expect("a complete job");
+        let on_double = |x| trace_pixel(&double, job, x, 0).expect("a complete job");
+        compare(&world, job, case.scale, &[("the fast tree", &on_fast), ("the f64 tree", &on_double)])
+    };
+    if is_noise_at_hits(&job) {
+        // What glass shows is compared without occlusion.
+        judge(&RayJob { params: RayParams { samples: 0, ..job.params }, ..job })?;
+    }
+    judge(&job)
 }
 
 fn run(program: RayProgram, fidelity: Fidelity) {
