@@ -172,7 +172,7 @@ impl Case {
             depth: self.depth,
             index: self.index,
             // Every second scene by the approximation: which weights glass has is no matter of the tracer's.
-            fresnel: if self.seed % 2 == 0 { Fresnel::Exact } else { Fresnel::Schlick },
+            fresnel: if self.seed.is_multiple_of(2) { Fresnel::Exact } else { Fresnel::Schlick },
         }
     }
 }

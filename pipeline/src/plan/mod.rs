@@ -186,7 +186,7 @@ impl Plan {
         target.map_or(self.window, |target| [self.targets[target].width, self.targets[target].height])
     }
 
-    /// Positions are coordinates of a whole scene: 16-bit floats are off by a fifth of a metre at a few hundred.
+    /// Positions are coordinates of a whole scene: 16-bit floats are off by an eighth of a metre at a few hundred.
     fn warn_of_rounded_positions(&mut self) {
         let mut warnings = Warnings::default();
         for planned in &self.passes {
