@@ -4,11 +4,11 @@
 //! `CURITIBA_BENCH_SAMPLES=100` give the report's own frame.
 
 use criterion::{BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main};
+use curitiba::Choice;
 use curitiba::bench::Case;
 use curitiba::bench::model::Technique;
 use curitiba::pipeline::executor::{Renderer, Silent, StepKind};
 use curitiba::pipeline::plan::Settings;
-use curitiba::{BackendChoice, Choice, RasterChoice};
 use std::path::Path;
 use std::time::Duration;
 
@@ -35,7 +35,7 @@ fn number(variable: &str, default: u32) -> u32 {
 /// The cases of `curitiba bench` for all projects, with the names that they have had since the first measurements.
 fn cases() -> Vec<(String, Case)> {
     let (side, samples) = (number("CURITIBA_BENCH_SIZE", 256), number("CURITIBA_BENCH_SAMPLES", 16));
-    let choice = Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu };
+    let choice = Choice::CPU;
     let case = |(project, sampled): (&str, bool)| {
         let set = if sampled { vec![format!("pass2.samples={samples}")] } else { Vec::new() };
         let settings = Settings { size: Some([side, side]), set, ..Settings::default() };

@@ -2,6 +2,8 @@
 # Runs the conformance matrix and the measurements of the ray backends on a machine with an NVIDIA GPU, and writes JSON.
 # Usage: cuda/conformance.sh BINARIES OUTPUT, where BINARIES is a folder with `curitiba` and `conformance`, built by
 #   cargo build --release --features cuda && cargo build --release --features cuda --example conformance
+# and, to run the tests as well, the files `cuda-…` and `faults-…` that this command names:
+#   cargo test --workspace --features cuda --no-run
 # (anywhere: no toolkit, no GPU), and OUTPUT is the folder for the JSON files. Run it in the repository, whose projects it
 # renders. Nothing is compiled here: the driver alone is needed.
 set -euo pipefail
@@ -15,6 +17,11 @@ projects=(xml_projects/SceneDummy.xml xml_projects/SceneShadows.xml xml_projects
 
 "$binaries/curitiba" list | sed -n '/ray backends/,$p'
 
+# The tests that need a GPU: none of them may be skipped here.
+for test in "$binaries"/cuda-* "$binaries"/faults-*; do
+    if [ -x "$test" ]; then CURITIBA_REQUIRE_CUDA_TESTS=1 "$test" || failed=1; fi
+done
+
 # Every program, fidelity and tracer against the processor.
 "$binaries/conformance" "${projects[@]}" --camera MainCamera --camera Vidro --size 512 512 --set pass2.samples=25 --runs 3 \
     -o "$output/conformance.json" || failed=1
@@ -22,6 +29,13 @@ projects=(xml_projects/SceneDummy.xml xml_projects/SceneShadows.xml xml_projects
 # The report's frame.
 "$binaries/conformance" "${projects[@]}" --time-only --runs 12 -o "$output/report.json" || failed=1
 "$binaries/conformance" "${projects[@]}" --camera Vidro --time-only --runs 12 -o "$output/report_vidro.json" || failed=1
+
+# The same, shared by all GPUs where there are several.
+if [ "$(nvidia-smi -L | wc -l)" -gt 1 ]; then
+    "$binaries/conformance" "${projects[@]}" --gpus all --time-only --runs 12 -o "$output/report_all_gpus.json" || failed=1
+    "$binaries/conformance" "${projects[@]}" --gpus all --camera Vidro --time-only --runs 12 \
+        -o "$output/report_vidro_all_gpus.json" || failed=1
+fi
 
 # Larger squares.
 work=$(mktemp -d)

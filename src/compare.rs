@@ -91,8 +91,12 @@ pub struct Rendered {
     pub first_seed: u32,
     /// What drew.
     pub raster: &'static str,
+    /// Its device and driver.
+    pub raster_device: String,
     /// What traced.
     pub rays: &'static str,
+    /// Its device and driver.
+    pub rays_device: String,
     /// Counted warnings of the scene.
     pub warnings: Vec<String>,
     /// Problems of the project that do not stop it.
@@ -238,7 +242,9 @@ fn rendered(renderer: &Renderer, first_seed: u32, frames: u32) -> Rendered {
         frames,
         first_seed,
         raster: renderer.engines().raster.name(),
+        raster_device: renderer.engines().raster.device(),
         rays: renderer.engines().rays.name(),
+        rays_device: renderer.engines().rays.device(),
         warnings: renderer.warnings().groups().iter().map(WarningGroup::to_string).collect(),
         problems: renderer.plan().project.problems.clone(),
     }

@@ -1,7 +1,10 @@
 //! What machine a timing was taken on.
 
+use crate::engines::{ray_backend, why_not_cuda};
 use crate::passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
-use crate::{Choice, RasterChoice};
+use crate::pipeline::backend::RayBackend;
+use crate::pipeline::executor::Engines;
+use crate::{BackendChoice, Choice, RasterChoice};
 use serde::{Deserialize, Serialize};
 
 /// The machine and the build.
@@ -70,12 +73,50 @@ impl Environment {
                 fallbacks.push(format!("raster `auto` takes the cpu: {error}"));
             }
         }
-        Self {
+        let mut environment = Self {
             gpu: adapters.iter().map(|adapter| format!("{} ({})", adapter.name, adapter.kind)).collect(),
             driver: adapters.iter().map(|adapter| format!("{} {}", adapter.interface, adapter.driver)).collect(),
             fallbacks,
             ..Self::here()
+        };
+        match choice.backend {
+            BackendChoice::Cpu => {}
+            BackendChoice::Auto if cfg!(not(feature = "cuda")) => {}
+            BackendChoice::Auto => match why_not_cuda() {
+                Some(error) => environment.fallbacks.push(format!("backend `auto` takes the cpu: {error}")),
+                None => environment.add_backend(choice.traced_by(BackendChoice::Cuda)),
+            },
+            BackendChoice::Cuda | BackendChoice::Optix => environment.add_backend(choice),
         }
+        environment
+    }
+
+    /// Adds the graphics devices that trace, if they are there.
+    fn add_backend(&mut self, choice: Choice) {
+        if let Ok(rays) = ray_backend(choice) {
+            self.add_gpus(rays.as_ref());
+        }
+    }
+
+    /// Adds the graphics devices of a ray backend that are not named yet, with their drivers.
+    pub fn add_gpus(&mut self, rays: &dyn RayBackend) {
+        let known = self.gpu.clone();
+        for (index, gpu) in rays.gpus().into_iter().enumerate() {
+            // Equal ones have equal names, and each is named.
+            let equal = rays.gpus()[..=index].iter().filter(|other| **other == gpu).count();
+            if known.iter().filter(|name| **name == gpu.name).count() < equal {
+                self.gpu.push(gpu.name);
+                self.driver.push(gpu.driver);
+            }
+        }
+    }
+
+    /// With the graphics devices that the engines' rays use, and what these fell back to.
+    #[must_use]
+    pub fn with_engines(mut self, engines: &Engines) -> Self {
+        self.add_gpus(engines.rays.as_ref());
+        self.fallbacks.extend(engines.fallbacks.iter().map(ToString::to_string));
+        self
     }
 
     /// Why timings taken in `other` cannot stand beside timings taken here; nothing if they can.

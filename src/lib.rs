@@ -23,6 +23,7 @@
 
 pub mod bench;
 pub mod compare;
+pub mod conformance;
 pub mod engines;
 pub mod environment;
 pub mod reference;
@@ -33,11 +34,12 @@ pub mod spec;
 pub use curitiba_cuda as cuda;
 pub use curitiba_passes as passes;
 pub use curitiba_pipeline as pipeline;
-pub use engines::{BackendChoice, Choice, RasterChoice};
+pub use engines::{BackendChoice, Choice, Gpus, RasterChoice};
 
 use pipeline::diagnostic::Problems;
-use pipeline::executor::{Observer, RenderError, Renderer};
-use pipeline::plan::{Plan, PlanError, Settings};
+use pipeline::executor::{Engines, Observer, RenderError, Renderer};
+use pipeline::plan::{Plan, PlanError, PlannedPass, Settings};
+use pipeline::project::PassKind;
 use std::path::Path;
 
 /// Why a project could not be opened.
@@ -49,7 +51,7 @@ pub enum OpenError {
     /// The settings do not fit the project.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// No engine of the kind that was asked for.
+    /// No engine of the kind that was asked for, and no pass that would use it.
     #[error(transparent)]
     Engine(#[from] pipeline::backend::BackendError),
     /// A scene, or a backend.
@@ -69,6 +71,14 @@ pub fn open(
 ) -> Result<Renderer, OpenError> {
     let project = pipeline::project::load(project.as_ref())?;
     let plan = Plan::new(project, settings)?;
-    let engines = engines::choose(choice)?;
+    let raster = engines::rasteriser(choice.raster)?;
+    let engines = Engines::first_of(raster, choice.ray_backends()).map_err(|error| {
+        // What is missing matters to the pass that would use it.
+        let rays = |planned: &&PlannedPass| matches!(plan.pass(planned).kind, PassKind::Ray(_));
+        match plan.passes.iter().find(rays) {
+            Some(planned) => RenderError::Pass { pass: plan.pass(planned).name.clone(), frame: None, error }.into(),
+            None => OpenError::Engine(error),
+        }
+    })?;
     Ok(Renderer::new(plan, engines, observer)?)
 }

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 pub const SETTINGS: &[(&str, &str)] = &[
     ("raster", "auto, cpu or wgpu: what draws"),
     ("backend", "auto, cpu, cuda or optix: what traces rays"),
+    ("gpus", "N or all: the GPUs of cuda and optix"),
     ("fidelity", "corrected or thesis: the report's programs mended, or as written"),
     ("camera", "NAME of a camera of the project"),
     ("size", "WIDTHxHEIGHT of the window"),
@@ -111,6 +112,11 @@ impl Spec {
         match key {
             "raster" => self.choice.raster = named(key, value, &RasterChoice::NAMES)?,
             "backend" => self.choice.backend = named(key, value, &BackendChoice::NAMES)?,
+            "gpus" => {
+                let help = "valid: 1 to 255, or all".to_owned();
+                self.choice.gpus =
+                    value.parse().map_err(|_| (true, format!("`{value}` is no number of GPUs"), help))?;
+            }
             "fidelity" => self.settings.fidelity = named(key, value, &FIDELITIES)?,
             "camera" => self.settings.camera = Some(value.to_owned()),
             "pipeline" => self.settings.pipeline = Some(value.to_owned()),
@@ -155,13 +161,14 @@ fn split(text: &str) -> (&str, Option<&str>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Gpus;
 
     #[test]
     fn every_setting_is_read() {
-        let text = "a@b/p.xml@raster=wgpu,backend=cpu,fidelity=thesis,camera=Vidro é,size=64x32,seed=7,pipeline=x,pass2.samples=4,pass2.sampler=strata";
+        let text = "a@b/p.xml@raster=wgpu,backend=cpu,gpus=2,fidelity=thesis,camera=Vidro é,size=64x32,seed=7,pipeline=x,pass2.samples=4,pass2.sampler=strata";
         let spec = Spec::parse(text).expect("valid");
         assert_eq!(spec.project, Path::new("a@b/p.xml"));
-        assert_eq!(spec.choice, Choice { raster: RasterChoice::Wgpu, backend: BackendChoice::Cpu });
+        assert_eq!(spec.choice, Choice { raster: RasterChoice::Wgpu, gpus: Gpus::Count(2), ..Choice::CPU });
         let settings = spec.settings;
         assert_eq!((settings.fidelity, settings.seed, settings.size), (Fidelity::Thesis, 7, Some([64, 32])));
         assert_eq!((settings.camera.as_deref(), settings.pipeline.as_deref()), (Some("Vidro é"), Some("x")));
@@ -189,6 +196,7 @@ mod tests {
             ("p.xml@fidelity=thesys", 16, &["did you mean `thesis`?"]),
             ("p.xml@size=64", 12, &["WIDTHxHEIGHT"]),
             ("p.xml@size=64x-1", 12, &["WIDTHxHEIGHT"]),
+            ("p.xml@gpus=0", 12, &["no number of GPUs", "or all"]),
             ("p.xml@seed=-1", 12, &["0 to 4294967295"]),
             ("p.xml@camera=", 14, &["`camera` has no value"]),
             ("p.xml@cpu", 7, &["not NAME=VALUE", "raster"]),

@@ -74,7 +74,7 @@ impl RayBackend for BruteRays {
 fn render(name: &str, settings: Settings, rays: impl RayBackend + 'static) -> Image {
     let project = project::load(&root(&format!("xml_projects/Scene{name}.xml"))).expect("the project loads");
     let plan = Plan::new(project, settings).expect("the plan stands");
-    let engines = Engines { raster: Box::new(CpuRasteriser::new()), rays: Box::new(rays) };
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(rays));
     let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("the scene loads");
     renderer.frame(&mut Silent).expect("the frame renders")
 }

@@ -6,7 +6,7 @@
 use curitiba::pipeline::executor::{Renderer, Silent, StepKind};
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::Settings;
-use curitiba::{BackendChoice, Choice, OpenError, RasterChoice};
+use curitiba::{Choice, OpenError, RasterChoice};
 use std::path::Path;
 
 const SIDE: u32 = 192;
@@ -30,7 +30,7 @@ fn open(name: &str, camera: Option<&str>, raster: RasterChoice, set: &[&str]) ->
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/raster/Scene{name}.xml"));
     let (camera, set) = (camera.map(str::to_owned), set.iter().map(|text| (*text).to_owned()).collect());
     let settings = Settings { size: Some([SIDE, SIDE]), camera, set, ..Settings::default() };
-    curitiba::open(path, settings, Choice { raster, backend: BackendChoice::Cpu }, &mut Silent)
+    curitiba::open(path, settings, Choice { raster, ..Choice::CPU }, &mut Silent)
 }
 
 /// Share of the pixels in which some component differs by more than [`ROUNDING`].
@@ -49,7 +49,7 @@ fn keep_picture(name: &str, image: &Image) {
 
 #[test]
 fn both_rasterisers_compute_the_same_effects_on_the_square() {
-    if let Err(error) = curitiba::engines::choose(Choice { raster: RasterChoice::Wgpu, backend: BackendChoice::Cpu }) {
+    if let Err(error) = curitiba::engines::choose(Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }) {
         assert!(std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_none_or(|value| value != "1"), "{error}");
         println!("skipped: {error}");
         return;

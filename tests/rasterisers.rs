@@ -3,13 +3,13 @@
 //! Needs a Vulkan, Metal or DirectX 12 driver, a software one included; says `skipped` without one, and fails instead
 //! with `CURITIBA_REQUIRE_GPU_TESTS=1`.
 
+use curitiba::Choice;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use curitiba::pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Shade, Sun, View};
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::plan::{Settings, Work};
 use curitiba::pipeline::scene::RenderScene;
-use curitiba::{BackendChoice, Choice, RasterChoice};
 use glam::{Vec3, Vec4};
 use std::path::Path;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ fn open(name: &str, camera: Option<&str>) -> Renderer {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/Scene{name}.xml"));
     let camera = camera.map(str::to_owned);
     let settings = Settings { size: Some([SIDE, SIDE]), camera, ..Settings::default() };
-    let choice = Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu };
+    let choice = Choice::CPU;
     curitiba::open(path, settings, choice, &mut Silent).expect("the project opens")
 }
 

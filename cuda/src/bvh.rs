@@ -36,6 +36,12 @@ impl DeviceTracer for BvhTracer {
     /// About 110 on the device; while it is built, about 500 on the host for obvhs's tree, its collapse and the copy.
     const BYTES_PER_TRIANGLE: u64 = 610;
 
+    type Prepared = DeviceTree;
+
+    fn prepare(scene: &RenderScene, filtered: &[bool]) -> DeviceTree {
+        DeviceTree::build(&scene.geometry, filtered, Quality::default())
+    }
+
     fn new(_: &Device) -> Result<Self, BackendError> {
         Ok(Self::default())
     }
@@ -47,11 +53,11 @@ impl DeviceTracer for BvhTracer {
     fn build(
         &mut self,
         device: &Device,
-        scene: &RenderScene,
-        filtered: &[bool],
+        _: &RenderScene,
+        _: &[bool],
+        tree: &DeviceTree,
         _: &SceneBuffers,
     ) -> Result<BuildStats, BackendError> {
-        let tree = DeviceTree::build(&scene.geometry, filtered, Quality::default());
         self.nodes = device.upload("the nodes of the tree", bytemuck::cast_slice(&tree.nodes))?;
         self.leaves = device.upload("the triangles of the tree", tree.triangles.as_flattened().as_flattened())?;
         self.node_count = tree.nodes.len() as u32;

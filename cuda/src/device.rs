@@ -1,9 +1,11 @@
 //! The driver and the device: found at run time, with faults that say what is missing.
 
+use crate::fault::{code, fault, loses_the_device};
 use cudarc::driver::sys::{self, CUresult};
-use cudarc::driver::{CudaContext, CudaSlice, CudaStream, DevicePtr as _, DeviceRepr, DriverError};
-use curitiba_pipeline::backend::BackendError;
-use std::sync::Arc;
+use cudarc::driver::{CudaContext, CudaSlice, CudaStream, DevicePtr as _, DeviceRepr, DriverError, ValidAsZeroBits};
+use curitiba_pipeline::backend::{BackendError, Gpu};
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 
 /// An address in device memory; 0 is none.
 pub type Address = u64;
@@ -13,41 +15,110 @@ const LEAST_DRIVER: i32 = 13_000;
 /// The driver release that brought it.
 const LEAST_RELEASE: u32 = 580;
 
+/// The least compute capability that the device programs are compiled for.
+const LEAST_CAPABILITY: (i32, i32) = (7, 5);
+
+/// The variable that names the GPUs to use.
+const GPUS_VARIABLE: &str = "CURITIBA_GPUS";
+
+/// The numbers of the GPUs to use, counted from 0 as the driver does; `None` asks for all. The variable `CURITIBA_GPUS` may
+/// list them (`1,3`), in this order; a GPU that it names twice is used as if it were two.
+///
+/// # Errors
+/// If there is no driver, an old one, or there are fewer GPUs.
+pub fn ordinals(backend: &'static str, wanted: Option<usize>) -> Result<Vec<usize>, BackendError> {
+    let listed = match std::env::var(GPUS_VARIABLE) {
+        Ok(text) => Some(listed(&text).map_err(|message| BackendError::Device { backend, message })?),
+        Err(_) => None,
+    };
+    if wanted == Some(1) && listed.is_none() {
+        return Ok(vec![0]);
+    }
+    sufficient_driver(backend)?;
+    let count = CudaContext::device_count().map_err(|error| fault(backend, "counting the GPUs", &error))?;
+    chosen(&listed.unwrap_or_else(|| (0..count.unsigned_abs() as usize).collect()), wanted)
+        .map_err(|message| BackendError::Device { backend, message })
+}
+
+/// `0,2` as numbers.
+fn listed(text: &str) -> Result<Vec<usize>, String> {
+    let numbers = text.split(',').map(|number| number.trim().parse::<usize>());
+    numbers
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|_| format!("{GPUS_VARIABLE} is `{text}`; valid: numbers of GPUs with commas between, such as 0,1"))
+}
+
+/// The first of those that are there.
+fn chosen(there: &[usize], wanted: Option<usize>) -> Result<Vec<usize>, String> {
+    let wanted = wanted.unwrap_or(there.len()).max(1);
+    if wanted > there.len() {
+        let are = if there.len() == 1 { "is 1" } else { &format!("are {}", there.len()) };
+        return Err(format!("{wanted} GPUs were asked for, and there {are}: use fewer, or --gpus all"));
+    }
+    Ok(there[..wanted].to_vec())
+}
+
 /// A GPU with its one stream.
 #[derive(Debug, Clone)]
 pub struct Device {
     context: Arc<CudaContext>,
     stream: Arc<CudaStream>,
     backend: &'static str,
-    description: String,
+    gpu: Gpu,
+    /// What messages begin with, where there are several GPUs.
+    place: String,
+    /// How it was lost, if it was: nothing runs on it any more.
+    lost: Arc<OnceLock<String>>,
 }
 
 impl Device {
     /// The first GPU.
     ///
     /// # Errors
-    /// If there is no driver, an old one, or no GPU; says which, and what to do.
+    /// As [`Self::on`].
     pub fn first(backend: &'static str) -> Result<Self, BackendError> {
-        let version = driver_version(backend)?;
-        if version < LEAST_DRIVER {
-            let found = format!("{}.{}", version / 1000, version % 1000 / 10);
-            let why = format!(
-                "NVIDIA's driver is too old: it offers CUDA {found}, and the device programs need 13.0; install driver \
-                 {LEAST_RELEASE} or newer"
-            );
-            return Err(BackendError::Device { backend, message: why });
-        }
-        let context = CudaContext::new(0).map_err(|error| fault(backend, "opening the GPU", &error))?;
-        let stream = context.default_stream();
-        let described =
-            describe(&context, version).map_err(|error| fault(backend, "asking the GPU its name", &error))?;
-        Ok(Self { context, stream, backend, description: described })
+        Self::on(backend, 0, false)
     }
 
-    /// Name, compute capability, memory and driver.
+    /// The GPU of a number. `several` tells whether messages must say which one they are of.
+    ///
+    /// # Errors
+    /// If there is no driver, an old one, or no such GPU, or it is too old; says which, and what to do.
+    pub fn on(backend: &'static str, ordinal: usize, several: bool) -> Result<Self, BackendError> {
+        let version = sufficient_driver(backend)?;
+        let place = if several { format!("GPU {ordinal}: ") } else { String::new() };
+        let opening = |error| fault(backend, &format!("{place}opening the GPU"), &error);
+        let context = CudaContext::new(ordinal).map_err(opening)?;
+        let stream = context.default_stream();
+        let asking = |error| fault(backend, &format!("{place}asking the GPU its name"), &error);
+        let capability = context.compute_capability().map_err(asking)?;
+        if capability < LEAST_CAPABILITY {
+            let (major, minor) = capability;
+            let message = format!(
+                "{place}the GPU is too old: it has compute capability {major}.{minor}, and the device programs need 7.5 or newer; \
+                 use --backend cpu"
+            );
+            return Err(BackendError::Device { backend, message });
+        }
+        let gpu = describe(&context, capability, version).map_err(asking)?;
+        Ok(Self { context, stream, backend, gpu, place, lost: Arc::default() })
+    }
+
+    /// Name, compute capability and memory; driver and CUDA version.
     #[must_use]
-    pub fn description(&self) -> &str {
-        &self.description
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Makes it the device of this thread.
+    ///
+    /// # Errors
+    /// If it was lost.
+    pub fn bind(&self) -> Result<(), BackendError> {
+        if self.lost.get().is_some() {
+            return Err(self.lost_before("using the GPU"));
+        }
+        self.context.bind_to_thread().map_err(|error| self.fault("using the GPU", &error))
     }
 
     /// The stream on which everything runs.
@@ -62,10 +133,31 @@ impl Device {
         &self.context
     }
 
-    /// What a failed call means, for a message.
+    /// What a failed call means, for a message. Once the device is lost, every later one says so.
     #[must_use]
     pub fn fault(&self, doing: &str, error: &DriverError) -> BackendError {
-        fault(self.backend, doing, error)
+        if self.lost.get().is_some() {
+            return self.lost_before(doing);
+        }
+        if loses_the_device(error) {
+            // Another thread may have been first, with the same device.
+            let _ = self.lost.set(format!("{doing}: {}", code(error)));
+        }
+        let mut doing = format!("{}{doing}", self.place);
+        if error.0 == CUresult::CUDA_ERROR_OUT_OF_MEMORY
+            && let Ok((free, total)) = self.context.mem_get_info()
+        {
+            doing += &format!(" with {} of {} free", mebibytes(free), mebibytes(total));
+        }
+        fault(self.backend, &doing, error)
+    }
+
+    fn lost_before(&self, doing: &str) -> BackendError {
+        let (place, how) = (&self.place, self.lost.get().map_or("", String::as_str));
+        let message = format!(
+            "{place}{doing}: the GPU was lost before ({how}), and nothing runs on it until this program is started again"
+        );
+        BackendError::Device { backend: self.backend, message }
     }
 
     /// Copies values to the device; nothing for none.
@@ -97,10 +189,41 @@ impl Device {
             }
         }
     }
+
+    /// Copies some parts of values to their places in a buffer that has room for all; what else is in it does not matter.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub fn replace_parts<T: DeviceRepr + ValidAsZeroBits>(
+        &self,
+        what: &str,
+        buffer: &mut Buffer<T>,
+        values: &[T],
+        parts: &[Range<usize>],
+    ) -> Result<(), BackendError> {
+        if values.is_empty() || matches!(parts, [whole] if *whole == (0..values.len())) {
+            return self.replace(what, buffer, values);
+        }
+        let failed = |error| self.fault(&copying(what, size_of_val(values)), &error);
+        if buffer.0.as_ref().is_none_or(|slice| slice.len() < values.len()) {
+            buffer.0 = None;
+            buffer.0 = Some(self.stream.alloc_zeros(values.len()).map_err(failed)?);
+        }
+        if let Some(slice) = &mut buffer.0 {
+            for part in parts {
+                self.stream.memcpy_htod(&values[part.clone()], &mut slice.slice_mut(part.clone())).map_err(failed)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 fn copying(what: &str, bytes: usize) -> String {
-    format!("copying {what} ({:.1} MiB) to the device", bytes as f64 / f64::from(1 << 20))
+    format!("copying {what} ({}) to the device", mebibytes(bytes))
+}
+
+fn mebibytes(bytes: usize) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
 /// Device memory, or none.
@@ -110,6 +233,16 @@ pub struct Buffer<T>(pub(crate) Option<CudaSlice<T>>);
 impl<T> Default for Buffer<T> {
     fn default() -> Self {
         Self(None)
+    }
+}
+
+impl<T> Drop for Buffer<T> {
+    fn drop(&mut self) {
+        if let Some(slice) = self.0.take() {
+            // Memory is released on the stream of the thread's own device, which may be another one just now. The first
+            // call may report an earlier failure instead; what cannot be released is released with the device.
+            let _ = slice.context().bind_to_thread().or_else(|_| slice.context().bind_to_thread());
+        }
     }
 }
 
@@ -147,16 +280,27 @@ fn driver_version(backend: &'static str) -> Result<i32, BackendError> {
     }
 }
 
-fn describe(context: &CudaContext, driver: i32) -> Result<String, DriverError> {
-    let (major, minor) = context.compute_capability()?;
+/// The version of a driver that takes our programs.
+fn sufficient_driver(backend: &'static str) -> Result<i32, BackendError> {
+    let version = driver_version(backend)?;
+    if version < LEAST_DRIVER {
+        let found = format!("{}.{}", version / 1000, version % 1000 / 10);
+        let message = format!(
+            "NVIDIA's driver is too old: it offers CUDA {found}, and the device programs need 13.0; install driver \
+             {LEAST_RELEASE} or newer, or use --backend cpu"
+        );
+        return Err(BackendError::Device { backend, message });
+    }
+    Ok(version)
+}
+
+fn describe(context: &CudaContext, (major, minor): (i32, i32), driver: i32) -> Result<Gpu, DriverError> {
     let memory = context.total_mem()? as f64 / f64::from(1 << 30);
     let release = kernel_driver_release().map_or(String::new(), |release| format!("driver {release}, "));
-    Ok(format!(
-        "{}, compute capability {major}.{minor}, {memory:.0} GiB; {release}CUDA {}.{}",
-        context.name()?,
-        driver / 1000,
-        driver % 1000 / 10
-    ))
+    Ok(Gpu {
+        name: format!("{}, compute capability {major}.{minor}, {memory:.0} GiB", context.name()?),
+        driver: format!("{release}CUDA {}.{}", driver / 1000, driver % 1000 / 10),
+    })
 }
 
 /// The release number of NVIDIA's kernel driver, where the system tells it.
@@ -169,51 +313,25 @@ fn kernel_driver_release() -> Option<String> {
     Some(text.trim().to_owned())
 }
 
-/// What a driver's error means here.
-pub(crate) fn fault(backend: &'static str, doing: &str, error: &DriverError) -> BackendError {
-    let code = error.0;
-    let remedy = match code {
-        CUresult::CUDA_ERROR_OUT_OF_MEMORY => {
-            "the device's memory is full: use a smaller scene or picture, or end other programs on the GPU"
-        }
-        CUresult::CUDA_ERROR_NO_DEVICE => "the driver finds no GPU: CUDA_VISIBLE_DEVICES may hide it",
-        CUresult::CUDA_ERROR_UNSUPPORTED_PTX_VERSION => {
-            "the driver is too old for the device programs: install 580 or newer"
-        }
-        CUresult::CUDA_ERROR_INVALID_PTX | CUresult::CUDA_ERROR_NO_BINARY_FOR_GPU => {
-            "the GPU is too old for the device programs: they need compute capability 7.5 or newer"
-        }
-        CUresult::CUDA_ERROR_LAUNCH_TIMEOUT => {
-            "the display driver ended a kernel that ran too long: use fewer samples or a smaller picture, or a GPU without a display"
-        }
-        CUresult::CUDA_ERROR_ECC_UNCORRECTABLE | CUresult::CUDA_ERROR_HARDWARE_STACK_ERROR => {
-            "the GPU failed: see the system's log"
-        }
-        CUresult::CUDA_ERROR_ILLEGAL_ADDRESS | CUresult::CUDA_ERROR_LAUNCH_FAILED => {
-            "a kernel failed, and this device cannot be used again before the program is restarted: please report it"
-        }
-        _ => "see the driver's documentation for this code",
-    };
-    let name = format!("{code:?}");
-    BackendError::Device { backend, message: format!("{doing}: {name} ({}); {remedy}", code as u32) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn faults_name_what_was_done_and_what_helps() {
-        let full = fault("cuda", "copying the tree", &DriverError(CUresult::CUDA_ERROR_OUT_OF_MEMORY)).to_string();
-        assert!(full.contains("copying the tree") && full.contains("smaller scene"), "{full}");
-        let slow = fault("cuda", "pass", &DriverError(CUresult::CUDA_ERROR_LAUNCH_TIMEOUT)).to_string();
-        assert!(slow.contains("fewer samples"), "{slow}");
+    fn gpus_are_the_first_of_those_that_are_there_or_listed() {
+        assert_eq!(listed("0, 2,2"), Ok(vec![0, 2, 2]));
+        assert!(listed("0;1").expect_err("no list").contains("such as 0,1"));
+        assert_eq!(chosen(&[0, 1, 2], None), Ok(vec![0, 1, 2]));
+        assert_eq!(chosen(&[3, 1], Some(1)), Ok(vec![3]));
+        let why = chosen(&[0], Some(2)).expect_err("too many");
+        assert!(why.contains("2 GPUs were asked for, and there is 1"), "{why}");
+        assert!(chosen(&[], None).is_err());
     }
 
     #[test]
     fn a_machine_without_a_driver_is_told_which_library_is_missing() {
         match Device::first("cuda") {
-            Ok(device) => println!("skipped: this machine has a GPU: {}", device.description()),
+            Ok(device) => println!("skipped: this machine has a GPU: {}", device.gpu().name),
             Err(error) => {
                 let text = error.to_string();
                 assert!(text.contains("driver") && text.starts_with("cuda: "), "{text}");

@@ -9,10 +9,13 @@
 
 pub mod bvh;
 pub mod device;
+pub mod fault;
+mod join;
 pub mod layout;
 pub mod optix;
 pub mod programs;
 pub mod rays;
 pub mod scene;
+pub mod split;
 
-pub use rays::{CudaRays, OptixRays};
+pub use split::{CudaRays, DeviceRays, OptixRays};

@@ -1,28 +1,36 @@
-//! The ray backend of a GPU, whichever tracer it asks.
+//! The ray programs on one GPU, whichever tracer it asks. [`crate::split`] makes a backend of one or several.
 
-use crate::device::{Buffer, Device};
+use crate::device::{Address, Buffer, Device};
+use crate::join::Joined;
 use crate::layout::{BLOCK_HEIGHT, MAX_DEPTH, Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS, THROUGH_GLASS_ENTRIES};
 use crate::scene::{SceneBuffers, shades};
+use cudarc::driver::CudaEvent;
 use cudarc::driver::sys::CUevent_flags;
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
 use curitiba_passes::sampling::owen_sobol::reversed_sobol;
 use curitiba_passes::sampling::square_root;
-use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
+use curitiba_pipeline::backend::{BackendError, BuildStats, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram, Sampler};
 use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::shared::SharedGBuffer;
 use glam::Vec3;
+use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What traces the rays of the device programs.
-pub trait DeviceTracer: Sized {
+pub trait DeviceTracer: Sized + Send {
     /// `cuda` or `optix`.
     const NAME: &'static str;
     /// About how many bytes of host and device memory a triangle takes in the structure and while it is built.
     const BYTES_PER_TRIANGLE: u64;
+    /// What the processor makes of a scene, once for all GPUs.
+    type Prepared: Sync;
+    /// Makes it. `filtered` is that of [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
+    fn prepare(scene: &RenderScene, filtered: &[bool]) -> Self::Prepared;
     /// Finds what it needs on the device.
     ///
     /// # Errors
@@ -39,6 +47,7 @@ pub trait DeviceTracer: Sized {
         device: &Device,
         scene: &RenderScene,
         filtered: &[bool],
+        prepared: &Self::Prepared,
         buffers: &SceneBuffers,
     ) -> Result<BuildStats, BackendError>;
     /// Releases the structure: until the next build there is nothing to hit.
@@ -61,12 +70,6 @@ pub trait DeviceTracer: Sized {
     ) -> Result<(), BackendError>;
 }
 
-/// Our own traversal, compiled to kernels.
-pub type CudaRays = DeviceRays<crate::bvh::BvhTracer>;
-
-/// NVIDIA's OptiX, from the driver.
-pub type OptixRays = DeviceRays<crate::optix::OptixTracer>;
-
 /// Pixels of one launch at most: long passes are cut, so that no kernel runs into a display driver's time limit unless a
 /// pixel is very dear, and progress is seen.
 const PIXELS_OF_LAUNCH: u32 = 1 << 20;
@@ -74,6 +77,39 @@ const PIXELS_OF_LAUNCH: u32 = 1 << 20;
 /// The place of a point, given with its bits reversed, on a Z-shaped curve.
 fn morton(reversed: &[u32; 2]) -> u64 {
     (0..32).fold(0, |code, bit| code << 2 | u64::from(reversed[0] >> bit & 1) << 1 | u64::from(reversed[1] >> bit & 1))
+}
+
+/// Launches that wait behind one another at most: enough that the device never waits for the host.
+const LAUNCHES_AHEAD: usize = 3;
+
+/// Rows of a picture that one GPU computes, without a gap.
+#[derive(Debug)]
+pub(crate) struct Stripe<'a> {
+    /// The first row.
+    pub first_row: u32,
+    /// Their pixels in the picture.
+    pub pixels: &'a mut [[f32; 4]],
+}
+
+impl Stripe<'_> {
+    /// Which pixels of the picture they are.
+    fn range(&self, width: u32) -> Range<usize> {
+        let first = self.first_row as usize * width as usize;
+        first..first + self.pixels.len()
+    }
+
+    /// First row and number of rows of each launch.
+    fn launches(&self, width: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let rows = (self.pixels.len() / width.max(1) as usize) as u32;
+        let band = (PIXELS_OF_LAUNCH / width.max(1)).next_multiple_of(BLOCK_HEIGHT).max(BLOCK_HEIGHT);
+        let first_row = self.first_row;
+        (0..rows.div_ceil(band)).map(move |index| (first_row + index * band, band.min(rows - index * band)))
+    }
+}
+
+/// Launches of a share of a picture.
+pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> u64 {
+    stripes.iter().map(|stripe| stripe.launches(width).count() as u64).sum()
 }
 
 /// Device images and tables that are kept from pass to pass.
@@ -91,34 +127,70 @@ struct Images {
     shades: Buffer<crate::layout::Shade>,
 }
 
-/// A ray backend on the first GPU.
+/// One GPU with its own copy of scene and structure.
 #[derive(Debug)]
-pub struct DeviceRays<T> {
-    device: Device,
-    tracer: T,
+pub(crate) struct OneGpu<T> {
+    pub device: Device,
+    pub tracer: T,
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
     images: Images,
+    joined: Option<Joined>,
 }
 
-impl<T: DeviceTracer> DeviceRays<T> {
-    /// A backend with nothing built.
-    ///
-    /// # Errors
-    /// If there is no driver, an old one, or no GPU; says which, and what to do.
-    pub fn new() -> Result<Self, BackendError> {
-        let device = Device::first(T::NAME)?;
+impl<T: DeviceTracer> OneGpu<T> {
+    /// With nothing built.
+    pub fn new(device: Device) -> Result<Self, BackendError> {
         let tracer = T::new(&device)?;
-        Ok(Self { device, tracer, built: None, images: Images::default() })
+        Ok(Self { device, tracer, built: None, images: Images::default(), joined: None })
     }
 
-    /// Copies a pass's images and tables to the device and describes them.
-    fn describe(&mut self, job: &RayJob<'_>) -> Result<Params, BackendError> {
+    /// Opens a G-buffer that the rasteriser fills; the one opened before is released.
+    pub fn join(&mut self, shared: SharedGBuffer) -> Result<(), BackendError> {
+        self.joined = None;
+        self.joined = Some(Joined::open(&self.device, shared)?);
+        Ok(())
+    }
+
+    /// The shared G-buffer of a job that reads one.
+    fn shared(&self, job: &RayJob<'_>) -> Result<Option<(&Joined, u64)>, BackendError> {
+        let Some(value) = job.shared else { return Ok(None) };
+        match self.joined.as_ref().filter(|joined| joined.has_size(job.width, job.height)) {
+            Some(joined) => Ok(Some((joined, value))),
+            None => Err(check::missing(T::NAME, job, "no shared G-buffer of its size was opened")),
+        }
+    }
+
+    /// Copies the rows of the G-buffer that are computed here to the device.
+    fn copy(&mut self, job: &RayJob<'_>, stripes: &[Stripe<'_>]) -> Result<Duration, BackendError> {
+        let start = Instant::now();
         let (device, images) = (&self.device, &mut self.images);
         let cast = bytemuck::cast_slice::<[f32; 4], f32>;
-        device.replace("the positions", &mut images.position, cast(job.position))?;
-        device.replace("the normals", &mut images.normal, cast(job.normal))?;
-        device.replace("the colours", &mut images.color, cast(job.color))?;
-        device.replace("the triangle ids", &mut images.triangle, job.triangle)?;
+        let parts: Vec<_> = stripes.iter().map(|stripe| stripe.range(job.width)).collect();
+        let fours: Vec<_> = parts.iter().map(|part| 4 * part.start..4 * part.end).collect();
+        device.replace_parts("the positions", &mut images.position, cast(job.position), &fours)?;
+        device.replace_parts("the normals", &mut images.normal, cast(job.normal), &fours)?;
+        device.replace_parts("the colours", &mut images.color, cast(job.color), &fours)?;
+        device.replace_parts("the triangle ids", &mut images.triangle, job.triangle, &parts)?;
+        self.synchronise("copying the G-buffer")?;
+        Ok(start.elapsed())
+    }
+
+    /// Addresses of positions, normals, colours and triangle ids.
+    fn gbuffer(&self, job: &RayJob<'_>) -> Result<[Address; 4], BackendError> {
+        let (device, images) = (&self.device, &self.images);
+        let Some((joined, _)) = self.shared(job)? else {
+            let (position, normal, color) = (&images.position, &images.normal, &images.color);
+            let floats = [position, normal, color].map(|buffer| buffer.address(device));
+            return Ok([floats[0], floats[1], floats[2], images.triangle.address(device)]);
+        };
+        let at = joined.offsets();
+        Ok([at.position, at.normal, at.color, at.triangle].map(|offset| joined.address(device, offset)))
+    }
+
+    /// Copies a pass's tables to the device, and describes them.
+    fn describe(&mut self, job: &RayJob<'_>) -> Result<Params, BackendError> {
+        let [position, normal, color, triangle] = self.gbuffer(job)?;
+        let (device, images) = (&self.device, &mut self.images);
         let pixels = job.width as usize * job.height as usize;
         if images.output.0.as_ref().is_none_or(|output| output.len() < 4 * pixels) {
             images.output = Buffer::default();
@@ -147,10 +219,10 @@ impl<T: DeviceTracer> DeviceRays<T> {
         device.replace("the ray counts", &mut images.counts, &counts)?;
         let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
         Ok(Params {
-            position: images.position.address(device),
-            normal: images.normal.address(device),
-            color: images.color.address(device),
-            triangle: images.triangle.address(device),
+            position,
+            normal,
+            color,
+            triangle,
             output: images.output.address(device),
             positions: 0,
             normals: 0,
@@ -190,27 +262,36 @@ impl<T: DeviceTracer> DeviceRays<T> {
         })
     }
 
-    /// Runs a pass in bands of rows and returns the time that the device took.
-    fn launch_bands(
+    /// Runs a pass over its rows, launch after launch without waiting in between, and returns the time that the device took.
+    fn launch_all(
         &mut self,
         job: &RayJob<'_>,
         params: &mut Params,
+        stripes: &[Stripe<'_>],
         progress: &Progress,
     ) -> Result<Duration, BackendError> {
-        let band = (PIXELS_OF_LAUNCH / job.width.max(1)).next_multiple_of(BLOCK_HEIGHT).max(BLOCK_HEIGHT);
-        let bands = job.height.div_ceil(band);
-        progress.start(u64::from(bands));
         let (device, mut total) = (&self.device, 0.0);
-        let doing = || format!("running `{}`", job.program.info().stem);
-        for index in 0..bands {
-            params.first_row = index * band;
-            params.rows = band.min(job.height - params.first_row);
-            let event = || device.stream().record_event(Some(CUevent_flags::CU_EVENT_DEFAULT));
-            let start = event().map_err(|error| device.fault(&doing(), &error))?;
-            self.tracer.launch(device, job.program, job.fidelity, params)?;
-            let timed = event().and_then(|end| start.elapsed_ms(&end));
-            total += f64::from(timed.map_err(|error| device.fault(&doing(), &error))?);
+        let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
+        let event = || device.stream().record_event(Some(CUevent_flags::CU_EVENT_DEFAULT)).map_err(failed);
+        let mut ahead: VecDeque<[CudaEvent; 2]> = VecDeque::with_capacity(LAUNCHES_AHEAD);
+        let wait = |[start, end]: [CudaEvent; 2]| -> Result<f64, BackendError> {
+            let milliseconds = start.elapsed_ms(&end).map_err(failed)?;
             progress.advance(1);
+            Ok(f64::from(milliseconds))
+        };
+        for (first_row, rows) in stripes.iter().flat_map(|stripe| stripe.launches(job.width)) {
+            if ahead.len() == LAUNCHES_AHEAD
+                && let Some(first) = ahead.pop_front()
+            {
+                total += wait(first)?;
+            }
+            (params.first_row, params.rows) = (first_row, rows);
+            let start = event()?;
+            self.tracer.launch(device, job.program, job.fidelity, params)?;
+            ahead.push_back([start, event()?]);
+        }
+        for launched in ahead {
+            total += wait(launched)?;
         }
         Ok(Duration::from_secs_f64(total.max(0.0) * 1e-3))
     }
@@ -233,48 +314,39 @@ impl<T: DeviceTracer> DeviceRays<T> {
     fn synchronise(&self, doing: &str) -> Result<(), BackendError> {
         self.device.stream().synchronize().map_err(|error| self.device.fault(doing, &error))
     }
-}
 
-impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
-    fn name(&self) -> &'static str {
-        T::NAME
-    }
-
-    fn device(&self) -> String {
-        let more = self.tracer.description();
-        let separator = if more.is_empty() { "" } else { ", " };
-        format!("{}{separator}{more}", self.device.description())
-    }
-
-    fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
-        Ok(())
-    }
-
-    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
-        // The old scene and structure are released first: two would not always fit.
-        self.built = None;
-        self.tracer.clear();
+    /// Copies a scene to the device and builds its structure; the old ones are released first.
+    pub fn build(
+        &mut self,
+        scene: &Arc<RenderScene>,
+        filtered: &[bool],
+        prepared: &T::Prepared,
+    ) -> Result<BuildStats, BackendError> {
+        self.device.bind()?;
         let buffers = SceneBuffers::new(&self.device, scene)?;
-        let mut stats = self.tracer.build(&self.device, scene, filtered, &buffers)?;
+        let mut stats = self.tracer.build(&self.device, scene, filtered, prepared, &buffers)?;
         stats.bytes += buffers.bytes();
         self.synchronise("building")?;
         self.built = Some((Arc::clone(scene), buffers));
         Ok(stats)
     }
 
-    fn bytes_per_triangle(&self) -> u64 {
-        T::BYTES_PER_TRIANGLE
+    /// Releases scene and structure: two would not always fit.
+    pub fn clear(&mut self) {
+        self.built = None;
+        self.tracer.clear();
     }
 
-    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
-        check::images(T::NAME, job, output)?;
-        if job.program != RayProgram::Dummy {
-            check::scene(T::NAME, job)?;
-        }
-        if output.pixels.is_empty() {
-            return Ok(RayStats::default());
-        }
+    /// Runs a pass, which was checked, over some of its rows. What fails leaves no pixel of use.
+    pub fn run(
+        &mut self,
+        job: &RayJob<'_>,
+        stripes: &mut [Stripe<'_>],
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        self.device.bind()?;
         self.tracer.load(&self.device, job.program)?;
+        let upload = if job.shared.is_none() { Some(self.copy(job, stripes)?) } else { None };
         let mut params = self.describe(job)?;
         // Kept until the kernels are done.
         let unbuilt;
@@ -284,22 +356,28 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
                 buffers.fill(&self.device, &mut params);
             }
             _ if !may_trace(job) => {
-                self.built = None;
-                self.tracer.clear();
+                self.clear();
                 unbuilt = SceneBuffers::new(&self.device, job.scene)?;
                 unbuilt.fill(&self.device, &mut params);
             }
             _ => return Err(check::missing(T::NAME, job, "its scene's acceleration structure was not built")),
         }
-        let device_time = self.launch_bands(job, &mut params, progress)?;
-        let pixels = bytemuck::cast_slice_mut::<[f32; 4], f32>(&mut output.pixels);
-        if let Some(picture) = &self.images.output.0 {
-            let part = picture.slice(..pixels.len());
-            let copied = self.device.stream().memcpy_dtoh(&part, pixels);
-            copied.map_err(|error| self.device.fault("reading the picture", &error))?;
+        if let Some((joined, value)) = self.shared(job)? {
+            joined.wait(&self.device, value)?;
         }
+        let device_time = self.launch_all(job, &mut params, stripes, progress)?;
+        let start = Instant::now();
+        if let Some(picture) = &self.images.output.0 {
+            for stripe in stripes {
+                let part = stripe.range(job.width);
+                let part = picture.slice(4 * part.start..4 * part.end);
+                let copied = self.device.stream().memcpy_dtoh(&part, stripe.pixels.as_flattened_mut());
+                copied.map_err(|error| self.device.fault("reading the picture", &error))?;
+            }
+        }
+        let read_back = Some(start.elapsed());
         let rays = self.read_counts()?;
-        Ok(RayStats { rays, device_time: Some(device_time) })
+        Ok(RayStats { rays, upload, read_back, device_time: Some(device_time) })
     }
 }
 
@@ -316,5 +394,23 @@ mod tests {
         assert!(changes(&points) > 30);
         points.sort_by_key(morton);
         assert_eq!(changes(&points), 3);
+    }
+
+    #[test]
+    fn launches_of_a_stripe_cover_its_rows_once_and_in_order() {
+        for (width, first_row, rows) in [(1024, 0, 1024), (2048, 64, 1500), (3, 8, 1), (70_000, 0, 33)] {
+            let mut pixels = vec![[0.0; 4]; width as usize * rows as usize];
+            let stripe = Stripe { first_row, pixels: &mut pixels };
+            let mut next = first_row;
+            for (first, count) in stripe.launches(width) {
+                assert!(first == next && count > 0, "{width} x {rows}");
+                assert!(
+                    u64::from(count) * u64::from(width)
+                        <= u64::from(PIXELS_OF_LAUNCH).max(u64::from(width * BLOCK_HEIGHT))
+                );
+                next += count;
+            }
+            assert_eq!(next, first_row + rows);
+        }
     }
 }

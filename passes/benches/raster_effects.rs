@@ -17,7 +17,7 @@ fn open(name: &str, camera: &str) -> Renderer {
     let settings = Settings { size: Some([side, side]), camera: Some(camera.to_owned()), ..Settings::default() };
     let project = curitiba_pipeline::project::load(&path).expect("the project is valid");
     let plan = Plan::new(project, settings).expect("the project has a plan");
-    let engines = Engines { raster: Box::new(CpuRasteriser::new()), rays: Box::new(CpuRays::new()) };
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(CpuRays::new()));
     Renderer::new(plan, engines, &mut Silent).expect("the scene loads")
 }
 

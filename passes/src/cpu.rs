@@ -67,6 +67,7 @@ impl RayBackend for CpuRays {
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
         if job.program == RayProgram::Dummy {
+            in_host(job)?;
             check::images(NAME, job, output)?;
             output.pixels.copy_from_slice(job.color);
             return Ok(RayStats::default());
@@ -81,6 +82,13 @@ impl RayBackend for CpuRays {
 
 fn empty() -> Bvh {
     Bvh::build(&Geometry::default(), &[], Quality::default())
+}
+
+fn in_host(job: &RayJob<'_>) -> Result<(), BackendError> {
+    match job.shared {
+        None => Ok(()),
+        Some(_) => Err(check::missing(NAME, job, "its G-buffer is not in host memory")),
+    }
 }
 
 /// Whether a job can trace any ray: where it cannot, the executor builds no structure.
@@ -103,7 +111,7 @@ pub fn trace<T: Tracer>(
 ) -> Result<RayStats, BackendError> {
     check::images(NAME, job, output)?;
     let rays = run(tracer, job, Whole { output, progress })?;
-    Ok(RayStats { rays, device_time: None })
+    Ok(RayStats { rays, ..RayStats::default() })
 }
 
 /// What a program other than `dummy` writes at one pixel, which lies inside the job's images.
@@ -116,6 +124,7 @@ pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> R
 }
 
 fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
+    in_host(job)?;
     check::scene(NAME, job)?;
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
     Ok(if cut {

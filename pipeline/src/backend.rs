@@ -5,6 +5,7 @@ use crate::image::Image;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
 use crate::raster_effects::{EffectParams, EffectProgram};
 use crate::scene::RenderScene;
+use crate::shared::{DeviceUuid, SharedGBuffer};
 use glam::{Mat4, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Duration;
@@ -165,6 +166,16 @@ pub enum BackendError {
     },
 }
 
+impl BackendError {
+    /// The name of the backend that it is of.
+    #[must_use]
+    pub fn backend(&self) -> &'static str {
+        match self {
+            Self::Unsupported { backend, .. } | Self::Device { backend, .. } => backend,
+        }
+    }
+}
+
 /// Draws triangles into G-buffers.
 pub trait Rasteriser {
     /// `cpu` or `wgpu`.
@@ -190,6 +201,34 @@ pub trait Rasteriser {
     /// If the device fails.
     fn read_back(&mut self, job: &RasterJob<'_>, wanted: Attachments, target: &mut GBuffer)
     -> Result<(), BackendError>;
+    /// The device, if other interfaces of it can read what was drawn where it is: then the three functions below work.
+    fn shares(&self) -> Option<DeviceUuid> {
+        None
+    }
+    /// Makes memory for G-buffers of that size, in place of what was made before.
+    ///
+    /// # Errors
+    /// If the device cannot share so much, or nothing at all.
+    fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
+        let what = format!("a shared G-buffer of {width} x {height} pixels with {attachments:?}");
+        Err(BackendError::Unsupported { backend: self.name(), what, why: "it shares no memory".to_owned() })
+    }
+    /// Starts to copy the wanted attachments drawn last, whole and of the shared size, into the shared memory, and does
+    /// not wait. Returns the value that the semaphore reaches when they are there.
+    ///
+    /// # Errors
+    /// If the device fails, or what was drawn last is something else.
+    fn hand_over(&mut self, wanted: Attachments) -> Result<u64, BackendError> {
+        let what = format!("a hand-over of {wanted:?}");
+        Err(BackendError::Unsupported { backend: self.name(), what, why: "it shares no memory".to_owned() })
+    }
+    /// What the last hand-over took on the device's own clock, once what waited for it is done; `None` without a clock.
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn hand_over_time(&mut self) -> Result<Option<Duration>, BackendError> {
+        Ok(None)
+    }
     /// Runs a raster effect: draws the maps that it needs, then computes every pixel of `output`, which has the job's size.
     ///
     /// # Errors
@@ -302,6 +341,8 @@ pub struct RayJob<'a> {
     pub color: &'a [[f32; 4]],
     /// Triangle ids; empty in thesis fidelity and where the program traces no ray.
     pub triangle: &'a [u32],
+    /// The G-buffer lies in shared memory, complete when its semaphore reaches this value, and the slices above are empty.
+    pub shared: Option<u64>,
     /// By material: what closest hits shade with.
     pub shades: &'a [Shade],
     /// By material: whether rays bounce on it (`closest_hit_glass`).
@@ -348,6 +389,10 @@ impl std::ops::AddAssign for RayCounts {
 pub struct RayStats {
     /// Rays traced.
     pub rays: RayCounts,
+    /// What copying the G-buffer to the device took, on the host; `None` where nothing was copied.
+    pub upload: Option<Duration>,
+    /// What copying the picture back took, on the host; `None` in host memory.
+    pub read_back: Option<Duration>,
     /// Time on the device's own clock, where it has one.
     pub device_time: Option<Duration>,
 }
@@ -361,12 +406,25 @@ pub struct BuildStats {
     pub nodes: u64,
 }
 
+/// A graphics device, in words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Gpu {
+    /// Its name and what it has.
+    pub name: String,
+    /// Its driver.
+    pub driver: String,
+}
+
 /// Runs ray programs.
 pub trait RayBackend {
     /// `cpu`, and later `wgpu`, `cuda`, `optix`.
     fn name(&self) -> &'static str;
     /// The device and driver, in words.
     fn device(&self) -> String;
+    /// The graphics devices among what it uses; none for the processor.
+    fn gpus(&self) -> Vec<Gpu> {
+        Vec::new()
+    }
     /// Why a program cannot run here, or `Ok`.
     ///
     /// # Errors
@@ -380,6 +438,18 @@ pub trait RayBackend {
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError>;
     /// About how many bytes a triangle takes in the structure and while it is built.
     fn bytes_per_triangle(&self) -> u64;
+    /// Whether the backend can read G-buffers in the memory of that device.
+    fn joins(&self, _device: DeviceUuid) -> bool {
+        false
+    }
+    /// Opens a shared G-buffer, in place of the one opened before; jobs with [`RayJob::shared`] read it.
+    ///
+    /// # Errors
+    /// If the device refuses it.
+    fn join(&mut self, _shared: SharedGBuffer) -> Result<(), BackendError> {
+        let (what, why) = ("a shared G-buffer".to_owned(), "it reads host memory".to_owned());
+        Err(BackendError::Unsupported { backend: self.name(), what, why })
+    }
     /// Runs one pass into `output`, which has the job's size, and moves `progress` while it does.
     ///
     /// # Errors

@@ -16,4 +16,5 @@ pub mod programs;
 pub mod project;
 pub mod raster_effects;
 pub mod scene;
+pub mod shared;
 pub mod square;

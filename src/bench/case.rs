@@ -131,7 +131,7 @@ fn key(path: &Path, plan: &Plan, view: &str, choice: Choice) -> String {
         fidelity_name(settings.fidelity).to_owned(),
         format!("seed {}", settings.seed),
         format!("raster {}", choice.raster.name()),
-        format!("rays {}", choice.backend.name()),
+        format!("rays {}", choice.rays_in_words()),
     ];
     parts.extend(settings.set.iter().cloned());
     parts.join(" | ")

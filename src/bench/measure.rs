@@ -135,9 +135,9 @@ fn frame_device(timeline: &[Row], frames: usize) -> Option<Stats> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Choice;
     use crate::pipeline::executor::{Silent, Timeline};
     use crate::pipeline::plan::Settings;
-    use crate::{BackendChoice, Choice, RasterChoice};
     use std::path::Path;
     use std::time::Duration;
 
@@ -146,7 +146,7 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/SceneSSAO.xml");
         let settings =
             Settings { size: Some([24, 24]), set: vec!["pass2.samples=4".to_owned()], ..Settings::default() };
-        let choice = Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu };
+        let choice = Choice::CPU;
         let case = Case::new(&path, settings, choice).expect("the project is valid");
         assert_eq!((case.label.as_str(), case.view.as_str()), ("AO, 4 samples", "Fonte"));
         let measured = measure(&case, &MeasureOptions { frames: 3, warmup: 2 }, &mut Silent).expect("measured");

@@ -2,6 +2,7 @@
 
 use super::model::{BenchFile, BenchRow, RowError, ThesisFigure};
 use crate::pipeline::backend::RayCounts;
+use crate::pipeline::executor::StepKind;
 use std::fmt::Write as _;
 
 /// Rays of one frame.
@@ -20,10 +21,18 @@ pub fn mrays_per_second(row: &BenchRow) -> Option<f64> {
     (rays > 0).then(|| rays as f64 / 1e3 / ms.max(1e-6))
 }
 
+/// Time of the ray passes on the device's own clock, milliseconds; `None` where one of them has none.
+#[must_use]
+pub fn ray_device_ms(row: &BenchRow) -> Option<f64> {
+    let mut steps = row.steps.iter().filter(|step| step.kind == StepKind::Rays).peekable();
+    steps.peek()?;
+    steps.map(|step| step.device.as_ref().map(|device| device.median)).sum()
+}
+
 /// A CSV file: one line a row. What is not known is an empty field; times are milliseconds.
 #[must_use]
 pub fn csv(file: &BenchFile) -> String {
-    const HEADER: [&str; 33] = [
+    const HEADER: [&str; 34] = [
         "label",
         "effect",
         "technique",
@@ -44,6 +53,7 @@ pub fn csv(file: &BenchFile) -> String {
         "min_ms",
         "max_ms",
         "device_median_ms",
+        "ray_device_ms",
         "ray_share",
         "rays_per_frame",
         "mrays_per_second",
@@ -100,6 +110,7 @@ fn fields(row: &BenchRow) -> Vec<String> {
         row.frame.min.to_string(),
         row.frame.max.to_string(),
         known(row.frame_device.as_ref().map(|device| device.median)),
+        known(ray_device_ms(row)),
         known(row.ray_share),
         known(rays(row)),
         known(mrays_per_second(row)),
@@ -176,8 +187,8 @@ pub fn markdown(file: &BenchFile) -> String {
         let _ = writeln!(text, "\n**Not complete.**");
     }
     let references = references(&file.rows);
-    text += "\n| effect | view | engines | ms (median ± σ) | min … max | n | % in rays | Mrays/s | MiB held | RMSE | FLIP | against | \
-             report | ratio |\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
+    text += "\n| effect | view | engines | ms (median ± σ) | min … max | n | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
+             report | ratio |\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
     for row in &file.rows {
         let against = references.iter().position(|name| *name == reference(row)).map_or(0, |index| index + 1);
         let _ = writeln!(text, "| {} | [{against}] | {} |", cells(row).join(" | "), thesis_cells(row.thesis.as_ref()));
@@ -215,6 +226,7 @@ fn cells(row: &BenchRow) -> Vec<String> {
         format!("{:.2} … {:.2}", row.frame.min, row.frame.max),
         row.frame.n().to_string(),
         row.ray_share.map_or("-".to_owned(), |share| format!("{:.1}", share * 100.0)),
+        ray_device_ms(row).map_or("-".to_owned(), |ms| format!("{ms:.2}")),
         mrays_per_second(row).map_or("-".to_owned(), |speed| format!("{speed:.1}")),
         format!("{:.1}", row.held_bytes as f64 / f64::from(1 << 20)),
         rmse,

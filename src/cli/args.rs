@@ -4,7 +4,7 @@ use super::bench_args::BenchArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
-use curitiba::{BackendChoice, Choice, RasterChoice};
+use curitiba::{BackendChoice, Choice, Gpus, RasterChoice};
 use std::path::PathBuf;
 
 /// Renders projects that join rasterisation and ray tracing in one deferred pipeline.
@@ -42,7 +42,8 @@ Examples:
   curitiba render xml_projects/SceneFinal.xml --set pass2.samples=49 --set pass2.sampler=strata
   curitiba render xml_projects/SceneSSAO.xml --frames 10 --json
   curitiba render xml_projects/SceneRefract.xml --camera Vidro --pixel 512,512
-  curitiba render xml_projects/SceneFinal.xml --check-numerics")]
+  curitiba render xml_projects/SceneFinal.xml --check-numerics
+  curitiba render xml_projects/SceneFinal.xml --backend optix --fallback cuda,cpu")]
     Render(RenderArgs),
     /// Print what would be done for a project, and why.
     Plan(ProjectArgs),
@@ -125,6 +126,10 @@ pub struct RenderArgs {
     /// Count values of every pass that are not numbers, infinite, negative or out of range, and fail if there are any
     #[arg(long)]
     pub check_numerics: bool,
+    /// Ray backends that may take over, in this order, where the one before them is not there or fails; each is told as a
+    /// warning that names the pass, and is in the JSON. Without it a failure ends the run
+    #[arg(long, value_enum, value_name = "BACKENDS", value_delimiter = ',')]
+    pub fallback: Vec<FallbackArg>,
 }
 
 /// A project and what is asked of it.
@@ -148,6 +153,9 @@ pub struct ProjectArgs {
     /// Ray backend; cuda and optix need an NVIDIA GPU and a build with the feature `cuda`, auto takes cuda if it is there, else the cpu
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     pub backend: Backend,
+    /// GPUs that share the rays of cuda and optix: a number, or all
+    #[arg(long, value_name = "N", default_value_t = Gpus::default())]
+    pub gpus: Gpus,
     /// The report's programs with their defects mended, or as they were written
     #[arg(long, value_enum, default_value_t = FidelityArg::Corrected)]
     pub fidelity: FidelityArg,
@@ -287,6 +295,12 @@ pub struct ReportArgs {
     /// Rasteriser; auto takes a real GPU if there is one, and measures the cpu beside it
     #[arg(long, value_enum, default_value_t = Raster::Auto)]
     pub raster: Raster,
+    /// Ray backend of the report; every other one that is there is measured beside it, at the usual settings
+    #[arg(long, value_enum, default_value_t = Backend::Auto)]
+    pub backend: Backend,
+    /// GPUs that share the rays of cuda and optix: a number, or all
+    #[arg(long, value_name = "N", default_value_t = Gpus::default())]
+    pub gpus: Gpus,
     /// Threads of the cpu engines [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -323,6 +337,47 @@ pub enum Backend {
     Optix,
 }
 
+impl Backend {
+    /// As the library has it.
+    pub fn choice(self) -> BackendChoice {
+        match self {
+            Self::Auto => BackendChoice::Auto,
+            Self::Cpu => BackendChoice::Cpu,
+            Self::Cuda => BackendChoice::Cuda,
+            Self::Optix => BackendChoice::Optix,
+        }
+    }
+}
+
+/// `--fallback`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FallbackArg {
+    Cpu,
+    Cuda,
+    Optix,
+}
+
+impl RenderArgs {
+    /// Which engines, and which may take over. A backend that is named twice is tried once.
+    pub fn choice(&self) -> Choice {
+        let mut fallback = [None; 3];
+        let mut named: Vec<FallbackArg> = Vec::new();
+        for backend in &self.fallback {
+            if !named.contains(backend) {
+                named.push(*backend);
+            }
+        }
+        for (slot, backend) in fallback.iter_mut().zip(named) {
+            *slot = Some(match backend {
+                FallbackArg::Cpu => BackendChoice::Cpu,
+                FallbackArg::Cuda => BackendChoice::Cuda,
+                FallbackArg::Optix => BackendChoice::Optix,
+            });
+        }
+        Choice { fallback, ..self.project.choice() }
+    }
+}
+
 /// `--fidelity`.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum FidelityArg {
@@ -350,15 +405,7 @@ impl ProjectArgs {
 
     /// Which engines.
     pub fn choice(&self) -> Choice {
-        Choice {
-            raster: self.raster.choice(),
-            backend: match self.backend {
-                Backend::Auto => BackendChoice::Auto,
-                Backend::Cpu => BackendChoice::Cpu,
-                Backend::Cuda => BackendChoice::Cuda,
-                Backend::Optix => BackendChoice::Optix,
-            },
-        }
+        Choice { raster: self.raster.choice(), backend: self.backend.choice(), gpus: self.gpus, ..Choice::default() }
     }
 }
 

@@ -41,7 +41,7 @@ struct Job {
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
     let choice = args.project(Path::new("").to_owned(), None).choice();
-    let environment = Environment::probe(if args.compare.is_empty() { choice } else { cpu() });
+    let environment = Environment::probe(if args.compare.is_empty() { choice } else { Choice::CPU });
     let mut file = BenchFile::begin(args.command(), environment, args.frames, args.warmup);
     if let Some(path) = &args.json {
         file = file.continued(path, args.resume)?;
@@ -58,10 +58,6 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     failure.map_or(Ok(()), Err)
 }
 
-fn cpu() -> Choice {
-    Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu }
-}
-
 /// The engines on which every row is measured. Those that are not there are noted in the file.
 fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice> {
     if args.compare.is_empty() {
@@ -70,18 +66,18 @@ fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice
     let mut choices = Vec::new();
     for engine in &args.compare {
         let made = match engine {
-            EngineArg::Cpu => Ok(cpu()),
+            EngineArg::Cpu => Ok(Choice::CPU),
             EngineArg::Wgpu => WgpuRasteriser::new(AdapterChoice::Any)
                 .map(|gpu| {
                     let note = format!("`wgpu` is {}", gpu.device());
                     if gpu.device().contains("software") && !file.environment.fallbacks.contains(&note) {
                         file.environment.fallbacks.push(note);
                     }
-                    Choice { raster: RasterChoice::Wgpu, backend: BackendChoice::Cpu }
+                    Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }
                 })
                 .map_err(|error| error.to_string()),
-            EngineArg::Cuda => traced_by(BackendChoice::Cuda, choice),
-            EngineArg::Optix => traced_by(BackendChoice::Optix, choice),
+            EngineArg::Cuda => traced_by(choice.traced_by(BackendChoice::Cuda), file),
+            EngineArg::Optix => traced_by(choice.traced_by(BackendChoice::Optix), file),
         };
         match made {
             Ok(choice) if choices.contains(&choice) => {}
@@ -95,8 +91,11 @@ fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice
     choices
 }
 
-fn traced_by(backend: BackendChoice, choice: Choice) -> Result<Choice, String> {
-    ray_backend(backend).map(|_| Choice { backend, ..choice }).map_err(|error| error.to_string())
+/// The choice, if its ray backend is there; the file names its devices.
+fn traced_by(choice: Choice, file: &mut BenchFile) -> Result<Choice, String> {
+    let rays = ray_backend(choice).map_err(|error| error.to_string())?;
+    file.environment.add_gpus(rays.as_ref());
+    Ok(choice)
 }
 
 /// Everything that is to be measured, checked before anything is.
@@ -211,7 +210,7 @@ fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<O
             Err(error) => {
                 drop(bars);
                 let choice = case.choice;
-                let engines = format!("{} and {}", choice.raster.name(), choice.backend.name());
+                let engines = format!("{} and {}", choice.raster.name(), choice.rays_in_words());
                 let what = format!("{}, {} on {engines}", case.label, case.view);
                 file.miss(what.clone(), error_text(&error));
                 failure::print_warning(&format!("{what}: {}", error_text(&error)));

@@ -2,6 +2,7 @@
 
 use super::args::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_size};
 use clap::{Args, ValueEnum, ValueHint};
+use curitiba::Gpus;
 use std::path::PathBuf;
 
 /// Arguments of `bench`.
@@ -41,9 +42,12 @@ pub struct BenchArgs {
     /// Rasteriser; auto takes a real GPU if there is one, else the cpu
     #[arg(long, value_enum, default_value_t = Raster::Auto)]
     pub raster: Raster,
-    /// Ray backend
+    /// Ray backend; a row that it fails for is listed with the reason, and never measured on another
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     pub backend: Backend,
+    /// GPUs that share the rays of cuda and optix: a number, or all
+    #[arg(long, value_name = "N", default_value_t = Gpus::default())]
+    pub gpus: Gpus,
     /// The report's programs with their defects mended, or as they were written; errors are against the mended ones
     #[arg(long, value_enum, default_value_t = FidelityArg::Corrected)]
     pub fidelity: FidelityArg,
@@ -117,6 +121,7 @@ impl BenchArgs {
             pipeline: self.pipeline.clone(),
             raster: self.raster,
             backend: self.backend,
+            gpus: self.gpus,
             fidelity: self.fidelity,
             seed: self.seed,
             show: Vec::new(),
@@ -151,6 +156,9 @@ impl BenchArgs {
             words.extend(named("compare", engines.join(",")));
         }
         words.extend(named("backend", value(name_of(self.backend))));
+        if self.gpus != Gpus::default() {
+            words.extend(named("gpus", self.gpus.to_string()));
+        }
         words.extend(self.sweep.iter().flat_map(|sweep| named("sweep", sweep.clone())));
         words.extend(named("fidelity", value(name_of(self.fidelity))));
         words.extend(named("seed", self.seed.to_string()));

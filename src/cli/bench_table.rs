@@ -2,7 +2,7 @@
 
 use anstyle::Style;
 use curitiba::bench::model::{BenchFile, BenchRow, RowError};
-use curitiba::bench::text::{mrays_per_second, reference};
+use curitiba::bench::text::{mrays_per_second, ray_device_ms, reference};
 use curitiba::pipeline::plan::mebibytes;
 
 const HEADER: Style = Style::new().bold();
@@ -43,7 +43,7 @@ impl Table {
         if !self.begun {
             self.begun = true;
             crate::say!(
-                "{HEADER}{:width$}  {:8}  {:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>8}  {:>9}  {:>7}  {:>4}  {:>8}{HEADER:#}",
+                "{HEADER}{:width$}  {:8}  {:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>9}  {:>8}  {:>9}  {:>7}  {:>4}  {:>8}{HEADER:#}",
                 "effect",
                 "view",
                 "engines",
@@ -51,6 +51,7 @@ impl Table {
                 "min … max",
                 "n",
                 "% rays",
+                "device ms",
                 "Mrays/s",
                 "RMSE",
                 "FLIP",
@@ -70,13 +71,14 @@ impl Table {
             None => row.raster.name.clone(),
         };
         crate::say!(
-            "{:width$}  {:8}  {engines:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>8}  {rmse:>9}  {flip:>7}  {:>4}  {:>8}",
+            "{:width$}  {:8}  {engines:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>9}  {:>8}  {rmse:>9}  {flip:>7}  {:>4}  {:>8}",
             row.label,
             row.view,
             format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd),
             format!("{:.2} … {:.2}", row.frame.min, row.frame.max),
             row.frame.n(),
             row.ray_share.map_or_else(dash, |share| format!("{:.1}", share * 100.0)),
+            ray_device_ms(row).map_or_else(dash, |ms| format!("{ms:.2}")),
             mrays_per_second(row).map_or_else(dash, |speed| format!("{speed:.1}")),
             format!("[{}]", self.number(reference(row))),
             row.thesis.as_ref().and_then(|thesis| thesis.ratio).map_or_else(dash, |ratio| format!("{ratio:.2}")),
@@ -95,6 +97,9 @@ impl Table {
     pub fn end(&self, file: &BenchFile) {
         for (index, reference) in self.references.iter().enumerate() {
             crate::say!("[{}] {reference}", index + 1);
+        }
+        if file.rows.iter().any(|row| ray_device_ms(row).is_some()) {
+            crate::say!("device ms: the ray passes on the GPU's own clock, without copies; Mrays/s are of host time");
         }
         if let Some(thesis) = file.rows.iter().find_map(|row| row.thesis.as_ref()) {
             let ratios = if file.rows.iter().any(|row| row.thesis.as_ref().is_some_and(|t| t.ratio.is_some())) {

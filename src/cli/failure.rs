@@ -34,6 +34,23 @@ impl Failure {
         Self::Work(error.to_string())
     }
 
+    /// With what to do about a ray backend that failed while nothing was allowed to take over.
+    pub fn of_rendering(error: impl Into<OpenError>, may_fall_back: bool) -> Self {
+        let error = error.into();
+        let of_device = match &error {
+            OpenError::Engine(error) | OpenError::Render(RenderError::Pass { error, .. }) => {
+                matches!(error.backend(), "cuda" | "optix")
+            }
+            _ => false,
+        };
+        match Self::from(error) {
+            Self::Work(message) if of_device && !may_fall_back => Self::Work(format!(
+                "{message}\n       `--fallback cpu` goes on with the cpu where another ray backend fails"
+            )),
+            failure => failure,
+        }
+    }
+
     /// The exit code.
     pub fn exit_code(&self) -> ExitCode {
         ExitCode::from(match self {

@@ -4,7 +4,7 @@ use super::Failure;
 use super::progress::Bars;
 use curitiba::passes::explain;
 use curitiba::pipeline::backend::RayJob;
-use curitiba::pipeline::executor::{Faults, Observer, Output, Progress, StepKind, Triangles};
+use curitiba::pipeline::executor::{Fallback, Faults, Observer, Output, Progress, StepKind, Triangles};
 use curitiba::pipeline::image::Image;
 use std::sync::Arc;
 
@@ -103,6 +103,10 @@ impl Observer for Inspector {
 
     fn end(&mut self) {
         self.bars.end();
+    }
+
+    fn fell_back(&mut self, fallback: &Fallback) {
+        self.bars.fell_back(fallback);
     }
 
     fn wrote(&mut self, output: &Output<'_>) {

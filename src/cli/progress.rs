@@ -1,6 +1,7 @@
 //! Progress of steps that take longer than a second, on terminals only.
 
-use curitiba::pipeline::executor::{Observer, Progress, StepKind};
+use super::failure;
+use curitiba::pipeline::executor::{Fallback, Observer, Progress, StepKind};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal as _;
 use std::sync::Arc;
@@ -46,6 +47,11 @@ impl Observer for Bars {
             // The watcher only draws: if it panicked, the picture is not worse for it.
             let _ = watcher.join();
         }
+    }
+
+    fn fell_back(&mut self, fallback: &Fallback) {
+        self.end();
+        failure::print_warning(&fallback.to_string());
     }
 }
 

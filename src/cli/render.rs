@@ -6,7 +6,7 @@ use super::progress::Bars;
 use super::{Failure, failure, print_warnings, set_threads, table};
 use curitiba::environment::{Environment, peak_memory};
 use curitiba::pipeline::diagnostic::WarningGroup;
-use curitiba::pipeline::executor::{Renderer, Row, Written};
+use curitiba::pipeline::executor::{Fallback, Renderer, Row, Written};
 use curitiba::pipeline::plan::{Decision, mebibytes};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     check_output(&output)?;
     let mut inspector = Inspector::new(Bars::default(), args.pixel, args.check_numerics);
     let settings = args.project.settings();
-    let mut renderer = curitiba::open(&args.project.path, settings, args.project.choice(), &mut inspector)?;
+    let may_fall_back = !args.fallback.is_empty();
+    let mut renderer = curitiba::open(&args.project.path, settings, args.choice(), &mut inspector)
+        .map_err(|error| Failure::of_rendering(error, may_fall_back))?;
     failure::print_warnings_of(&renderer.plan().project.problems);
     print_warnings(renderer.warnings());
     if !args.json {
@@ -36,7 +38,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     }
     let mut picture = renderer.window_image();
     for _ in 0..args.frames {
-        picture = renderer.frame(&mut inspector)?;
+        let frame = renderer.frame(&mut inspector);
+        picture = frame.map_err(|error| Failure::of_rendering(error, may_fall_back))?;
         inspector.print_pixel()?;
     }
     let bad = picture.count_non_finite();
@@ -118,6 +121,7 @@ struct Report<'a> {
     environment: Environment,
     raster: Engine,
     rays: Engine,
+    fallbacks: &'a [Fallback],
     steps: Vec<Step<'a>>,
     decisions: &'a [Decision],
     warnings: Vec<String>,
@@ -150,9 +154,10 @@ fn print_json(renderer: &Renderer, frames: u32, files: &[Written]) -> Result<(),
         fidelity: fidelity(renderer),
         seed: plan.settings.seed,
         frames,
-        environment: Environment::here(),
+        environment: Environment::here().with_engines(engines),
         raster: Engine { name: engines.raster.name(), device: engines.raster.device() },
         rays: Engine { name: engines.rays.name(), device: engines.rays.device() },
+        fallbacks: renderer.fallbacks(),
         steps: renderer.timeline().rows.iter().map(step).collect(),
         decisions: renderer.decisions(),
         warnings: renderer.warnings().groups().iter().map(WarningGroup::to_string).collect(),

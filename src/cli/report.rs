@@ -3,6 +3,7 @@
 use super::args::ReportArgs;
 use super::progress::Bars;
 use super::{Failure, set_threads};
+use curitiba::Choice;
 use curitiba::reference::References;
 use curitiba::report::{self, ReportError, Request, Told, Wanted, number, summary};
 
@@ -28,7 +29,12 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     let request = Request {
         projects: args.projects.clone(),
         wanted,
-        raster: args.raster.choice(),
+        choice: Choice {
+            raster: args.raster.choice(),
+            backend: args.backend.choice(),
+            gpus: args.gpus,
+            ..Choice::default()
+        },
         references: References::default_folder(),
         command: command(),
         max_memory: args.max_memory,
@@ -39,7 +45,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     let (folder, data) = made.map_err(|error| match error {
         ReportError::Folder(report::folder::FolderError::Occupied { .. }) => Failure::Usage(error.to_string()),
         ReportError::Nothing { .. } => Failure::Input(error.to_string()),
-        ReportError::Folder(_) => Failure::work(error),
+        ReportError::Folder(_) | ReportError::Engine(_) => Failure::work(error),
     })?;
     for sentence in summary::in_short(&data) {
         crate::say!("{sentence}");

@@ -290,7 +290,7 @@ impl References {
             self.open = None;
             let sampling = Rc::new(Cell::new(Sampling { samples: SAMPLES.0, seed: SEEDS[0] }));
             let rays = ReferenceRays::new(request.kind == Kind::Exact, Rc::clone(&sampling));
-            let engines = Engines { raster: Box::new(CpuRasteriser::new()), rays: Box::new(rays) };
+            let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(rays));
             let renderer = Renderer::new(request.plan.clone(), engines, observer)?;
             self.open = Some((identity, Open { renderer, sampling }));
         }

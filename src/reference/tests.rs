@@ -1,12 +1,12 @@
 use super::*;
+use crate::Choice;
 use crate::bench::{MeasureOptions, measure};
 use crate::pipeline::executor::Silent;
 use crate::pipeline::plan::Settings;
 use crate::pipeline::programs::Fidelity;
-use crate::{BackendChoice, Choice, RasterChoice};
 use std::path::Path;
 
-const CPU: Choice = Choice { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu };
+const CPU: Choice = Choice::CPU;
 
 fn case(project: &str, set: &[&str]) -> Case {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(project);

@@ -7,8 +7,10 @@ use super::{Told, scale};
 use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, ThesisFigure, Unavailable};
 use crate::bench::table2::{self, TableRow};
 use crate::bench::{Case, MeasureOptions, measure};
+use crate::engines::ray_backend;
 use crate::environment::Environment;
 use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
+use crate::pipeline::backend::BackendError;
 use crate::pipeline::executor::Observer;
 use crate::pipeline::image::{Image, write_png};
 use crate::pipeline::metrics::{self, flip_map, heat_map};
@@ -26,6 +28,9 @@ pub enum ReportError {
     /// Its folder.
     #[error(transparent)]
     Folder(#[from] FolderError),
+    /// The ray backend that was asked for by name.
+    #[error(transparent)]
+    Engine(#[from] BackendError),
     /// Not one row could be measured.
     #[error("nothing could be measured in {path}:\n{reasons}", path = path.display())]
     Nothing {
@@ -43,8 +48,8 @@ pub struct Request {
     pub projects: PathBuf,
     /// Sizes and time.
     pub wanted: Wanted,
-    /// Rasteriser.
-    pub raster: RasterChoice,
+    /// Rasteriser, ray backend and GPUs. Nothing takes over where they fail: such a row is missing, with the reason.
+    pub choice: Choice,
     /// Where references are kept.
     pub references: PathBuf,
     /// The command line, as the page shows it.
@@ -56,7 +61,7 @@ pub struct Request {
 /// Measures everything that fits into the time, and writes the pictures into `folder`. `told` hears of each step.
 ///
 /// # Errors
-/// If nothing at all can be measured, or the folder cannot be written.
+/// If the ray backend that was asked for is not there, nothing at all can be measured, or the folder cannot be written.
 pub fn collect(
     request: &Request,
     folder: &Folder,
@@ -64,8 +69,8 @@ pub fn collect(
     observer: &mut dyn Observer,
 ) -> Result<ReportData, ReportError> {
     let mut collector = Collector::new(request);
-    collector.look_for_engines();
-    let entries = plan::entries(&request.wanted, collector.gpu);
+    collector.look_for_engines()?;
+    let entries = plan::entries(&request.wanted, collector.gpu, &collector.beside);
     let sizes = plan::pixel_sizes(&request.wanted);
     collector.to_do = entries.len() + plan::scaling_lines().len() * (sizes.len() + request.wanted.triangles.len());
     for entry in &entries {
@@ -88,6 +93,9 @@ pub(super) struct Collector<'a> {
     /// Scene of the first row.
     scene: SceneFacts,
     gpu: bool,
+    /// The report's ray backend, and the others that are there.
+    backend: BackendChoice,
+    beside: Vec<BackendChoice>,
     start: Instant,
     references: References,
     table: Vec<String>,
@@ -96,8 +104,8 @@ pub(super) struct Collector<'a> {
     plain: HashMap<String, (String, Image)>,
     /// The case whose reference all rows of an effect and view are compared with.
     judges: HashMap<(String, String), Case>,
-    /// By project and view: weight, pixels, triangles and frame time of the last row.
-    known: HashMap<(String, bool), Known>,
+    /// By project, view and ray backend, if not the report's: weight, pixels, triangles and frame time of the last row.
+    known: HashMap<(String, bool, Option<BackendChoice>), Known>,
     /// Setup of the last row, milliseconds a triangle: without an acceleration structure, and with one.
     setup_ms: [f64; 2],
     done: usize,
@@ -131,7 +139,7 @@ impl<'a> Collector<'a> {
                 format: FORMAT,
                 command: request.command.clone(),
                 started_unix_s: now.as_secs(),
-                environment: Environment::probe(Choice { raster: request.raster, backend: BackendChoice::Cpu }),
+                environment: Environment::probe(request.choice),
                 frames: wanted.frames().0,
                 warmup: 1,
                 complete: false,
@@ -140,6 +148,8 @@ impl<'a> Collector<'a> {
             },
             scene: SceneFacts { file: String::new(), triangles: 0 },
             gpu: false,
+            backend: request.choice.backend,
+            beside: Vec::new(),
             start: Instant::now(),
             references: References::new(
                 request.references.clone(),
@@ -156,10 +166,10 @@ impl<'a> Collector<'a> {
         }
     }
 
-    fn look_for_engines(&mut self) {
-        if self.request.raster == RasterChoice::Cpu {
+    fn look_for_engines(&mut self) -> Result<(), BackendError> {
+        if self.request.choice.raster == RasterChoice::Cpu {
             self.miss("wgpu", "left out: --raster cpu was asked for".to_owned());
-        } else if self.request.raster == RasterChoice::Wgpu {
+        } else if self.request.choice.raster == RasterChoice::Wgpu {
             self.gpu = true;
         } else {
             match WgpuRasteriser::new(AdapterChoice::RealGpu) {
@@ -167,8 +177,26 @@ impl<'a> Collector<'a> {
                 Err(error) => self.miss("wgpu", error.to_string()),
             }
         }
-        let why = "this version has no such backend: all rays were traced on the cpu";
-        self.miss("rays on wgpu, cuda and optix", why.to_owned());
+        let choice = self.request.choice;
+        if choice.backend == BackendChoice::Auto {
+            let on_gpu = ray_backend(choice.traced_by(BackendChoice::Cuda)).is_ok();
+            self.backend = if on_gpu { BackendChoice::Cuda } else { BackendChoice::Cpu };
+        }
+        for backend in [BackendChoice::Cpu, BackendChoice::Cuda, BackendChoice::Optix] {
+            match ray_backend(choice.traced_by(backend)) {
+                Ok(rays) => {
+                    self.file.environment.add_gpus(rays.as_ref());
+                    if backend != self.backend {
+                        self.beside.push(backend);
+                    }
+                }
+                Err(error) if backend == self.backend => return Err(error),
+                Err(BackendError::Device { message, .. }) => self.miss(&format!("rays on {}", backend.name()), message),
+                Err(error) => self.miss(&format!("rays on {}", backend.name()), error.to_string()),
+            }
+        }
+        self.miss("rays on wgpu", "this version traces no rays through wgpu".to_owned());
+        Ok(())
     }
 
     pub fn miss(&mut self, what: &str, why: String) {
@@ -193,8 +221,10 @@ impl<'a> Collector<'a> {
             max_memory: self.request.max_memory,
             ..Settings::default()
         };
-        let raster = if entry.on_cpu { RasterChoice::Cpu } else { self.request.raster };
-        let choice = Choice { raster, backend: BackendChoice::Cpu };
+        let mut choice = self.request.choice.traced_by(entry.beside.unwrap_or(self.backend));
+        if entry.on_cpu {
+            choice.raster = RasterChoice::Cpu;
+        }
         let mut case = Case::new(&path, settings, choice).map_err(|error| error.to_string())?;
         case.label.clone_from(&entry.label);
         case.effect = entry.effect.to_owned();
@@ -210,7 +240,7 @@ impl<'a> Collector<'a> {
     fn expected_ms(&self, entry: &Entry, place: &Place<'_>) -> f64 {
         let pixels = pixels(place.size);
         let triangles = place.triangles.map_or(self.scene.triangles as f64, |triangles| triangles as f64);
-        let of = |file: &str, panes| self.known.get(&(file.to_owned(), panes));
+        let of = |file: &str, panes| self.known.get(&(file.to_owned(), panes, entry.beside));
         let grow = |known: &Known, weight: f64| {
             let by_triangles = if known.triangles > 0.0 { (triangles / known.triangles).max(1.0) } else { 1.0 };
             known.frame_ms * (weight / known.weight).max(0.3) * (pixels / known.pixels).max(0.3) * by_triangles
@@ -223,7 +253,8 @@ impl<'a> Collector<'a> {
             Technique::Raster => 4.0,
             Technique::Rays => 10.0,
         };
-        let base = of("SceneNoEffects.xml", entry.panes).or_else(|| of("SceneNoEffects.xml", false));
+        let plain = |panes| self.known.get(&("SceneNoEffects.xml".to_owned(), panes, None));
+        let base = plain(entry.panes).or_else(|| plain(false));
         factor * base.map_or(pixels * 3e-4, |known| grow(known, 1.0))
     }
 
@@ -250,7 +281,9 @@ impl<'a> Collector<'a> {
             measure(&case, &MeasureOptions { frames, warmup }, observer).map_err(|error| error.to_string())?;
         let row = measured.row;
         let setup: f64 = row.setup.iter().map(|step| step.host.median).sum();
-        self.setup_ms[traces] = setup / (row.triangles.max(1) as f64);
+        if entry.beside.is_none() {
+            self.setup_ms[traces] = setup / (row.triangles.max(1) as f64);
+        }
         if self.scene.triangles == 0 && place.triangles.is_none() {
             let plan = measured.renderer.plan();
             let files = plan.project.scenes.iter().flat_map(|scene| &scene.files);
@@ -265,7 +298,7 @@ impl<'a> Collector<'a> {
             frame_ms: row.frame.median,
         };
         if !entry.on_cpu {
-            self.known.insert((entry.file.to_owned(), entry.panes), known);
+            self.known.insert((entry.file.to_owned(), entry.panes, entry.beside), known);
         }
         Ok((case, row, measured.picture))
     }

@@ -1,6 +1,7 @@
 //! What a report measures, in which order, and what it leaves out when the time does not suffice.
 
 use super::model::{Against, Effect};
+use crate::BackendChoice;
 use crate::bench::model::Technique;
 
 /// What is asked of a report.
@@ -90,6 +91,8 @@ pub struct Entry {
     pub in_table: bool,
     /// Whether it is measured on the cpu although the report uses another rasteriser.
     pub on_cpu: bool,
+    /// Which ray backend it is measured on, if not the report's.
+    pub beside: Option<BackendChoice>,
     /// Work of its effect in any unit that the entries of one project share.
     pub weight: f64,
 }
@@ -109,9 +112,9 @@ pub fn files(effect: Effect) -> (&'static str, &'static [&'static str]) {
 pub const USUAL_SAMPLES: u32 = 16;
 
 /// Everything that is measured on the user's scene at the report's size. `gpu` tells whether the report's rasteriser is
-/// not the cpu's, which is then measured beside it.
+/// not the cpu's, which is then measured beside it; so is every usual row by rays on the ray backends `beside` the report's.
 #[must_use]
-pub fn entries(wanted: &Wanted, gpu: bool) -> Vec<Entry> {
+pub fn entries(wanted: &Wanted, gpu: bool, beside: &[BackendChoice]) -> Vec<Entry> {
     let mut entries = whole();
     for effect in Effect::ALL {
         entries.push(rays(effect, None));
@@ -128,6 +131,16 @@ pub fn entries(wanted: &Wanted, gpu: bool) -> Vec<Entry> {
         }));
     }
     entries.extend(elsewhere());
+    let traced: Vec<Entry> = entries.iter().filter(|e| e.technique == Technique::Rays).cloned().collect();
+    for backend in beside {
+        entries.extend(traced.iter().cloned().map(|entry| Entry {
+            beside: Some(*backend),
+            label: format!("{}, {}", entry.label, backend.name()),
+            setting: entry.setting.map(|(series, value)| (format!("{series}, {}", backend.name()), value)),
+            picture: None,
+            ..entry
+        }));
+    }
     for effect in Effect::ALL {
         entries.extend(sweep(effect, wanted.quick));
     }
@@ -148,6 +161,7 @@ fn entry(file: &'static str, effect: &'static str, technique: Technique, label: 
         picture: None,
         in_table: true,
         on_cpu: false,
+        beside: None,
         weight: 1.0,
     }
 }
@@ -381,7 +395,7 @@ mod tests {
     #[test]
     fn every_effect_is_measured_both_ways_and_shown() {
         for quick in [false, true] {
-            let entries = entries(&Wanted::new(quick, None), false);
+            let entries = entries(&Wanted::new(quick, None), false, &[BackendChoice::Cpu, BackendChoice::Optix]);
             for effect in Effect::ALL {
                 for technique in [Technique::Rays, Technique::Raster] {
                     let of = || entries.iter().filter(move |e| e.effect == effect.id() && e.technique == technique);
@@ -390,8 +404,10 @@ mod tests {
                     assert!(settings > 1 || technique == Technique::Rays, "{effect:?}");
                 }
             }
-            let distinct: HashSet<String> =
-                entries.iter().map(|e| format!("{} {} {:?} {}", e.file, e.panes, e.set, e.on_cpu)).collect();
+            let distinct: HashSet<String> = entries
+                .iter()
+                .map(|e| format!("{} {} {:?} {} {:?}", e.file, e.panes, e.set, e.on_cpu, e.beside))
+                .collect();
             assert_eq!(distinct.len(), entries.len(), "no row is measured twice");
             assert!(entries.is_sorted_by_key(|entry| entry.stage));
         }
@@ -400,11 +416,31 @@ mod tests {
     #[test]
     fn a_machine_with_a_gpu_measures_the_cpu_rasteriser_beside_it() {
         let wanted = Wanted::new(false, None);
-        let (without, with) = (entries(&wanted, false), entries(&wanted, true));
+        let (without, with) = (entries(&wanted, false, &[]), entries(&wanted, true, &[]));
         assert!(without.iter().all(|entry| !entry.on_cpu));
         let added: Vec<_> = with.iter().filter(|entry| entry.on_cpu).collect();
         assert_eq!(added.len(), with.len() - without.len());
         assert_eq!(added.len(), 5);
+    }
+
+    #[test]
+    fn every_usual_row_by_rays_is_measured_on_the_other_ray_backends_too() {
+        let wanted = Wanted::new(true, None);
+        let alone = entries(&wanted, false, &[]);
+        let usual = |entry: &&Entry| entry.technique == Technique::Rays && entry.in_table;
+        let backends = [BackendChoice::Cpu, BackendChoice::Optix];
+        let all = entries(&wanted, false, &backends);
+        for backend in backends {
+            let added: Vec<_> = all.iter().filter(|entry| entry.beside == Some(backend)).collect();
+            assert_eq!(added.len(), alone.iter().filter(usual).count());
+            assert!(added.iter().all(|entry| entry.label.ends_with(backend.name()) && entry.picture.is_none()));
+        }
+        let place = |found: &dyn Fn(&&Entry) -> bool| all.iter().position(|entry| found(&entry));
+        let first = place(&|entry| entry.beside.is_some()).expect("one is there");
+        assert!(
+            all[..first].iter().filter(usual).count() == alone.iter().filter(usual).count(),
+            "the report's come first"
+        );
     }
 
     #[test]

@@ -8,6 +8,7 @@ use super::{page, plots};
 use crate::bench::model::{
     BenchFile, BenchRow, BenchStep, EngineName, FORMAT, RowError, Stats, Technique, Unavailable,
 };
+use crate::bench::text;
 use crate::environment::Environment;
 use crate::pipeline::backend::RayCounts;
 use crate::pipeline::executor::StepKind;
@@ -333,6 +334,23 @@ fn what_was_not_measured_is_a_dash_and_a_sentence() {
     assert!(html.contains("No picture could be rendered.") && html.contains("No scene of another size was measured."));
     assert!(html.contains("<li>No error: the reference would have taken 9 minutes</li>"));
     assert!(html.contains("<td class=\"none\" data-v=\"\">–</td>"));
+}
+
+#[test]
+fn the_devices_own_time_of_ray_passes_has_a_column_where_it_is_known_for_some_row() {
+    let mut data = report(5.0, (9.0, against(0.01)), (7.0, against(0.02)));
+    assert!(!page::build(&data).html.contains("on GPU, ms"));
+    assert!(data.bench.rows.iter().all(|row| text::ray_device_ms(row).is_none()));
+    let step = data.bench.rows[1].steps.iter_mut().find(|step| step.kind == StepKind::Rays).expect("it traces");
+    step.device = Some(stats(1.25));
+    assert_eq!(text::ray_device_ms(&data.bench.rows[1]), Some(1.25));
+    let html = page::build(&data).html;
+    assert!(html.contains("on GPU, ms") && html.contains("data-v=\"1.25\""));
+    assert_well_formed(&html);
+    let csv = text::csv(&data.bench);
+    let column = csv.lines().next().and_then(|line| line.split(',').position(|name| name == "ray_device_ms"));
+    assert_eq!(csv.lines().nth(2).and_then(|line| line.split(',').nth(column?)), Some("1.25"));
+    assert!(text::markdown(&data.bench).contains("| 1.25 |"));
 }
 
 #[test]

@@ -218,6 +218,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         normal: &buffer.normal,
         color: &buffer.color,
         triangle: &buffer.triangle,
+        shared: None,
         shades: &shades,
         glass: &glass,
         shadow_glass: &vec![false; glass.len()],

@@ -48,6 +48,12 @@ pub struct Pipeline {
     pub records: [u8; RECORDS * SBT_RECORD_HEADER],
 }
 
+// SAFETY: the pointers are handles and functions of OptiX, which may be used by any thread; each `Api` and `Pipeline` is used
+// by one at a time, as nothing here is `Sync`.
+unsafe impl Send for Api {}
+// SAFETY: as above.
+unsafe impl Send for Pipeline {}
+
 /// A mesh on the device.
 #[derive(Debug, Clone, Copy)]
 pub struct Mesh {
@@ -119,6 +125,12 @@ impl Api {
             "the driver's OptiX offers none of the interfaces that this program knows; it refused {}: install driver 580 or newer",
             refused.join(", ")
         ))
+    }
+
+    /// Makes the context's device that of the thread, which may have another just now. The first call may report an earlier
+    /// failure instead; what cannot be released is released with the device.
+    fn bind_for_release(&self) {
+        let _ = self.cuda.bind_to_thread().or_else(|_| self.cuda.bind_to_thread());
     }
 
     /// The interface version in use.
@@ -292,6 +304,7 @@ impl Api {
 
     /// Frees what [`Self::pipeline`] made.
     pub fn destroy(&self, pipeline: &Pipeline) {
+        self.bind_for_release();
         // SAFETY: by the invariant; objects that were not made are null and left out. Results are of no use here.
         unsafe {
             let end = |place: usize, handle: Handle| {
@@ -457,6 +470,7 @@ impl Api {
 
 impl Drop for Api {
     fn drop(&mut self) {
+        self.bind_for_release();
         // SAFETY: by the invariant; null if it was not made.
         unsafe {
             let destroy: Destroy = self.function(place::DEVICE_CONTEXT_DESTROY);

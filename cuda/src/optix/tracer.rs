@@ -25,6 +25,14 @@ fn wrong(message: String) -> BackendError {
     BackendError::Device { backend: OptixTracer::NAME, message }
 }
 
+/// What OptiX refused. Where the device itself failed, what CUDA says of it is nearer to the cause.
+fn refused(device: &Device, doing: &str, why: String) -> BackendError {
+    match device.stream().synchronize() {
+        Ok(()) => wrong(format!("{doing}: {why}")),
+        Err(error) => device.fault(doing, &error),
+    }
+}
+
 /// By triangle: 1 where its material lets some rays through.
 fn asked(geometry: &Geometry, filtered: &[bool]) -> Vec<u32> {
     let flag = |material: u32| u32::from(filtered.get(material as usize).copied().unwrap_or(false));
@@ -42,6 +50,11 @@ impl DeviceTracer for OptixTracer {
     const NAME: &'static str = "optix";
     /// An upper estimate of what OptiX takes while it builds, on the device.
     const BYTES_PER_TRIANGLE: u64 = 250;
+
+    /// OptiX builds on the GPU.
+    type Prepared = ();
+
+    fn prepare(_: &RenderScene, _: &[bool]) {}
 
     fn new(device: &Device) -> Result<Self, BackendError> {
         let api = Api::new(device.context()).map_err(wrong)?;
@@ -70,6 +83,7 @@ impl DeviceTracer for OptixTracer {
         device: &Device,
         scene: &RenderScene,
         filtered: &[bool],
+        (): &(),
         buffers: &SceneBuffers,
     ) -> Result<BuildStats, BackendError> {
         let geometry = &scene.geometry;
@@ -85,14 +99,15 @@ impl DeviceTracer for OptixTracer {
             count: geometry.triangles.len() as u32,
             asked: asked.address(device),
         };
-        let sizes: BuildSizes = self.api.build_sizes(&mesh).map_err(wrong)?;
+        let refused = |why| refused(device, "building OptiX's structure", why);
+        let sizes: BuildSizes = self.api.build_sizes(&mesh).map_err(refused)?;
         let output = room(device, "OptiX's structure", sizes.output)?;
         let temporary = room(device, "OptiX's build", sizes.temporary)?;
         let compacted = device.upload("a number", &[0_u64])?;
         let stream = device.stream().cu_stream().cast();
         let addresses = (output.address(device), temporary.address(device), compacted.address(device));
         // SAFETY: the buffers have the sizes that were asked for, and live until the stream is synchronised below.
-        let handle = unsafe { self.api.build(stream, &mesh, sizes, addresses) }.map_err(wrong)?;
+        let handle = unsafe { self.api.build(stream, &mesh, sizes, addresses) }.map_err(refused)?;
         let fault = |error| device.fault("building OptiX's structure", &error);
         let mut needed = [0_u64];
         if let Some(compacted) = &compacted.0 {
@@ -104,7 +119,7 @@ impl DeviceTracer for OptixTracer {
             let smaller = room(device, "OptiX's structure", needed)?;
             // SAFETY: as above; both live until the stream is synchronised.
             let moved = unsafe { self.api.compact(stream, handle, smaller.address(device), needed) };
-            let moved = moved.map_err(wrong)?;
+            let moved = moved.map_err(refused)?;
             device.stream().synchronize().map_err(fault)?;
             (smaller, moved)
         } else {
@@ -125,7 +140,7 @@ impl DeviceTracer for OptixTracer {
         }
         let stem = program.info().stem;
         let compiled = self.api.pipeline(programs::on_optix(program));
-        let pipeline = compiled.map_err(|why| wrong(format!("loading `{stem}`: {why}")))?;
+        let pipeline = compiled.map_err(|why| refused(device, &format!("loading `{stem}`"), why))?;
         match device.upload("the records of the programs", &pipeline.records) {
             Ok(records) => {
                 self.programs.push((program, pipeline, records));
@@ -158,7 +173,7 @@ impl DeviceTracer for OptixTracer {
         // SAFETY: the parameters are laid out as the programs' compiler checked; what they point to are buffers of this
         // backend that live until the stream was synchronised.
         let launched = unsafe { self.api.launch(stream, pipeline, parameters, records, [params.width, params.rows]) };
-        launched.map_err(|why| wrong(format!("running `{}`: {why}", program.info().stem)))
+        launched.map_err(|why| refused(device, &format!("running `{}`", program.info().stem), why))
     }
 }
 

@@ -197,6 +197,7 @@ impl<'w> Shot<'w> {
             normal: &self.normal,
             color: &self.color,
             triangle: &self.triangle,
+            shared: None,
             shades: &self.world.shades,
             glass: &self.world.glass,
             shadow_glass: &self.world.shadow_glass,

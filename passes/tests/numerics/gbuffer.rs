@@ -86,6 +86,7 @@ impl Setting {
             normal: &self.buffer.normal,
             color: &[],
             triangle: if fidelity == Fidelity::Corrected { &self.buffer.triangle } else { &[] },
+            shared: None,
             shades: &self.shades,
             glass: &none,
             shadow_glass: &none,

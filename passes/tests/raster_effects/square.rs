@@ -14,7 +14,7 @@ fn picture(name: &str, camera: &str, set: &[&str]) -> Image {
     let settings = Settings { size: Some([192, 192]), camera: Some(camera.to_owned()), set, ..Settings::default() };
     let project = curitiba_pipeline::project::load(&path).expect("the project is valid");
     let plan = Plan::new(project, settings).expect("the project has a plan");
-    let engines = Engines { raster: Box::new(CpuRasteriser::new()), rays: Box::new(CpuRays::new()) };
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(CpuRays::new()));
     let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("the scene loads");
     renderer.frame(&mut Silent).expect("a frame")
 }

@@ -179,6 +179,7 @@ impl Shot {
             normal: &self.buffer.normal,
             color: &self.buffer.color,
             triangle: &self.buffer.triangle,
+            shared: None,
             shades: &self.shades,
             glass: &self.glass,
             shadow_glass: &none,

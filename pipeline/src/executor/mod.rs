@@ -1,12 +1,15 @@
 //! The executor: carries out a plan with a rasteriser and a ray backend, and times every step.
 
 mod effect;
+mod fallback;
+mod join;
 mod output;
 mod prepare;
 mod quad;
 mod save;
 mod timeline;
 
+pub use fallback::{Fallback, Spare};
 pub use output::{Faults, Output, Range, Triangles};
 pub use save::Written;
 pub use timeline::{Observer, Progress, Row, Silent, StepKind, Timeline, median};
@@ -19,6 +22,9 @@ use crate::image::{Image, PixelFormat};
 use crate::plan::{Decision, Plan, PlannedPass, Work};
 use crate::project::{ChannelRef, PassKind};
 use crate::scene::{RenderScene, SceneError};
+use crate::shared::DeviceUuid;
+use fallback::of_frame;
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -28,6 +34,10 @@ pub struct Engines {
     pub raster: Box<dyn Rasteriser>,
     /// Traces rays.
     pub rays: Box<dyn RayBackend>,
+    /// What stands in where the ray backend fails, in this order; empty unless the user allowed it.
+    pub spares: VecDeque<Spare>,
+    /// Ray backends that failed so far.
+    pub fallbacks: Vec<Fallback>,
 }
 
 /// Why a frame could not be rendered.
@@ -42,10 +52,12 @@ pub enum RenderError {
         error: SceneError,
     },
     /// A backend, while working for a pass.
-    #[error("pass `{pass}`: {error}")]
+    #[error("pass `{pass}`{}: {error}", of_frame(*frame))]
     Pass {
         /// The pass.
         pass: String,
+        /// The frame, counted from 1; `None` before the first, when backends are made and structures built.
+        frame: Option<u32>,
         /// What went wrong.
         error: BackendError,
     },
@@ -78,6 +90,14 @@ struct PassMaterials {
     shadow_glass: Vec<bool>,
 }
 
+/// How far a ray pass came.
+enum Traced {
+    /// It is done.
+    Done,
+    /// Another backend has taken over which reads host memory, where the G-buffer is not: the frame begins again.
+    NothingInHost,
+}
+
 /// A plan with everything loaded and built, ready to render frames.
 pub struct Renderer {
     plan: Plan,
@@ -90,6 +110,10 @@ pub struct Renderer {
     /// The scene sets that the rasteriser and the ray backend hold now.
     uploaded: Option<usize>,
     built: Option<usize>,
+    /// The device on which the G-buffer of a target is shared.
+    joined: Option<(DeviceUuid, usize)>,
+    /// Frames begun.
+    frame: u32,
     timeline: Timeline,
     warnings: Warnings,
 }
@@ -111,12 +135,17 @@ impl Renderer {
             window: prepare::window(plan.window),
             uploaded: None,
             built: None,
+            joined: None,
+            frame: 0,
             timeline: Timeline::default(),
             warnings: plan.warnings.clone(),
             plan,
             engines,
         };
-        renderer.check_support()?;
+        renderer.tell_of_fallbacks(observer);
+        if let Some((pass, error)) = renderer.unsupported() {
+            renderer.stand_in(&pass, error, observer)?;
+        }
         renderer.prepare(observer)?;
         Ok(renderer)
     }
@@ -169,22 +198,32 @@ impl Renderer {
     /// Renders a frame and returns the window's picture.
     ///
     /// # Errors
-    /// If a backend fails; names the pass.
+    /// If a backend fails and no other may stand in for it; names the pass and the frame. What was rendered before stays.
     pub fn frame(&mut self, observer: &mut dyn Observer) -> Result<Image, RenderError> {
-        for index in 0..self.plan.passes.len() {
+        self.frame = self.frame.saturating_add(1);
+        let frame = Some(self.frame);
+        let mut index = 0;
+        while index < self.plan.passes.len() {
             let planned = self.plan.passes[index].clone();
             let name = self.plan.pass(&planned).name.clone();
             let result = match &planned.work {
                 Work::Raster { .. } => self.raster(index, &planned, &name, observer),
-                Work::Rays { .. } => self.trace(index, &planned, &name, observer),
+                Work::Rays { scene_set, .. } => match self.rays(index, &planned, *scene_set, &name, observer)? {
+                    Traced::Done => Ok(()),
+                    Traced::NothingInHost => {
+                        index = 0;
+                        continue;
+                    }
+                },
                 Work::Effect { .. } => self.effect(index, &planned, &name, observer),
                 Work::Quad { viewport } => {
                     self.quad(&planned, &name, *viewport, observer);
                     Ok(())
                 }
             };
-            result.map_err(|error| RenderError::Pass { pass: name, error })?;
+            result.map_err(|error| RenderError::Pass { pass: name, frame, error })?;
             self.show_outputs(&planned, observer);
+            index += 1;
         }
         Ok(self.window_image())
     }
@@ -208,7 +247,7 @@ impl Renderer {
         name: &str,
         observer: &mut dyn Observer,
     ) -> Result<(), BackendError> {
-        let Work::Raster { scene_set, view, viewport, clear_color, attachments, host } = planned.work else {
+        let Work::Raster { scene_set, view, viewport, clear_color, attachments, host, traced } = planned.work else {
             return Ok(());
         };
         let pass = self.plan.pass(planned);
@@ -232,6 +271,7 @@ impl Renderer {
             row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
             row.note = format!("{} triangles on {}", stats.triangles, self.engines.raster.name());
         });
+        let host = self.in_host(target, host, traced);
         if result.is_ok() && self.engines.raster.needs_read_back() && host != Attachments::default() {
             let start = Instant::now();
             result = self.engines.raster.read_back(&job, host, &mut buffer);
@@ -242,6 +282,28 @@ impl Renderer {
         result
     }
 
+    /// Builds what a ray pass needs and runs it, with another backend where one fails and another is allowed.
+    fn rays(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        scene_set: usize,
+        name: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<Traced, RenderError> {
+        let joined = self.joined;
+        loop {
+            self.build_or_stand_in(scene_set, name, observer)?;
+            if self.joined != joined {
+                return Ok(Traced::NothingInHost);
+            }
+            match self.trace(index, planned, name, observer) {
+                Ok(()) => return Ok(Traced::Done),
+                Err(error) => self.stand_in(name, error, observer)?,
+            }
+        }
+    }
+
     fn trace(
         &mut self,
         index: usize,
@@ -249,22 +311,39 @@ impl Renderer {
         name: &str,
         observer: &mut dyn Observer,
     ) -> Result<(), BackendError> {
-        let Work::Rays { scene_set, view, params, reads_triangle } = planned.work else { return Ok(()) };
+        let Work::Rays { scene_set, view, params, reads_triangle, resident } = planned.work else { return Ok(()) };
         let pass = self.plan.pass(planned);
         let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
         let ray = ray.clone();
-        self.build(scene_set, observer)?;
+        let in_place = resident.is_some() && self.is_joined(resident);
+        let reads =
+            |channel: Option<ChannelRef>, name: &str| channel.filter(|_| ray.program.info().buffers.contains(&name));
+        let channels = (
+            reads(ray.position, "pos_buffer"),
+            reads(ray.normal, "norm_buffer"),
+            reads(ray.color, "color_buffer"),
+            ray.position.filter(|_| reads_triangle),
+        );
+        let handed = if in_place {
+            let (position, normal, color, triangle) = channels;
+            Some(self.hand_over(Attachments {
+                color: color.is_some(),
+                position: position.is_some(),
+                normal: normal.is_some(),
+                triangle: triangle.is_some(),
+            })?)
+        } else {
+            None
+        };
         let buffer = std::mem::take(&mut self.targets[target]);
         let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
         let targets = &self.targets;
-        let read = |channel: Option<ChannelRef>, name: &str| match channel {
-            Some(channel) if ray.program.info().buffers.contains(&name) => {
-                channel_of(&targets[channel.target], channel.channel)
-            }
+        let read = |channel: Option<ChannelRef>| match channel {
+            Some(channel) if !in_place => channel_of(&targets[channel.target], channel.channel),
             _ => &[],
         };
-        let triangle = match ray.position {
-            Some(position) if reads_triangle => targets[position.target].triangle.as_slice(),
+        let triangle = match channels.3 {
+            Some(position) if !in_place => targets[position.target].triangle.as_slice(),
             _ => &[],
         };
         let materials = &self.materials[index];
@@ -279,10 +358,11 @@ impl Renderer {
             sun: ray.light.and_then(|light| self.sun(light)),
             width: output.width,
             height: output.height,
-            position: read(ray.position, "pos_buffer"),
-            normal: read(ray.normal, "norm_buffer"),
-            color: read(ray.color, "color_buffer"),
+            position: read(channels.0),
+            normal: read(channels.1),
+            color: read(channels.2),
             triangle,
+            shared: handed.as_ref().map(|handed| handed.value),
             shades: &materials.shades,
             glass: &materials.glass,
             shadow_glass: &materials.shadow_glass,
@@ -293,16 +373,32 @@ impl Renderer {
         let traced = self.engines.rays.run(&job, &mut output, &progress);
         let elapsed = start.elapsed();
         observer.end();
-        if traced.is_ok() {
+        if traced.is_ok() && !in_place {
             observer.traced(name, &job, &output);
         }
         self.targets[target] = GBuffer { color: output.pixels, ..buffer };
         self.round_to_formats(Some(target));
         let stats = traced?;
-        let row = self.timeline.record(StepKind::Rays, name, elapsed);
+        if let Some(handed) = &handed {
+            self.record_hand_over(name, handed)?;
+        }
+        if let Some(upload) = stats.upload {
+            self.timeline.record(StepKind::Join, name, upload).note = "copied from the host".to_owned();
+        }
+        let copies = stats.upload.unwrap_or_default() + stats.read_back.unwrap_or_default();
+        let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
         row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
         row.rays = Some(stats.rays);
         row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(stats.rays));
+        // Times of two backends stand in one row.
+        for fallback in &self.engines.fallbacks {
+            if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
+                row.note += &format!("; before frame {frame} on {}", fallback.failed);
+            }
+        }
+        if let Some(read_back) = stats.read_back {
+            self.timeline.record(StepKind::ReadBack, name, read_back);
+        }
         Ok(())
     }
 

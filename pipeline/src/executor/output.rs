@@ -1,7 +1,7 @@
 //! What passes write, shown to observers, and whether it is made of numbers that mean something.
 
 use super::{Observer, Renderer, channel_of};
-use crate::backend::{Attachments, GBuffer, NO_TRIANGLE};
+use crate::backend::{GBuffer, NO_TRIANGLE};
 use crate::plan::{PlannedPass, Work};
 use crate::programs::RayProgram;
 use crate::project::PassKind;
@@ -171,8 +171,11 @@ impl Renderer {
     /// Without this, attachments that only the rasteriser's device reads are not shown to them.
     pub fn read_back_everything(&mut self) {
         for planned in &mut self.plan.passes {
-            if let Work::Raster { attachments, host, .. } = &mut planned.work {
-                *host = *attachments;
+            match &mut planned.work {
+                Work::Raster { attachments, host, .. } => *host = *attachments,
+                // Observers are shown what ray passes read, too.
+                Work::Rays { resident, .. } => *resident = None,
+                Work::Effect { .. } | Work::Quad { .. } => {}
             }
         }
     }
@@ -195,8 +198,11 @@ impl Renderer {
             observer.wrote(&Output { pass: &pass.name, channel: name, range, width, height, pixels });
         };
         match (&planned.work, &pass.kind) {
-            (Work::Raster { scene_set, attachments, host, .. }, _) => {
-                let held: Attachments = if self.engines.raster.needs_read_back() { *host } else { *attachments };
+            (Work::Raster { scene_set, attachments, host, traced, .. }, _) => {
+                let held = match self.engines.raster.needs_read_back() {
+                    true => self.in_host(pass.target, *host, *traced),
+                    false => *attachments,
+                };
                 for (channel, (shown, range)) in
                     [(held.color, Range::Color), (held.position, Range::Position), (held.normal, Range::Normal)]
                         .into_iter()

@@ -17,18 +17,6 @@ pub(super) fn window([width, height]: [u32; 2]) -> GBuffer {
 }
 
 impl Renderer {
-    /// Whether the ray backend runs every program of the plan.
-    pub(super) fn check_support(&self) -> Result<(), RenderError> {
-        for planned in &self.plan.passes {
-            let pass = self.plan.pass(planned);
-            if let PassKind::Ray(ray) = &pass.kind {
-                let supported = self.engines.rays.supports(ray.program, self.plan.settings.fidelity);
-                supported.map_err(|error| RenderError::Pass { pass: pass.name.clone(), error })?;
-            }
-        }
-        Ok(())
-    }
-
     /// Loads every scene set, resolves what each pass sees of its materials, uploads and builds for the first pass of
     /// each kind.
     pub(super) fn prepare(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
@@ -50,12 +38,12 @@ impl Renderer {
         };
         let (drawn, traced) = (first(true), first(false));
         if let Some((pass, set)) = drawn {
-            self.upload(set, observer).map_err(|error| RenderError::Pass { pass, error })?;
+            self.upload(set, observer).map_err(|error| RenderError::Pass { pass, frame: None, error })?;
         }
         if let Some((pass, set)) = traced {
-            self.check_structure_memory(set)?;
-            self.build(set, observer).map_err(|error| RenderError::Pass { pass, error })?;
+            self.build_or_stand_in(set, &pass, observer)?;
         }
+        self.join_engines();
         Ok(())
     }
 
@@ -167,8 +155,26 @@ impl Renderer {
         Ok(())
     }
 
-    /// Builds the acceleration structure of a scene set, unless it is built already or no pass traces in it.
-    pub(super) fn build(&mut self, set: usize, observer: &mut dyn Observer) -> Result<(), BackendError> {
+    /// Builds the acceleration structure of a scene set for a pass, unless it is built already or no pass traces in it; with
+    /// another backend where one fails and another is allowed.
+    pub(super) fn build_or_stand_in(
+        &mut self,
+        set: usize,
+        pass: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<(), RenderError> {
+        loop {
+            if self.built != Some(set) {
+                self.check_structure_memory(set)?;
+            }
+            match self.build(set, observer) {
+                Ok(()) => return Ok(()),
+                Err(error) => self.stand_in(pass, error, observer)?,
+            }
+        }
+    }
+
+    fn build(&mut self, set: usize, observer: &mut dyn Observer) -> Result<(), BackendError> {
         if self.built == Some(set) || !self.scenes[set].structure {
             return Ok(());
         }
@@ -176,6 +182,8 @@ impl Renderer {
         let filtered = self.filtered_materials(set);
         observer.begin(StepKind::Build, name, &Arc::new(Progress::default()));
         let start = Instant::now();
+        // A backend releases what it held before.
+        self.built = None;
         let built = self.engines.rays.build(&self.scenes[set].scene, &filtered);
         observer.end();
         let stats = built?;

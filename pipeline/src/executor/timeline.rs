@@ -1,6 +1,6 @@
 //! The one definition of time: every step's host time with synchronisation, and the device's own clock where it has one.
 
-use super::{Output, Triangles};
+use super::{Fallback, Output, Triangles};
 use crate::backend::{RayCounts, RayJob};
 use crate::image::Image;
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,8 @@ pub enum StepKind {
     Effect,
     /// Copying what was drawn into host memory.
     ReadBack,
+    /// Bringing what was drawn to the device that traces rays.
+    Join,
     /// Tracing rays.
     Rays,
     /// Filling a rectangle.
@@ -45,6 +47,7 @@ impl StepKind {
             Self::Maps => "maps",
             Self::Effect => "effect",
             Self::ReadBack => "read-back",
+            Self::Join => "join",
             Self::Rays => "rays",
             Self::Quad => "quad",
             Self::Write => "write",
@@ -54,7 +57,7 @@ impl StepKind {
     /// Whether the step is done again for every frame.
     #[must_use]
     pub fn per_frame(self) -> bool {
-        matches!(self, Self::Raster | Self::Maps | Self::Effect | Self::ReadBack | Self::Rays | Self::Quad)
+        matches!(self, Self::Raster | Self::Maps | Self::Effect | Self::ReadBack | Self::Join | Self::Rays | Self::Quad)
     }
 }
 
@@ -180,6 +183,10 @@ pub trait Observer {
     /// A ray pass ran; the picture is not yet rounded to the format of its target.
     fn traced(&mut self, pass: &str, job: &RayJob<'_>, picture: &Image) {
         let _ = (pass, job, picture);
+    }
+    /// A ray backend failed, and another takes its place.
+    fn fell_back(&mut self, fallback: &Fallback) {
+        let _ = fallback;
     }
 }
 

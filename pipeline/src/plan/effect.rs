@@ -52,8 +52,8 @@ impl Plan {
                 format!("let pass `{}` draw into the whole of its target", source.pass.name),
             ));
         }
-        let resident = self.is_resident(passes, index, effect, &source);
         let inputs: Vec<ChannelRef> = inputs(effect).collect();
+        let resident = self.is_resident(passes, index, &inputs, source.index);
         wanted.channels.extend(inputs.iter().copied());
         if !resident {
             wanted.host.extend(inputs);
@@ -91,17 +91,44 @@ impl Plan {
         }
     }
 
-    /// Whether all that an effect reads is what was drawn last, as it was drawn: in floats and not written since.
-    fn is_resident(&self, passes: &[Pass], index: usize, effect: &EffectPass, source: &Source<'_>) -> bool {
-        let between = &passes[source.index + 1..index];
+    /// Whether these channels, which a pass reads, are what the raster pass `source` drew, as it drew them: in floats and
+    /// with nothing drawn or written since.
+    fn is_resident(&self, passes: &[Pass], index: usize, channels: &[ChannelRef], source: usize) -> bool {
+        let (between, source) = (&passes[source + 1..index], &passes[source]);
         let undisturbed =
-            between.iter().all(|pass| !matches!(pass.kind, PassKind::Raster(_)) && pass.target != source.pass.target);
+            between.iter().all(|pass| !matches!(pass.kind, PassKind::Raster(_)) && pass.target != source.target);
         undisturbed
-            && inputs(effect).all(|channel| {
+            && channels.iter().all(|channel| {
                 let format = self.project.targets[channel.target].channels[channel.channel].format;
                 let floats = matches!(format, PixelFormat::Rgba32Float | PixelFormat::Rgba16Float);
-                Some(channel.target) == source.pass.target && floats
+                Some(channel.target) == source.target && floats
             })
+    }
+
+    /// The target whose G-buffer the ray pass at `passes[index]` may read where it was drawn. `channels` are those that it
+    /// reads.
+    pub(super) fn resident_target(
+        &self,
+        passes: &[Pass],
+        index: usize,
+        channels: &[ChannelRef],
+        camera: Option<usize>,
+    ) -> Option<usize> {
+        let PassKind::Ray(ray) = &passes[index].kind else { return None };
+        let target = channels.first()?.target;
+        let (source, pass) = passes[..index].iter().enumerate().rfind(|(_, pass)| pass.target == Some(target))?;
+        let size = self.target_size(pass.target);
+        let whole = Rect { x: 0, y: 0, width: size[0], height: size[1] };
+        let in_place = |channel: Option<ChannelRef>, place| channel.is_none_or(|channel| channel.channel == place);
+        let fits = matches!(pass.kind, PassKind::Raster(_))
+            && passes[index].target != pass.target
+            && self.target_size(passes[index].target) == size
+            && rectangle(self.viewport_of(pass, camera), size) == whole
+            && in_place(ray.color, 0)
+            && in_place(ray.position, 1)
+            && in_place(ray.normal, 2)
+            && self.is_resident(passes, index, channels, source);
+        fits.then_some(target)
     }
 }
 

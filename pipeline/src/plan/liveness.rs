@@ -20,6 +20,10 @@ pub(super) struct Wanted {
     pub triangles: BTreeSet<usize>,
     /// Those of them whose ids are read in host memory.
     pub host_triangles: BTreeSet<usize>,
+    /// Channels that ray passes read which may read them where they were drawn.
+    traced: BTreeSet<ChannelRef>,
+    /// Targets whose triangle ids they read.
+    traced_triangles: BTreeSet<usize>,
     /// Whether a later pass fills the whole window.
     window_filled: bool,
 }
@@ -37,6 +41,7 @@ impl Plan {
         for (index, pass) in passes.iter().enumerate().rev() {
             let live = attachments(pass, &wanted.channels, &wanted.triangles);
             let host = attachments(pass, &wanted.host, &wanted.host_triangles);
+            let traced = attachments(pass, &wanted.traced, &wanted.traced_triangles);
             if let Some(reason) = dead(pass, live, &wanted) {
                 self.decide(format!("pass `{}`", pass.name), false, reason.into());
                 continue;
@@ -59,13 +64,14 @@ impl Plan {
                         clear_color: viewport.map_or(Vec4::W, |viewport| viewport.clear_color),
                         attachments: live,
                         host,
+                        traced: if pass.target.is_some() { traced } else { Attachments::default() },
                     }
                 }
                 PassKind::Ray(ray) => {
                     let Some(Constants::Ray(params)) = constants[index] else {
                         unreachable!("every ray pass has its parameters")
                     };
-                    let work = self.ray_work(ray, params, rect, camera, &mut wanted);
+                    let work = self.ray_work(&passes, index, params, camera, &mut wanted);
                     self.check_same_scenes(&passes[..index], pass, ray, &work)?;
                     work
                 }
@@ -93,23 +99,34 @@ impl Plan {
 
     fn ray_work(
         &mut self,
-        ray: &RayPass,
+        passes: &[Pass],
+        index: usize,
         params: RayParams,
-        rect: Rect,
         camera: Option<usize>,
         wanted: &mut Wanted,
     ) -> Work {
+        let PassKind::Ray(ray) = &passes[index].kind else { unreachable!("the caller looked") };
+        let size = self.target_size(passes[index].target);
+        let rect = rectangle(self.viewport_of(&passes[index], camera), size);
         let reads_triangle = self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
-        wanted.read_in_host(inputs(ray, &params));
+        let channels = inputs(ray, &params);
+        let resident = self.resident_target(passes, index, &channels, camera);
+        wanted.channels.extend(channels.iter().copied());
+        let (read, triangles) = match resident {
+            Some(_) => (&mut wanted.traced, &mut wanted.traced_triangles),
+            None => (&mut wanted.host, &mut wanted.host_triangles),
+        };
+        read.extend(channels);
         if reads_triangle && let Some(position) = ray.position {
             wanted.triangles.insert(position.target);
-            wanted.host_triangles.insert(position.target);
+            triangles.insert(position.target);
         }
         Work::Rays {
             scene_set: self.scene_set(&ray.scenes),
             view: view(&self.project.cameras[camera.unwrap_or(ray.camera)], rect),
             params,
             reads_triangle,
+            resident,
         }
     }
 
@@ -189,12 +206,13 @@ impl Wanted {
             None => self.window_filled = true,
             Some(target) => {
                 let written = channels_written(&pass.kind);
-                for channels in [&mut self.channels, &mut self.host] {
+                for channels in [&mut self.channels, &mut self.host, &mut self.traced] {
                     channels.retain(|channel| channel.target != target || channel.channel >= written);
                 }
                 if matches!(pass.kind, PassKind::Raster(_)) {
                     self.triangles.remove(&target);
                     self.host_triangles.remove(&target);
+                    self.traced_triangles.remove(&target);
                 }
             }
         }

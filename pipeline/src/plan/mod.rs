@@ -96,8 +96,12 @@ pub enum Work {
         clear_color: Vec4,
         /// What is written.
         attachments: Attachments,
-        /// What of it is read in host memory: by ray passes, by quad passes, for inspection.
+        /// What of it is read in host memory: by quad passes, by other passes that cannot read it where it was drawn, for
+        /// inspection.
         host: Attachments,
+        /// What of it ray passes read that may read it where it was drawn ([`Work::Rays`]'s `resident`); otherwise it is
+        /// read in host memory, too.
+        traced: Attachments,
     },
     /// Traces rays.
     Rays {
@@ -109,6 +113,9 @@ pub enum Work {
         params: RayParams,
         /// Whether triangle ids are read.
         reads_triangle: bool,
+        /// The target whose G-buffer it reads, if that is what was drawn last, whole and unchanged: then it may be read
+        /// where it was drawn.
+        resident: Option<usize>,
     },
     /// Computes by raster what rays would.
     Effect {

@@ -4,7 +4,6 @@ mod snippet;
 
 use super::Failure;
 use anstyle::Style;
-use curitiba::BackendChoice;
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::adapters;
@@ -14,6 +13,7 @@ use curitiba::pipeline::programs::{
     Fidelity, PARAMS, ParamInfo, QUAD_PROGRAMS, RASTER_PROGRAMS, RAY_PROGRAMS, RayParams, RayProgramInfo,
 };
 use curitiba::pipeline::raster_effects::{EFFECT_PARAMS, EFFECT_PROGRAMS, EffectParams, EffectProgramInfo};
+use curitiba::{BackendChoice, Choice};
 
 const HEADER: Style = Style::new().bold();
 
@@ -86,7 +86,7 @@ fn all() {
     crate::say!("\n{HEADER}ray backends (--backend), program by program{HEADER:#}");
     for (name, choice) in [("cpu", BackendChoice::Cpu), ("cuda", BackendChoice::Cuda), ("optix", BackendChoice::Optix)]
     {
-        match ray_backend(choice) {
+        match ray_backend(Choice::CPU.traced_by(choice)) {
             Ok(rays) => ray_support(rays.as_ref()),
             Err(BackendError::Device { message, .. }) => crate::say!("  {name:16} not here: {message}"),
             Err(error) => crate::say!("  {name:16} not here: {error}"),

@@ -2,6 +2,7 @@
 
 use super::tag;
 use crate::bench::model::{BenchRow, RowError, Stats};
+use crate::bench::text::ray_device_ms;
 use crate::pipeline::metrics::Comparison;
 use crate::report::model::{Against, ReportData, Scaling};
 use crate::report::number::{bytes, error, grouped, significant};
@@ -13,8 +14,12 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     let rays = rows.iter().any(|row| row.rays.is_some());
     let thesis = rows.iter().any(|row| row.thesis.is_some());
     let mut columns = vec!["Row", "By", "View", "median", "RMSE", "FLIP", "SSIM", "against"];
+    let on_device = rows.iter().any(|row| ray_device_ms(row).is_some());
     if rays {
         columns.extend(["in rays", "rays", "M/s"]);
+    }
+    if on_device {
+        columns.push("on GPU, ms");
     }
     columns.extend(["mean ± sd", "min", "max", "n"]);
     if device {
@@ -34,7 +39,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                         th colspan="3" {}
                         th scope="colgroup" { "Frame, ms" }
                         th scope="colgroup" colspan="4" { "Error against the reference" }
-                        @if rays { th scope="colgroup" colspan="3" { "Rays of a frame" } }
+                        @if rays { th scope="colgroup" colspan=(3 + usize::from(on_device)) { "Rays of a frame" } }
                         th scope="colgroup" colspan=(4 + usize::from(device)) { "Time of a frame, ms" }
                         th.extra scope="colgroup" colspan="4" { "More errors" }
                         th {}
@@ -57,6 +62,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                             (errors(row))
                             (references.cell(row))
                             @if rays { (traced(row)) }
+                            @if on_device { (number(ray_device_ms(row), significant)) }
                             (spread(&row.frame))
                             @if device { (number(row.frame_device.as_ref().map(|stats| stats.median), significant)) }
                             (more_errors(row))

@@ -15,9 +15,10 @@ const BAR: i32 = 17;
 const PITCH: i32 = 26;
 
 /// Steps of a frame in the order of the pieces.
-const KINDS: [(StepKind, Ink, &str); 6] = [
+const KINDS: [(StepKind, Ink, &str); 7] = [
     (StepKind::Raster, NEUTRAL, "G-buffer"),
     (StepKind::ReadBack, RASTER[2], "read-back"),
+    (StepKind::Join, RAYS[2], "join"),
     (StepKind::Maps, RASTER[1], "maps"),
     (StepKind::Effect, RASTER[0], "raster effect"),
     (StepKind::Rays, RAYS[0], "rays"),

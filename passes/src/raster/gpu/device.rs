@@ -64,7 +64,14 @@ impl Gpu {
             required_limits: limits.clone(),
             ..Default::default()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+        #[cfg(all(feature = "share", unix))]
+        let shared = super::share::open(&adapter, &descriptor);
+        #[cfg(not(all(feature = "share", unix)))]
+        let shared: Option<Result<_, String>> = None;
+        let opened = shared.unwrap_or_else(|| {
+            pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| error.to_string())
+        });
+        let (device, queue) = opened
             .map_err(|error| unsupported(&format!("on {summary}"), &format!("the device does not open ({error}):")))?;
         let faults = Arc::new(Faults::default());
         let noted = Arc::clone(&faults);

@@ -15,6 +15,8 @@ mod geometry;
 mod job;
 mod pipelines;
 mod shader;
+#[cfg(all(feature = "share", unix))]
+mod share;
 mod targets;
 #[cfg(test)]
 mod tests;
@@ -30,12 +32,16 @@ use curitiba_pipeline::backend::{
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
+#[cfg(all(feature = "share", unix))]
+use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
 use device::{Gpu, NAME, failure, unsupported};
 use draws::DrawList;
 use effects::{Context, Effects};
 use geometry::DeviceGeometry;
 use pipelines::{Layouts, Pipelines};
 use std::sync::Arc;
+#[cfg(all(feature = "share", unix))]
+use std::time::Duration;
 use targets::{Staging, Stored, TargetCache};
 use textures::DeviceTextures;
 use timer::Timer;
@@ -55,6 +61,12 @@ pub struct WgpuRasteriser {
     drawn: Option<(Rect, Stored)>,
     /// Once there was an effect.
     effects: Option<Effects>,
+    /// The device, if it shares memory.
+    #[cfg(all(feature = "share", unix))]
+    uuid: Option<DeviceUuid>,
+    /// Once memory is shared.
+    #[cfg(all(feature = "share", unix))]
+    sharing: Option<share::Sharing>,
 }
 
 /// A scene in device memory.
@@ -90,6 +102,10 @@ impl WgpuRasteriser {
         let timer = Timer::new(&gpu)?;
         let draws = DrawList::new(&gpu, &layouts)?;
         Ok(Self {
+            #[cfg(all(feature = "share", unix))]
+            uuid: share::uuid(&gpu.device),
+            #[cfg(all(feature = "share", unix))]
+            sharing: None,
             gpu,
             layouts,
             pipelines: Pipelines::default(),
@@ -201,6 +217,38 @@ impl Rasteriser for WgpuRasteriser {
             }
             _ => Ok(()),
         }
+    }
+
+    #[cfg(all(feature = "share", unix))]
+    fn shares(&self) -> Option<DeviceUuid> {
+        self.uuid
+    }
+
+    #[cfg(all(feature = "share", unix))]
+    fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
+        // What is there goes first: both need not fit at once.
+        self.sharing = None;
+        let device = self.uuid.ok_or_else(|| unsupported("sharing memory", "the device does not export any;"))?;
+        let (sharing, shared) = share::Sharing::new(&self.gpu, device, [width, height], attachments)?;
+        self.sharing = Some(sharing);
+        Ok(shared)
+    }
+
+    #[cfg(all(feature = "share", unix))]
+    fn hand_over(&mut self, wanted: Attachments) -> Result<u64, BackendError> {
+        let targets = self.targets.last().filter(|targets| {
+            let (width, height) = targets.size();
+            self.drawn == Some((Rect { x: 0, y: 0, width, height }, targets.stored()))
+        });
+        match (&mut self.sharing, targets) {
+            (Some(sharing), Some(targets)) => sharing.hand_over(&self.gpu, targets, wanted),
+            _ => Err(failure("there is nothing to hand over")),
+        }
+    }
+
+    #[cfg(all(feature = "share", unix))]
+    fn hand_over_time(&mut self) -> Result<Option<Duration>, BackendError> {
+        self.sharing.as_ref().map_or(Ok(None), |sharing| sharing.time(&self.gpu))
     }
 
     fn effect(

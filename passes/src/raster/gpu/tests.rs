@@ -6,10 +6,10 @@ use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram};
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::{Mat4, Vec3, Vec4};
 
-const SIZE: u32 = 97;
+pub(super) const SIZE: u32 = 97;
 
 /// A rasteriser, or `None` (and a line that says why) where this machine has no device.
-fn rasteriser() -> Option<WgpuRasteriser> {
+pub(super) fn rasteriser() -> Option<WgpuRasteriser> {
     match WgpuRasteriser::new(AdapterChoice::Any) {
         Ok(rasteriser) => Some(rasteriser),
         Err(error) => {
@@ -21,7 +21,7 @@ fn rasteriser() -> Option<WgpuRasteriser> {
 }
 
 /// A grid of squares, each of two triangles, over the whole viewport; its right half has another material.
-fn squares(side: u32) -> Arc<RenderScene> {
+pub(super) fn squares(side: u32) -> Arc<RenderScene> {
     let at = |x: u32, y: u32| Vec3::new(x as f32, y as f32, 0.0) * (2.0 / side as f32) - Vec3::new(1.0, 1.0, -0.5);
     let positions: Vec<Vec3> = (0..=side).flat_map(|y| (0..=side).map(move |x| at(x, y))).collect();
     let square = |x: u32, y: u32| {
@@ -41,7 +41,7 @@ fn squares(side: u32) -> Arc<RenderScene> {
     Arc::new(RenderScene { geometry, ..RenderScene::default() })
 }
 
-fn shades() -> [Shade; 2] {
+pub(super) fn shades() -> [Shade; 2] {
     [Vec4::new(0.5, 0.25, 1.0, 1.0), Vec4::new(1.0, 0.75, 0.5, 1.0)].map(|diffuse| Shade {
         diffuse,
         emission: Vec4::ZERO,
@@ -50,9 +50,9 @@ fn shades() -> [Shade; 2] {
     })
 }
 
-const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
+pub(super) const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };
 
-fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<'a> {
+pub(super) fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<'a> {
     RasterJob {
         scene,
         program: curitiba_pipeline::programs::RasterProgram::Deferred,

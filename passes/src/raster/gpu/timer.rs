@@ -69,10 +69,25 @@ impl Timer {
         mut encoder: wgpu::CommandEncoder,
         doing: &str,
     ) -> Result<Duration, BackendError> {
+        self.resolve(&mut encoder);
+        self.read(gpu, Some(encoder.finish()), doing)
+    }
+
+    /// Lets `encoder` bring the timestamps to where [`Self::read`] finds them.
+    pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
         encoder.resolve_query_set(&self.queries, 0..2, &self.resolved, 0);
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, BYTES);
+    }
+
+    /// Submits what resolves the timestamps if that was not done before, waits, and gives the time between them.
+    pub fn read(
+        &self,
+        gpu: &Gpu,
+        commands: Option<wgpu::CommandBuffer>,
+        doing: &str,
+    ) -> Result<Duration, BackendError> {
         let mut ticks = [0_u64; 2];
-        gpu.read_mapped(&self.readable, BYTES, Some(encoder.finish()), doing, |bytes| {
+        gpu.read_mapped(&self.readable, BYTES, commands, doing, |bytes| {
             bytemuck::cast_slice_mut(&mut ticks).copy_from_slice(bytes);
         })?;
         let nanoseconds = ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.period);

@@ -1,0 +1,141 @@
+//! G-buffers that the rasteriser shares: its memory and its semaphore, opened by CUDA.
+//!
+//! CUDA driver API, "External Resource Interoperability". Made for systems with file descriptors; elsewhere nothing is shared.
+
+use crate::device::{Address, Device};
+use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::shared::{DeviceUuid, Offsets, SharedGBuffer};
+
+/// Whether the device is the one of that UUID.
+pub(crate) fn is_on(device: &Device, uuid: DeviceUuid) -> bool {
+    cfg!(unix) && device.context().uuid().is_ok_and(|own| own.bytes.map(|byte| byte as u8) == uuid)
+}
+
+#[cfg(unix)]
+pub(crate) use opened::Joined;
+
+#[cfg(unix)]
+mod opened {
+    #![allow(
+        unsafe_code,
+        reason = "opens memory and a semaphore of another interface; each block says why that is sound"
+    )]
+
+    use super::{Address, BackendError, Device, Offsets, SharedGBuffer};
+    use cudarc::driver::{DevicePtr as _, MappedBuffer, sys};
+    use std::fs::File;
+    use std::mem::MaybeUninit;
+    use std::os::fd::{AsRawFd as _, IntoRawFd as _};
+
+    /// A G-buffer that the rasteriser fills.
+    #[derive(Debug)]
+    pub(crate) struct Joined {
+        memory: MappedBuffer,
+        semaphore: Semaphore,
+        size: [u32; 2],
+        offsets: Offsets,
+    }
+
+    #[derive(Debug)]
+    struct Semaphore {
+        raw: sys::CUexternalSemaphore,
+        device: Device,
+    }
+
+    // SAFETY: the handles belong to the context, not to a thread, and are used by one thread at a time.
+    unsafe impl Send for Joined {}
+
+    impl Joined {
+        pub fn open(device: &Device, shared: SharedGBuffer) -> Result<Self, BackendError> {
+            let doing = "opening the rasteriser's G-buffer";
+            let failed = |error| device.fault(doing, &error);
+            let offsets = Offsets::new(shared.width, shared.height, shared.attachments);
+            device.bind()?;
+            // SAFETY: the handle is of device memory of that size, as its maker documents.
+            let memory = unsafe { device.context().import_external_memory(File::from(shared.memory), shared.bytes) };
+            let memory = memory.and_then(cudarc::driver::ExternalMemory::map_all).map_err(failed)?;
+            let description = sys::CUDA_EXTERNAL_SEMAPHORE_HANDLE_DESC {
+                type_: sys::CUexternalSemaphoreHandleType::CU_EXTERNAL_SEMAPHORE_HANDLE_TYPE_TIMELINE_SEMAPHORE_FD,
+                handle: sys::CUDA_EXTERNAL_SEMAPHORE_HANDLE_DESC_st__bindgen_ty_1 { fd: shared.semaphore.as_raw_fd() },
+                flags: 0,
+                reserved: [0; 16],
+            };
+            let mut raw = MaybeUninit::uninit();
+            // SAFETY: the handle is of a timeline semaphore, and the description lives during the call.
+            let opened = unsafe { sys::cuImportExternalSemaphore(raw.as_mut_ptr(), &raw const description).result() };
+            opened.map_err(failed)?;
+            // The driver owns the descriptor now.
+            let _ = shared.semaphore.into_raw_fd();
+            // SAFETY: the call succeeded, which wrote the handle.
+            let semaphore = Semaphore { raw: unsafe { raw.assume_init() }, device: device.clone() };
+            Ok(Self { memory, semaphore, size: [shared.width, shared.height], offsets })
+        }
+
+        /// Whether it holds pictures of that size.
+        pub fn has_size(&self, width: u32, height: u32) -> bool {
+            self.size == [width, height]
+        }
+
+        /// Where its attachments start.
+        pub fn offsets(&self) -> Offsets {
+            self.offsets
+        }
+
+        /// The address of an attachment; 0 for one that is not shared.
+        pub fn address(&self, device: &Device, offset: Option<u64>) -> Address {
+            offset.map_or(0, |offset| self.memory.device_ptr(device.stream()).0 + offset)
+        }
+
+        /// Lets the stream go on when the semaphore has reached `value`.
+        pub fn wait(&self, device: &Device, value: u64) -> Result<(), BackendError> {
+            // SAFETY: plain numbers and unions of plain numbers, for which zeros are valid.
+            let mut parameters: sys::CUDA_EXTERNAL_SEMAPHORE_WAIT_PARAMS = unsafe { std::mem::zeroed() };
+            parameters.params.fence.value = value;
+            let stream = device.stream().cu_stream();
+            // SAFETY: one semaphore and one parameter, both alive during the call; the stream is of this device.
+            let waits = unsafe {
+                sys::cuWaitExternalSemaphoresAsync(&raw const self.semaphore.raw, &raw const parameters, 1, stream)
+                    .result()
+            };
+            waits.map_err(|error| device.fault("waiting for the rasteriser", &error))
+        }
+    }
+
+    impl Drop for Semaphore {
+        fn drop(&mut self) {
+            // Where the device was lost, nothing is left to be released.
+            if self.device.bind().is_ok() {
+                // SAFETY: ours, and every wait is done: passes end with a synchronised stream.
+                let _ = unsafe { sys::cuDestroyExternalSemaphore(self.raw).result() };
+            }
+        }
+    }
+}
+
+/// Where nothing is shared, there is none.
+#[cfg(not(unix))]
+#[derive(Debug)]
+pub(crate) enum Joined {}
+
+#[cfg(not(unix))]
+impl Joined {
+    pub fn open(_: &Device, shared: SharedGBuffer) -> Result<Self, BackendError> {
+        match shared.memory {}
+    }
+
+    pub fn has_size(&self, _: u32, _: u32) -> bool {
+        match *self {}
+    }
+
+    pub fn address(&self, _: &Device, _: Option<u64>) -> Address {
+        match *self {}
+    }
+
+    pub fn offsets(&self) -> Offsets {
+        match *self {}
+    }
+
+    pub fn wait(&self, _: &Device, _: u64) -> Result<(), BackendError> {
+        match *self {}
+    }
+}

@@ -1,0 +1,220 @@
+//! G-buffers in memory that another interface of the same device reads.
+//!
+//! A compute shader writes the attachments into dense buffers: their textures' own layout is the driver's secret, and copies
+//! from textures to buffers pad their rows. Limits: Linux and other systems with file descriptors; no transfer of ownership
+//! between queue families, which NVIDIA's driver does not ask for.
+
+mod vulkan;
+
+pub use vulkan::{open, uuid};
+
+use super::device::{Gpu, failure};
+use super::targets::Targets;
+use super::timer::Timer;
+use curitiba_pipeline::backend::{Attachments, BackendError};
+use curitiba_pipeline::shared::{DeviceUuid, Offsets, SharedGBuffer};
+use std::fmt::Write as _;
+use std::num::NonZeroU64;
+use std::time::Duration;
+use vulkan::Semaphore;
+
+/// Pixels a side of a workgroup.
+const GROUP: u32 = 8;
+const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
+const TRIANGLE: usize = 3;
+
+fn in_order<T>(color: T, position: T, normal: T, triangle: T) -> [T; 4] {
+    [color, position, normal, triangle]
+}
+
+/// The shared memory and the way into it.
+#[derive(Debug)]
+pub(super) struct Sharing {
+    packer: Packer,
+    semaphore: Semaphore,
+    timer: Option<Timer>,
+    /// What the semaphore reaches with the last hand-over.
+    value: u64,
+}
+
+impl Sharing {
+    pub fn new(
+        gpu: &Gpu,
+        device: DeviceUuid,
+        [width, height]: [u32; 2],
+        attachments: Attachments,
+    ) -> Result<(Self, SharedGBuffer), BackendError> {
+        let bytes = Offsets::new(width, height, attachments).end;
+        let wrong = |why: String| failure(&format!("sharing {bytes} bytes on {}: {why}", gpu.adapter));
+        let largest = gpu.max_buffer_bytes.min(gpu.limits.max_storage_buffer_binding_size);
+        if bytes == 0 || bytes > largest {
+            return Err(wrong(format!("between 1 and {largest} bytes can be shared")));
+        }
+        let (buffer, memory, bytes) = vulkan::buffer(&gpu.device, bytes).map_err(wrong)?;
+        let (semaphore, handle) = Semaphore::new(&gpu.device).map_err(wrong)?;
+        let packer = Packer { buffer, width, height, attachments, programs: Vec::new() };
+        gpu.check("sharing memory")?;
+        let shared = SharedGBuffer { device, width, height, attachments, memory, bytes, semaphore: handle };
+        Ok((Self { packer, semaphore, timer: Timer::new(gpu)?, value: 0 }, shared))
+    }
+
+    /// Starts to write the wanted attachments, and returns the value that the semaphore reaches then.
+    pub fn hand_over(&mut self, gpu: &Gpu, targets: &Targets, wanted: Attachments) -> Result<u64, BackendError> {
+        let encoder = self.packer.encode(gpu, self.timer.as_ref(), targets, wanted)?;
+        let value = self.value + 1;
+        if !self.semaphore.signal_after_next(&gpu.queue, value) {
+            return Err(failure("the device's queue is not Vulkan's"));
+        }
+        gpu.queue.submit([encoder.finish()]);
+        gpu.check("handing the G-buffer over")?;
+        self.value = value;
+        Ok(value)
+    }
+
+    /// What the last hand-over took on the device.
+    pub fn time(&self, gpu: &Gpu) -> Result<Option<Duration>, BackendError> {
+        self.timer.as_ref().map(|timer| timer.read(gpu, None, "handing the G-buffer over")).transpose()
+    }
+}
+
+/// Writes attachments into a buffer, dense and one after the other.
+#[derive(Debug)]
+struct Packer {
+    buffer: wgpu::Buffer,
+    width: u32,
+    height: u32,
+    attachments: Attachments,
+    /// A program for each choice of attachments, with what it was bound to last.
+    programs: Vec<Program>,
+}
+
+#[derive(Debug)]
+struct Program {
+    wanted: Attachments,
+    pipeline: wgpu::ComputePipeline,
+    views: [Option<wgpu::TextureView>; 4],
+    group: wgpu::BindGroup,
+}
+
+impl Packer {
+    fn encode(
+        &mut self,
+        gpu: &Gpu,
+        timer: Option<&Timer>,
+        targets: &Targets,
+        wanted: Attachments,
+    ) -> Result<wgpu::CommandEncoder, BackendError> {
+        let drawn = targets.stored().attachments;
+        let has = |all: Attachments| all.union(wanted) == all;
+        if targets.size() != (self.width, self.height) || !has(self.attachments) || !has(drawn) {
+            let (width, height) = targets.size();
+            let found = format!("{width} x {height} pixels with {drawn:?}");
+            return Err(failure(&format!("{wanted:?} cannot be handed over: what was drawn last is {found}")));
+        }
+        let index = self.program(gpu, targets, wanted)?;
+        let Program { pipeline, group, .. } = &self.programs[index];
+        let descriptor = wgpu::CommandEncoderDescriptor { label: Some("hand-over") };
+        let mut encoder = gpu.device.create_command_encoder(&descriptor);
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some("hand-over"),
+                timestamp_writes: timer.and_then(|timer| timer.compute_span(true, true)),
+            });
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(self.width.div_ceil(GROUP), self.height.div_ceil(GROUP), 1);
+        }
+        if let Some(timer) = timer {
+            timer.resolve(&mut encoder);
+        }
+        Ok(encoder)
+    }
+
+    /// The program that writes these attachments, bound to the textures that were drawn.
+    fn program(&mut self, gpu: &Gpu, targets: &Targets, wanted: Attachments) -> Result<usize, BackendError> {
+        let flags = in_order(wanted.color, wanted.position, wanted.normal, wanted.triangle);
+        let all = targets.views();
+        let views: [_; 4] = std::array::from_fn(|channel| all[channel].filter(|_| flags[channel]).cloned());
+        let known = self.programs.iter().position(|program| program.wanted == wanted);
+        if let Some(index) = known {
+            if self.programs[index].views != views {
+                let layout = self.programs[index].pipeline.get_bind_group_layout(0);
+                self.programs[index].group = self.bind(gpu, &layout, &views)?;
+                self.programs[index].views = views;
+            }
+            return Ok(index);
+        }
+        let label = Some("hand-over");
+        let source = wgpu::ShaderSource::Wgsl(source(flags, self.width, self.height).into());
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor { label, source });
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: None,
+            module: &module,
+            entry_point: None,
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        gpu.check("building the hand-over")?;
+        let group = self.bind(gpu, &pipeline.get_bind_group_layout(0), &views)?;
+        self.programs.push(Program { wanted, pipeline, views, group });
+        Ok(self.programs.len() - 1)
+    }
+
+    fn bind(
+        &self,
+        gpu: &Gpu,
+        layout: &wgpu::BindGroupLayout,
+        views: &[Option<wgpu::TextureView>; 4],
+    ) -> Result<wgpu::BindGroup, BackendError> {
+        let offsets = Offsets::new(self.width, self.height, self.attachments);
+        let offsets = in_order(offsets.color, offsets.position, offsets.normal, offsets.triangle);
+        let pixels = u64::from(self.width) * u64::from(self.height);
+        let mut entries = Vec::new();
+        for (channel, view) in views.iter().enumerate() {
+            let (Some(view), Some(offset)) = (view, offsets[channel]) else { continue };
+            let binding = 2 * channel as u32;
+            entries.push(wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) });
+            let bytes = pixels * if channel == TRIANGLE { 4 } else { 16 };
+            let range = wgpu::BufferBinding { buffer: &self.buffer, offset, size: NonZeroU64::new(bytes) };
+            entries.push(wgpu::BindGroupEntry { binding: binding + 1, resource: wgpu::BindingResource::Buffer(range) });
+        }
+        let label = Some("hand-over");
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries });
+        gpu.check("binding the hand-over")?;
+        Ok(group)
+    }
+}
+
+/// The shader that writes the channels of a picture of that size. Triangle ids are stored plus 1 in the texture.
+fn source(flags: [bool; 4], width: u32, height: u32) -> String {
+    let (mut declarations, mut stores) = (String::new(), String::new());
+    for (channel, name) in CHANNELS.iter().enumerate().filter(|(channel, _)| flags[*channel]) {
+        let [scalar, element, value] = match channel {
+            TRIANGLE => ["u32", "u32", ".x - 1u"],
+            _ => ["f32", "vec4<f32>", ""],
+        };
+        let binding = 2 * channel;
+        let _ = writeln!(
+            declarations,
+            "@group(0) @binding({binding}) var {name}: texture_2d<{scalar}>;\n\
+             @group(0) @binding({}) var<storage, read_write> dense_{name}: array<{element}>;",
+            binding + 1
+        );
+        let _ = writeln!(stores, "    dense_{name}[index] = textureLoad({name}, at.xy, 0){value};");
+    }
+    format!(
+        "{declarations}
+@compute @workgroup_size({GROUP}, {GROUP})
+fn hand_over(@builtin(global_invocation_id) at: vec3<u32>) {{
+    if (at.x >= {width}u || at.y >= {height}u) {{
+        return;
+    }}
+    let index = at.y * {width}u + at.x;
+{stores}}}
+"
+    )
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,110 @@
+//! What is handed over is what is read back, bit for bit.
+
+use super::super::tests::{ALL, SIZE, job, rasteriser, shades, squares};
+use super::*;
+use crate::raster::gpu::WgpuRasteriser;
+use curitiba_pipeline::backend::{GBuffer, RasterJob, Rasteriser as _};
+
+/// The bytes of a buffer.
+fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u8> {
+    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+    let staging = gpu.buffer("test", usage, buffer.size()).expect("room");
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: None });
+    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
+    let mut bytes = Vec::new();
+    gpu.read_mapped(&staging, buffer.size(), Some(encoder.finish()), "test", |mapped| bytes.extend_from_slice(mapped))
+        .expect("readable");
+    bytes
+}
+
+/// Draws, and returns what was drawn.
+fn drawn(rasteriser: &mut WgpuRasteriser) -> GBuffer {
+    drawn_as(rasteriser, Attachments::default())
+}
+
+/// The same with some attachments in 16-bit floats.
+fn drawn_as(rasteriser: &mut WgpuRasteriser, half: Attachments) -> GBuffer {
+    let (scene, shades) = (squares(12), shades());
+    let job = RasterJob { half, ..job(&scene, &shades) };
+    let mut target = GBuffer::new(SIZE, SIZE, ALL);
+    rasteriser.upload(&scene).expect("uploaded");
+    rasteriser.draw(&job, &mut target).expect("drawn");
+    rasteriser.read_back(&job, ALL, &mut target).expect("read");
+    target
+}
+
+fn assert_holds(bytes: &[u8], wanted: Attachments, shared: Attachments, expected: &GBuffer) {
+    let offsets = Offsets::new(SIZE, SIZE, shared);
+    let mut compared = 0;
+    let mut compare = |wanted: bool, offset: Option<u64>, expected: &[u8]| {
+        if wanted {
+            let start = offset.expect("shared") as usize;
+            assert!(bytes[start..start + expected.len()] == *expected, "the attachment at byte {start}");
+            compared += 1;
+        }
+    };
+    compare(wanted.color, offsets.color, bytemuck::cast_slice(&expected.color));
+    compare(wanted.position, offsets.position, bytemuck::cast_slice(&expected.position));
+    compare(wanted.normal, offsets.normal, bytemuck::cast_slice(&expected.normal));
+    compare(wanted.triangle, offsets.triangle, bytemuck::cast_slice(&expected.triangle));
+    assert!(compared > 0);
+}
+
+#[test]
+fn attachments_are_written_dense_and_one_after_the_other() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let expected = drawn(&mut rasteriser);
+    let shared = Attachments { normal: false, ..ALL };
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+    let buffer = rasteriser.gpu.buffer("test", usage, Offsets::new(SIZE, SIZE, shared).end).expect("room");
+    let mut packer = Packer { buffer, width: SIZE, height: SIZE, attachments: shared, programs: Vec::new() };
+    let color = Attachments { color: true, ..Attachments::default() };
+    let ids = Attachments { position: true, triangle: true, ..Attachments::default() };
+    for wanted in [color, ids, shared] {
+        let targets = rasteriser.targets.last().expect("drawn");
+        let encoder = packer.encode(&rasteriser.gpu, None, targets, wanted).expect("encoded");
+        rasteriser.gpu.submit_and_wait(Some(encoder.finish()), "test").expect("done");
+        assert_holds(&read(&rasteriser.gpu, &packer.buffer), wanted, shared, &expected);
+    }
+    let targets = rasteriser.targets.last().expect("drawn");
+    let error = packer.encode(&rasteriser.gpu, None, targets, ALL).expect_err("normals are not shared").to_string();
+    assert!(error.contains("handed over"), "{error}");
+}
+
+#[test]
+fn attachments_in_16_bit_floats_are_handed_over_in_32() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let full = drawn(&mut rasteriser);
+    let expected = drawn_as(&mut rasteriser, Attachments { color: true, position: true, ..Attachments::default() });
+    assert!(full.position != expected.position, "control: something was rounded");
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+    let buffer = rasteriser.gpu.buffer("test", usage, Offsets::new(SIZE, SIZE, ALL).end).expect("room");
+    let mut packer = Packer { buffer, width: SIZE, height: SIZE, attachments: ALL, programs: Vec::new() };
+    let targets = rasteriser.targets.last().expect("drawn");
+    let encoder = packer.encode(&rasteriser.gpu, None, targets, ALL).expect("encoded");
+    rasteriser.gpu.submit_and_wait(Some(encoder.finish()), "test").expect("done");
+    assert_holds(&read(&rasteriser.gpu, &packer.buffer), ALL, ALL, &expected);
+}
+
+#[test]
+fn a_device_that_shares_memory_hands_over_what_it_drew() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let expected = drawn(&mut rasteriser);
+    if rasteriser.shares().is_none() {
+        println!("skipped: {} exports no memory and semaphores", rasteriser.device());
+        return;
+    }
+    let shared = match rasteriser.share(SIZE, SIZE, ALL) {
+        Ok(shared) => shared,
+        // Software drivers have no memory that counts as the device's own.
+        Err(error) if rasteriser.device().contains("software") => return println!("skipped: {error}"),
+        Err(error) => panic!("{error}"),
+    };
+    assert_eq!((shared.width, shared.height), (SIZE, SIZE));
+    assert!(shared.bytes >= Offsets::new(SIZE, SIZE, ALL).end);
+    assert_eq!(rasteriser.hand_over(ALL).expect("handed over"), 1);
+    rasteriser.hand_over_time().expect("done");
+    assert_eq!(rasteriser.hand_over(ALL).expect("handed over"), 2);
+    let bytes = read(&rasteriser.gpu, &rasteriser.sharing.as_ref().expect("shared").packer.buffer);
+    assert_holds(&bytes, ALL, ALL, &expected);
+}

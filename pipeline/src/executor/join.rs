@@ -1,0 +1,75 @@
+//! G-buffers that ray passes read where they were drawn.
+
+use super::{Renderer, StepKind};
+use crate::backend::{Attachments, BackendError};
+use crate::plan::Work;
+use std::time::Instant;
+
+impl Renderer {
+    /// Lets the rasteriser and the ray backend share the G-buffer of the first ray pass that can read it in place, where
+    /// both work on one device. Where they do not manage to, that is a warning, and the host copies.
+    pub(super) fn join_engines(&mut self) {
+        let Some(device) = self.engines.raster.shares().filter(|device| self.engines.rays.joins(*device)) else {
+            return;
+        };
+        let first = self.plan.passes.iter().find_map(|planned| match planned.work {
+            Work::Rays { resident, .. } => resident,
+            _ => None,
+        });
+        let Some(target) = first else { return };
+        let (width, height) = (self.plan.targets[target].width, self.plan.targets[target].height);
+        let traced = |work: &Work| match work {
+            Work::Raster { traced, .. } => *traced,
+            _ => Attachments::default(),
+        };
+        let drawn = self.plan.passes.iter().filter(|planned| self.plan.pass(planned).target == Some(target));
+        let attachments = drawn.map(|planned| traced(&planned.work)).fold(Attachments::default(), Attachments::union);
+        let start = Instant::now();
+        let shared = self.engines.raster.share(width, height, attachments);
+        match shared.and_then(|shared| self.engines.rays.join(shared)) {
+            Ok(()) => {
+                self.joined = Some((device, target));
+                let row = self.timeline.record(StepKind::Upload, "shared G-buffer", start.elapsed());
+                row.note = format!("{width} x {height}, read by {} where it was drawn", self.engines.rays.name());
+            }
+            Err(error) => {
+                let (what, remedy) = ("G-buffers that cannot be shared", "they pass through the host");
+                self.warnings.add(&self.plan.project.path, what, remedy, || error.to_string());
+            }
+        }
+    }
+
+    /// Whether ray passes read the G-buffer of a target where it was drawn. False as soon as another backend has taken over.
+    pub(super) fn is_joined(&self, target: Option<usize>) -> bool {
+        self.joined.is_some_and(|(device, joined)| target == Some(joined) && self.engines.rays.joins(device))
+    }
+
+    /// What of a raster pass is read in host memory.
+    pub(super) fn in_host(&self, target: Option<usize>, host: Attachments, traced: Attachments) -> Attachments {
+        if self.is_joined(target) { host } else { host.union(traced) }
+    }
+
+    /// Starts to bring what was drawn last to the shared memory.
+    pub(super) fn hand_over(&mut self, wanted: Attachments) -> Result<HandOver, BackendError> {
+        let start = Instant::now();
+        let value = self.engines.raster.hand_over(wanted)?;
+        Ok(HandOver { value, host: start.elapsed() })
+    }
+
+    /// Records what it took, once the rays are done.
+    pub(super) fn record_hand_over(&mut self, name: &str, handed: &HandOver) -> Result<(), BackendError> {
+        let device = self.engines.raster.hand_over_time()?;
+        let row = self.timeline.record(StepKind::Join, name, handed.host);
+        row.device_ms.extend(device.map(|time| time.as_secs_f64() * 1e3));
+        row.note = "in device memory".to_owned();
+        Ok(())
+    }
+}
+
+/// A hand-over that was started.
+pub(super) struct HandOver {
+    /// What the semaphore reaches.
+    pub value: u64,
+    /// What starting it took.
+    host: std::time::Duration,
+}

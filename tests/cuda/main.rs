@@ -1,0 +1,34 @@
+//! The ray backends of NVIDIA GPUs against the processor's, and several GPUs against one.
+//!
+//! Without a GPU they say `skipped: why`, and pass; with `CURITIBA_REQUIRE_CUDA_TESTS=1` they fail instead. The binary runs
+//! anywhere: where it was not built, it looks for the projects in the folder that it is started in.
+
+mod conformance;
+mod several;
+
+use curitiba::Choice;
+use curitiba::engines::ray_backend;
+use curitiba::pipeline::backend::RayBackend;
+use std::path::{Path, PathBuf};
+
+/// The six projects with a ray pass.
+const PROJECTS: [&str; 6] = ["SceneDummy", "SceneShadows", "SceneReflect", "SceneRefract", "SceneSSAO", "SceneFinal"];
+
+fn project(name: &str) -> PathBuf {
+    let built = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = if built.is_dir() { built } else { Path::new(".") };
+    root.join(format!("xml_projects/{name}.xml"))
+}
+
+/// The backend, or `None` with the reason printed.
+fn there(choice: Choice) -> Option<Box<dyn RayBackend>> {
+    match ray_backend(choice) {
+        Ok(rays) => Some(rays),
+        Err(error) => {
+            let required = std::env::var_os("CURITIBA_REQUIRE_CUDA_TESTS").is_some_and(|value| value == "1");
+            assert!(!required, "{error}");
+            println!("skipped: {error}");
+            None
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! Passes that several GPUs share: with what there is, one GPU taken as several, and all of them where there are more.
+
+use super::{PROJECTS, project, there};
+use curitiba::cuda::device::ordinals;
+use curitiba::cuda::{CudaRays, OptixRays};
+use curitiba::passes::raster::cpu::CpuRasteriser;
+use curitiba::pipeline::backend::{BackendError, RayBackend, RayCounts};
+use curitiba::pipeline::executor::{Engines, Renderer, Silent, StepKind};
+use curitiba::pipeline::plan::{Plan, Settings};
+use curitiba::pipeline::programs::Fidelity;
+use curitiba::pipeline::project;
+use curitiba::{BackendChoice, Choice};
+
+type Made = Result<Box<dyn RayBackend>, BackendError>;
+/// The bits of a picture and its rays.
+type Frame = (Vec<[u32; 4]>, RayCounts);
+
+fn frame(name: &str, fidelity: Fidelity, seed: u32, rays: Made) -> Frame {
+    let project = project::load(&project(name)).expect("the project loads");
+    let occlusion = matches!(name, "SceneSSAO" | "SceneFinal");
+    let settings = Settings {
+        // No multiple of anything, and near the panes.
+        size: Some([203, 149]),
+        camera: Some("Vidro".to_owned()),
+        fidelity,
+        seed,
+        set: if occlusion { vec!["pass2.samples=9".to_owned()] } else { Vec::new() },
+        ..Settings::default()
+    };
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), rays.expect("it was there before"));
+    let plan = Plan::new(project, settings).expect("the plan stands");
+    let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("ready");
+    // The second frame finds everything in its place already.
+    renderer.frame(&mut Silent).expect("rendered");
+    let picture = renderer.frame(&mut Silent).expect("rendered");
+    let row = renderer.timeline().rows.iter().find(|row| row.kind == StepKind::Rays).expect("a ray pass ran");
+    assert!(row.device_ms.len() == 2 && row.device_ms.iter().all(|ms| *ms > 0.0), "{:?}", row.device_ms);
+    (picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect(), row.rays.expect("rays are counted"))
+}
+
+fn is_shared(backend: BackendChoice, on: impl Fn(&[usize]) -> Made) {
+    let Some(one) = there(Choice::CPU.traced_by(backend)) else { return };
+    assert_eq!(one.gpus().len(), 1);
+    drop(one);
+    let mut sets = vec![vec![0, 0], vec![0, 0, 0]];
+    let all = ordinals(backend.name(), None).expect("there are some");
+    match all.len() {
+        1 => println!("one GPU alone: it was taken as two and as three"),
+        _ => sets.push(all),
+    }
+    for set in &sets {
+        let several = on(set).expect("made");
+        assert_eq!(several.gpus().len(), set.len());
+        assert!(several.device().starts_with(&format!("{} GPUs: ", set.len())), "{}", several.device());
+    }
+    for name in PROJECTS {
+        for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
+            let one = frame(name, fidelity, 0, on(&[0]));
+            for set in &sets {
+                let several = frame(name, fidelity, 0, on(set));
+                assert!(several.0 == one.0, "{name}, {fidelity:?}: another picture on GPUs {set:?}");
+                assert_eq!(several.1, one.1, "{name}, {fidelity:?}: other rays on GPUs {set:?}");
+            }
+        }
+    }
+    let (one, other) = (0, 1);
+    let [one, other] = [one, other].map(|seed| frame("SceneSSAO", Fidelity::Corrected, seed, on(&[0, 0])).0);
+    assert!(one != other, "the comparison sees another seed");
+}
+
+#[test]
+fn several_gpus_make_the_picture_and_trace_the_rays_of_one_with_our_own_tracer() {
+    is_shared(BackendChoice::Cuda, |set| Ok(Box::new(CudaRays::on(set)?)));
+}
+
+#[test]
+fn several_gpus_make_the_picture_and_trace_the_rays_of_one_with_optix() {
+    is_shared(BackendChoice::Optix, |set| Ok(Box::new(OptixRays::on(set)?)));
+}
+
+#[test]
+fn more_gpus_than_there_are_are_refused_with_their_number() {
+    if there(Choice::CPU.traced_by(BackendChoice::Cuda)).is_none() {
+        return;
+    }
+    let error = ordinals("cuda", Some(255)).expect_err("nobody has so many");
+    assert!(error.to_string().contains("255 GPUs were asked for, and there "), "{error}");
+    let error = CudaRays::on(&[254]).expect_err("nobody has so many");
+    assert!(error.to_string().contains("CUDA_ERROR_INVALID_DEVICE (101); there is no GPU of this number"), "{error}");
+}
