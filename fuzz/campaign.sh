@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Runs every fuzz target for SECONDS_EACH (600 unless given), two at a time and with the lowest priority (NICE=19 unless given), and prints the
-# table that docs/robustness.md holds. Logs and findings stay in fuzz/artifacts.
-#   RUSTC_BOOTSTRAP=1 cargo fuzz build && fuzz/campaign.sh [SECONDS_EACH]
+# Runs every fuzz target for SECONDS_EACH (600 unless given), two at a time and with the lowest priority (NICE=19 unless
+# given), and prints the table that docs/robustness.md holds. Logs and findings stay in fuzz/artifacts; the corpus is kept, so
+# that another run goes on from it.
+#   RUSTC_BOOTSTRAP=1 cargo fuzz build && [NICE=0] fuzz/campaign.sh [SECONDS_EACH]
 set -euo pipefail
 cd "$(dirname "$0")"
 seconds=${1:-600}
