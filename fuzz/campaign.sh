@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Runs every fuzz target for SECONDS_EACH (600 unless given), two at a time and with the lowest priority, and prints the
-# table that docs/robustness.md holds. Logs and findings stay in fuzz/artifacts.
-#   RUSTC_BOOTSTRAP=1 cargo fuzz build && fuzz/campaign.sh [SECONDS_EACH]
+# Runs every fuzz target for SECONDS_EACH (600 unless given), two at a time and with the lowest priority (NICE=19 unless
+# given), and prints the table that docs/robustness.md holds. Logs and findings stay in fuzz/artifacts; the corpus is kept, so
+# that another run goes on from it.
+#   RUSTC_BOOTSTRAP=1 cargo fuzz build && [NICE=0] fuzz/campaign.sh [SECONDS_EACH]
 set -euo pipefail
 cd "$(dirname "$0")"
 seconds=${1:-600}
@@ -15,7 +16,7 @@ run() {
     local options=(-max_len=8192 -malloc_limit_mb=512 -rss_limit_mb=2048 -timeout=25 -print_final_stats=1)
     [ -e "dictionaries/$dictionary.dict" ] && options+=("-dict=dictionaries/$dictionary.dict")
     mkdir -p "corpus/$target" "artifacts/$target"
-    { time nice -n 19 "$binaries/$target" "${options[@]}" -max_total_time="$seconds" \
+    { time nice -n "${NICE:-19}" "$binaries/$target" "${options[@]}" -max_total_time="$seconds" \
         -artifact_prefix="artifacts/$target/" "corpus/$target"; } >"artifacts/$target.log" 2>&1 ||
         echo "$target: a finding, see artifacts/$target.log" >&2
 }

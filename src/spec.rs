@@ -7,7 +7,7 @@ use crate::{BackendChoice, Choice, RasterChoice};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// The settings by name, with what each may be; `PASS.NAME=VALUE` is the last.
+/// The settings by name, with what each may be; `PASS.NAME=VALUE` and `TEXTURE.format=FORMAT` are the last.
 pub const SETTINGS: &[(&str, &str)] = &[
     ("raster", "auto, cpu or wgpu: what draws"),
     ("backend", "auto, cpu, cuda or optix: what traces rays"),
@@ -18,6 +18,7 @@ pub const SETTINGS: &[(&str, &str)] = &[
     ("seed", "N, of the random numbers"),
     ("pipeline", "NAME of a pipeline of the project"),
     ("PASS.NAME", "VALUE of a parameter of a pass"),
+    ("TEXTURE.format", "RGBA32F, RGBA16F, RGBA8, R32F or R8: how a render target stores it"),
 ];
 
 const FIDELITIES: [(&str, Fidelity); 2] = [("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)];

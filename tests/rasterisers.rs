@@ -61,6 +61,7 @@ fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBu
         clear_color: Vec4::W + clear_color,
         attachments,
         shared: Attachments::default(),
+        half: Attachments::default(),
     };
     let mut buffer = GBuffer::new(SIDE, SIDE, attachments);
     rasteriser.upload(&scene).expect("the scene fits");

@@ -48,12 +48,12 @@ struct GlassWalk {
     template <class Tracer> DEVICE_MEMBER void split(Pass<Tracer> &pass) {
         const Params &params = pass.params;
         float3 normal = interface_normal(surface, view);
-        Interface interface = fresnel(-dot(normal, view), params.index);
+        Interface interface = interface_of(params, -dot(normal, view));
         float3 refracted;
         bool enters = refract(interface, view, normal, params.index, refracted);
         if (enters && dot(refracted, surface.facing) >= 0.0f) {
             normal = surface.facing;
-            interface = fresnel(-dot(normal, view), params.index);
+            interface = interface_of(params, -dot(normal, view));
             enters = refract(interface, view, normal, params.index, refracted);
         }
         follows = false;

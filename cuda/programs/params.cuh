@@ -32,6 +32,7 @@ constexpr float THESIS_REFRACTED_EPSILON = 1e-3f;
 constexpr float GLASS_BOUNCE = 9.9e-1f;
 constexpr float OFFSET_UNITS = 3.2e1f;
 constexpr float OFFSET_REACH = 5e-1f;
+constexpr float OFFSET_MARGIN = 3.2e1f;
 constexpr float UNIT_ROUNDOFF = 5.9604645e-8f;
 
 struct Shade {
@@ -94,7 +95,7 @@ struct Params {
     float light_color[3];
     float scene_low[3];
     float scene_high[3];
-    unsigned filler;
+    unsigned schlick;
 };
 static_assert(sizeof(Params) == 272, "Params");
 static_assert(offsetof(Params, position) == 0, "Params::position");
@@ -134,4 +135,4 @@ static_assert(offsetof(Params, to_light) == 220, "Params::to_light");
 static_assert(offsetof(Params, light_color) == 232, "Params::light_color");
 static_assert(offsetof(Params, scene_low) == 244, "Params::scene_low");
 static_assert(offsetof(Params, scene_high) == 256, "Params::scene_high");
-static_assert(offsetof(Params, filler) == 268, "Params::filler");
+static_assert(offsetof(Params, schlick) == 268, "Params::schlick");

@@ -3,11 +3,44 @@
 #pragma once
 #include "scene.cuh"
 
-// A point of a triangle, with what is known of its error along the normal.
+// A point of a triangle, with what is known of its error along the normal. Rays start off `start`.
 struct SurfacePoint {
-    float3 position, normal;
+    float3 position, normal, start;
     float error;
 };
+
+// Whether a position is within a margin of a border, given the inward direction, as long as the border.
+DEVICE bool near_border(double3 position, double3 from, double3 inward, double margin) {
+    double area = dot(position - from, inward);
+    return area < 0.0 || area * area < margin * margin * dot(inward, inward);
+}
+// A position of a triangle moved along its plane, away from borders nearer than `margin`, where there is room for that.
+DEVICE double3 drawn_in(const double3 (&from)[3], double3 normal, double3 position, double margin) {
+    double3 inward[3];
+    bool near = false;
+#pragma unroll
+    for (int border = 0; border < 3; ++border) {
+        inward[border] = cross(normal, from[(border + 1) % 3] - from[border]);
+        near = near || near_border(position, from[border], inward[border], margin);
+    }
+    if (!near) return position;
+    double3 moved = position;
+    // Twice, because leaving one border of a corner may lead back to the other.
+#pragma unroll 1
+    for (int round = 0; round < 2; ++round) {
+#pragma unroll
+        for (int border = 0; border < 3; ++border) {
+            double3 unit = normalize_or_zero(inward[border]);
+            moved = moved + fmax(margin - dot(moved - from[border], unit), 0.0) * unit;
+        }
+    }
+    near = false;
+#pragma unroll
+    for (int border = 0; border < 3; ++border) {
+        near = near || near_border(moved, from[border], inward[border], 0.5 * margin);
+    }
+    return near ? position : moved;
+}
 
 DEVICE SurfacePoint point_on(const Corners &corners, double u, double v) {
     double3 a = wide(corners.a), e1 = wide(corners.b) - a, e2 = wide(corners.c) - a;
@@ -16,14 +49,16 @@ DEVICE SurfacePoint point_on(const Corners &corners, double u, double v) {
     double3 magnitude = absolute(a) + absolute(ue) + absolute(ve);
     double3 position = a + ue + ve;
     double reach = 0.0;
-    double3 distances[3] = {absolute(a - position), absolute(wide(corners.b) - position),
-                            absolute(wide(corners.c) - position)};
+    double3 from[3] = {a, wide(corners.b), wide(corners.c)};
+    double3 distances[3] = {absolute(a - position), absolute(from[1] - position), absolute(from[2] - position)};
 #pragma unroll
     for (int corner = 0; corner < 3; ++corner) {
         reach = fmax(reach, fmax(fmax(distances[corner].x, distances[corner].y), distances[corner].z));
     }
     float error = (float)(dot(absolute(normal), magnitude) + (double)OFFSET_REACH * reach) * UNIT_ROUNDOFF;
-    return {narrow(position), narrow(normal), error};
+    double largest = fmax(fmax(magnitude.x, magnitude.y), magnitude.z);
+    double margin = (double)OFFSET_MARGIN * (double)UNIT_ROUNDOFF * (largest + (double)OFFSET_REACH * reach);
+    return {narrow(position), narrow(normal), narrow(drawn_in(from, normal, position, margin)), error};
 }
 // The point of a triangle nearest to a stored position.
 DEVICE SurfacePoint snap(const Params &params, unsigned triangle, float3 position) {
@@ -38,10 +73,10 @@ DEVICE SurfacePoint snap(const Params &params, unsigned triangle, float3 positio
     double sum = fmax(u + v, 1.0);
     return point_on(corners, u / sum, v / sum);
 }
-// Where a ray in this direction starts: off the plane, to the side to which it goes.
+// Where a ray in this direction starts: inside the borders, and off the plane to the side to which it goes.
 DEVICE float3 spawn(const SurfacePoint &point, float3 direction) {
     float distance = OFFSET_UNITS * point.error;
-    return point.position + point.normal * (dot(point.normal, direction) < 0.0f ? -distance : distance);
+    return point.start + point.normal * (dot(point.normal, direction) < 0.0f ? -distance : distance);
 }
 
 // A point seen from one side: the geometric normal towards the viewer, and the shading normal on the same side.
@@ -79,6 +114,18 @@ DEVICE Interface fresnel(float cos_incident, float index_of_pane) {
     double perpendicular = (cos_in - index * cos_out) / (cos_in + index * cos_out);
     double parallel = (index * cos_in - cos_out) / (index * cos_in + cos_out);
     return {(float)(0.5 * (perpendicular * perpendicular + parallel * parallel)), (float)cos_out};
+}
+DEVICE Interface schlick(float cos_incident, float index) {
+    float cos_in = fminf(fmaxf(cos_incident, 0.0f), 1.0f);
+    float discriminant = (index - 1.0f) * (index + 1.0f) + cos_in * cos_in;
+    if (discriminant <= 0.0f) return {1.0f, 0.0f};
+    float cos_out = fminf(sqrtf(discriminant) / index, 1.0f);
+    float root = (index - 1.0f) / (index + 1.0f), zero = root * root;
+    float away = 1.0f - (index < 1.0f ? cos_out : cos_in), square = away * away;
+    return {fminf(zero + (1.0f - zero) * (square * square * away), 1.0f), cos_out};
+}
+DEVICE Interface interface_of(const Params &params, float cos_incident) {
+    return params.schlick != 0u ? schlick(cos_incident, params.index) : fresnel(cos_incident, params.index);
 }
 DEVICE bool refract(const Interface &interface, float3 i, float3 n, float index, float3 &out) {
     if (interface.reflectance >= 1.0f) return false;

@@ -146,8 +146,8 @@ shared_structs! {
         scene_low: [f32; 3] = "float[3]",
         /// Greatest coordinates of all triangles.
         scene_high: [f32; 3] = "float[3]",
-        /// 0: fills the struct up to a multiple of 8 bytes.
-        filler: u32 = "unsigned",
+        /// 1: Schlick's weights of glass; 0: Fresnel's.
+        schlick: u32 = "unsigned",
     }
 }
 
@@ -229,6 +229,7 @@ pub fn header() -> String {
         ("GLASS_BOUNCE", effects::BOUNCE),
         ("OFFSET_UNITS", tree::OFFSET_UNITS),
         ("OFFSET_REACH", tree::OFFSET_REACH),
+        ("OFFSET_MARGIN", tree::OFFSET_MARGIN),
         ("UNIT_ROUNDOFF", tree::UNIT_ROUNDOFF),
     ];
     for (name, value) in floats {

@@ -13,7 +13,7 @@ use curitiba_passes::sampling::owen_sobol::reversed_sobol;
 use curitiba_passes::sampling::square_root;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::programs::{Fidelity, RayProgram, Sampler};
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram, Sampler};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::SharedGBuffer;
 use glam::Vec3;
@@ -289,7 +289,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             light_color: light_color.to_array(),
             scene_low: [0.0; 3],
             scene_high: [0.0; 3],
-            filler: 0,
+            schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
         })
     }
 

@@ -15,7 +15,7 @@ use curitiba_pipeline::backend::{
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::{Image, write_png};
-use curitiba_pipeline::programs::RasterProgram;
+use curitiba_pipeline::programs::{Fresnel, RasterProgram};
 use curitiba_pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram};
 use glam::{Vec3, Vec4};
 use support::rasteriser;
@@ -190,9 +190,14 @@ const ALL: Attachments = Attachments { color: true, position: true, normal: true
 
 /// Draws the shot on the device and reads it back into the shot, so that both have the same.
 fn draw(gpu: &mut WgpuRasteriser, shot: &mut Shot) {
+    draw_as(gpu, shot, Attachments::default());
+}
+
+/// The same with some attachments in 16-bit floats.
+fn draw_as(gpu: &mut WgpuRasteriser, shot: &mut Shot, half: Attachments) {
     let (width, height) = (shot.buffer.width, shot.buffer.height);
     let mut buffer = GBuffer::new(width, height, ALL);
-    let job = raster_job(shot, ALL);
+    let job = RasterJob { half, ..raster_job(shot, ALL) };
     gpu.draw(&job, &mut buffer).expect("draws");
     gpu.read_back(&job, ALL, &mut buffer).expect("reads back");
     shot.buffer = buffer;
@@ -209,6 +214,7 @@ fn raster_job(shot: &Shot, attachments: Attachments) -> RasterJob<'_> {
         clear_color: Vec4::from_array(BACKGROUND),
         attachments,
         shared: Attachments::default(),
+        half: Attachments::default(),
     }
 }
 
@@ -234,6 +240,49 @@ fn what_was_drawn_last_is_read_in_place_and_survives_the_maps() {
         let mut buffer = GBuffer::new(SIDE, SIDE, ALL);
         gpu.read_back(&job, ALL, &mut buffer).expect("still there");
         assert!(buffer == shot.buffer, "{name}: the effects changed what was drawn");
+    }
+}
+
+#[test]
+fn effects_read_16_bit_floats_where_they_were_drawn() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let (_, mut shot) = shots().into_iter().next().expect("one");
+    gpu.upload(&shot.scene).expect("uploads");
+    let half = Attachments { color: true, normal: true, ..Attachments::default() };
+    draw_as(&mut gpu, &mut shot, half);
+    let rounded = shot.buffer.clone();
+    for info in EFFECT_PROGRAMS {
+        let (in_place, _) = run(&mut gpu, &resident(&shot, info.program)).expect("a whole job");
+        let (copied, _) = uploaded(&mut gpu, &shot, info.program);
+        assert!(in_place == copied, "{}", info.name);
+    }
+    draw(&mut gpu, &mut shot);
+    assert!(shot.buffer.position == rounded.position && shot.buffer.normal != rounded.normal, "control");
+    // Another form of the same attachments is another drawing.
+    let job = RasterJob { half, ..raster_job(&shot, ALL) };
+    let mut buffer = GBuffer::new(SIDE, SIDE, ALL);
+    let message = gpu.read_back(&job, ALL, &mut buffer).expect_err("not what was drawn").to_string();
+    assert!(message.contains("drawn last"), "{message}");
+}
+
+#[test]
+fn schlicks_weights_agree_with_the_processors_and_are_not_fresnels() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let program = EffectProgram::CubeRefraction;
+    for index in [1.5, 2.42, 0.8] {
+        let (_, mut shot) = shots().into_iter().next().expect("one");
+        gpu.upload(&shot.scene).expect("uploads");
+        let exact = EffectParams { index, ..params(program) };
+        let schlick = EffectParams { fresnel: Fresnel::Schlick, ..exact };
+        let pictures = [exact, schlick].map(|params| {
+            let (expected, _) = shot.effect(program, params);
+            let job = EffectJob { resident: false, ..shot.job(program, params) };
+            let (found, _) = run(&mut gpu, &job).expect("a whole job");
+            let (outlying, _) = difference(&found, &expected);
+            assert!(outlying <= OUTLIERS, "index {index}: {outlying}");
+            found
+        });
+        assert!(difference(&pictures[0], &pictures[1]).0 > OUTLIERS, "index {index}: the weights are the same");
     }
 }
 

@@ -8,6 +8,7 @@ mod support;
 use common::ALL;
 use curitiba_passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
 use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect};
+use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::scene::texture::Texture;
 use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
 use glam::{Vec2, Vec3, Vec4};
@@ -61,6 +62,46 @@ fn attachments_not_asked_for_are_neither_created_nor_change_the_others() {
         };
         assert!(target == expected, "{attachments:?} differs from the full set");
     }
+}
+
+#[test]
+fn attachments_in_16_bit_floats_take_half_the_memory_and_are_the_32_bit_ones_rounded() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let setup = hills(20);
+    rasteriser.upload(&setup.scene).expect("uploads");
+    let (width, height) = (75, 40);
+    let full = render(&mut rasteriser, &setup.job(width, height, ALL), width, height);
+    let before = rasteriser.memory().attachments;
+    for half in all_attachment_sets() {
+        let job = RasterJob { half, ..setup.job(width, height, ALL) };
+        let found = render(&mut rasteriser, &job, width, height);
+        assert!(found.triangle == full.triangle, "ids are whole numbers, whatever {half:?} says");
+        let channels = [
+            (half.color, &found.color, &full.color),
+            (half.position, &found.position, &full.position),
+            (half.normal, &found.normal, &full.normal),
+        ];
+        for (half, found, full) in channels {
+            if !half {
+                assert!(found == full);
+                continue;
+            }
+            assert!(found != full, "control: something was rounded");
+            let mut kept = found.clone();
+            PixelFormat::Rgba16Float.round(&mut kept);
+            assert!(kept == *found, "what is read back are 16-bit floats");
+            // To the nearest or towards zero: within one unit of 11 bits.
+            for (found, full) in found.as_flattened().iter().zip(full.as_flattened()) {
+                let unit = (full.abs() / 1024.0).max(2f32.powi(-24));
+                assert!((found - full).abs() <= unit, "{found} {full}");
+            }
+        }
+    }
+    let mut alone = support::rasteriser().expect("there was one");
+    alone.upload(&setup.scene).expect("uploads");
+    render(&mut alone, &RasterJob { half: ALL, ..setup.job(width, height, ALL) }, width, height);
+    let pixels = u64::from(width * height);
+    assert_eq!((before, alone.memory().attachments), (56 * pixels, (3 * 8 + 4 + 4) * pixels));
 }
 
 #[test]

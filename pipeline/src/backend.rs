@@ -57,7 +57,7 @@ pub struct Rect {
 }
 
 /// Which attachments a raster pass writes: those that something reads later.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Attachments {
     /// Shaded colour.
     pub color: bool,
@@ -103,6 +103,9 @@ pub struct RasterJob<'a> {
     pub attachments: Attachments,
     /// What of it is also written into the memory that [`Rasteriser::share`] made, whose size is the viewport's.
     pub shared: Attachments,
+    /// What of it is declared in 16-bit floats. A rasteriser that keeps attachments of its own stores these so, and effects
+    /// read them so; in host memory the executor rounds them. Whether a device rounds to the nearest is its own affair.
+    pub half: Attachments,
 }
 
 /// The triangle id of a pixel that nothing covers.

@@ -55,6 +55,36 @@ pub enum Sampler {
     Strata,
 }
 
+/// How much of the light an interface of glass reflects, in `corrected` fidelity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Fresnel {
+    /// Fresnel's equations for unpolarised light.
+    #[default]
+    Exact,
+    /// Schlick's approximation; `docs/numerics.md` has its error.
+    Schlick,
+}
+
+impl Fresnel {
+    /// Each with the name that parameters give it.
+    pub const NAMED: [(&'static str, Self); 2] = [("exact", Self::Exact), ("schlick", Self::Schlick)];
+
+    /// Its name as a value of a parameter.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Schlick => "schlick",
+        }
+    }
+
+    /// The one of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, weights)| *weights)
+    }
+}
+
 /// The parameters of the ray programs; a program reads those that [`RayProgramInfo::params`] lists for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RayParams {
@@ -70,12 +100,22 @@ pub struct RayParams {
     pub depth: u32,
     /// How occlusion directions are chosen.
     pub sampler: Sampler,
+    /// How much glass reflects; thesis fidelity has the report's own weight.
+    pub fresnel: Fresnel,
 }
 
 impl Default for RayParams {
     /// The report's constants.
     fn default() -> Self {
-        Self { samples: 100, radius: 0.5, intensity: 1.6, index: 1.1, depth: 5, sampler: Sampler::Sobol }
+        Self {
+            samples: 100,
+            radius: 0.5,
+            intensity: 1.6,
+            index: 1.1,
+            depth: 5,
+            sampler: Sampler::Sobol,
+            fresnel: Fresnel::Exact,
+        }
     }
 }
 
@@ -106,6 +146,11 @@ pub const PARAMS: &[ParamInfo] = &[
     ParamInfo { name: "index", about: "index of refraction that stands for a whole pane", valid: "0.1..=10" },
     ParamInfo { name: "depth", about: "deepest glass bounce", valid: "0..=16" },
     ParamInfo { name: "sampler", about: "how occlusion directions are chosen", valid: "sobol, strata" },
+    ParamInfo {
+        name: "fresnel",
+        about: "how much glass reflects by its angle",
+        valid: "exact, schlick (not in thesis fidelity)",
+    },
 ];
 
 impl RayParams {
@@ -132,6 +177,7 @@ impl RayParams {
                     _ => return Err(wrong()),
                 }
             }
+            "fresnel" => self.fresnel = Fresnel::named(value).ok_or_else(wrong)?,
             _ => unreachable!("every name in PARAMS is matched"),
         }
         Ok(())
@@ -155,6 +201,7 @@ impl RayParams {
                 Sampler::Sobol => "sobol".to_owned(),
                 Sampler::Strata => "strata".to_owned(),
             },
+            "fresnel" => self.fresnel.name().to_owned(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -262,7 +309,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             required("Miss", "Phong", "miss"),
             optional("Closest_Hit", "Phong", "closest_hit_glass"),
         ],
-        params: &["index", "depth"],
+        params: &["index", "depth", "fresnel"],
     },
     RayProgramInfo {
         program: RayProgram::Ssao,
@@ -293,7 +340,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             optional("Closest_Hit", "Phong", "closest_hit_glass"),
             optional("Any_Hit", "Shadow", "any_hit_shadow_glass"),
         ],
-        params: &["samples", "radius", "intensity", "index", "depth", "sampler"],
+        params: &["samples", "radius", "intensity", "index", "depth", "sampler", "fresnel"],
     },
 ];
 
@@ -354,14 +401,22 @@ mod tests {
             ("index", "1.5"),
             ("depth", "3"),
             ("sampler", "strata"),
+            ("fresnel", "schlick"),
         ] {
             params.set(name, value).expect("valid");
             assert_eq!(params.get(name), value);
         }
-        let expected =
-            RayParams { samples: 49, radius: 2.0, intensity: 1.0, index: 1.5, depth: 3, sampler: Sampler::Strata };
+        let expected = RayParams {
+            samples: 49,
+            radius: 2.0,
+            intensity: 1.0,
+            index: 1.5,
+            depth: 3,
+            sampler: Sampler::Strata,
+            fresnel: Fresnel::Schlick,
+        };
         assert_eq!(params, expected);
-        assert_eq!(PARAMS.len(), 6, "this test sets every parameter");
+        assert_eq!(PARAMS.len(), 7, "this test sets every parameter");
     }
 
     #[test]
@@ -369,6 +424,7 @@ mod tests {
         let mut params = RayParams::default();
         assert!(params.set("sampels", "4").unwrap_err().contains("did you mean `samples`?"));
         assert!(params.set("radius", "NaN").unwrap_err().contains("above 0"));
+        assert!(params.set("fresnel", "Schlick").unwrap_err().contains("exact, schlick"));
         assert!(params.set("depth", "17").unwrap_err().contains("0..=16"));
         assert_eq!(params, RayParams::default());
     }

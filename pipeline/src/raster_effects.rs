@@ -4,7 +4,7 @@
 //! what that would write, so that either can stand in a project. Help, XML validation, `curitiba list`, reports and tests
 //! iterate these tables.
 
-use crate::programs::{ParamInfo, RayProgram};
+use crate::programs::{Fresnel, ParamInfo, RayProgram};
 
 /// Most shadow maps that a frame may have.
 pub const MAX_CASCADES: u32 = 8;
@@ -39,6 +39,8 @@ pub struct EffectParams {
     pub probes: u32,
     /// Index of refraction of a whole pane.
     pub index: f32,
+    /// How much a pane reflects.
+    pub fresnel: Fresnel,
     /// Longest distance to an occluder, scene units.
     pub radius: f32,
     /// Exponent of the open share.
@@ -59,6 +61,7 @@ impl Default for EffectParams {
             bias: 1.5,
             probes: 4,
             index: 1.1,
+            fresnel: Fresnel::Exact,
             radius: 0.5,
             intensity: 1.6,
             slices: 4,
@@ -75,6 +78,7 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
     ParamInfo { name: "bias", about: "depth bias of a shadow test, texels along the slope", valid: "0..=100" },
     ParamInfo { name: "probes", about: "most cube maps of a frame", valid: "1..=64" },
     ParamInfo { name: "index", about: "index of refraction that stands for a whole pane", valid: "0.1..=10" },
+    ParamInfo { name: "fresnel", about: "how much glass reflects by its angle", valid: "exact, schlick" },
     ParamInfo {
         name: "radius",
         about: "longest distance to an occluder, in scene units",
@@ -113,6 +117,7 @@ impl EffectParams {
             "bias" => self.bias = float(|v| (0.0..=100.0).contains(&v))?,
             "probes" => self.probes = integer(1..=64)?,
             "index" => self.index = float(|v| (0.1..=10.0).contains(&v))?,
+            "fresnel" => self.fresnel = Fresnel::named(value).ok_or_else(wrong)?,
             "radius" => self.radius = float(|v| v.is_finite() && v > 0.0)?,
             "intensity" => self.intensity = float(|v| (0.0..=100.0).contains(&v))?,
             "slices" => self.slices = integer(1..=64)?,
@@ -135,6 +140,7 @@ impl EffectParams {
             "bias" => self.bias.to_string(),
             "probes" => self.probes.to_string(),
             "index" => self.index.to_string(),
+            "fresnel" => self.fresnel.name().to_owned(),
             "radius" => self.radius.to_string(),
             "intensity" => self.intensity.to_string(),
             "slices" => self.slices.to_string(),
@@ -195,7 +201,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["mapsize", "probes", "index"],
+        params: &["mapsize", "probes", "index", "fresnel"],
     },
     EffectProgramInfo {
         program: EffectProgram::DepthOcclusion,
@@ -240,7 +246,9 @@ mod tests {
     #[test]
     fn every_parameter_is_settable_by_its_name_and_read_by_a_program() {
         let mut params = EffectParams::default();
-        for (info, value) in EFFECT_PARAMS.iter().zip(["64", "2", "3", "2.5", "7", "1.5", "2", "1", "9", "11"]) {
+        for (info, value) in
+            EFFECT_PARAMS.iter().zip(["64", "2", "3", "2.5", "7", "1.5", "schlick", "2", "1", "9", "11"])
+        {
             assert_ne!(params.get(info.name), value);
             params.set(info.name, value).expect("valid");
             assert_eq!(params.get(info.name), value);

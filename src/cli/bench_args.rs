@@ -35,7 +35,8 @@ pub struct BenchArgs {
     /// Measure each row on each of these; what is not there is listed with the reason
     #[arg(long, value_enum, value_name = "ENGINES", value_delimiter = ',', conflicts_with = "raster")]
     pub compare: Vec<EngineArg>,
-    /// Measure each row with each value of a parameter, of the first pass that reads it or of the pass named
+    /// Measure each row with each value of a parameter, of the first pass that reads it or of the pass named,
+    /// or a texture with each format: norm.format=RGBA32F,RGBA16F
     #[arg(long, value_name = "[PASS.]NAME=A,B,…")]
     pub sweep: Option<String>,
     /// Rasteriser; auto takes a real GPU if there is one, else the cpu
@@ -53,7 +54,7 @@ pub struct BenchArgs {
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
-    /// Set a parameter of a ray or effect pass; `curitiba list` names them
+    /// Set a parameter of a ray or effect pass, which `curitiba list` names, or a texture's format: norm.format=RGBA16F
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     pub set: Vec<String>,
     /// Write all samples and the machine here, after every row

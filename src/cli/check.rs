@@ -12,8 +12,9 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     let project = project::load(&args.path)?;
     failure::print_problems(&project.problems);
     let plan = Plan::new(project, args.settings()).map_err(|error| Failure::from(OpenError::from(error)))?;
+    print_warnings(&plan.warnings);
     let mut failures = Vec::new();
-    let mut warnings = plan.project.problems.0.len();
+    let mut warnings = plan.project.problems.0.len() + plan.warnings.groups().len();
     let max_bytes = plan.settings.max_memory;
     for declared in &plan.project.scenes {
         for file in &declared.files {

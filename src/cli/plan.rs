@@ -16,6 +16,7 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     let project = project::load(&args.path)?;
     failure::print_problems(&project.problems);
     let plan = Plan::new(project, args.settings()).map_err(|error| Failure::from(OpenError::from(error)))?;
+    print_warnings(&plan.warnings);
     let [width, height] = plan.window;
     crate::say!(
         "{}: pipeline `{}`, window {width} x {height}, targets {}",

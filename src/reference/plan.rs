@@ -3,8 +3,9 @@
 use super::FORMAT;
 use crate::OpenError;
 use crate::bench::Case;
+use crate::pipeline::image::PixelFormat;
 use crate::pipeline::plan::{Plan, PlanError, PlannedPass, Settings, Work};
-use crate::pipeline::programs::{Fidelity, Sampler};
+use crate::pipeline::programs::{Fidelity, Fresnel, Sampler};
 use crate::pipeline::project::{self, ChannelRef, EffectPass, Pass, PassKind, RayPass};
 use crate::pipeline::raster_effects::EffectParams;
 
@@ -26,13 +27,19 @@ pub(super) struct Request {
 }
 
 impl Request {
-    /// The plan of a case's reference: corrected programs, rays in the place of raster effects, Sobol points.
+    /// The plan of a case's reference: corrected programs, rays in the place of raster effects, Sobol points, exact Fresnel
+    /// weights, and 32-bit floats in the place of 16-bit ones.
     pub fn new(case: &Case) -> Result<Self, OpenError> {
         let mut project = project::load(&case.project)?;
         let wrong = |message: String| OpenError::Plan(PlanError { message, help: None });
         let pipeline = project.pipeline(case.settings.pipeline.as_deref()).map_err(wrong)?;
         for pass in &mut project.pipelines[pipeline].passes {
             at_its_best(pass, &case.settings.set).map_err(wrong)?;
+        }
+        for channel in project.targets.iter_mut().flat_map(|target| &mut target.channels) {
+            if channel.format == PixelFormat::Rgba16Float {
+                channel.format = PixelFormat::Rgba32Float;
+            }
         }
         let settings = Settings {
             fidelity: Fidelity::Corrected,
@@ -97,7 +104,8 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
     let own = set.iter().filter_map(|assignment| {
         let (key, value) = assignment.split_once('=')?;
         let (name, parameter) = key.rsplit_once('.')?;
-        (name == pass.name).then_some((parameter, value.trim()))
+        // Formats are the row's own affair.
+        (name == pass.name && parameter != "format").then_some((parameter, value.trim()))
     });
     match &mut pass.kind {
         PassKind::Ray(ray) => {
@@ -115,6 +123,7 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
     }
     if let PassKind::Ray(ray) = &mut pass.kind {
         ray.params.sampler = Sampler::Sobol;
+        ray.params.fresnel = Fresnel::Exact;
         ray.params.samples = ray.params.samples.min(1);
     }
     Ok(())

@@ -118,6 +118,15 @@ fn the_fidelity_the_seed_and_the_samples_of_a_row_do_not_change_what_is_right() 
     other.settings.fidelity = Fidelity::Thesis;
     other.settings.seed = 7;
     assert_eq!(Request::new(&other).expect("a plan").base(&[]), plain.base(&[]));
+    for set in ["norm.format=RGBA16F", "pos.format=RGBA16F"] {
+        let narrow = Request::new(&case("SceneSSAO.xml", &[set])).expect("a plan");
+        assert_eq!(narrow.base(&[]), plain.base(&[]), "{set}: what is right is in 32-bit floats");
+    }
+    let exact = Request::new(&case("SceneRefract.xml", &[])).expect("a plan");
+    let schlick = Request::new(&case("SceneRefract.xml", &["pass2.fresnel=schlick"])).expect("a plan");
+    assert_eq!(exact.base(&[]), schlick.base(&[]), "what is right is exact");
+    let denser = Request::new(&case("SceneRefract.xml", &["pass2.index=1.5"])).expect("a plan");
+    assert_ne!(exact.base(&[]), denser.base(&[]));
     for set in ["pass2.radius=0.25", "pass2.intensity=1", "pass2.samples=0"] {
         let changed = Request::new(&case("SceneSSAO.xml", &[set])).expect("a plan");
         assert_ne!(changed.base(&[]), plain.base(&[]), "{set}");

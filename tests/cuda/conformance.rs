@@ -13,6 +13,10 @@ use curitiba::pipeline::project;
 use curitiba::{BackendChoice, Choice};
 use std::sync::{Arc, Mutex};
 
+/// Fidelities, and what is set of them beyond the project.
+const VARIANTS: [(Fidelity, Option<&str>); 3] =
+    [(Fidelity::Corrected, None), (Fidelity::Corrected, Some("pass2.fresnel=schlick")), (Fidelity::Thesis, None)];
+
 fn matrix(backend: BackendChoice) {
     if there(Choice::CPU.traced_by(backend)).is_none() {
         return;
@@ -20,14 +24,22 @@ fn matrix(backend: BackendChoice) {
     let found = Arc::new(Mutex::new(Found::default()));
     for name in PROJECTS {
         for camera in ["MainCamera", "Vidro"] {
-            for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
+            for (fidelity, weights) in VARIANTS {
+                let glass = matches!(name, "SceneRefract" | "SceneFinal");
+                if weights.is_some() && !glass {
+                    continue;
+                }
                 let project = project::load(&project(name)).expect("the project loads");
                 let occlusion = matches!(name, "SceneSSAO" | "SceneFinal");
                 let settings = Settings {
                     camera: Some(camera.to_owned()),
                     size: Some([256, 256]),
                     fidelity,
-                    set: if occlusion { vec!["pass2.samples=25".to_owned()] } else { Vec::new() },
+                    set: weights
+                        .into_iter()
+                        .chain(occlusion.then_some("pass2.samples=25"))
+                        .map(str::to_owned)
+                        .collect(),
                     ..Settings::default()
                 };
                 let beside = Beside {
@@ -47,7 +59,8 @@ fn matrix(backend: BackendChoice) {
         }
     }
     let found = found.lock().expect("no panic while it was held");
-    assert_eq!(found.records.len(), PROJECTS.len() * 2 * 2, "a pass of the matrix did not run");
+    // Two projects with glass that is weighed have a variant more.
+    assert_eq!(found.records.len(), (PROJECTS.len() * 2 + 2) * 2, "a pass of the matrix did not run");
     for record in &found.records {
         let words = record.in_words();
         println!("{words}");

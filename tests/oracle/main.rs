@@ -187,6 +187,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         clear_color: Vec4::ZERO,
         attachments,
         shared: Attachments::default(),
+        half: Attachments::default(),
     };
     rasteriser.draw(&job, &mut buffer).expect("drawn");
     let program = match stored.program.as_str() {

@@ -44,7 +44,7 @@ mod surface;
 
 pub use material::{AlphaTested, Coverage, Opaque};
 pub use occlusion::SHADOWED;
-pub use optics::{Interface, fresnel, reflect};
+pub use optics::{Interface, fresnel, interface, reflect, schlick};
 
 use crate::sampling::HemisphereSampler;
 use crate::trace::{Hit, Tracer};

@@ -1,5 +1,6 @@
 //! Smooth dielectric interfaces.
 
+use curitiba_pipeline::programs::Fresnel;
 use glam::Vec3;
 
 /// Mirrors the direction `i` at a surface with unit normal `n`, whichever way `n` points.
@@ -35,6 +36,37 @@ pub fn fresnel(cos: f32, index: f32) -> Interface {
     let parallel = (index * cos - cos_refracted) / (index * cos + cos_refracted);
     let reflectance = 0.5 * (perpendicular * perpendicular + parallel * parallel);
     Interface { reflectance: reflectance as f32, cos_refracted: cos_refracted as f32 }
+}
+
+/// Schlick's approximation of [`fresnel`] ("An Inexpensive BRDF Model for Physically-based Rendering", Computer
+/// Graphics Forum 13, 1994), in single precision: `R0 + (1 - R0) (1 - cos)^5` with `R0 = ((index - 1) / (index + 1))^2`, where the cosine is that on the
+/// side of the lower index. So light has the same weight both ways, and total reflection is a reflectance of exactly 1.
+///
+/// The direction of the refracted light is Snell's, as in [`fresnel`]. Next to the critical angle single precision may err
+/// about the side of it.
+#[must_use]
+pub fn schlick(cos: f32, index: f32) -> Interface {
+    let cos = cos.clamp(0.0, 1.0);
+    // The first term loses no digits for an index near 1.
+    let discriminant = (index - 1.0) * (index + 1.0) + cos * cos;
+    if discriminant <= 0.0 {
+        return Interface { reflectance: 1.0, cos_refracted: 0.0 };
+    }
+    let cos_refracted = (discriminant.sqrt() / index).min(1.0);
+    let root = (index - 1.0) / (index + 1.0);
+    let zero = root * root;
+    let away = 1.0 - if index < 1.0 { cos_refracted } else { cos };
+    let square = away * away;
+    Interface { reflectance: (zero + (1.0 - zero) * (square * square * away)).min(1.0), cos_refracted }
+}
+
+/// [`fresnel`] or [`schlick`].
+#[must_use]
+pub fn interface(weights: Fresnel, cos: f32, index: f32) -> Interface {
+    match weights {
+        Fresnel::Exact => fresnel(cos, index),
+        Fresnel::Schlick => schlick(cos, index),
+    }
 }
 
 impl Interface {

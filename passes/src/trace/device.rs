@@ -21,6 +21,8 @@ pub const STACK: usize = MAX_DEPTH + 2;
 pub const OFFSET_UNITS: f32 = offset::UNITS;
 /// Error of the triangle test for each unit of distance to the farthest corner, relative to [`OFFSET_UNITS`].
 pub const OFFSET_REACH: f32 = offset::REACH as f32;
+/// Units of rounding error by which rays start inside the borders of their triangle.
+pub const OFFSET_MARGIN: f32 = offset::MARGIN as f32;
 /// Unit roundoff of `f32`.
 pub const UNIT_ROUNDOFF: f32 = query::UNIT_ROUNDOFF;
 /// Nodes that the search for a clear hemisphere opens at most.

@@ -115,6 +115,7 @@ pub fn job<'a>(
         clear_color: Vec4::new(0.1, 0.2, 0.3, 0.4),
         attachments,
         shared: Attachments::default(),
+        half: Attachments::default(),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Positions as G-buffers store them: their error, and what that does to shadows and ambient occlusion.
 
+use crate::trace_scenes::Random;
 use curitiba_passes::cpu::trace;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_passes::trace::{Bvh, Quality};
@@ -61,6 +62,7 @@ fn setting(offset: Vec3) -> Setting {
         clear_color: Vec4::ZERO,
         attachments,
         shared: Attachments::default(),
+        half: Attachments::default(),
     };
     rasteriser.draw(&job, &mut buffer).expect("drawn");
     let tree = Bvh::build(&scene.geometry, &vec![false; scene.materials.len()], Quality::Balanced);
@@ -115,6 +117,30 @@ impl Setting {
         };
         self.buffer.position.iter().enumerate().map(unproject).collect()
     }
+}
+
+/// Largest angle between a unit vector and what a format keeps of it, degrees.
+fn most_turned(format: PixelFormat, store: fn(f32) -> f32, read: fn(f32) -> f32) -> f64 {
+    let mut random = Random::new(40);
+    let normals: Vec<Vec3> = (0..200_000).map(|_| random.direction()).collect();
+    let mut stored: Vec<[f32; 4]> =
+        normals.iter().map(|n| n.to_array().map(store)).map(|[x, y, z]| [x, y, z, 0.0]).collect();
+    format.round(&mut stored);
+    let angle = |(normal, stored): (&Vec3, &[f32; 4])| {
+        let kept = Vec3::from_slice(&stored[..3].iter().map(|v| read(*v)).collect::<Vec<_>>()).as_dvec3().normalize();
+        kept.cross(normal.as_dvec3().normalize()).length().asin().to_degrees()
+    };
+    normals.iter().zip(&stored).map(angle).fold(0.0, f64::max)
+}
+
+#[test]
+fn normals_in_16_bit_floats_are_off_by_a_fortieth_of_a_degree() {
+    let half = most_turned(PixelFormat::Rgba16Float, |v| v, |v| v);
+    let bytes = most_turned(PixelFormat::Rgba8Unorm, |v| 0.5 + 0.5 * v, |v| 2.0 * v - 1.0);
+    println!("normals are turned by at most {half:.4} degrees in 16-bit floats, {bytes:.3} in bytes");
+    assert!((0.015..0.025).contains(&half), "{half}");
+    // Control: eight bits are seen to be coarser, by about as much as they have fewer digits.
+    assert!((0.3..0.5).contains(&bytes), "{bytes}");
 }
 
 fn f16(position: &[[f32; 4]]) -> Vec<[f32; 4]> {

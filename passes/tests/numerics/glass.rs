@@ -1,7 +1,7 @@
 //! The algebra of a smooth interface: conservation, reversibility, the critical angle, and what shortcuts cost.
 
 use crate::trace_scenes::Random;
-use curitiba_passes::effects::fresnel;
+use curitiba_passes::effects::{fresnel, schlick as approximate};
 use glam::Vec3;
 
 /// Indices of the far side over the near side: glasses and diamond both ways, 1, and its neighbours.
@@ -167,14 +167,57 @@ fn schlick(cos: f64, index: f64) -> f64 {
     zero + (1.0 - zero) * (1.0 - cos).powi(5)
 }
 
-/// What the page says about Schlick's approximation, which is not offered: its largest error by index, both ways.
+/// The option `fresnel=schlick` against the formula in `f64`, at every index and angle of this file.
+#[test]
+fn schlicks_share_is_the_formulas_and_stays_between_0_and_1() {
+    let (mut compared, mut near_critical) = (0, 0);
+    for index in indices() {
+        for angle in angles(index) {
+            let cos = angle.to_radians().cos() as f32;
+            let ours = approximate(cos, index);
+            assert!((0.0..=1.0).contains(&ours.reflectance), "{index} {angle}: {ours:?}");
+            assert!((0.0..=1.0).contains(&ours.cos_refracted), "{index} {angle}: {ours:?}");
+            let total = ours.reflectance >= 1.0;
+            let incoming = Vec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, -cos);
+            let refracted = ours.refract(incoming, Vec3::Z, index);
+            assert!(refracted.is_none_or(|direction| direction.is_finite()) && (refracted.is_none() || !total));
+            // Next to the critical angle the rounding of the cosine decides.
+            let (c, n) = (f64::from(cos), f64::from(index));
+            if (n * n - 1.0 + c * c).abs() < 1e-5 {
+                near_critical += 1;
+                continue;
+            }
+            let expected = schlick(c, n);
+            // The slope of the refracted cosine magnifies the rounding of its square.
+            let bound = 1e-6 + if index < 1.0 { 5e-7 / (n * n - 1.0 + c * c).abs().sqrt() / n } else { 0.0 };
+            let found = f64::from(ours.reflectance);
+            assert!((found - expected).abs() < bound, "{index} {angle}: {found} {expected}");
+            compared += 1;
+        }
+    }
+    assert!(compared > 8000 && near_critical > 100, "{compared} {near_critical}");
+    // Light has the same weight both ways.
+    for index in [1.1_f32, 1.33, 1.5, 2.42] {
+        for degree in 0..88 {
+            let there = approximate((degree as f32).to_radians().cos(), index);
+            let back = approximate(there.cos_refracted, 1.0 / index);
+            assert!((there.reflectance - back.reflectance).abs() < 2e-5, "{index} {degree}: {there:?} {back:?}");
+        }
+    }
+    // Control: it is not Fresnel's.
+    assert!((approximate(0.12, 1.1).reflectance - fresnel(0.12, 1.1).reflectance).abs() > 0.2);
+}
+
+/// What the page says about Schlick's approximation: its largest error by index, both ways.
 #[test]
 fn schlicks_error_is_as_documented() {
     for (index, expected) in [(1.1_f64, 0.2105), (1.33, 0.0599), (1.5, 0.0357), (2.42, 0.0757)] {
         for relative in [index, 1.0 / index] {
             let error = |step: i32| {
                 let cos = (f64::from(step) * 0.01).to_radians().cos();
-                (schlick(cos, relative) - f64::from(fresnel(cos as f32, relative as f32).reflectance)).abs()
+                (f64::from(approximate(cos as f32, relative as f32).reflectance)
+                    - f64::from(fresnel(cos as f32, relative as f32).reflectance))
+                .abs()
             };
             let most = (0..9000).map(error).fold(0.0, f64::max);
             assert!((most - expected).abs() < 6e-4, "{relative}: {most}");

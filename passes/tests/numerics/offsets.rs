@@ -2,7 +2,7 @@
 
 use crate::trace_scenes::{Random, geometry, ray};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 
 const OPAQUE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted without asking");
 const SCALES: [f32; 5] = [1e-6, 1e-3, 1.0, 1e3, 1e6];
@@ -128,10 +128,24 @@ fn room(scale: f32, place: Vec3) -> Vec<[Vec3; 3]> {
         .concat()
 }
 
+/// The room turned about an axis that is none of its own; its walls are then flat to within rounding only.
+fn turned_room(scale: f32, place: Vec3) -> Vec<[Vec3; 3]> {
+    let turn = Mat3::from_axis_angle(Vec3::new(0.48, -0.6, 0.64), 0.7);
+    let mut triangles = room(scale, Vec3::ZERO);
+    triangles.iter_mut().flatten().for_each(|corner| *corner = turn * *corner + place);
+    triangles
+}
+
 #[test]
 fn no_light_leaks_out_of_a_closed_room() {
+    for build in [room, turned_room] {
+        no_light_leaks_out_of(build);
+    }
+}
+
+fn no_light_leaks_out_of(room: fn(f32, Vec3) -> Vec<[Vec3; 3]>) {
     let mut random = Random::new(22);
-    let (mut tested, mut fixed_leaks, mut seam_rays, mut seam_leaks) = (0, 0, 0, 0);
+    let (mut tested, mut fixed_leaks, mut seam_rays, mut plain_leaks) = (0, 0, 0, 0);
     for scale in SCALES {
         for place in PLACES {
             if place > 1e4 * scale {
@@ -152,28 +166,28 @@ fn no_light_leaks_out_of_a_closed_room() {
                 let onward = random.cosine(inward);
                 let start = point.spawn(onward);
                 let blocked = bvh.occluded(&ray(start, onward), OPAQUE);
-                // Within the rounding of a wall, a start may lie on the wall or behind it.
-                let (low, high) = (place - scale, place + scale);
-                let gap = (start - low).abs().min((start - high).abs());
-                let other =
-                    (0..3).filter(|axis| inward[*axis].abs() < 0.5).map(|axis| gap[axis]).fold(f32::MAX, f32::min);
-                if other <= 64.0 * point.error {
+                tested += 1;
+                assert!(blocked, "scale {scale}, at {place}: {start} along {onward}");
+                // Without the way along the plane, from points within the rounding of another wall: on it, or behind it.
+                let plain = point.position + point.normal * (start - point.position).dot(point.normal);
+                let borders = [(a, b), (b, c), (c, a)].map(|(from, to)| {
+                    let along = (to - from).as_dvec3().normalize();
+                    (point.position - from).as_dvec3().reject_from_normalized(along).length()
+                });
+                if borders.into_iter().fold(f64::MAX, f64::min) <= 64.0 * f64::from(point.error) {
                     seam_rays += 1;
-                    seam_leaks += usize::from(!blocked);
-                } else {
-                    tested += 1;
-                    assert!(blocked, "scale {scale}, at {place}: {start} along {onward}");
+                    plain_leaks += usize::from(!bvh.occluded(&ray(plain, onward), OPAQUE));
                 }
                 fixed_leaks += usize::from(!bvh.occluded(&ray(point.position + inward * 1e-4, onward), OPAQUE));
             }
         }
     }
     println!(
-        "{tested} rays: none leaks; within 64 rounding errors of another wall {seam_leaks} of {seam_rays}; 1e-4 along the normal {fixed_leaks}"
+        "{tested} rays: none leaks; along the normal alone, within 64 rounding errors of a border, {plain_leaks} of {seam_rays}; 1e-4 along the normal {fixed_leaks}"
     );
     assert!(tested > 20_000, "{tested}");
     assert!(fixed_leaks > 1000, "a fixed offset leaves small rooms: {fixed_leaks}");
-    assert!(seam_leaks * 20 <= seam_rays, "{seam_leaks} of {seam_rays} in the seams");
+    assert!(plain_leaks > 50, "control: {plain_leaks} of {seam_rays} in the seams");
 }
 
 #[test]

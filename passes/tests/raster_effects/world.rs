@@ -110,6 +110,7 @@ impl World {
             clear_color: Vec4::from_array(BACKGROUND),
             attachments,
             shared: Attachments::default(),
+            half: Attachments::default(),
         };
         let mut raster = CpuRasteriser::new();
         let mut buffer = GBuffer::new(width, height, attachments);

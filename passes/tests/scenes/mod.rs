@@ -41,6 +41,7 @@ impl Setup {
             clear_color: Vec4::new(0.25, 0.5, 0.75, 1.0),
             attachments,
             shared: Attachments::default(),
+            half: Attachments::default(),
         }
     }
 }

@@ -18,7 +18,7 @@ use crate::backend::{
     Attachments, BackendError, GBuffer, RasterJob, Rasteriser, RayBackend, RayCounts, RayJob, Shade, Sun,
 };
 use crate::diagnostic::Warnings;
-use crate::image::Image;
+use crate::image::{Image, PixelFormat};
 use crate::plan::{Decision, Plan, PlannedPass, Work};
 use crate::project::{ChannelRef, PassKind};
 use crate::scene::{RenderScene, SceneError};
@@ -141,7 +141,7 @@ impl Renderer {
             handed_over: 0,
             frame: 0,
             timeline: Timeline::default(),
-            warnings: Warnings::default(),
+            warnings: plan.warnings.clone(),
             plan,
             engines,
         };
@@ -261,8 +261,9 @@ impl Renderer {
         let mut buffer = std::mem::take(self.buffer(target));
         let scene = Arc::clone(&self.scenes[scene_set].scene);
         let shades = &self.materials[index].shades;
-        let shared = self.in_shared_memory(target, traced);
-        let job = RasterJob { scene: &scene, program, view, sun, shades, viewport, clear_color, attachments, shared };
+        let (shared, half) = (self.in_shared_memory(target, traced), self.half_floats(target));
+        let job =
+            RasterJob { scene: &scene, program, view, sun, shades, viewport, clear_color, attachments, shared, half };
         let progress = Arc::new(Progress::default());
         observer.begin(StepKind::Raster, name, &progress);
         let start = Instant::now();
@@ -420,6 +421,13 @@ impl Renderer {
             Some(target) => &mut self.targets[target],
             None => &mut self.window,
         }
+    }
+
+    /// The channels of a target that are declared in 16-bit floats.
+    fn half_floats(&self, target: Option<usize>) -> Attachments {
+        let channels = target.map_or(&[][..], |target| &self.plan.project.targets[target].channels);
+        let half = |channel: usize| channels.get(channel).is_some_and(|c| c.format == PixelFormat::Rgba16Float);
+        Attachments { color: half(0), position: half(1), normal: half(2), triangle: false }
     }
 
     /// What a later pass reads has the precision of the declared format. The window keeps its floats until it is written.

@@ -8,7 +8,8 @@ pub use read::{Picture, ReadImageError, Variance, read_image};
 pub use visible::{Content, make_visible};
 pub use write::{Layer, write_atomically, write_exr, write_exr_layers, write_png};
 
-use exr::prelude::f16;
+use half::f16;
+use half::slice::HalfFloatSliceExt as _;
 use rayon::prelude::*;
 
 /// How a channel of a render target is stored.
@@ -26,7 +27,32 @@ pub enum PixelFormat {
     R32Float,
 }
 
+/// Pixels that are brought to 16-bit floats and back at once.
+const PIECE: usize = 64;
+
 impl PixelFormat {
+    /// The formats by their names in project files and settings. `RGBA` is the engine's short name of four bytes.
+    pub const NAMED: [(&'static str, Self); 6] = [
+        ("RGBA32F", Self::Rgba32Float),
+        ("RGBA16F", Self::Rgba16Float),
+        ("RGBA8", Self::Rgba8Unorm),
+        ("RGBA", Self::Rgba8Unorm),
+        ("R8", Self::R8Unorm),
+        ("R32F", Self::R32Float),
+    ];
+
+    /// The format of a name, in letters of either case.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, format)| *format)
+    }
+
+    /// Its name in project files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        Self::NAMED.iter().find(|(_, format)| *format == self).map_or("", |(name, _)| name)
+    }
+
     /// Rounds pixels to what the format can hold; channels that it lacks read as 0, alpha as 1.
     pub fn round(self, pixels: &mut [[f32; 4]]) {
         fn unorm(value: f32) -> f32 {
@@ -34,12 +60,33 @@ impl PixelFormat {
         }
         let round: fn([f32; 4]) -> [f32; 4] = match self {
             Self::Rgba32Float => return,
-            Self::Rgba16Float => |pixel| pixel.map(|value| f16::from_f32(value).to_f32()),
+            Self::Rgba16Float => {
+                pixels.par_chunks_mut(PIECE).for_each(|piece| {
+                    let values = piece.as_flattened_mut();
+                    let mut narrow = [f16::ZERO; 4 * PIECE];
+                    let narrow = &mut narrow[..values.len()];
+                    narrow.convert_from_f32_slice(values);
+                    narrow.convert_to_f32_slice(values);
+                });
+                return;
+            }
             Self::Rgba8Unorm => |pixel| pixel.map(unorm),
             Self::R8Unorm => |pixel| [unorm(pixel[0]), 0.0, 0.0, 1.0],
             Self::R32Float => |pixel| [pixel[0], 0.0, 0.0, 1.0],
         };
         pixels.par_iter_mut().for_each(|pixel| *pixel = round(*pixel));
+    }
+}
+
+/// Widens pixels of four 16-bit floats in the byte order of this machine; `bytes` has 8 for each of `pixels`.
+pub fn widen(bytes: &[u8], pixels: &mut [[f32; 4]]) {
+    for (bytes, pixels) in bytes.chunks(8 * PIECE).zip(pixels.chunks_mut(PIECE)) {
+        let mut narrow = [f16::ZERO; 4 * PIECE];
+        for (value, stored) in narrow.iter_mut().zip(bytes.as_chunks().0) {
+            *value = f16::from_ne_bytes(*stored);
+        }
+        let values = pixels.as_flattened_mut();
+        narrow[..values.len()].convert_to_f32_slice(values);
     }
 }
 
@@ -115,6 +162,36 @@ mod tests {
         let mut pixels = [[0.25, 0.5, 0.5, 0.5]];
         PixelFormat::R32Float.round(&mut pixels);
         assert_eq!(pixels, [[0.25, 0.0, 0.0, 1.0]]);
+    }
+
+    /// The nearest 16-bit float, ties to the even one, by arithmetic on integers (IEEE 754: 5 bits of exponent, 10 of
+    /// fraction); for magnitudes below 65,520.
+    fn nearest_half(value: f32) -> f32 {
+        let exponent = ((value.to_bits() >> 23 & 0xff) as i32 - 127).max(-14);
+        let unit = 2f64.powi(exponent - 10);
+        ((f64::from(value) / unit).round_ties_even() * unit) as f32
+    }
+
+    #[test]
+    fn every_16_bit_float_is_kept_and_every_other_number_goes_to_the_nearest() {
+        let all: Vec<u16> = (0..=u16::MAX).filter(|bits| bits & 0x7c00 != 0x7c00).collect();
+        let bytes: Vec<u8> = all.iter().flat_map(|bits| bits.to_ne_bytes()).collect();
+        let mut pixels = vec![[f32::NAN; 4]; all.len() / 4];
+        widen(&bytes, &mut pixels);
+        let widened = pixels.as_flattened().to_vec();
+        for (bits, value) in all.iter().zip(&widened) {
+            assert_eq!(*value, nearest_half(*value), "{bits:x}");
+        }
+        PixelFormat::Rgba16Float.round(&mut pixels);
+        assert_eq!(pixels.as_flattened(), widened, "what is a 16-bit float stays");
+        // Between neighbours, below, at and above the middle; 130 pixels are no whole number of pieces.
+        let mut between: Vec<[f32; 4]> = (0..130u16)
+            .map(|i| std::array::from_fn(|k| widened[usize::from(i) * 200] * (1.0 + (k as f32 + 0.5) / 8192.0)))
+            .collect();
+        let expected: Vec<f32> = between.as_flattened().iter().map(|value| nearest_half(*value)).collect();
+        assert!(between.as_flattened() != expected, "control: something is rounded");
+        PixelFormat::Rgba16Float.round(&mut between);
+        assert_eq!(between.as_flattened(), expected);
     }
 
     #[test]

@@ -91,8 +91,8 @@ impl Plan {
         }
     }
 
-    /// Whether these channels, which a pass reads, are what the raster pass `source` drew, as it drew them: in 32-bit floats
-    /// and with nothing drawn or written since.
+    /// Whether these channels, which a pass reads, are what the raster pass `source` drew, as it drew them: in floats and
+    /// with nothing drawn or written since.
     fn is_resident(&self, passes: &[Pass], index: usize, channels: &[ChannelRef], source: usize) -> bool {
         let (between, source) = (&passes[source + 1..index], &passes[source]);
         let undisturbed =
@@ -100,7 +100,8 @@ impl Plan {
         undisturbed
             && channels.iter().all(|channel| {
                 let format = self.project.targets[channel.target].channels[channel.channel].format;
-                Some(channel.target) == source.target && format == PixelFormat::Rgba32Float
+                let floats = matches!(format, PixelFormat::Rgba32Float | PixelFormat::Rgba16Float);
+                Some(channel.target) == source.target && floats
             })
     }
 

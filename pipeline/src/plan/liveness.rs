@@ -3,6 +3,7 @@
 use super::settings::Constants;
 use super::{Decision, Plan, PlanError, PlannedPass, Work, rectangle, view};
 use crate::backend::{Attachments, Rect};
+use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams, RayProgram};
 use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RayPass, Viewport};
 use glam::Vec4;
@@ -158,7 +159,11 @@ impl Plan {
         let mut decisions = Vec::new();
         for (channel, built) in target.channels.iter().zip(flags).rev() {
             let what = format!("attachment `{}::{}` of pass `{}`", target.library, channel.name, pass.name);
-            let why = if built { "read later" } else { "no pass reads it" };
+            let why = match (built, channel.format) {
+                (true, PixelFormat::Rgba16Float) => "read later, in 16-bit floats",
+                (true, _) => "read later",
+                (false, _) => "no pass reads it",
+            };
             decisions.push(Decision { what, built, why: why.into() });
         }
         self.decisions.extend(decisions);

@@ -10,13 +10,15 @@ mod settings;
 pub use settings::{PlanError, Settings};
 
 use crate::backend::{Attachments, Rect, View};
+use crate::diagnostic::Warnings;
+use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams, RayProgram};
 use crate::project::{Camera, ChannelRef, Pass, PassKind, Project, Viewport};
 use crate::raster_effects::EffectParams;
 use crate::scene::{Material, Needs};
 use glam::camera::rh;
 use glam::{Mat4, Vec4};
-use settings::{check_size, constants, shown_channels};
+use settings::{check_size, constants, set_formats, shown_channels};
 
 /// Largest side of any target, pixels.
 pub const MAX_SIDE: u32 = 65_536;
@@ -55,6 +57,8 @@ pub struct Plan {
     pub shown: Vec<ChannelRef>,
     /// Every choice.
     pub decisions: Vec<Decision>,
+    /// Choices that are carried out, and may not be meant.
+    pub warnings: Warnings,
 }
 
 /// A render target as it is allocated.
@@ -137,7 +141,7 @@ impl Plan {
     ///
     /// # Errors
     /// If the settings name something that the project lacks, or what they ask for is too large.
-    pub fn new(project: Project, settings: Settings) -> Result<Self, PlanError> {
+    pub fn new(mut project: Project, settings: Settings) -> Result<Self, PlanError> {
         let name_error = |message: String| PlanError { message, help: None };
         let pipeline = project.pipeline(settings.pipeline.as_deref()).map_err(name_error)?;
         let camera = settings.camera.as_deref().map(|name| project.camera(name)).transpose().map_err(name_error)?;
@@ -154,6 +158,7 @@ impl Plan {
             check_size(&format!("render target `{}`", target.name), size)?;
             targets.push(PlannedTarget { width: size[0], height: size[1], stored: Attachments::default() });
         }
+        set_formats(&mut project, pipeline, &settings)?;
         let shown = shown_channels(&project, pipeline, &settings.show)?;
         let constants = constants(&project, pipeline, &settings)?;
         let mut plan = Self {
@@ -167,9 +172,11 @@ impl Plan {
             needs: Needs { normals: false, textures: false },
             shown,
             decisions: Vec::new(),
+            warnings: Warnings::default(),
         };
         plan.choose_passes(camera, &constants)?;
         plan.decide_needs();
+        plan.warn_of_rounded_positions();
         plan.check_memory()?;
         Ok(plan)
     }
@@ -184,6 +191,33 @@ impl Plan {
     #[must_use]
     pub fn target_size(&self, target: Option<usize>) -> [u32; 2] {
         target.map_or(self.window, |target| [self.targets[target].width, self.targets[target].height])
+    }
+
+    /// Positions are coordinates of a whole scene: 16-bit floats are off by an eighth of a metre at a few hundred.
+    fn warn_of_rounded_positions(&mut self) {
+        let mut warnings = Warnings::default();
+        for planned in &self.passes {
+            let pass = self.pass(planned);
+            let (Work::Raster { attachments: Attachments { position: true, .. }, .. }, Some(target)) =
+                (&planned.work, pass.target)
+            else {
+                continue;
+            };
+            let target = &self.project.targets[target];
+            let Some(channel) = target.channels.get(1).filter(|c| c.format != PixelFormat::Rgba32Float) else {
+                continue;
+            };
+            warnings.add(
+                &self.project.path,
+                "positions stored in less than 32-bit floats",
+                "shadows and occlusion are those of the rounded positions; docs/numerics.md says how far off",
+                || {
+                    let (library, name, format) = (&target.library, &channel.name, channel.format.name());
+                    format!("pass `{}` writes `{library}::{name}` as {format}", pass.name)
+                },
+            );
+        }
+        self.warnings = warnings;
     }
 
     fn decide_needs(&mut self) {

@@ -3,7 +3,8 @@
 use super::MAX_SIDE;
 use super::liveness::channels_written;
 use crate::diagnostic::valid_names;
-use crate::programs::{Fidelity, RayParams, Sampler};
+use crate::image::PixelFormat;
+use crate::programs::{Fidelity, Fresnel, RayParams, Sampler};
 use crate::project::{ChannelRef, PassKind, Project};
 use crate::raster_effects::EffectParams;
 
@@ -22,7 +23,8 @@ pub struct Settings {
     pub seed: u32,
     /// Channels to keep for inspection, `target channel` names or `library::channel`; `all` keeps every one.
     pub show: Vec<String>,
-    /// Parameters of ray and effect passes set from outside: `pass.name=value`.
+    /// Set from outside: parameters of ray and effect passes, `pass.name=value`, and formats of channels of render targets,
+    /// `texture.format=RGBA16F`.
     pub set: Vec<String>,
     /// Most bytes that scenes and targets may take together.
     pub max_memory: u64,
@@ -85,6 +87,33 @@ fn program(kind: &PassKind) -> Option<(&'static str, &'static [&'static str])> {
     }
 }
 
+/// What stands behind the dot in the assignment of a format.
+const FORMAT: &str = "format";
+
+/// `KEY.NAME=VALUE` in its parts.
+fn parts(assignment: &str) -> Result<(&str, &str, &str), PlanError> {
+    let parts = assignment.split_once('=').and_then(|(key, value)| Some((key.rsplit_once('.')?, value.trim())));
+    let Some(((key, name), value)) = parts else {
+        let message = format!("`--set {assignment}` is neither PASS.NAME=VALUE nor TEXTURE.format=FORMAT");
+        return Err(PlanError::new(message, "examples: --set pass2.samples=49, --set norm.format=RGBA16F"));
+    };
+    Ok((key, name, value))
+}
+
+/// Gives channels of render targets the formats that `--set` names.
+pub(super) fn set_formats(project: &mut Project, pipeline: usize, settings: &Settings) -> Result<(), PlanError> {
+    for assignment in &settings.set {
+        let (texture, FORMAT, value) = parts(assignment)? else { continue };
+        let ChannelRef { target, channel } = find_written(&written_channels(project, pipeline), texture, None)?;
+        let format = PixelFormat::named(value).ok_or_else(|| {
+            let names = PixelFormat::NAMED.iter().map(|(name, _)| *name);
+            PlanError::new(format!("`{assignment}`: there is no format `{value}`"), valid_names(value, names))
+        })?;
+        project.targets[target].channels[channel].format = format;
+    }
+    Ok(())
+}
+
 /// The constants of every pass that has any, after `--set`.
 pub(super) fn constants(
     project: &Project,
@@ -104,11 +133,10 @@ pub(super) fn constants(
         passes.iter().filter(|pass| program(&pass.kind).is_some()).map(|pass| pass.name.as_str()).collect();
     let tunable = || tunable.iter().copied();
     for assignment in &settings.set {
-        let parts = assignment.split_once('=').and_then(|(key, value)| Some((key.rsplit_once('.')?, value)));
-        let Some(((pass, name), value)) = parts else {
-            let message = format!("`--set {assignment}` is not PASS.NAME=VALUE");
-            return Err(PlanError::new(message, "example: --set pass2.samples=49"));
-        };
+        let (pass, name, value) = parts(assignment)?;
+        if name == FORMAT {
+            continue;
+        }
         let Some(index) = passes.iter().position(|candidate| candidate.name == pass) else {
             return Err(PlanError::new(format!("there is no pass `{pass}`"), valid_names(pass, tunable())));
         };
@@ -120,13 +148,20 @@ pub(super) fn constants(
             return Err(PlanError::new(message, valid_names(name, read.iter().copied())));
         }
         let result = match values {
-            Constants::Ray(params) => params.set(name, value.trim()),
-            Constants::Effect(params) => params.set(name, value.trim()),
+            Constants::Ray(params) => params.set(name, value),
+            Constants::Effect(params) => params.set(name, value),
         };
         result.map_err(|help| PlanError::new(format!("`{assignment}` is not valid"), help))?;
     }
     for (pass, constants) in passes.iter().zip(&constants) {
         let (PassKind::Ray(ray), Some(Constants::Ray(params))) = (&pass.kind, constants) else { continue };
+        let approximate = params.fresnel != Fresnel::Exact && ray.program.info().params.contains(&"fresnel");
+        if approximate && settings.fidelity == Fidelity::Thesis {
+            return Err(PlanError::new(
+                format!("{}: pass `{}` sets fresnel={}", pass.place, pass.name, params.fresnel.name()),
+                "thesis fidelity has the report's own weight: leave `fresnel` out, or use --fidelity corrected",
+            ));
+        }
         let strata = params.sampler == Sampler::Strata || settings.fidelity == Fidelity::Thesis;
         if strata && ray.program.info().params.contains(&"samples") && params.samples.isqrt().pow(2) != params.samples {
             return Err(PlanError::new(
@@ -138,12 +173,8 @@ pub(super) fn constants(
     Ok(constants)
 }
 
-/// The channels that `--show` names.
-pub(super) fn shown_channels(
-    project: &Project,
-    pipeline: usize,
-    show: &[String],
-) -> Result<Vec<ChannelRef>, PlanError> {
+/// The channels that passes of a pipeline write, with their full names: `library::channel`.
+fn written_channels(project: &Project, pipeline: usize) -> Vec<(ChannelRef, String)> {
     let mut writable: Vec<(ChannelRef, String)> = Vec::new();
     for pass in &project.pipelines[pipeline].passes {
         let Some(target) = pass.target else { continue };
@@ -156,19 +187,38 @@ pub(super) fn shown_channels(
             }
         }
     }
+    writable
+}
+
+/// The channel of a full name or of a channel's own; `extra` is offered as well where there is none.
+fn find_written(writable: &[(ChannelRef, String)], name: &str, extra: Option<&str>) -> Result<ChannelRef, PlanError> {
+    let short = |full: &str| full.rsplit("::").next().unwrap_or(full).to_owned();
+    match writable.iter().find(|(_, full)| full == name || short(full) == name) {
+        Some((channel, _)) => Ok(*channel),
+        None => {
+            let names: Vec<String> =
+                writable.iter().map(|(_, full)| short(full)).chain(extra.map(str::to_owned)).collect();
+            let help = valid_names(name, names.iter().map(String::as_str));
+            Err(PlanError::new(format!("no pass of this pipeline writes a texture `{name}`"), help))
+        }
+    }
+}
+
+/// The channels that `--show` names.
+pub(super) fn shown_channels(
+    project: &Project,
+    pipeline: usize,
+    show: &[String],
+) -> Result<Vec<ChannelRef>, PlanError> {
+    let writable = written_channels(project, pipeline);
     if show.iter().any(|name| name == "all") {
         return Ok(writable.into_iter().map(|(channel, _)| channel).collect());
     }
     let mut shown = Vec::new();
     for name in show {
-        let short = |full: &str| full.rsplit("::").next().unwrap_or(full).to_owned();
-        let Some((channel, _)) = writable.iter().find(|(_, full)| full == name || short(full) == *name) else {
-            let names: Vec<String> = writable.iter().map(|(_, full)| short(full)).chain(["all".to_owned()]).collect();
-            let help = valid_names(name, names.iter().map(String::as_str));
-            return Err(PlanError::new(format!("no pass of this pipeline writes a texture `{name}`"), help));
-        };
-        if !shown.contains(channel) {
-            shown.push(*channel);
+        let channel = find_written(&writable, name, Some("all"))?;
+        if !shown.contains(&channel) {
+            shown.push(channel);
         }
     }
     Ok(shown)

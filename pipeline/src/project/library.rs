@@ -36,16 +36,6 @@ const BUILT_IN_MATERIALS: &[(&str, [f32; 3], [f32; 3])] = &[
     ("__Emission Yellow", [0.0; 3], [1.0, 1.0, 0.0]),
 ];
 
-/// Names of storage formats in libraries. `RGBA` is the engine's short name of four bytes.
-const FORMATS: &[(&str, PixelFormat)] = &[
-    ("RGBA32F", PixelFormat::Rgba32Float),
-    ("RGBA16F", PixelFormat::Rgba16Float),
-    ("RGBA8", PixelFormat::Rgba8Unorm),
-    ("RGBA", PixelFormat::Rgba8Unorm),
-    ("R8", PixelFormat::R8Unorm),
-    ("R32F", PixelFormat::R32Float),
-];
-
 /// What a texture's name in a library stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Texture {
@@ -294,13 +284,13 @@ impl Loader {
 
     fn format(&mut self, color: &Element) -> Option<PixelFormat> {
         let value = self.required(color, "internalFormat")?;
-        let found = FORMATS.iter().find(|(name, _)| name.eq_ignore_ascii_case(&value.text));
+        let found = PixelFormat::named(&value.text);
         if found.is_none() {
             self.report.error_help(value.span, format!("`{}` is not a format", value.shown()), || {
-                suggest(&value.text, FORMATS.iter().map(|(name, _)| *name))
+                suggest(&value.text, PixelFormat::NAMED.iter().map(|(name, _)| *name))
             });
         }
-        found.map(|(_, format)| *format)
+        found
     }
 
     fn shader(&mut self, library: &mut Library, element: &Element) {

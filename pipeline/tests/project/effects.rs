@@ -2,6 +2,7 @@
 
 use crate::support::{Files, LIBRARY, RASTER, SHOW, good, one_error, project, ssao, with};
 use curitiba_pipeline::backend::Attachments;
+use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::plan::{Plan, Settings, Work};
 use curitiba_pipeline::project::{PassKind, Project};
 use curitiba_pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram};
@@ -114,8 +115,13 @@ fn what_only_an_effect_reads_stays_where_it_was_drawn() {
 
 #[test]
 fn narrow_formats_rays_and_inspection_need_the_g_buffer_in_host_memory() {
-    // The normal is stored in 16 bits, and an effect must see it so.
-    let narrow = plan(load_with(LIBRARY, &[RASTER, MAP, SHOW].concat()), Settings::default());
+    // The normal is stored in 16-bit floats, as rasterisers keep it themselves.
+    let half = plan(load_with(LIBRARY, &[RASTER, MAP, SHOW].concat()), Settings::default());
+    assert!(matches!(work(&half, "map"), Work::Effect { resident: true, .. }));
+    // In bytes they do not, and an effect must see it so.
+    let bytes = LIBRARY.replace("name=\"norm\" internalFormat=\"RGBA16F\"", "name=\"norm\" internalFormat=\"RGBA8\"");
+    assert_ne!(bytes, LIBRARY);
+    let narrow = plan(load_with(&bytes, &[RASTER, MAP, SHOW].concat()), Settings::default());
     let Work::Raster { attachments, host, .. } = work(&narrow, "gbuffer") else { panic!("a raster pass") };
     assert_eq!(*attachments, Attachments { position: true, normal: true, ..Attachments::default() });
     assert_eq!(host, attachments);
@@ -152,6 +158,45 @@ fn parameters_are_set_from_outside_and_checked() {
     assert!(message.contains("pass `map` runs `shadowMap`, which reads no `samples`"), "{message}");
     let message = set("map.pcf=9").expect_err("too many").to_string();
     assert!(message.contains("0..=8"), "{message}");
+}
+
+#[test]
+fn formats_are_set_from_outside_and_checked() {
+    let set = |assignments: &[&str]| {
+        let settings =
+            Settings { set: assignments.iter().map(|text| (*text).to_owned()).collect(), ..Settings::default() };
+        Plan::new(good(&project(&[RASTER, MAP, SHOW].concat())), settings)
+    };
+    let formats = |plan: &Plan| -> Vec<PixelFormat> {
+        let target = plan.pass(&plan.passes[0]).target.expect("a target");
+        plan.project.targets[target].channels.iter().map(|channel| channel.format).collect()
+    };
+    use PixelFormat::{Rgba8Unorm, Rgba16Float, Rgba32Float};
+    let plain = set(&[]).expect("valid");
+    assert_eq!(formats(&plain), [Rgba32Float, Rgba32Float, Rgba16Float]);
+    assert!(plain.warnings.is_empty());
+    let changed = set(&["norm.format=RGBA32F", "Lib::color.format=rgba8", "map.pcf=3"]).expect("valid");
+    assert_eq!(formats(&changed), [Rgba8Unorm, Rgba32Float, Rgba32Float]);
+    assert!(matches!(work(&changed, "map"), Work::Effect { params: EffectParams { pcf: 3, .. }, .. }));
+    assert!(changed.warnings.is_empty(), "normals and colours need no warning");
+    // Positions may be rounded by who means it.
+    let rounded = set(&["pos.format=RGBA16F"]).expect("valid");
+    let [group] = rounded.warnings.groups() else { panic!("one warning") };
+    assert!(group.to_string().contains("pass `gbuffer` writes `Lib::pos` as RGBA16F"), "{group}");
+    let why = |plan: &Plan, what: &str| {
+        plan.decisions.iter().find(|decision| decision.what.contains(what)).expect("decided").why.clone()
+    };
+    assert_eq!(why(&rounded, "Lib::pos"), "read later, in 16-bit floats");
+    assert_eq!(why(&plain, "Lib::pos"), "read later");
+    for (wrong, words) in [
+        ("nrom.format=RGBA16F", "did you mean `norm`?"),
+        ("norm.format=RGBA16", "did you mean `RGBA16F`?"),
+        ("crate.format=RGBA8", "no pass of this pipeline writes a texture `crate`"),
+        ("norm=RGBA16F", "TEXTURE.format=FORMAT"),
+    ] {
+        let message = set(&[wrong]).expect_err(wrong).to_string();
+        assert!(message.contains(words), "{wrong}: {message}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
-//! With exact Fresnel weights and both colours blended at every bounce; `final` shares the glass.
+//! With Fresnel weights, exact unless the pass asks for Schlick's, and both colours blended at every bounce; `final`
+//! shares the glass.
 
-use crate::effects::optics::{fresnel, reflect};
+use crate::effects::optics::{interface, reflect};
 use crate::effects::optix::BOUNCE;
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
@@ -33,9 +34,9 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3>
     /// What glass shows in direction `view` after `bounces` glass hits: reflected and refracted colours by their Fresnel
     /// weights. A branch of weight 0 is not traced.
     pub fn blend(&self, surface: &Surface, view: Vec3, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {
-        let index = self.pass.job.params.index;
+        let (index, weights) = (self.pass.job.params.index, self.pass.job.params.fresnel);
         let split = |normal: Vec3| {
-            let interface = fresnel(-normal.dot(view), index);
+            let interface = interface(weights, -normal.dot(view), index);
             (normal, interface, interface.refract(view, normal, index))
         };
         let bent = split(surface.interface_normal(view));

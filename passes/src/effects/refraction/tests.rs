@@ -2,7 +2,7 @@ use crate::effects::fresnel;
 use crate::effects::testing::{BACKGROUND, Shot, World, assert_close};
 use curitiba_pipeline::backend::RayCounts;
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
-use curitiba_pipeline::programs::{RayParams, RayProgram};
+use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram};
 use glam::Vec3;
 
 const FRONT: Vec3 = Vec3::new(0.9, 0.2, 0.1);
@@ -52,6 +52,43 @@ fn a_pane_blends_both_sides_by_fresnel_weights() {
                 assert_eq!(pixel[3], 1.0);
             }
         }
+    }
+}
+
+/// Schlick's share in `f64`, for an index above 1.
+fn schlick(degrees: f32, index: f32) -> f32 {
+    let (cos, index) = (f64::from(degrees.to_radians().cos()), f64::from(index));
+    let zero = ((index - 1.0) / (index + 1.0)).powi(2);
+    (zero + (1.0 - zero) * (1.0 - cos).powi(5)) as f32
+}
+
+#[test]
+fn a_pane_that_asks_for_schlicks_weights_has_them_and_no_other_has() {
+    let world = panes(&[0.0], false);
+    for index in [1.1, 1.5] {
+        let mut apart = 0.0_f32;
+        for degrees in ANGLES {
+            let params = RayParams { index, ..RayParams::default() };
+            let (exact, _) = look(&world, degrees, Corrected, params);
+            let approximate = RayParams { fresnel: Fresnel::Schlick, ..params };
+            let (pixel, rays) = look(&world, degrees, Corrected, approximate);
+            let r = schlick(degrees, index);
+            let expected = 0.3 * (r * FRONT + (1.0 - r) * BEHIND);
+            assert_close(pixel, expected, 2e-6, format!("{degrees} degrees, index {index}"));
+            assert_eq!((rays.reflected, rays.refracted), (1, 1), "the rays are the same");
+            // `final` shows the same glass.
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let eye = Vec3::new(0.3, 0.4, 5.0);
+            let shot = Shot::of(&world, eye, [eye + Vec3::new(sin, 0.0, -cos)]);
+            let bare = RayParams { samples: 0, ..approximate };
+            let (all, _) = shot.run(RayProgram::Final, Corrected, bare);
+            let (all_exact, _) = shot.run(RayProgram::Final, Corrected, RayParams { samples: 0, ..params });
+            let shift = (exact[0] - pixel[0]).abs();
+            apart = apart.max(shift);
+            assert!(shift < 1e-3 || all != all_exact, "{degrees} degrees, index {index}: `final` does not listen");
+        }
+        // At 75 and 85 degrees the approximation is off by up to a fifth, and a pixel by 0.3 x 0.8 of that.
+        assert!(apart > 5e-3, "index {index}: the two weights cannot be told apart: {apart}");
     }
 }
 

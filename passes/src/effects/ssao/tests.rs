@@ -2,13 +2,20 @@ use crate::effects::testing::{Shot, World, grid};
 use crate::trace::{Hit, Ray, Tracer};
 use curitiba_pipeline::backend::{GBuffer, RayCounts, RayJob};
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
-use curitiba_pipeline::programs::{RayParams, RayProgram, Sampler};
+use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram, Sampler};
 use glam::{Mat3, Vec3};
 use std::f32::consts::PI;
 
 const LINEAR: RayParams = RayParams { intensity: 1.0, radius: 1.0, ..DEFAULTS };
-const DEFAULTS: RayParams =
-    RayParams { samples: 100, radius: 0.5, intensity: 1.6, index: 1.1, depth: 5, sampler: Sampler::Sobol };
+const DEFAULTS: RayParams = RayParams {
+    samples: 100,
+    radius: 0.5,
+    intensity: 1.6,
+    index: 1.1,
+    depth: 5,
+    sampler: Sampler::Sobol,
+    fresnel: Fresnel::Exact,
+};
 
 fn occlusion(shot: &Shot<'_>, fidelity: Fidelity, params: RayParams) -> (Vec<f32>, RayCounts) {
     let (pixels, rays) = shot.run(RayProgram::Ssao, fidelity, params);

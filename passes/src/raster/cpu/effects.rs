@@ -2,7 +2,7 @@
 
 use super::CpuRasteriser;
 use super::surface::{DepthMap, Target};
-use crate::effects::{fresnel, reflect};
+use crate::effects::{interface, reflect};
 use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::occlusion::{Occlusion, Shown};
 use crate::raster::effects::panes::{Probe, Probes, nearest};
@@ -198,7 +198,7 @@ fn glass(job: &EffectJob<'_>, probes: &[Probe], faces: &[GBuffer], index: usize,
     if !refracts {
         return look_up(reflected).extend(1.0).to_array();
     }
-    let interface = fresnel(-normal.dot(view), job.params.index);
+    let interface = interface(job.params.fresnel, -normal.dot(view), job.params.index);
     let mut color = interface.reflectance * look_up(reflected);
     if let Some(refracted) = interface.refract(view, normal, job.params.index) {
         color += (1.0 - interface.reflectance) * look_up(refracted);
@@ -233,6 +233,7 @@ fn map_job<'a>(
         clear_color: Vec4::ZERO,
         attachments,
         shared: Attachments::default(),
+        half: Attachments::default(),
     }
 }
 

@@ -43,6 +43,7 @@ fn the_number_of_rounds_does_not_show() {
         clear_color: Vec4::ZERO,
         attachments,
         shared: Attachments::default(),
+        half: Attachments::default(),
     };
     let mut pictures = Vec::new();
     let mut rasteriser = CpuRasteriser::new();

@@ -4,8 +4,9 @@ use super::device::{Gpu, failure};
 use super::geometry::DeviceGeometry;
 use super::pipelines::{Layouts, Pipelines, slots};
 use super::shader::{DrawUniform, FrameUniform, Variant};
+use super::targets::Stored;
 use super::textures::DeviceTextures;
-use curitiba_pipeline::backend::{BackendError, RasterJob, Sun, View};
+use curitiba_pipeline::backend::{Attachments, BackendError, RasterJob, Sun, View};
 use std::num::NonZeroU64;
 
 /// One draw call.
@@ -26,6 +27,8 @@ struct Draw {
 #[derive(Debug)]
 pub(super) struct DrawList {
     draws: Vec<Draw>,
+    /// What they write.
+    stored: Stored,
     /// By material.
     left_out: Vec<bool>,
     /// `Draw` uniforms, `stride` bytes apart.
@@ -49,6 +52,7 @@ impl DrawList {
         gpu.check("binding of the uniforms")?;
         Ok(Self {
             draws: Vec::new(),
+            stored: Stored::new(Attachments::default(), Attachments::default()),
             left_out: Vec::new(),
             bytes: Vec::new(),
             written: Vec::new(),
@@ -78,6 +82,7 @@ impl DrawList {
     ) -> Result<(), BackendError> {
         self.draws.clear();
         self.bytes.clear();
+        self.stored = Stored::of(job);
         for part in &geometry.parts {
             if self.left_out.get(part.material as usize).copied().unwrap_or(false) {
                 continue;
@@ -93,7 +98,7 @@ impl DrawList {
                     continue;
                 }
             }
-            pipelines.require(gpu, layouts, variant)?;
+            pipelines.require(gpu, layouts, variant, self.stored)?;
             let texture = if variant.textured { shade.texture } else { None };
             if let Some(texture) = texture {
                 textures.require(gpu, layouts, job.scene, texture)?;
@@ -146,7 +151,7 @@ impl DrawList {
             let chunk = &geometry.chunks[draw.chunk];
             let new_variant = bound_variant != Some(draw.variant);
             if new_variant {
-                let Some(pipeline) = pipelines.get(draw.variant) else { continue };
+                let Some(pipeline) = pipelines.get(draw.variant, self.stored) else { continue };
                 pass.set_pipeline(pipeline);
                 bound_variant = Some(draw.variant);
             }

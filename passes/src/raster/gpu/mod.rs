@@ -38,7 +38,7 @@ use effects::{Context, Effects};
 use geometry::DeviceGeometry;
 use pipelines::{Layouts, Pipelines};
 use std::sync::Arc;
-use targets::{Staging, TargetCache};
+use targets::{Staging, Stored, TargetCache};
 use textures::DeviceTextures;
 use timer::Timer;
 
@@ -54,7 +54,7 @@ pub struct WgpuRasteriser {
     targets: TargetCache,
     staging: Staging,
     /// What the attachments hold.
-    drawn: Option<(Rect, Attachments)>,
+    drawn: Option<(Rect, Stored)>,
     /// Once there was an effect.
     effects: Option<Effects>,
     /// The device, if it shares memory.
@@ -156,14 +156,14 @@ impl Rasteriser for WgpuRasteriser {
             return Err(failure("the job's scene was not uploaded"));
         };
         if job::is_empty(job) {
-            self.drawn = Some((job.viewport, job.attachments));
+            self.drawn = Some((job.viewport, Stored::of(job)));
             return Ok(DrawStats::default());
         }
         if job.attachments.triangle && !self.gpu.has(wgpu::Features::PRIMITIVE_INDEX) {
             let why = format!("{} has no primitive index in fragment shaders;", self.gpu.adapter);
             return Err(unsupported("the triangle attachment", &why));
         }
-        let targets = self.targets.require(&self.gpu, job.viewport, job.attachments)?;
+        let targets = self.targets.require(&self.gpu, job.viewport, Stored::of(job))?;
         self.draws.prepare(&self.gpu, &self.layouts, &mut self.pipelines, geometry, textures, job)?;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("draw") };
         let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
@@ -194,7 +194,7 @@ impl Rasteriser for WgpuRasteriser {
                 None
             }
         };
-        self.drawn = Some((job.viewport, job.attachments));
+        self.drawn = Some((job.viewport, Stored::of(job)));
         Ok(DrawStats { device_time, shared, triangles: self.draws.triangles() })
     }
 
@@ -209,7 +209,7 @@ impl Rasteriser for WgpuRasteriser {
         target: &mut GBuffer,
     ) -> Result<(), BackendError> {
         job::check_target(job, target)?;
-        if self.drawn != Some((job.viewport, job.attachments)) {
+        if self.drawn != Some((job.viewport, Stored::of(job))) {
             return Err(failure("this job is not what was drawn last"));
         }
         match self.targets.last() {
@@ -250,7 +250,7 @@ impl Rasteriser for WgpuRasteriser {
         // Only a whole picture can be read in place.
         let whole = Rect { x: 0, y: 0, width: job.width, height: job.height };
         let last = self.drawn.filter(|(viewport, _)| *viewport == whole);
-        let drawn = last.and_then(|(_, attachments)| self.targets.last().filter(|t| t.attachments() == attachments));
+        let drawn = last.and_then(|(_, stored)| self.targets.last().filter(|t| t.stored() == stored));
         let mut context = Context {
             gpu: &self.gpu,
             layouts: &self.layouts,

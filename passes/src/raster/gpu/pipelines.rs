@@ -2,7 +2,7 @@
 
 use super::device::Gpu;
 use super::shader::{DrawUniform, FrameUniform, Variant};
-use super::targets::{CHANNEL_FORMATS, DEPTH_FORMAT};
+use super::targets::{DEPTH_FORMAT, Stored};
 use curitiba_pipeline::backend::BackendError;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -84,13 +84,19 @@ impl Layouts {
 
 /// The pipelines built so far.
 #[derive(Debug, Default)]
-pub(super) struct Pipelines(HashMap<Variant, wgpu::RenderPipeline>);
+pub(super) struct Pipelines(HashMap<(Variant, Stored), wgpu::RenderPipeline>);
 
 impl Pipelines {
     /// Builds the pipeline of a variant unless it is there already.
-    pub fn require(&mut self, gpu: &Gpu, layouts: &Layouts, variant: Variant) -> Result<(), BackendError> {
-        if let Entry::Vacant(entry) = self.0.entry(variant) {
-            let pipeline = build(gpu, layouts, variant);
+    pub fn require(
+        &mut self,
+        gpu: &Gpu,
+        layouts: &Layouts,
+        variant: Variant,
+        stored: Stored,
+    ) -> Result<(), BackendError> {
+        if let Entry::Vacant(entry) = self.0.entry((variant, stored)) {
+            let pipeline = build(gpu, layouts, variant, stored);
             gpu.check("building a pipeline")?;
             entry.insert(pipeline);
         }
@@ -98,8 +104,8 @@ impl Pipelines {
     }
 
     /// The pipeline of a variant that was [required](Self::require).
-    pub fn get(&self, variant: Variant) -> Option<&wgpu::RenderPipeline> {
-        self.0.get(&variant)
+    pub fn get(&self, variant: Variant, stored: Stored) -> Option<&wgpu::RenderPipeline> {
+        self.0.get(&(variant, stored))
     }
 }
 
@@ -109,7 +115,7 @@ pub(super) fn slots(variant: Variant) -> (Option<u32>, Option<u32>) {
     (normals, variant.textured.then_some(1 + u32::from(variant.vertex_normal)))
 }
 
-fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant) -> wgpu::RenderPipeline {
+fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu::RenderPipeline {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("gbuffer.wgsl"),
         source: wgpu::ShaderSource::Wgsl(variant.source().into()),
@@ -128,9 +134,7 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant) -> wgpu::RenderPipeline
     if variant.textured {
         buffers.push(buffer(&TEXCOORDS));
     }
-    let written = [variant.color, variant.position, variant.normal, variant.triangle];
-    let targets: [_; 4] =
-        std::array::from_fn(|channel| written[channel].then(|| wgpu::ColorTargetState::from(CHANNEL_FORMATS[channel])));
+    let targets = stored.formats().map(|format| format.map(wgpu::ColorTargetState::from));
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("gbuffer"),
         layout: Some(if variant.textured { &layouts.textured } else { &layouts.plain }),

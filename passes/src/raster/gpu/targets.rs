@@ -1,19 +1,21 @@
 //! Attachments in device memory, and the way back to the host.
 
 use super::device::{Gpu, unsupported};
-use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, Rect};
+use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, RasterJob, Rect};
+use curitiba_pipeline::image::widen;
 use glam::Vec4;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Formats of colour, position, normal and triangle id, in the order of the shader's locations.
+/// Formats of colour, position, normal and triangle id, in the order of the shader's locations, at full precision.
 pub(super) const CHANNEL_FORMATS: [wgpu::TextureFormat; 4] = [
     wgpu::TextureFormat::Rgba32Float,
     wgpu::TextureFormat::Rgba32Float,
     wgpu::TextureFormat::Rgba32Float,
     wgpu::TextureFormat::R32Uint,
 ];
-const TEXEL_BYTES: [u32; 4] = [16, 16, 16, 4];
+/// What stands for the first three of them in 16-bit floats.
+const HALF_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 const TRIANGLE: usize = 3;
 /// The depth buffer's format.
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
@@ -25,6 +27,45 @@ const STAGING_BYTES: u64 = 256 << 20;
 fn in_order(attachments: Attachments) -> [bool; 4] {
     let Attachments { color, position, normal, triangle } = attachments;
     [color, position, normal, triangle]
+}
+
+/// What a pass writes, and in which form.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct Stored {
+    /// What is written.
+    pub attachments: Attachments,
+    /// Which of it in 16-bit floats.
+    half: Attachments,
+}
+
+impl Stored {
+    /// Of a pass that writes `attachments`, those of them in 16-bit floats that `half` has.
+    pub fn new(attachments: Attachments, half: Attachments) -> Self {
+        let half = Attachments {
+            color: attachments.color && half.color,
+            position: attachments.position && half.position,
+            normal: attachments.normal && half.normal,
+            triangle: false,
+        };
+        Self { attachments, half }
+    }
+
+    /// Of a job.
+    pub fn of(job: &RasterJob<'_>) -> Self {
+        Self::new(job.attachments, job.half)
+    }
+
+    /// Formats of what is written, in the order of [`CHANNEL_FORMATS`].
+    pub fn formats(self) -> [Option<wgpu::TextureFormat>; 4] {
+        let (written, half) = (in_order(self.attachments), in_order(self.half));
+        std::array::from_fn(|channel| {
+            written[channel].then_some(if half[channel] { HALF_FORMAT } else { CHANNEL_FORMATS[channel] })
+        })
+    }
+}
+
+fn texel_bytes(format: wgpu::TextureFormat) -> u32 {
+    format.block_copy_size(None).unwrap_or(16)
 }
 
 /// One attachment.
@@ -39,7 +80,7 @@ struct Channel {
 pub(super) struct Targets {
     width: u32,
     height: u32,
-    attachments: Attachments,
+    stored: Stored,
     channels: [Option<Channel>; 4],
     depth: wgpu::TextureView,
     /// Bytes of device memory, the depth buffer included.
@@ -49,9 +90,9 @@ pub(super) struct Targets {
 }
 
 impl Targets {
-    fn new(gpu: &Gpu, width: u32, height: u32, attachments: Attachments) -> Result<Self, BackendError> {
-        let wanted = in_order(attachments);
-        let pixel_bytes: u32 = (0..4).filter(|c| wanted[*c]).map(|c| TEXEL_BYTES[c]).sum();
+    fn new(gpu: &Gpu, width: u32, height: u32, stored: Stored) -> Result<Self, BackendError> {
+        let formats = stored.formats();
+        let pixel_bytes: u32 = formats.into_iter().flatten().map(texel_bytes).sum();
         let limits = &gpu.limits;
         if pixel_bytes > limits.max_color_attachment_bytes_per_sample {
             let most = limits.max_color_attachment_bytes_per_sample;
@@ -80,16 +121,16 @@ impl Targets {
         };
         let mut channels = [const { None }; 4];
         for (index, label) in ["color", "position", "normal", "triangle"].into_iter().enumerate() {
-            if wanted[index] {
+            if let Some(format) = formats[index] {
                 // Effects read the attachments where they are.
                 let usage = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;
-                channels[index] = Some(create(label, CHANNEL_FORMATS[index], usage)?);
+                channels[index] = Some(create(label, format, usage)?);
             }
         }
         let depth = create("depth", DEPTH_FORMAT, wgpu::TextureUsages::empty())?.view;
         let bytes = u64::from(width) * u64::from(height) * u64::from(pixel_bytes + 4);
         gpu.check("creation of the attachments")?;
-        Ok(Self { width, height, attachments, channels, depth, bytes, group: OnceLock::new() })
+        Ok(Self { width, height, stored, channels, depth, bytes, group: OnceLock::new() })
     }
 
     /// What the render pass writes, cleared first: triangle ids to 0, which is "none" until [`Self::read_back`].
@@ -116,9 +157,9 @@ impl Targets {
         }
     }
 
-    /// What is written.
-    pub fn attachments(&self) -> Attachments {
-        self.attachments
+    /// What is written, and in which form.
+    pub fn stored(&self) -> Stored {
+        self.stored
     }
 
     /// Pixels a row, and rows.
@@ -142,11 +183,13 @@ impl Targets {
         target: &mut GBuffer,
     ) -> Result<(), BackendError> {
         let wanted = in_order(wanted);
-        let pitches =
-            TEXEL_BYTES.map(|bytes| (bytes * self.width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT));
+        let formats = self.stored.formats();
+        let pitches = formats.map(|format| {
+            (format.map_or(0, texel_bytes) * self.width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
+        });
         let present = |channel: &usize| wanted[*channel] && self.channels[*channel].is_some();
         let total = (0..4).filter(present).map(|c| u64::from(pitches[c]) * u64::from(self.height)).sum::<u64>();
-        let widest = u64::from(pitches[0]);
+        let widest = pitches.into_iter().max().map_or(0, u64::from);
         let capacity = total.min(STAGING_BYTES.min(gpu.max_buffer_bytes).max(widest));
         staging.reserve(gpu, capacity)?;
         for channel in (0..4).filter(present) {
@@ -159,7 +202,8 @@ impl Targets {
                     self.flush(gpu, staging, viewport, target)?;
                     continue;
                 }
-                staging.bands.push(Band { channel, row, rows, pitch, offset: staging.used });
+                let half = formats[channel] == Some(HALF_FORMAT);
+                staging.bands.push(Band { channel, half, row, rows, pitch, offset: staging.used });
                 staging.used += u64::from(rows) * u64::from(pitch);
                 row += rows;
             }
@@ -271,6 +315,8 @@ impl Staging {
 #[derive(Debug, Clone, Copy)]
 struct Band {
     channel: usize,
+    /// In 16-bit floats.
+    half: bool,
     row: u32,
     rows: u32,
     pitch: u32,
@@ -301,8 +347,13 @@ impl Band {
             };
             let lines = image[first_row * image_width..].par_chunks_exact_mut(image_width);
             lines.zip(rows).for_each(|(line, row)| {
-                let line: &mut [u8] = bytemuck::cast_slice_mut(&mut line[x..x + width]);
-                line.copy_from_slice(&row[..line.len()]);
+                let line = &mut line[x..x + width];
+                if self.half {
+                    widen(&row[..8 * width], line);
+                } else {
+                    let line: &mut [u8] = bytemuck::cast_slice_mut(line);
+                    line.copy_from_slice(&row[..line.len()]);
+                }
             });
         }
     }
@@ -314,21 +365,21 @@ pub(super) struct TargetCache(Vec<Targets>);
 
 impl TargetCache {
     /// The attachments of a pass.
-    pub fn require(&mut self, gpu: &Gpu, viewport: Rect, attachments: Attachments) -> Result<&Targets, BackendError> {
+    pub fn require(&mut self, gpu: &Gpu, viewport: Rect, stored: Stored) -> Result<&Targets, BackendError> {
         let Rect { width, height, .. } = viewport;
-        let fits = |t: &Targets| t.width == width && t.height == height && t.attachments == attachments;
+        let fits = |t: &Targets| t.width == width && t.height == height && t.stored == stored;
         let targets = match self.0.iter().position(fits) {
             Some(index) => self.0.remove(index),
             None => {
                 if self.0.len() == KEPT {
                     self.0.remove(0);
                 }
-                match Targets::new(gpu, width, height, attachments) {
+                match Targets::new(gpu, width, height, stored) {
                     // The others may be what fills the memory.
                     Err(BackendError::Device { .. }) if !self.0.is_empty() => {
                         self.0.clear();
                         gpu.submit_and_wait(None, "release of attachments")?;
-                        Targets::new(gpu, width, height, attachments)?
+                        Targets::new(gpu, width, height, stored)?
                     }
                     result => result?,
                 }

@@ -63,6 +63,7 @@ pub(super) fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<
         clear_color: Vec4::ONE,
         attachments: ALL,
         shared: Attachments::default(),
+        half: Attachments::default(),
     }
 }
 

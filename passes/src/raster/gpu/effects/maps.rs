@@ -163,6 +163,7 @@ pub fn draw(
         clear_color: Vec4::ZERO,
         attachments: Attachments { color, ..Attachments::default() },
         shared: Attachments::default(),
+        half: Attachments::default(),
     };
     check_scene(&raster)?;
     let Context { gpu, layouts, pipelines, timer, geometry, textures, .. } = context;

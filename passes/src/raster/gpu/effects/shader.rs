@@ -10,6 +10,7 @@ use crate::raster::effects::shadow::MAX_SLOPE;
 use crate::raster::gpu::shader::cut;
 use crate::sampling::hash;
 use curitiba_pipeline::backend::EffectJob;
+use curitiba_pipeline::programs::Fresnel;
 use curitiba_pipeline::raster_effects::{EffectProgram, MAX_CASCADES};
 use glam::{Mat4, Vec4};
 use std::fmt::Write;
@@ -181,6 +182,8 @@ pub struct CubeUniform {
     probes: u32,
     ranges: u32,
     index: f32,
+    schlick: u32,
+    padding: [u32; 3],
 }
 
 impl CubeUniform {
@@ -192,6 +195,8 @@ impl CubeUniform {
             probes: probes as u32,
             ranges: ranges as u32,
             index: job.params.index,
+            schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
+            padding: [0; 3],
         }
     }
 }
@@ -321,7 +326,7 @@ mod tests {
         let cascade = offsets!(CascadeUniform: map_from_world, slope_bias, rounding_bias);
         assert_eq!(layout(ShadowMap, "Cascade"), cascade);
         for program in [CubeReflection, CubeRefraction] {
-            let cube = offsets!(CubeUniform: eye, axes, map_size, probes, ranges, index);
+            let cube = offsets!(CubeUniform: eye, axes, map_size, probes, ranges, index, schlick);
             assert_eq!(layout(program, "Params"), cube);
             assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high));
         }

@@ -110,7 +110,7 @@ impl Packer {
         wanted: Attachments,
         encoder: &mut wgpu::CommandEncoder,
     ) -> Result<(), BackendError> {
-        let drawn = targets.attachments();
+        let drawn = targets.stored().attachments;
         let has = |all: Attachments| all.union(wanted) == all;
         if targets.size() != (self.width, self.height) || !has(self.attachments) || !has(drawn) {
             let (width, height) = targets.size();

@@ -21,8 +21,13 @@ fn read(gpu: &Gpu, buffer: &wgpu::Buffer) -> Vec<u8> {
 
 /// Draws, and returns what was drawn.
 fn drawn(rasteriser: &mut WgpuRasteriser) -> GBuffer {
+    drawn_as(rasteriser, Attachments::default())
+}
+
+/// The same with some attachments in 16-bit floats.
+fn drawn_as(rasteriser: &mut WgpuRasteriser, half: Attachments) -> GBuffer {
     let (scene, shades) = (squares(12), shades());
-    let job = job(&scene, &shades);
+    let job = RasterJob { half, ..job(&scene, &shades) };
     let mut target = GBuffer::new(SIZE, SIZE, ALL);
     rasteriser.upload(&scene).expect("uploaded");
     rasteriser.draw(&job, &mut target).expect("drawn");
@@ -69,6 +74,22 @@ fn attachments_are_written_dense_and_one_after_the_other() {
     let refused = packer.encode(&rasteriser.gpu, None, targets, ALL, &mut encoder);
     let error = refused.expect_err("normals are not shared").to_string();
     assert!(error.contains("handed over"), "{error}");
+}
+
+#[test]
+fn attachments_in_16_bit_floats_are_handed_over_in_32() {
+    let Some(mut rasteriser) = rasteriser() else { return };
+    let full = drawn(&mut rasteriser);
+    let expected = drawn_as(&mut rasteriser, Attachments { color: true, position: true, ..Attachments::default() });
+    assert!(full.position != expected.position, "control: something was rounded");
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+    let buffer = rasteriser.gpu.buffer("test", usage, Offsets::new(SIZE, SIZE, ALL).end).expect("room");
+    let mut packer = Packer::new(buffer, [SIZE, SIZE], ALL);
+    let targets = rasteriser.targets.last().expect("drawn");
+    let mut encoder = rasteriser.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    packer.encode(&rasteriser.gpu, None, targets, ALL, &mut encoder).expect("encoded");
+    rasteriser.gpu.submit_and_wait(Some(encoder.finish()), "test").expect("done");
+    assert_holds(&read(&rasteriser.gpu, &packer.buffer), ALL, ALL, &expected);
 }
 
 #[test]
