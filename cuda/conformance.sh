@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # Runs the conformance matrix and the measurements of the ray backends on a machine with an NVIDIA GPU, and writes JSON.
-# Usage: cuda/conformance.sh BINARIES OUTPUT, where BINARIES is a folder with `curitiba` and `conformance`, built by
+# Usage: cuda/conformance.sh BINARIES OUTPUT [PROJECTS…], where BINARIES is a folder with `curitiba` and `conformance`, built by
 #   cargo build --release --features cuda && cargo build --release --features cuda --example conformance
 # and, to run the tests as well, the files `cuda-…` and `faults-…` that this command names:
 #   cargo test --workspace --features cuda --no-run
 # (anywhere: no toolkit, no GPU), and OUTPUT is the folder for the JSON files. Run it in the repository, whose projects it
-# renders. Nothing is compiled here: the driver alone is needed.
+# renders, and those in the folders PROJECTS (times only). Nothing is compiled here: the driver alone is needed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 binaries=$(cd "$1" && pwd)
@@ -30,6 +30,10 @@ done
 "$binaries/conformance" "${projects[@]}" --time-only --runs 12 -o "$output/report.json" || failed=1
 "$binaries/conformance" "${projects[@]}" --camera Vidro --time-only --runs 12 -o "$output/report_vidro.json" || failed=1
 
+# Occlusion rays that reach far.
+"$binaries/conformance" xml_projects/SceneSSAO.xml --camera MainCamera --camera Vidro --set pass2.radius=20 --time-only \
+    --runs 6 -o "$output/long_occlusion.json" || failed=1
+
 # The same, shared by all GPUs where there are several.
 if [ "$(nvidia-smi -L | wc -l)" -gt 1 ]; then
     "$binaries/conformance" "${projects[@]}" --gpus all --time-only --runs 12 -o "$output/report_all_gpus.json" || failed=1
@@ -48,5 +52,11 @@ for triangles in ${CURITIBA_TRIANGLES:-1000000 10000000}; do
     "$binaries/conformance" "$work/$triangles"/Scene{Shadows,Reflect,Refract,SSAO,Final}.xml --fidelity corrected --time-only \
         --runs 6 -o "$output/square_$triangles.json" || failed=1
     rm -r "${work:?}/$triangles"
+done
+
+# What else was named: folders of projects.
+for folder in "${@:3}"; do
+    "$binaries/conformance" "$folder"/Scene*.xml --fidelity corrected --time-only --runs 6 \
+        -o "$output/$(basename "$folder").json" || failed=1
 done
 exit $failed

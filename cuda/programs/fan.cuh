@@ -1,12 +1,10 @@
 // The rays of one ambient-occlusion estimate, which leave one point. A fan has
 //   bool ray(params, sample, ray)   a ray; false where the report's arithmetic gives none, which counts as open
-//   IN_HEMISPHERE                   whether all rays keep to the side of `facing` and are no longer than the radius
 #pragma once
 #include "surface.cuh"
 
 // Into the cosine-weighted hemisphere of a surface.
 struct Fan {
-    static constexpr bool IN_HEMISPHERE = true;
     float3 origin, facing, normal;
     unsigned key;
 
@@ -35,12 +33,10 @@ struct Fan {
 
 // The report's, whose noise comes from the position.
 struct ThesisFan {
-    static constexpr bool IN_HEMISPHERE = false;
     float3 origin, normal;
 
     DEVICE_MEMBER bool ray(const Params &params, unsigned sample, Ray &ray) const {
-        // By columns, whose coordinate is the angle around the normal: neighbours go the same way.
-        unsigned column = sample / params.strata, row = sample - column * params.strata;
+        unsigned row = sample / params.strata, column = sample - row * params.strata;
         float3 direction =
             to_world(thesis_basis(normal), thesis_cosine(thesis_stratum(origin, row, column, params.strata)));
         ray = {origin, direction, THESIS_EPSILON, params.radius};

@@ -15,6 +15,22 @@ struct Pixel {
     unsigned x, y, index;
 };
 
+// How many rays of a fan nothing stops, traced one after the other by one thread; counts them.
+template <Accept ACCEPT, class Tracer, class Rays>
+DEVICE unsigned count_open_alone(const Tracer &tracer, const Rays &fan, unsigned samples, RayCounts &rays) {
+    unsigned open = 0;
+    for (unsigned i = 0; i < samples; ++i) {
+        Ray ray;
+        if (!fan.ray(tracer.params, i, ray)) {
+            open += 1;
+            continue;
+        }
+        rays.occlusion += 1;
+        open += !tracer.template occluded<ACCEPT>(ray, nullptr);
+    }
+    return open;
+}
+
 template <class Tracer> struct Pass {
     const Params &params;
     const Tracer &tracer;

@@ -295,8 +295,13 @@ struct Bvh {
         return false;
     }
 
-    template <Accept ACCEPT, class Rays>
-    __device__ __forceinline__ unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const;
+    template <Accept ACCEPT>
+    __device__ __forceinline__ unsigned count_open(bool wanted, const Fan &fan, unsigned samples, RayCounts &rays) const;
+    // Without a list there is nothing that the rays of a point have in common, and neighbouring pixels go the same way.
+    template <Accept ACCEPT>
+    DEVICE_MEMBER unsigned count_open(bool wanted, const ThesisFan &fan, unsigned samples, RayCounts &rays) const {
+        return wanted ? count_open_alone<ACCEPT>(*this, fan, samples, rays) : 0u;
+    }
     static __device__ __forceinline__ bool any(bool value) { return __any_sync(WHOLE_WARP, value); }
 };
 
@@ -390,11 +395,11 @@ __device__ __forceinline__ int search(const Params &params, float3 origin, float
     return -1;
 }
 
-// The fans of a block, where all threads of a warp see them.
-template <class Rays> struct SharedFan {
-    Rays fan;
-    int count;                                           // of the triangles below; below 0: the tree is searched
-    unsigned found[Rays::IN_HEMISPHERE ? GATHERED : 1u]; // triangles that may stop a ray
+// A fan of a block, where all threads of a warp see it.
+struct SharedFan {
+    Fan fan;
+    int count;                // of the triangles below; below 0: too many, the tree is searched
+    unsigned found[GATHERED]; // triangles that may stop a ray
 };
 
 // Bits `from` to `to` of a word, where they exist.
@@ -404,30 +409,29 @@ DEVICE unsigned bits_between(long long from, long long to) {
     return (to < 32 ? (1u << to) - 1u : ~0u) & ~below;
 }
 
-// The rays of all fans of a warp are dealt to its threads: those of one fan side by side, since they start at one point.
-template <Accept ACCEPT, class Rays>
-__device__ __forceinline__ unsigned Bvh::count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
-    __shared__ SharedFan<Rays> fans[BLOCK_WIDTH * BLOCK_HEIGHT];
+// The rays of all fans of a warp are dealt to its threads: those of one fan side by side, since they start at one point and
+// may be tested against one list.
+template <Accept ACCEPT>
+__device__ __forceinline__ unsigned Bvh::count_open(bool wanted, const Fan &fan, unsigned samples, RayCounts &rays) const {
+    __shared__ SharedFan fans[BLOCK_WIDTH * BLOCK_HEIGHT];
     __shared__ unsigned char order[BLOCK_WIDTH * BLOCK_HEIGHT];
     unsigned thread = threadIdx.y * BLOCK_WIDTH + threadIdx.x, lane = thread % 32u, warp = thread - lane;
     unsigned open = 0;
     int count = 0;
     if (wanted) {
-        count = -1;
-        if constexpr (Rays::IN_HEMISPHERE) {
-            count = search(params, fan.origin, fan.facing, params.radius, fans[thread].found);
-        }
+        count = search(params, fan.origin, fan.facing, params.radius, fans[thread].found);
         if (count == 0) {
             rays.certain += samples;
             open = samples;
         } else {
+            rays.occlusion += samples;
             fans[thread].fan = fan;
             fans[thread].count = count;
         }
     }
     // First the fans with few triangles, then the others, so that threads do the same.
 #pragma unroll
-    for (int few = Rays::IN_HEMISPHERE ? 1 : 0; few >= 0; --few) {
+    for (int few = 1; few >= 0; --few) {
         bool traces = few == 1 ? count > 0 : count < 0;
         unsigned mask = __ballot_sync(WHOLE_WARP, traces);
         unsigned place = __popc(mask & ((1u << lane) - 1u)), total = __popc(mask) * samples;
@@ -435,20 +439,18 @@ __device__ __forceinline__ unsigned Bvh::count_open(bool wanted, const Rays &fan
         __syncwarp();
         for (unsigned first = 0; first < total; first += 32u) {
             unsigned index = first + lane;
-            bool traced = false, clear = false;
+            bool clear = false;
             if (index < total) {
                 unsigned owner = index / samples, sample = index - owner * samples;
-                const SharedFan<Rays> &shared = fans[warp + order[warp + owner]];
+                const SharedFan &shared = fans[warp + order[warp + owner]];
                 Ray ray;
-                traced = shared.fan.ray(params, sample, ray);
-                clear = !traced || !(few == 1 ? blocked_by<ACCEPT>(ray, shared.found, shared.count)
-                                              : occluded<ACCEPT>(ray, nullptr));
+                shared.fan.ray(params, sample, ray);
+                clear = !(few == 1 ? blocked_by<ACCEPT>(ray, shared.found, shared.count) : occluded<ACCEPT>(ray, nullptr));
             }
             // The part of the 32 rays that is of this thread's own fan.
             long long from = (long long)place * samples - first;
             unsigned own = traces ? bits_between(from, from + samples) : 0u;
             open += __popc(__ballot_sync(WHOLE_WARP, clear) & own);
-            rays.occlusion += __popc(__ballot_sync(WHOLE_WARP, traced) & own);
         }
         __syncwarp();
     }

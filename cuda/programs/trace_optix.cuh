@@ -87,19 +87,8 @@ struct Optix {
         return p[3] != MISSED;
     }
     template <Accept ACCEPT, class Rays>
-    __device__ __forceinline__ unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
-        if (!wanted) return 0;
-        unsigned open = 0;
-        for (unsigned i = 0; i < samples; ++i) {
-            Ray ray;
-            if (!fan.ray(params, i, ray)) {
-                open += 1;
-                continue;
-            }
-            rays.occlusion += 1;
-            open += !occluded<ACCEPT>(ray, nullptr);
-        }
-        return open;
+    DEVICE_MEMBER unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
+        return wanted ? count_open_alone<ACCEPT>(*this, fan, samples, rays) : 0u;
     }
     // OptiX may move threads from warp to warp: each works alone.
     static __device__ __forceinline__ bool any(bool value) { return value; }

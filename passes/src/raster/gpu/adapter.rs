@@ -3,6 +3,7 @@
 use super::device::unsupported;
 use curitiba_pipeline::backend::BackendError;
 use std::fmt;
+use std::sync::OnceLock;
 
 /// Which adapters may be taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,15 +132,21 @@ fn choose(adapters: &[AdapterSummary], choice: AdapterChoice) -> Result<usize, B
     }
 }
 
+/// The one instance of this process: NVIDIA's driver offers no device any more to a process that has loaded and released it
+/// about thirty times.
+static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+
 /// `WGPU_BACKEND` narrows the interfaces, as in every program that uses wgpu. OpenGL is left out: its drivers often cannot
 /// render to 32-bit floats.
 fn enumerate() -> Vec<(AdapterSummary, wgpu::Adapter)> {
     let supported = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
     let backends = wgpu::Backends::from_env().unwrap_or(supported) & supported;
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = backends;
-    descriptor.flags = wgpu::InstanceFlags::from_env_or_default();
-    let instance = wgpu::Instance::new(descriptor);
+    let instance = INSTANCE.get_or_init(|| {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = backends;
+        descriptor.flags = wgpu::InstanceFlags::from_env_or_default();
+        wgpu::Instance::new(descriptor)
+    });
     let adapters = pollster::block_on(instance.enumerate_adapters(backends));
     let mut all: Vec<_> = adapters.into_iter().map(|adapter| (AdapterSummary::of(&adapter), adapter)).collect();
     // Stable: among equals the driver's own order counts.
