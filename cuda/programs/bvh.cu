@@ -10,7 +10,7 @@
         curitiba_##FIDELITY(const __grid_constant__ Params params) {                                                   \
         unsigned column = blockIdx.x * BLOCK_WIDTH + threadIdx.x, row = blockIdx.y * BLOCK_HEIGHT + threadIdx.y;       \
         bool inside = column < params.width && row < params.rows;                                                      \
-        unsigned x = min(column, params.width - 1), y = params.first_row + min(row, params.rows - 1);                  \
+        unsigned x = min(column, params.width - 1), y = picture_row(params, min(row, params.rows - 1));                \
         Bvh tracer = {params};                                                                                         \
         Pass<Bvh> pass = {params, tracer, {x, y, y * params.width + x}, inside, {}};                                   \
         float4 result = FIDELITY(pass);                                                                                \

@@ -27,7 +27,7 @@ extern "C" __global__ void __miss__miss() {
 
 #define RAY_GENERATION(FIDELITY)                                                                                       \
     extern "C" __global__ void __raygen__##FIDELITY() {                                                                \
-        unsigned x = launch_x(), y = params.first_row + launch_y();                                                    \
+        unsigned x = launch_x(), y = picture_row(params, launch_y());                                                  \
         Optix tracer = {params};                                                                                       \
         Pass<Optix> pass = {params, tracer, {x, y, y * params.width + x}, true, {}};                                   \
         params.output[pass.pixel.index] = FIDELITY(pass);                                                              \

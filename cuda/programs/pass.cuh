@@ -11,6 +11,11 @@ struct RayCounts {
     unsigned shadow, occlusion, reflected, refracted, certain;
 };
 
+// The row of the picture that a row of this launch is.
+DEVICE unsigned picture_row(const Params &params, unsigned row) {
+    return params.first_row + row + row / params.stripe * params.skipped;
+}
+
 struct Pixel {
     unsigned x, y, index;
 };

@@ -122,6 +122,10 @@ shared_structs! {
         first_row: u32 = "unsigned",
         /// Rows of this launch.
         rows: u32 = "unsigned",
+        /// How many of them follow each other in the picture, a multiple of [`BLOCK_HEIGHT`].
+        stripe: u32 = "unsigned",
+        /// How many rows of other GPUs lie between one stripe and the next.
+        skipped: u32 = "unsigned",
         /// Seed of the random numbers.
         seed: u32 = "unsigned",
         /// Occlusion rays a point; 0 switches occlusion off.

@@ -99,18 +99,41 @@ impl Stripe<'_> {
         first..first + self.pixels.len()
     }
 
-    /// First row and number of rows of each launch.
-    fn launches(&self, width: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
-        let rows = (self.pixels.len() / width.max(1) as usize) as u32;
-        let band = (PIXELS_OF_LAUNCH / width.max(1)).next_multiple_of(BLOCK_HEIGHT).max(BLOCK_HEIGHT);
-        let first_row = self.first_row;
-        (0..rows.div_ceil(band)).map(move |index| (first_row + index * band, band.min(rows - index * band)))
+    fn rows(&self, width: u32) -> u32 {
+        (self.pixels.len() / width.max(1) as usize) as u32
     }
 }
 
-/// Launches of a share of a picture.
-pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> u64 {
-    stripes.iter().map(|stripe| stripe.launches(width).count() as u64).sum()
+/// Some rows of a picture, which one launch computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Launch {
+    /// The first.
+    first_row: u32,
+    /// How many.
+    rows: u32,
+    /// How many follow each other before some belong to other GPUs.
+    stripe: u32,
+    /// How many do.
+    skipped: u32,
+}
+
+/// The launches of a share of a picture. Its stripes have as many rows, but for the last, and are as far apart: a launch
+/// takes as many as it may, since its end leaves a part of the GPU idle.
+pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> Vec<Launch> {
+    let Some(first) = stripes.first() else { return Vec::new() };
+    let (stripe, skipped) = match stripes.get(1) {
+        Some(second) => (first.rows(width), second.first_row - first.first_row - first.rows(width)),
+        None => (BLOCK_HEIGHT, 0),
+    };
+    let all: u32 = stripes.iter().map(|stripe| stripe.rows(width)).sum();
+    let most = (PIXELS_OF_LAUNCH / width.max(1) / stripe).max(1) * stripe;
+    let launch = |done: u32| Launch {
+        first_row: first.first_row + done + done / stripe * skipped,
+        rows: most.min(all - done),
+        stripe,
+        skipped,
+    };
+    (0..all).step_by(most as usize).map(launch).collect()
 }
 
 /// Device images and tables that are kept from pass to pass.
@@ -275,6 +298,8 @@ impl<T: DeviceTracer> OneGpu<T> {
             height: job.height,
             first_row: 0,
             rows: job.height,
+            stripe: BLOCK_HEIGHT,
+            skipped: 0,
             seed: job.seed,
             samples,
             strata,
@@ -310,13 +335,14 @@ impl<T: DeviceTracer> OneGpu<T> {
             progress.advance(1);
             Ok(f64::from(milliseconds))
         };
-        for (first_row, rows) in stripes.iter().flat_map(|stripe| stripe.launches(job.width)) {
+        for Launch { first_row, rows, stripe, skipped } in launches(stripes, job.width) {
             if ahead.len() == LAUNCHES_AHEAD
                 && let Some(first) = ahead.pop_front()
             {
                 total += wait(first)?;
             }
             (params.first_row, params.rows) = (first_row, rows);
+            (params.stripe, params.skipped) = (stripe, skipped);
             let start = event()?;
             self.tracer.launch(device, job.program, job.fidelity, params)?;
             ahead.push_back([start, event()?]);
@@ -426,19 +452,35 @@ mod tests {
     }
 
     #[test]
-    fn launches_of_a_stripe_cover_its_rows_once_and_in_order() {
-        for (width, first_row, rows) in [(1024, 0, 1024), (2048, 64, 1500), (3, 8, 1), (70_000, 0, 33)] {
-            let mut pixels = vec![[0.0; 4]; width as usize * rows as usize];
-            let stripe = Stripe { first_row, pixels: &mut pixels };
-            let mut next = first_row;
-            for (first, count) in stripe.launches(width) {
-                assert!(first == next && count > 0, "{width} x {rows}");
-                // Launches end with whole blocks.
-                let most = u64::from(PIXELS_OF_LAUNCH) + u64::from(width * BLOCK_HEIGHT);
-                assert!(u64::from(count) * u64::from(width) <= most, "{width} x {rows}");
-                next += count;
+    fn launches_cover_the_rows_of_a_share_once_and_in_order() {
+        // Width, rows of a stripe, GPUs, rows in all.
+        for (width, stripe, gpus, height) in
+            [(1024, 1024, 1, 1024), (2048, 64, 3, 1500), (3, 8, 2, 1), (70_000, 16, 2, 99), (16_384, 40, 1, 333)]
+        {
+            let stripe = if gpus == 1 { height } else { stripe };
+            for gpu in 0..gpus {
+                let starts: Vec<u32> = (0..height).step_by(stripe as usize).skip(gpu).step_by(gpus).collect();
+                let rows_from = |first_row: u32| stripe.min(height - first_row);
+                let mut pixels: Vec<Vec<[f32; 4]>> =
+                    starts.iter().map(|start| vec![[0.0; 4]; (rows_from(*start) * width) as usize]).collect();
+                let stripes: Vec<Stripe<'_>> = starts
+                    .iter()
+                    .zip(&mut pixels)
+                    .map(|(first_row, pixels)| Stripe { first_row: *first_row, pixels })
+                    .collect();
+                let expected: Vec<u32> = starts.iter().flat_map(|start| *start..*start + rows_from(*start)).collect();
+                let launches = launches(&stripes, width);
+                let row = |launch: &Launch, row: u32| launch.first_row + row + row / launch.stripe * launch.skipped;
+                let found: Vec<u32> =
+                    launches.iter().flat_map(|launch| (0..launch.rows).map(move |index| row(launch, index))).collect();
+                assert_eq!(found, expected, "{width} {stripe} {gpus} {height}");
+                for launch in launches {
+                    assert!(
+                        launch.rows * width <= PIXELS_OF_LAUNCH.max(launch.stripe * width)
+                            && launch.stripe % BLOCK_HEIGHT == 0
+                    );
+                }
             }
-            assert_eq!(next, first_row + rows);
         }
     }
 }

@@ -22,9 +22,9 @@ pub type CudaRays = DeviceRays<crate::bvh::BvhTracer>;
 /// NVIDIA's OptiX, from the driver.
 pub type OptixRays = DeviceRays<crate::optix::OptixTracer>;
 
-/// Stripes that each of several GPUs gets of a picture: many, so that none has the dear rows to itself, and few, since the
-/// end of every launch leaves a part of the GPU idle.
-const STRIPES: u32 = 8;
+/// Stripes that each of several GPUs gets of a picture: many, so that none has the dear rows to itself, and few, since each is
+/// copied by itself.
+const STRIPES: u32 = 16;
 
 /// A ray backend on one GPU or several.
 #[derive(Debug)]
@@ -154,7 +154,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             return Ok(RayStats::default());
         }
         let shares = deal(&mut output.pixels, [job.width, job.height], self.gpus.len());
-        progress.start(shares.iter().map(|share| launches(share, job.width)).sum());
+        progress.start(shares.iter().map(|share| launches(share, job.width).len() as u64).sum());
         let parts = self.on_each(shares, |gpu, mut share| {
             // A small picture may not have a stripe for everyone.
             if share.is_empty() { Ok(RayStats::default()) } else { gpu.run(job, &mut share, progress) }
