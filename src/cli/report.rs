@@ -52,7 +52,8 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     }
     let missing = data.bench.unavailable.len();
     if missing > 0 {
-        crate::say!("{missing} things could not be measured; the report says which and why");
+        let things = if missing == 1 { "thing" } else { "things" };
+        crate::say!("{missing} {things} could not be measured; the report says which and why");
     }
     crate::say!("wrote {} in {}", folder.join("index.html").display(), number::duration(data.took_s));
     Ok(())
