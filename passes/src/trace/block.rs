@@ -50,6 +50,18 @@ impl Block {
         self.ids[lane] & TRANSPARENT != 0
     }
 
+    /// Bounds of all triangles, `[low, high][axis]`; unused lanes hold NaN.
+    #[inline(always)]
+    pub(super) fn bounds<S: Simd>(&self, simd: S) -> [[S::Vector; 3]; 2] {
+        let mut bounds = [[simd.splat(0.0); 3]; 2];
+        for axis in 0..3 {
+            let [a, b, c] = [0, 1, 2].map(|corner| simd.load(&self.corners[corner][axis]));
+            bounds[0][axis] = simd.min_or(simd.min_or(a, b), c);
+            bounds[1][axis] = simd.max_or(simd.max_or(a, b), c);
+        }
+        bounds
+    }
+
     /// The lanes whose bounds meet a box.
     #[inline(always)]
     pub(super) fn overlapping<S: Simd>(&self, simd: S, low: &[f32; 3], high: &[f32; 3]) -> Mask {

@@ -36,13 +36,26 @@ impl<A: FnMut(&Hit) -> bool> Work<u32> for CountOpen<'_, A> {
         let mut entry = self.bvh.root;
         let several = self.fan.directions.len() > 1;
         match if several { self.gather(simd, &mut entry) } else { None } {
-            Some(found) => self.fan.directions.chunks(CHUNK).map(|rays| self.test(simd, &found, rays)).sum(),
+            Some(found) => {
+                let mut open = 0;
+                for rays in self.fan.directions.chunks(CHUNK) {
+                    open += self.test(simd, &found, rays);
+                }
+                open
+            }
+            // A loop, not a closure: what is not inlined here is not compiled for the instruction set.
             None => {
-                let open = |ray: &Ray| match Query::new(ray, &self.bvh.bounds) {
-                    Some(query) => !occluded(simd, self.bvh, entry, &query, &mut self.accept),
-                    None => true,
-                };
-                self.fan.rays().filter(open).count() as u32
+                let Fan { origin, t_min, t_max, directions, .. } = *self.fan;
+                let mut open = 0;
+                for &direction in directions {
+                    let ray = Ray { origin, direction, t_min, t_max };
+                    let stopped = match Query::new(&ray, &self.bvh.bounds) {
+                        Some(query) => occluded(simd, self.bvh, entry, &query, &mut self.accept),
+                        None => false,
+                    };
+                    open += u32::from(!stopped);
+                }
+                open
             }
         }
     }

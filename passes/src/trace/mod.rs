@@ -8,9 +8,11 @@
 //! * [`Recorder`] keeps every ray of a pixel, for people to read.
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 
+mod beam;
 mod block;
 mod brute;
 mod build;
+mod bundle;
 mod bvh;
 mod clear;
 pub mod device;
