@@ -424,7 +424,9 @@ impl Scene {
             unsafe {
                 match &self.embree.trace {
                     Trace::Three { occluded16, .. } => occluded16(valid.0.as_ptr(), self.scene, context, &raw mut rays),
-                    Trace::Four { occluded16, .. } => occluded16(valid.0.as_ptr(), self.scene, &raw mut rays, arguments),
+                    Trace::Four { occluded16, .. } => {
+                        occluded16(valid.0.as_ptr(), self.scene, &raw mut rays, arguments)
+                    }
                 }
             }
         });
@@ -448,16 +450,20 @@ impl Scene {
         let rays = StreamRays(std::array::from_fn(|index| rows[index].cast()));
         let hits = std::array::from_fn(|index| rows[12 + index].cast());
         let stream = Stream { rays, hits };
-        self.with_context(coherent, |_, _| true, |context, _| {
-            // SAFETY: every row is as long as the stream, rows are not used elsewhere meanwhile.
-            unsafe {
-                if closest {
-                    intersect_stream(self.scene, context, &raw const stream, count as u32);
-                } else {
-                    occluded_stream(self.scene, context, &raw const stream.rays, count as u32);
+        self.with_context(
+            coherent,
+            |_, _| true,
+            |context, _| {
+                // SAFETY: every row is as long as the stream, rows are not used elsewhere meanwhile.
+                unsafe {
+                    if closest {
+                        intersect_stream(self.scene, context, &raw const stream, count as u32);
+                    } else {
+                        occluded_stream(self.scene, context, &raw const stream.rays, count as u32);
+                    }
                 }
-            }
-        });
+            },
+        );
         // What Embree wrote through the pointers is read through them.
         // SAFETY: `row` is below 20, and `ray` below the length of every row.
         let at = |row: usize, ray: usize| unsafe { *rows[row].add(ray) };

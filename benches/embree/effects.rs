@@ -63,12 +63,7 @@ impl Tracer for Peer<'_> {
         }
     }
 
-    fn occluded_packets(
-        &self,
-        packets: &[Packet],
-        blocked: &mut [u16],
-        mut accept: impl FnMut(usize, &Hit) -> bool,
-    ) {
+    fn occluded_packets(&self, packets: &[Packet], blocked: &mut [u16], mut accept: impl FnMut(usize, &Hit) -> bool) {
         let _flush = Flush::on();
         for (index, (packet, blocked)) in packets.iter().zip(blocked).enumerate() {
             *blocked = self.0.occluded16(packet, true, |lane, hit| accept(index * PACKET + lane, hit));

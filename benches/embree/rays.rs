@@ -2,9 +2,9 @@
 
 use crate::api::{Flush, Scene, StreamBuffer};
 use crate::scenes::Subject;
-use curitiba::passes::trace::{Bvh, Fan, Hit, PACKET, Packet, PacketHits, SurfacePoint, Tracer};
 use curitiba::passes::sampling::hash::{self, pixel_key};
 use curitiba::passes::sampling::hemisphere::{Basis, cosine};
+use curitiba::passes::trace::{Bvh, Fan, Hit, PACKET, Packet, PacketHits, SurfacePoint, Tracer};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -251,9 +251,14 @@ pub fn theirs(rays: &Rays, scene: &Scene, mode: Mode, sink: &impl Sink) -> u64 {
             let index = range.start + index;
             match mode {
                 Mode::Packets { coherent } if is_closest => {
-                    scene.closest16(packet, coherent, |_, _| true, |lane, hit| {
-                        hits += sink.count(index, lane, Some(hit));
-                    });
+                    scene.closest16(
+                        packet,
+                        coherent,
+                        |_, _| true,
+                        |lane, hit| {
+                            hits += sink.count(index, lane, Some(hit));
+                        },
+                    );
                 }
                 Mode::Packets { coherent } => {
                     let blocked = scene.occluded16(packet, coherent, |_, _| true);

@@ -1,9 +1,7 @@
 //! The scenes, their cameras and lights, and the jobs of their ray passes.
 
 use curitiba::passes::trace::{Bvh, Quality, Ray, Tracer};
-use curitiba::pipeline::backend::{
-    BackendError, BuildStats, NO_TRIANGLE, RayBackend, RayJob, RayStats, Shade, Sun,
-};
+use curitiba::pipeline::backend::{BackendError, BuildStats, NO_TRIANGLE, RayBackend, RayJob, RayStats, Shade, Sun};
 use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
@@ -223,8 +221,8 @@ fn open_file(name: &str, file: &Path, view: View, size: u32) -> Result<Subject, 
     let needs = Needs { normals: true, textures: false };
     let options = LoadOptions { needs, max_bytes: LoadOptions::DEFAULT_MAX_BYTES };
     let loaded = load(&[file.to_owned()], &options, &|_| {}).map_err(|error| text(&error))?;
-    let (scene, _) = RenderScene::build(loaded, &BuildOptions { needs, ..BuildOptions::default() })
-        .map_err(|error| text(&error))?;
+    let (scene, _) =
+        RenderScene::build(loaded, &BuildOptions { needs, ..BuildOptions::default() }).map_err(|error| text(&error))?;
     let scene = Arc::new(scene);
     let materials = scene.materials.len();
     let bvh = Bvh::build(&scene.geometry, &[], Quality::Balanced);

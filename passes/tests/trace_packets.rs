@@ -16,7 +16,10 @@ fn scenes() -> Vec<(&'static str, Geometry)> {
     twice.extend(twice.clone());
     let far: Vec<_> = soup(800, 0.2, &mut random).iter().map(|t| t.map(|p| p * 5.0 + Vec3::splat(1000.0))).collect();
     vec![
-        ("soup, a third of it transparent", geometry(&[(0, soup(2000, 0.1, &mut random)), (1, soup(1000, 0.1, &mut random))])),
+        (
+            "soup, a third of it transparent",
+            geometry(&[(0, soup(2000, 0.1, &mut random)), (1, soup(1000, 0.1, &mut random))]),
+        ),
         ("large triangles", geometry(&[(1, soup(300, 1.0, &mut random))])),
         ("terrain", geometry(&[(0, terrain(60))])),
         ("axis-aligned quads", geometry(&[(0, quads(200, &mut random)), (1, quads(80, &mut random))])),
@@ -124,7 +127,9 @@ fn packets_find_what_their_rays_find_one_by_one() {
     for (name, geometry) in scenes() {
         let packets = all_packets(&geometry);
         for lanes in SETS {
-            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_lanes(lanes) else { continue };
+            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_lanes(lanes) else {
+                continue;
+            };
             let mut hits = vec![PacketHits::NONE; packets.len()];
             bvh.closest_packets(&packets, &mut hits, |_, hit| accepts(hit));
             let mut blocked = vec![u16::MAX; packets.len()];

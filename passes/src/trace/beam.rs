@@ -173,15 +173,14 @@ impl Beam {
         let mut inverse = [zero; 3];
         let mut reach = [zero; 3];
         let mut origin = [zero; 3];
-        let absolute = |v: S::Wide| simd.wide_max_or(v, simd.wide_sub(zero, v));
         for axis in 0..3 {
             origin[axis] = simd.wide_load(&F16(packet.origin[axis]));
             let d = simd.wide_load(&F16(packet.direction[axis]));
             // Of one class, all are zero or none is; the product keeps the sign.
             direction[axis] = if class.0 >> (5 + axis) & 1 == 1 { simd.wide_mul(d, zero) } else { d };
             inverse[axis] = simd.wide_div(simd.wide_splat(1.0), direction[axis]);
-            let low = absolute(simd.wide_sub(simd.wide_splat(scene.low[axis]), origin[axis]));
-            let high = absolute(simd.wide_sub(simd.wide_splat(scene.high[axis]), origin[axis]));
+            let low = absolute(simd, simd.wide_sub(simd.wide_splat(scene.low[axis]), origin[axis]));
+            let high = absolute(simd, simd.wide_sub(simd.wide_splat(scene.high[axis]), origin[axis]));
             reach[axis] = simd.wide_min_or(simd.wide_max_or(low, high), simd.wide_splat(1.0e30));
         }
         let [x, y, z] = axes;
@@ -192,7 +191,7 @@ impl Beam {
         let backward = class.backward();
         for axis in 0..3 {
             let span = simd.wide_mul(simd.wide_add(reach[axis], reach[z]), simd.wide_splat(8.0 * UNIT_ROUNDOFF));
-            let own = simd.wide_mul(absolute(origin[axis]), simd.wide_splat(2.0 * UNIT_ROUNDOFF));
+            let own = simd.wide_mul(absolute(simd, origin[axis]), simd.wide_splat(2.0 * UNIT_ROUNDOFF));
             let pad = simd.wide_add(span, own);
             let (less, more) = (simd.wide_sub(origin[axis], pad), simd.wide_add(origin[axis], pad));
             let (near, far) = if backward[axis] == 0 { (more, less) } else { (less, more) };
@@ -211,24 +210,9 @@ impl Beam {
     /// one by one, because they pass through an edge or a corner.
     #[inline(always)]
     fn meet<S: Simd>(&self, simd: S, corners: &[[f32; 3]; 3]) -> Option<Met<S>> {
-        let [x, y, z] = self.axes;
-        let from = |axis: usize| simd.wide_load(&self.origin[axis]);
-        let [from_x, from_y, from_z] = [from(x), from(y), from(z)];
-        let shear = self.shear.each_ref().map(|shear| simd.wide_load(shear));
-        let seen = |corner: &[f32; 3]| {
-            let along = simd.wide_sub(simd.wide_splat(corner[z]), from_z);
-            let across_x = simd.wide_sub(simd.wide_splat(corner[x]), from_x);
-            let across_y = simd.wide_sub(simd.wide_splat(corner[y]), from_y);
-            [
-                simd.wide_sub(across_x, simd.wide_mul(shear[0], along)),
-                simd.wide_sub(across_y, simd.wide_mul(shear[1], along)),
-            ]
-        };
-        let [a, b, c] = [seen(&corners[0]), seen(&corners[1]), seen(&corners[2])];
-        let edge = |p: [S::Wide; 2], q: [S::Wide; 2]| {
-            simd.wide_sub(simd.wide_mul(p[0], q[1]), simd.wide_mul(p[1], q[0]))
-        };
-        let [edge_a, edge_b, edge_c] = [edge(c, b), edge(a, c), edge(b, a)];
+        let [a, b, c] = corners;
+        let [a, b, c] = [self.seen(simd, a), self.seen(simd, b), self.seen(simd, c)];
+        let [edge_a, edge_b, edge_c] = [edge(simd, c, b), edge(simd, a, c), edge(simd, b, a)];
         let least = simd.wide_min_or(simd.wide_min_or(edge_a, edge_b), edge_c);
         let most = simd.wide_max_or(simd.wide_max_or(edge_a, edge_b), edge_c);
         let zero = simd.wide_splat(0.0);
@@ -248,7 +232,7 @@ impl Beam {
         let possible = sure & (within | !finite);
         let touched = inside & !sure;
         if possible | touched == NO_LANES {
-            return None;
+            return Some(Met { sure: NO_LANES, touched, t, edges: [edge_a, edge_b, edge_c] });
         }
         // As in `Block::solve`, the distance is kept within the triangle's own bounds.
         let (enter, leave) = self.interval(simd, corners);
@@ -257,14 +241,26 @@ impl Beam {
         Some(Met { sure, touched, t, edges: [edge_a, edge_b, edge_c] })
     }
 
+    /// A corner as the rays see it: sheared. Where it lies along the main axis is not needed.
+    #[inline(always)]
+    fn seen<S: Simd>(&self, simd: S, corner: &[f32; 3]) -> [S::Wide; 2] {
+        let [x, y, z] = self.axes;
+        let along = simd.wide_sub(simd.wide_splat(corner[z]), simd.wide_load(&self.origin[z]));
+        let across_x = simd.wide_sub(simd.wide_splat(corner[x]), simd.wide_load(&self.origin[x]));
+        let across_y = simd.wide_sub(simd.wide_splat(corner[y]), simd.wide_load(&self.origin[y]));
+        [
+            simd.wide_sub(across_x, simd.wide_mul(simd.wide_load(&self.shear[0]), along)),
+            simd.wide_sub(across_y, simd.wide_mul(simd.wide_load(&self.shear[1]), along)),
+        ]
+    }
+
     /// [`Query::plane_distance`] of all rays.
     #[inline(always)]
     fn distance<S: Simd>(&self, simd: S, corners: &[[f32; 3]; 3]) -> S::Wide {
         let point = |p: &[f32; 3]| DVec3::new(p[0].into(), p[1].into(), p[2].into());
         let [a, b, c] = [point(&corners[0]), point(&corners[1]), point(&corners[2])];
         let normal = (b - a).cross(c - a);
-        let load = |values: &[F16; 3]| [0, 1, 2].map(|axis| simd.wide_load(&values[axis]));
-        simd.wide_plane(normal, a, load(&self.origin), load(&self.direction))
+        simd.wide_plane(normal, a, load(simd, &self.origin), load(simd, &self.direction))
     }
 
     /// [`Query::interval`] of all rays.
@@ -286,7 +282,24 @@ impl Beam {
         (enter, leave)
     }
 
-    /// Closes the rays that the triangle in a lane of a block stops.
+    /// Whether any open ray is in a box up to its limit, by [`Query::slabs`] for each.
+    #[inline(always)]
+    pub(super) fn enters<S: Simd>(&self, simd: S, planes: &[[f32; 3]; 2]) -> bool {
+        let mut enter = simd.wide_splat(self.t_min);
+        let mut leave = simd.wide_load(&self.limit);
+        let backward = self.class.backward();
+        for axis in 0..3 {
+            let side = backward[axis] & 1;
+            let inverse = simd.wide_load(&self.inverse[axis]);
+            let near = simd.wide_sub(simd.wide_splat(planes[side][axis]), simd.wide_load(&self.near_origin[axis]));
+            let far = simd.wide_sub(simd.wide_splat(planes[1 - side][axis]), simd.wide_load(&self.far_origin[axis]));
+            enter = simd.wide_max_or(simd.wide_mul(near, inverse), enter);
+            leave = simd.wide_min_or(simd.wide_mul(far, simd.wide_mul(inverse, simd.wide_splat(FAR))), leave);
+        }
+        simd.wide_at_most(enter, leave) & self.open != NO_LANES
+    }
+
+    /// Closes the rays that the triangle in a lane of a block stops. Returns whether any ray met its inside.
     #[inline(always)]
     pub(super) fn stop<S: Simd>(
         &mut self,
@@ -294,13 +307,14 @@ impl Beam {
         (block, lane): (&Block, usize),
         (packets, scene): (&[Packet], &Bounds),
         accept: &mut impl FnMut(usize, &Hit) -> bool,
-    ) {
+    ) -> bool {
         let corners = block.corners(lane);
-        let Some(Met { mut sure, touched, t, edges }) = self.meet(simd, &corners) else { return };
+        let Some(Met { mut sure, touched, t, edges }) = self.meet(simd, &corners) else { return false };
         sure &= simd.wide_below(t, simd.wide_load(&self.limit));
         if block.is_transparent(lane) && sure != NO_LANES {
             let t = simd.wide_store(t);
-            let [u, v] = barycentric(simd, edges).map(|values| simd.wide_store(values));
+            let [u, v] = barycentric(simd, edges);
+            let (u, v) = (simd.wide_store(u), simd.wide_store(v));
             let triangle = block.triangle(lane);
             let mut asked = sure;
             while asked != NO_LANES {
@@ -320,10 +334,11 @@ impl Beam {
                 }
             });
         }
+        true
     }
 
-    /// Keeps the hits on the triangle in a lane of a block that are nearer than those so far. Returns whether there were
-    /// any.
+    /// Keeps the hits on the triangle in a lane of a block that are nearer than those so far. Returns whether any ray met
+    /// its inside, and whether any was nearer.
     #[inline(always)]
     pub(super) fn approach<S: Simd>(
         &mut self,
@@ -331,9 +346,9 @@ impl Beam {
         (block, lane): (&Block, usize),
         (packets, scene): (&[Packet], &Bounds),
         accept: &mut impl FnMut(usize, &Hit) -> bool,
-    ) -> bool {
+    ) -> (bool, bool) {
         let corners = block.corners(lane);
-        let Some(Met { sure, touched, t, edges }) = self.meet(simd, &corners) else { return false };
+        let Some(Met { sure, touched, t, edges }) = self.meet(simd, &corners) else { return (false, false) };
         let triangle = block.triangle(lane);
         let limit = simd.wide_load(&self.limit);
         let mut nearer = sure & simd.wide_below(t, limit);
@@ -379,7 +394,7 @@ impl Beam {
                 }
             });
         }
-        changed
+        (true, changed)
     }
 
     /// Shows the hits of single rays on the triangle in a lane of a block up to their limits. All instruction sets give the
@@ -451,6 +466,22 @@ struct Met<S: Simd> {
     touched: Mask,
     t: S::Wide,
     edges: [S::Wide; 3],
+}
+
+#[inline(always)]
+fn absolute<S: Simd>(simd: S, values: S::Wide) -> S::Wide {
+    simd.wide_max_or(values, simd.wide_sub(simd.wide_splat(0.0), values))
+}
+
+#[inline(always)]
+fn load<S: Simd>(simd: S, [x, y, z]: &[F16; 3]) -> [S::Wide; 3] {
+    [simd.wide_load(x), simd.wide_load(y), simd.wide_load(z)]
+}
+
+/// The edge function of two corners as rays see them.
+#[inline(always)]
+fn edge<S: Simd>(simd: S, p: [S::Wide; 2], q: [S::Wide; 2]) -> S::Wide {
+    simd.wide_sub(simd.wide_mul(p[0], q[1]), simd.wide_mul(p[1], q[0]))
 }
 
 /// Barycentric coordinates of corners 1 and 2 from edge functions.

@@ -11,14 +11,14 @@
 
 use super::beam::{Beam, Class, Classes, FAR};
 use super::block::Block;
-use super::bvh::{Bvh, occluded};
+use super::bvh::{Bvh, Closest, occluded};
 use super::dispatch::Work;
 use super::lanes::{F8, F16, LANES, Mask, NO_LANES, Simd, WIDE, first_lane, without_first};
 use super::node::Child;
 use super::packet::{Packet, PacketHits};
 use super::query::Query;
 use super::stack::STACK;
-use super::{Hit, PACKET, Tracer};
+use super::{Hit, PACKET};
 
 /// Beams that go down the tree together.
 const BEAMS: usize = WIDE;
@@ -27,7 +27,7 @@ const PACKETS: usize = 16;
 /// Rays of a class and a packet below which each is traced by itself.
 const FEW: u32 = 3;
 
-/// See [`Tracer::closest_packets`].
+/// See [`Tracer::closest_packets`](super::Tracer::closest_packets).
 pub(super) struct ClosestPackets<'a, A> {
     pub(super) bvh: &'a Bvh,
     pub(super) packets: &'a [Packet],
@@ -35,7 +35,7 @@ pub(super) struct ClosestPackets<'a, A> {
     pub(super) accept: A,
 }
 
-/// See [`Tracer::occluded_packets`].
+/// See [`Tracer::occluded_packets`](super::Tracer::occluded_packets).
 pub(super) struct OccludedPackets<'a, A> {
     pub(super) bvh: &'a Bvh,
     pub(super) packets: &'a [Packet],
@@ -47,27 +47,10 @@ impl<A: FnMut(usize, &Hit) -> bool> Work<()> for ClosestPackets<'_, A> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         self.hits.fill(PacketHits::NONE);
-        if self.bvh.root == Child::NONE {
-            return;
+        if self.bvh.root != Child::NONE {
+            let sorted = Sorted { bvh: self.bvh, packets: self.packets };
+            sorted.each(simd, &mut self);
         }
-        let mut beams = [Beam::EMPTY; BEAMS];
-        let hits = self.hits;
-        let sorted = Sorted { bvh: self.bvh, packets: self.packets };
-        let accept = &mut self.accept;
-        sorted.each(simd, &mut beams, |found| match found {
-            Part::Beams(beams) => {
-                walk::<S, true>(simd, self.bvh, self.packets, beams, accept);
-                for beam in beams {
-                    beam.report(&mut hits[beam.packet]);
-                }
-            }
-            Part::Ray(packet, lane) => {
-                let hit = self.bvh.closest(&self.packets[packet].ray(lane), |hit| accept(packet * PACKET + lane, hit));
-                if let Some(hit) = hit {
-                    hits[packet].set(lane, &hit);
-                }
-            }
-        });
     }
 }
 
@@ -75,38 +58,62 @@ impl<A: FnMut(usize, &Hit) -> bool> Work<()> for OccludedPackets<'_, A> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         self.blocked.fill(0);
-        if self.bvh.root == Child::NONE {
-            return;
+        if self.bvh.root != Child::NONE {
+            let sorted = Sorted { bvh: self.bvh, packets: self.packets };
+            sorted.each(simd, &mut self);
         }
-        let mut beams = [Beam::EMPTY; BEAMS];
-        let blocked = self.blocked;
-        let sorted = Sorted { bvh: self.bvh, packets: self.packets };
-        let accept = &mut self.accept;
-        sorted.each(simd, &mut beams, |found| match found {
-            Part::Beams(beams) => {
-                let before: [Mask; BEAMS] = std::array::from_fn(|beam| beams.get(beam).map_or(NO_LANES, |b| b.open));
-                walk::<S, false>(simd, self.bvh, self.packets, beams, accept);
-                for (beam, before) in beams.iter().zip(before) {
-                    blocked[beam.packet] |= (before & !beam.open) as u16;
-                }
-            }
-            Part::Ray(packet, lane) => {
-                let Some(query) = Query::new(&self.packets[packet].ray(lane), &self.bvh.bounds) else { return };
-                let mut ask = |hit: &Hit| accept(packet * PACKET + lane, hit);
-                if occluded(simd, self.bvh, self.bvh.root, &query, &mut ask) {
-                    blocked[packet] |= 1 << lane;
-                }
-            }
-        });
     }
 }
 
-/// What rays were sorted into.
-enum Part<'b> {
+/// What is done with sorted rays. Not closures: those are compiled for the instruction set only where they are inlined.
+trait Part {
     /// Beams of one octant.
-    Beams(&'b mut [Beam]),
+    fn beams<S: Simd>(&mut self, simd: S, beams: &mut [Beam]);
     /// A lone ray: its packet and its lane.
-    Ray(usize, usize),
+    fn ray<S: Simd>(&mut self, simd: S, packet: usize, lane: usize);
+}
+
+impl<A: FnMut(usize, &Hit) -> bool> Part for ClosestPackets<'_, A> {
+    #[inline(always)]
+    fn beams<S: Simd>(&mut self, simd: S, beams: &mut [Beam]) {
+        walk::<S, true>(simd, self.bvh, self.packets, beams, &mut self.accept);
+        for beam in beams {
+            beam.report(&mut self.hits[beam.packet]);
+        }
+    }
+
+    #[inline(always)]
+    fn ray<S: Simd>(&mut self, simd: S, packet: usize, lane: usize) {
+        let (ray, accept) = (self.packets[packet].ray(lane), &mut self.accept);
+        let accept = |hit: &Hit| accept(packet * PACKET + lane, hit);
+        if let Some(hit) = (Closest { bvh: self.bvh, ray: &ray, accept }).run(simd) {
+            self.hits[packet].set(lane, &hit);
+        }
+    }
+}
+
+impl<A: FnMut(usize, &Hit) -> bool> Part for OccludedPackets<'_, A> {
+    #[inline(always)]
+    fn beams<S: Simd>(&mut self, simd: S, beams: &mut [Beam]) {
+        let mut before = [NO_LANES; BEAMS];
+        for (before, beam) in before.iter_mut().zip(&*beams) {
+            *before = beam.open;
+        }
+        walk::<S, false>(simd, self.bvh, self.packets, beams, &mut self.accept);
+        for (beam, before) in beams.iter().zip(before) {
+            self.blocked[beam.packet] |= (before & !beam.open) as u16;
+        }
+    }
+
+    #[inline(always)]
+    fn ray<S: Simd>(&mut self, simd: S, packet: usize, lane: usize) {
+        let Some(query) = Query::new(&self.packets[packet].ray(lane), &self.bvh.bounds) else { return };
+        let accept = &mut self.accept;
+        let mut accept = |hit: &Hit| accept(packet * PACKET + lane, hit);
+        if occluded(simd, self.bvh, self.bvh.root, &query, &mut accept) {
+            self.blocked[packet] |= 1 << lane;
+        }
+    }
 }
 
 /// Packets, sorted into beams.
@@ -116,9 +123,10 @@ struct Sorted<'a> {
 }
 
 impl Sorted<'_> {
-    /// Calls `each` with all rays that can meet anything.
+    /// Hands over all rays that can meet anything.
     #[inline(always)]
-    fn each<S: Simd>(&self, simd: S, beams: &mut [Beam; BEAMS], mut each: impl FnMut(Part<'_>)) {
+    fn each<S: Simd>(&self, simd: S, part: &mut impl Part) {
+        let mut beams = [Beam::EMPTY; BEAMS];
         for (chunk, packets) in self.packets.chunks(PACKETS).enumerate() {
             let mut classes = [Classes::NONE; PACKETS];
             let mut left = [NO_LANES; PACKETS];
@@ -145,7 +153,7 @@ impl Sorted<'_> {
                         if lanes.count_ones() < FEW {
                             let mut lanes = lanes;
                             while lanes != NO_LANES {
-                                each(Part::Ray(packet, lanes.trailing_zeros() as usize));
+                                part.ray(simd, packet, lanes.trailing_zeros() as usize);
                                 lanes &= lanes - 1;
                             }
                             continue;
@@ -153,13 +161,13 @@ impl Sorted<'_> {
                         beams[len].prepare(simd, &packets[index], (packet, lanes, class), &self.bvh.bounds);
                         len += 1;
                         if len == BEAMS {
-                            each(Part::Beams(beams));
+                            part.beams(simd, &mut beams);
                             len = 0;
                         }
                     }
                 }
                 if len > 0 {
-                    each(Part::Beams(&mut beams[..len]));
+                    part.beams(simd, &mut beams[..len]);
                 }
             }
         }
@@ -249,10 +257,12 @@ impl Intervals {
         let mut enter = simd.splat(extremes.t_min);
         let mut leave = simd.splat(extremes.limit);
         for axis in 0..3 {
-            let [near, far] = [self.backward[axis], 1 - self.backward[axis]].map(|side| planes[side & 1][axis]);
+            let side = self.backward[axis] & 1;
+            let (near, far) = (planes[side][axis], planes[1 - side][axis]);
             let near = simd.sub(near, simd.splat(extremes.near_origin[axis]));
             let far = simd.sub(far, simd.splat(extremes.far_origin[axis]));
-            let [low, high] = [0, 1].map(|end| simd.splat(extremes.inverse[end][axis]));
+            let low = simd.splat(extremes.inverse[0][axis]);
+            let high = simd.splat(extremes.inverse[1][axis]);
             enter = simd.max_or(simd.min_or(simd.mul(near, low), simd.mul(near, high)), enter);
             let stretched = simd.splat(FAR);
             let (low, high) = (simd.mul(low, stretched), simd.mul(high, stretched));
@@ -268,10 +278,12 @@ impl Intervals {
         let mut enter = simd.wide_load(&extremes.t_min);
         let mut leave = simd.wide_load(&extremes.limit);
         for axis in 0..3 {
-            let [near, far] = [self.backward[axis], 1 - self.backward[axis]].map(|side| planes[side & 1][axis]);
+            let side = self.backward[axis] & 1;
+            let (near, far) = (planes[side][axis], planes[1 - side][axis]);
             let near = simd.wide_sub(simd.wide_splat(near), simd.wide_load(&extremes.near_origin[axis]));
             let far = simd.wide_sub(simd.wide_splat(far), simd.wide_load(&extremes.far_origin[axis]));
-            let [low, high] = [0, 1].map(|end| simd.wide_load(&extremes.inverse[end][axis]));
+            let low = simd.wide_load(&extremes.inverse[0][axis]);
+            let high = simd.wide_load(&extremes.inverse[1][axis]);
             let least = simd.wide_min_or(simd.wide_mul(near, low), simd.wide_mul(near, high));
             enter = simd.wide_max_or(least, enter);
             let stretched = simd.wide_splat(FAR);
@@ -310,6 +322,9 @@ fn walk<S: Simd, const NEAREST: bool>(
     let mut intervals = Intervals::new(simd, beams);
     // Beams with rays that are still looking.
     let mut alive: Mask = (1 << beams.len()) - 1;
+    // Beams whose interval lately let through what none of their rays meets: a wide one, as at the edge of a roof. Their
+    // rays are tested too, until that proves needless.
+    let mut loose: Mask = NO_LANES;
     let mut stack = [(0_u64, NO_LANES); STACK];
     let mut depth = 0;
     let (mut current, mut mask) = (bvh.root, alive);
@@ -319,7 +334,7 @@ fn walk<S: Simd, const NEAREST: bool>(
                 simd,
                 (bvh, packets),
                 &bvh.blocks[current.index()],
-                (beams, &mut intervals, &mut alive),
+                (beams, &mut intervals, &mut alive, &mut loose),
                 mask,
                 accept,
             );
@@ -328,7 +343,11 @@ fn walk<S: Simd, const NEAREST: bool>(
             }
         } else {
             let node = &bvh.nodes[current.index()];
-            let planes = node.planes.each_ref().map(|side| side.each_ref().map(|plane| simd.load(plane)));
+            let mut planes = [[simd.splat(0.0); 3]; 2];
+            for axis in 0..3 {
+                planes[0][axis] = simd.load(&node.planes[0][axis]);
+                planes[1][axis] = simd.load(&node.planes[1][axis]);
+            }
             let (mut lanes, enter) = if mask & (mask - 1) == 0 {
                 let own = intervals.of_beam(mask.trailing_zeros() as usize);
                 intervals.boxes(simd, &own, planes)
@@ -340,12 +359,24 @@ fn walk<S: Simd, const NEAREST: bool>(
             while lanes != NO_LANES {
                 let lane = first_lane(lanes);
                 lanes = without_first(lanes);
-                let met = if mask & (mask - 1) == 0 {
-                    mask
-                } else {
-                    let bounds = [0, 1].map(|side| [0, 1, 2].map(|axis| node.planes[side][axis].0[lane]));
-                    intervals.beams(simd, bounds) & mask
+                let at = |side: usize| {
+                    let [x, y, z] = &node.planes[side];
+                    [x.0[lane], y.0[lane], z.0[lane]]
                 };
+                let bounds = [at(0), at(1)];
+                let lone = mask & (mask - 1) == 0;
+                let mut met = if lone { mask } else { intervals.beams(simd, bounds) & mask };
+                let mut doubtful = met & loose;
+                while doubtful != NO_LANES {
+                    let index = doubtful.trailing_zeros() as usize;
+                    let beam: Mask = 1 << index;
+                    doubtful &= !beam;
+                    if beams[index].enters(simd, &bounds) {
+                        loose &= !beam;
+                    } else {
+                        met &= !beam;
+                    }
+                }
                 if met == NO_LANES {
                     continue;
                 }
@@ -382,7 +413,7 @@ fn leaf<S: Simd, const NEAREST: bool>(
     simd: S,
     (bvh, packets): (&Bvh, &[Packet]),
     block: &Block,
-    (beams, intervals, alive): (&mut [Beam], &mut Intervals, &mut Mask),
+    (beams, intervals, alive, loose): (&mut [Beam], &mut Intervals, &mut Mask, &mut Mask),
     mask: Mask,
     accept: &mut impl FnMut(usize, &Hit) -> bool,
 ) {
@@ -399,7 +430,11 @@ fn leaf<S: Simd, const NEAREST: bool>(
     if lanes == NO_LANES {
         return;
     }
-    let stored: [[F8; 3]; 2] = bounds.map(|side| side.map(|values| simd.store(values)));
+    let mut stored = [[F8([0.0; LANES]); 3]; 2];
+    for axis in 0..3 {
+        stored[0][axis] = simd.store(bounds[0][axis]);
+        stored[1][axis] = simd.store(bounds[1][axis]);
+    }
     let mut changed = false;
     while lanes != NO_LANES {
         let lane = first_lane(lanes) & (LANES - 1);
@@ -407,7 +442,11 @@ fn leaf<S: Simd, const NEAREST: bool>(
         let mut met = if lone {
             mask
         } else {
-            intervals.beams(simd, [0, 1].map(|side| [0, 1, 2].map(|axis| stored[side][axis].0[lane]))) & mask
+            let at = |side: usize| {
+                let [x, y, z] = &stored[side];
+                [x.0[lane], y.0[lane], z.0[lane]]
+            };
+            intervals.beams(simd, [at(0), at(1)]) & mask
         };
         met &= *alive;
         while met != NO_LANES {
@@ -415,12 +454,15 @@ fn leaf<S: Simd, const NEAREST: bool>(
             met &= met - 1;
             let beam = &mut beams[index];
             if NEAREST {
-                if beam.approach(simd, (block, lane), (packets, &bvh.bounds), accept) {
+                let (met, nearer) = beam.approach(simd, (block, lane), (packets, &bvh.bounds), accept);
+                *loose |= Mask::from(!met) << index;
+                if nearer {
                     intervals.beams.limit.0[index & (WIDE - 1)] = beam.range(simd, &beam.limit).1;
                     changed = true;
                 }
             } else {
-                beam.stop(simd, (block, lane), (packets, &bvh.bounds), accept);
+                let met = beam.stop(simd, (block, lane), (packets, &bvh.bounds), accept);
+                *loose |= Mask::from(!met) << index;
                 if beam.open == NO_LANES {
                     *alive &= !(1 << index);
                 }

@@ -157,10 +157,10 @@ impl Tracer for Bvh {
     }
 }
 
-struct Closest<'a, A> {
-    bvh: &'a Bvh,
-    ray: &'a Ray,
-    accept: A,
+pub(super) struct Closest<'a, A> {
+    pub(super) bvh: &'a Bvh,
+    pub(super) ray: &'a Ray,
+    pub(super) accept: A,
 }
 
 impl<A: FnMut(&Hit) -> bool> Work<Option<Hit>> for Closest<'_, A> {

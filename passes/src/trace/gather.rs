@@ -2,7 +2,7 @@
 
 use super::block::Block;
 use super::bvh::{Bvh, occluded};
-use super::clear::Plane;
+use super::clear::{Ball, Plane, slack};
 use super::dispatch::Work;
 use super::facet::{CHUNK, Facet, LONGEST, Rays};
 use super::lanes::{Mask, NO_LANES, Simd, first_lane, without_first};
@@ -14,6 +14,8 @@ use glam::Vec3;
 
 /// Triangles gathered at most; with more in reach, each ray is traced by itself.
 const GATHERED: u32 = 160;
+/// How many times longer than the rays a scene must be for triangles to be gathered.
+const LONG: f32 = 4.0;
 /// Nodes and blocks looked into at most before giving up.
 const VISITS: usize = 96;
 
@@ -101,9 +103,12 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
             return None;
         }
         let (bounds, origin) = (&self.bvh.bounds, self.fan.origin);
-        let reach = (bounds.low - origin).abs().max((bounds.high - origin).abs());
-        let pad =
-            (reach + Vec3::splat(reach.max_element())) * (8.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
+        // Long rays have too many triangles in reach.
+        if !(self.fan.t_max * LONG < (bounds.high - bounds.low).max_element()) {
+            return None;
+        }
+        let pad = slack(bounds, origin);
+        let ball = Ball::new(origin, self.fan.t_max * LONGEST, pad);
         let t = self.fan.t_max * (1.0 + 16.0 * UNIT_ROUNDOFF);
         let (low, high) = (origin + low * t - pad, origin + high * t + pad);
         if !(low.is_finite() && high.is_finite()) {
@@ -129,6 +134,9 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                     lanes &= !block.behind(simd, plane);
                 }
                 if lanes != NO_LANES {
+                    lanes &= !block.outside(simd, &ball);
+                }
+                if lanes != NO_LANES {
                     triangles += lanes.count_ones();
                     found.sources[found.len] = (current, lanes);
                     found.len += 1;
@@ -140,6 +148,9 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                     && lanes != NO_LANES
                 {
                     lanes &= !node.behind(simd, plane);
+                }
+                if lanes != NO_LANES {
+                    lanes &= !node.outside(simd, &ball);
                 }
                 if lanes.count_ones() == 1 && current == *entry {
                     *entry = node.children[first_lane(lanes)];

@@ -173,12 +173,7 @@ pub trait Tracer: Sync {
     ///
     /// # Panics
     /// If `blocked` is not as long as `packets`.
-    fn occluded_packets(
-        &self,
-        packets: &[Packet],
-        blocked: &mut [u16],
-        mut accept: impl FnMut(usize, &Hit) -> bool,
-    ) {
+    fn occluded_packets(&self, packets: &[Packet], blocked: &mut [u16], mut accept: impl FnMut(usize, &Hit) -> bool) {
         assert_eq!(packets.len(), blocked.len(), "one result for each packet");
         for (index, (packet, blocked)) in packets.iter().zip(blocked).enumerate() {
             *blocked = 0;

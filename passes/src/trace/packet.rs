@@ -79,8 +79,7 @@ pub struct PacketHits {
 
 impl PacketHits {
     /// No ray meets anything.
-    pub const NONE: Self =
-        Self { t: [0.0; PACKET], u: [0.0; PACKET], v: [0.0; PACKET], triangle: [0; PACKET], hit: 0 };
+    pub const NONE: Self = Self { t: [0.0; PACKET], u: [0.0; PACKET], v: [0.0; PACKET], triangle: [0; PACKET], hit: 0 };
 
     /// What the ray in a lane meets.
     #[must_use]

@@ -59,6 +59,32 @@ impl Avx512 {
     }
 }
 
+impl Avx2 {
+    /// [`Simd::wide_plane`] of eight rays: `[origin, direction][axis]`.
+    #[inline(always)]
+    fn plane(self, normal: DVec3, corner: DVec3, rays: [[__m256; 3]; 2]) -> __m256 {
+        // SAFETY: AVX is present, since `self` exists.
+        unsafe {
+            let (mut over, mut under) = ([_mm256_setzero_pd(); 2], [_mm256_setzero_pd(); 2]);
+            for axis in 0..3 {
+                let (along, corner) = (_mm256_set1_pd(normal[axis]), _mm256_set1_pd(corner[axis]));
+                let (o, d) = (rays[0][axis], rays[1][axis]);
+                let low = [_mm256_castps256_ps128(o), _mm256_castps256_ps128(d)];
+                let high = [_mm256_extractf128_ps::<1>(o), _mm256_extractf128_ps::<1>(d)];
+                for (half, [o, d]) in [low, high].into_iter().enumerate() {
+                    let to = _mm256_sub_pd(corner, _mm256_cvtps_pd(o));
+                    let (a, b) = (_mm256_mul_pd(along, to), _mm256_mul_pd(along, _mm256_cvtps_pd(d)));
+                    over[half] = if axis == 0 { a } else { _mm256_add_pd(over[half], a) };
+                    under[half] = if axis == 0 { b } else { _mm256_add_pd(under[half], b) };
+                }
+            }
+            let low = _mm256_cvtpd_ps(_mm256_div_pd(over[0], under[0]));
+            let high = _mm256_cvtpd_ps(_mm256_div_pd(over[1], under[1]));
+            _mm256_set_m128(high, low)
+        }
+    }
+}
+
 /// The operations that both instruction sets spell alike.
 macro_rules! common {
     () => {
@@ -172,6 +198,11 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn wide_about_mul_add(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2], [e, f]: [__m256; 2]) -> [__m256; 2] {
+        [self.about_mul_add(a, c, e), self.about_mul_add(b, d, f)]
+    }
+
+    #[inline(always)]
     fn wide_max_or(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> [__m256; 2] {
         [self.max_or(a, c), self.max_or(b, d)]
     }
@@ -201,11 +232,9 @@ impl Simd for Avx2 {
         // SAFETY: AVX2 is present, since `self` exists.
         unsafe {
             let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-            let lanes = |mask: Mask| {
-                let set = _mm256_and_si256(_mm256_set1_epi32(mask as i32), bits);
-                _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, bits))
-            };
-            [_mm256_blendv_ps(c, a, lanes(mask)), _mm256_blendv_ps(d, b, lanes(mask >> 8))]
+            let low = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits);
+            let high = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32((mask >> 8) as i32), bits), bits);
+            [_mm256_blendv_ps(c, a, _mm256_castsi256_ps(low)), _mm256_blendv_ps(d, b, _mm256_castsi256_ps(high))]
         }
     }
 
@@ -217,25 +246,15 @@ impl Simd for Avx2 {
         origin: [[__m256; 2]; 3],
         direction: [[__m256; 2]; 3],
     ) -> [__m256; 2] {
-        // SAFETY: AVX is present, since `self` exists.
-        unsafe {
-            let four = |half: usize, high: bool| {
-                let widen = |vector: [__m256; 2]| {
-                    let vector = vector[half];
-                    let part = if high { _mm256_extractf128_ps::<1>(vector) } else { _mm256_castps256_ps128(vector) };
-                    _mm256_cvtps_pd(part)
-                };
-                let (mut over, mut under) = (_mm256_setzero_pd(), _mm256_setzero_pd());
-                for axis in 0..3 {
-                    let along = _mm256_set1_pd(normal[axis]);
-                    let to = _mm256_sub_pd(_mm256_set1_pd(corner[axis]), widen(origin[axis]));
-                    let (a, b) = (_mm256_mul_pd(along, to), _mm256_mul_pd(along, widen(direction[axis])));
-                    (over, under) = if axis == 0 { (a, b) } else { (_mm256_add_pd(over, a), _mm256_add_pd(under, b)) };
-                }
-                _mm256_cvtpd_ps(_mm256_div_pd(over, under))
-            };
-            [0, 1].map(|half| _mm256_set_m128(four(half, true), four(half, false)))
+        let mut result = origin[0];
+        for half in 0..2 {
+            let part = [
+                [origin[0][half], origin[1][half], origin[2][half]],
+                [direction[0][half], direction[1][half], direction[2][half]],
+            ];
+            result[half] = self.plane(normal, corner, part);
         }
+        result
     }
 }
 
@@ -295,6 +314,12 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn wide_about_mul_add(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_fmadd_ps(a, b, c) }
+    }
+
+    #[inline(always)]
     fn wide_max_or(self, a: __m512, b: __m512) -> __m512 {
         // SAFETY: AVX-512 F is present, since `self` exists.
         unsafe { _mm512_max_ps(a, b) }
@@ -328,21 +353,22 @@ impl Simd for Avx512 {
     fn wide_plane(self, normal: DVec3, corner: DVec3, origin: [__m512; 3], direction: [__m512; 3]) -> __m512 {
         // SAFETY: AVX-512 F and DQ are present, since `self` exists.
         unsafe {
-            let eight = |high: bool| {
-                let widen = |vector: __m512| {
-                    let low = _mm512_castps512_ps256(vector);
-                    _mm512_cvtps_pd(if high { _mm512_extractf32x8_ps::<1>(vector) } else { low })
-                };
-                let (mut over, mut under) = (_mm512_setzero_pd(), _mm512_setzero_pd());
-                for axis in 0..3 {
-                    let along = _mm512_set1_pd(normal[axis]);
-                    let to = _mm512_sub_pd(_mm512_set1_pd(corner[axis]), widen(origin[axis]));
-                    let (a, b) = (_mm512_mul_pd(along, to), _mm512_mul_pd(along, widen(direction[axis])));
-                    (over, under) = if axis == 0 { (a, b) } else { (_mm512_add_pd(over, a), _mm512_add_pd(under, b)) };
+            let (mut over, mut under) = ([_mm512_setzero_pd(); 2], [_mm512_setzero_pd(); 2]);
+            for axis in 0..3 {
+                let (along, corner) = (_mm512_set1_pd(normal[axis]), _mm512_set1_pd(corner[axis]));
+                let (o, d) = (origin[axis], direction[axis]);
+                let low = [_mm512_castps512_ps256(o), _mm512_castps512_ps256(d)];
+                let high = [_mm512_extractf32x8_ps::<1>(o), _mm512_extractf32x8_ps::<1>(d)];
+                for (half, [o, d]) in [low, high].into_iter().enumerate() {
+                    let to = _mm512_sub_pd(corner, _mm512_cvtps_pd(o));
+                    let (a, b) = (_mm512_mul_pd(along, to), _mm512_mul_pd(along, _mm512_cvtps_pd(d)));
+                    over[half] = if axis == 0 { a } else { _mm512_add_pd(over[half], a) };
+                    under[half] = if axis == 0 { b } else { _mm512_add_pd(under[half], b) };
                 }
-                _mm512_cvtpd_ps(_mm512_div_pd(over, under))
-            };
-            _mm512_insertf32x8::<1>(_mm512_castps256_ps512(eight(false)), eight(true))
+            }
+            let low = _mm512_cvtpd_ps(_mm512_div_pd(over[0], under[0]));
+            let high = _mm512_cvtpd_ps(_mm512_div_pd(over[1], under[1]));
+            _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high)
         }
     }
 }
