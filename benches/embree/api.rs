@@ -1,6 +1,10 @@
 //! The few functions of Embree that the bench calls, of versions 3 and 4, looked up in a library at run time.
 #![allow(unsafe_code, reason = "a C interface")]
 
+use crate::layout::{
+    Arguments, Asker, Context, Filter, FilterArguments, INVALID, RayHit, Stream, StreamBuffer, StreamRays, one,
+    sixteen, valid,
+};
 use curitiba::passes::trace::{Hit, PACKET, Packet};
 use libloading::Library;
 use std::ffi::{CString, c_char, c_int, c_void};
@@ -11,18 +15,6 @@ use std::sync::atomic::{AtomicIsize, Ordering};
 
 type Handle = *mut c_void;
 
-/// `RTCFilterFunctionNArguments`.
-#[repr(C)]
-struct FilterArguments {
-    valid: *mut c_int,
-    geometry_user: *mut c_void,
-    context: *mut c_void,
-    ray: *mut f32,
-    hit: *mut f32,
-    count: u32,
-}
-
-type Filter = unsafe extern "C" fn(*const FilterArguments);
 type Monitor = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
 
 macro_rules! functions {
@@ -77,87 +69,6 @@ enum Trace {
         intersect16: unsafe extern "C" fn(*const c_int, Handle, *mut RayHit<PACKET>, *mut Arguments),
         occluded16: unsafe extern "C" fn(*const c_int, Handle, *mut RayHit<PACKET>, *mut Arguments),
     },
-}
-
-/// `RTCIntersectContext` of version 3, or `RTCRayQueryContext` of version 4 in its last two fields, and who is asked about
-/// hits on transparent triangles. Both versions hand its address to filters.
-#[repr(C)]
-struct Context {
-    /// Version 3 only.
-    flags: c_int,
-    filter: Option<Filter>,
-    /// Version 3: the instance; version 4 is shown the context from here on.
-    instance: [u32; 2],
-    asker: *const Asker,
-}
-
-/// What a filter asks. The closure gets the lane, geometry, primitive, and t, u, v.
-struct Asker {
-    closure: *mut c_void,
-    call: unsafe fn(*mut c_void, usize, u32, u32, [f32; 3]) -> bool,
-}
-
-/// `RTCIntersectArguments` and `RTCOccludedArguments` of version 4.
-#[repr(C)]
-struct Arguments {
-    flags: c_int,
-    features: u32,
-    context: *mut c_void,
-    filter: Option<Filter>,
-    intersect: *const c_void,
-    spare: [u64; 2],
-}
-
-/// `RTCRayHit`, `RTCRayHit16`; the last field is more than version 3 has. An occlusion query reads the first twelve rows.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-struct RayHit<const N: usize> {
-    origin: [[f32; N]; 3],
-    near: [f32; N],
-    direction: [[f32; N]; 3],
-    time: [f32; N],
-    far: [f32; N],
-    mask: [u32; N],
-    id: [u32; N],
-    flags: [u32; N],
-    normal: [[f32; N]; 3],
-    u: [f32; N],
-    v: [f32; N],
-    primitive: [u32; N],
-    geometry: [u32; N],
-    instance: [[u32; N]; 2],
-}
-
-/// `RTCRayNp`.
-#[repr(C)]
-struct StreamRays([*mut c_void; 12]);
-
-/// `RTCRayHitNp`.
-#[repr(C)]
-struct Stream {
-    rays: StreamRays,
-    hits: [*mut c_void; 8],
-}
-
-const INVALID: u32 = u32::MAX;
-
-impl<const N: usize> RayHit<N> {
-    const EMPTY: Self = Self {
-        origin: [[0.0; N]; 3],
-        near: [0.0; N],
-        direction: [[0.0; N]; 3],
-        time: [0.0; N],
-        far: [0.0; N],
-        mask: [u32::MAX; N],
-        id: [0; N],
-        flags: [0; N],
-        normal: [[0.0; N]; 3],
-        u: [0.0; N],
-        v: [0.0; N],
-        primitive: [INVALID; N],
-        geometry: [INVALID; N],
-        instance: [[INVALID; N]; 2],
-    };
 }
 
 /// Embree, loaded.
@@ -505,83 +416,6 @@ impl Drop for Scene {
     }
 }
 
-/// Rows of a stream: the twelve of `RTCRayNp` and eight of `RTCHitNp`; integers by their bits.
-pub struct StreamBuffer {
-    rows: [Vec<f32>; 20],
-    /// 16 times the packet plus the lane.
-    origin_of: Vec<u32>,
-}
-
-impl StreamBuffer {
-    /// For up to so many packets.
-    pub fn new(packets: usize) -> Self {
-        let rows = std::array::from_fn(|_| vec![0.0; packets * PACKET]);
-        Self { rows, origin_of: vec![0; packets * PACKET] }
-    }
-
-    fn fill(&mut self, packets: &[Packet]) -> usize {
-        let mut count = 0;
-        for (index, packet) in packets.iter().enumerate() {
-            if packet.active == u16::MAX {
-                let range = count..count + PACKET;
-                for axis in 0..3 {
-                    self.rows[axis][range.clone()].copy_from_slice(&packet.origin[axis]);
-                    self.rows[4 + axis][range.clone()].copy_from_slice(&packet.direction[axis]);
-                }
-                self.rows[3][range.clone()].fill(packet.t_min);
-                self.rows[8][range].fill(packet.t_max);
-                for lane in 0..PACKET {
-                    self.origin_of[count + lane] = (index * PACKET + lane) as u32;
-                }
-                count += PACKET;
-                continue;
-            }
-            for lane in packet.lanes() {
-                for axis in 0..3 {
-                    self.rows[axis][count] = packet.origin[axis][lane];
-                    self.rows[4 + axis][count] = packet.direction[axis][lane];
-                }
-                self.rows[3][count] = packet.t_min;
-                self.rows[8][count] = packet.t_max;
-                self.origin_of[count] = (index * PACKET + lane) as u32;
-                count += 1;
-            }
-        }
-        let none = f32::from_bits(u32::MAX);
-        for row in [9, 17, 18, 19] {
-            self.rows[row][..count].fill(none);
-        }
-        count
-    }
-}
-
-fn one(packet: &Packet, lane: usize) -> RayHit<1> {
-    RayHit {
-        origin: packet.origin.map(|axis| [axis[lane]]),
-        direction: packet.direction.map(|axis| [axis[lane]]),
-        near: [packet.t_min],
-        far: [packet.t_max],
-        ..RayHit::EMPTY
-    }
-}
-
-fn sixteen(packet: &Packet) -> RayHit<PACKET> {
-    RayHit {
-        origin: packet.origin,
-        direction: packet.direction,
-        near: [packet.t_min; PACKET],
-        far: [packet.t_max; PACKET],
-        ..RayHit::EMPTY
-    }
-}
-
-#[repr(C, align(64))]
-struct Valid([c_int; PACKET]);
-
-fn valid(active: u16) -> Valid {
-    Valid(std::array::from_fn(|lane| -c_int::from(active >> lane & 1)))
-}
-
 unsafe extern "C" fn filter3(arguments: *const FilterArguments) {
     // SAFETY: version 3 hands over the context of the query.
     unsafe { filter(arguments, (*(*arguments).context.cast::<Context>()).asker) }
@@ -616,42 +450,3 @@ unsafe fn filter(arguments: *const FilterArguments, asker: *const Asker) {
         }
     }
 }
-
-/// Denormal numbers are flushed to zero while it lives, as Embree's manual recommends.
-pub struct Flush(u32);
-
-impl Flush {
-    pub fn on() -> Self {
-        let saved = control();
-        set_control(saved | 0x8040);
-        Self(saved)
-    }
-}
-
-impl Drop for Flush {
-    fn drop(&mut self) {
-        set_control(self.0);
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-fn control() -> u32 {
-    let mut value = 0_u32;
-    // SAFETY: stores four bytes at a valid address.
-    unsafe { std::arch::asm!("stmxcsr [{}]", in(reg) &raw mut value, options(nostack)) };
-    value
-}
-
-#[cfg(target_arch = "x86_64")]
-fn set_control(value: u32) {
-    // SAFETY: only the bits for denormals differ from what the thread had; the bench's own code does not depend on them.
-    unsafe { std::arch::asm!("ldmxcsr [{}]", in(reg) &raw const value, options(nostack)) };
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn control() -> u32 {
-    0
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn set_control(_: u32) {}

@@ -1,6 +1,7 @@
 //! Whole ray passes: ours, and the same programs with Embree behind the tracer.
 
-use crate::api::{Flush, Scene};
+use crate::api::Scene;
+use crate::flush::Flush;
 use crate::scenes::OwnedJob;
 use curitiba::passes::cpu::{self, CpuRays};
 use curitiba::passes::trace::{Fan, Hit, PACKET, Packet, PacketHits, Ray, Tracer};
@@ -99,14 +100,16 @@ impl Picture {
         Self { image: blank(job, scene), rays: RayCounts::default() }
     }
 
-    /// Pixels of which any channel differs in any bit, and the largest difference.
-    pub fn differs(&self, other: &Self) -> (usize, f32) {
-        let mut found = (0, 0.0_f32);
+    /// Pixels of which any channel differs in any bit, those of which one differs by more than 2 of 255, and the largest
+    /// difference.
+    pub fn differs(&self, other: &Self) -> (usize, usize, f32) {
+        let mut found = (0, 0, 0.0_f32);
         for (a, b) in self.image.pixels.iter().zip(&other.image.pixels) {
             if a != b {
                 found.0 += 1;
-                let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
-                found.1 = differences.fold(found.1, f32::max);
+                let most = a.iter().zip(b).fold(0.0_f32, |most, (a, b)| most.max((a - b).abs()));
+                found.1 += usize::from(most > 2.0 / 255.0);
+                found.2 = found.2.max(most);
             }
         }
         found

@@ -15,6 +15,8 @@ mod api;
 mod contest;
 mod duel;
 mod effects;
+mod flush;
+mod layout;
 mod rays;
 mod scenes;
 
@@ -126,8 +128,9 @@ struct EffectRow {
     rays: u64,
     rays_certain: u64,
     rays_embree: u64,
-    /// Pixels that differ in any bit, and by how much at most.
+    /// Pixels that differ in any bit, by more than 2 of 255, and by how much at most.
     pixels_differing: usize,
+    pixels_differing_visibly: usize,
     largest_difference: f32,
     robust_pixels_differing: usize,
     ours: Times,
@@ -325,7 +328,7 @@ fn effect(
     rounds(&mut final_round, count, &workers);
     let times: Vec<Times> = final_round.iter().map(|contestant| contestant.times.clone()).collect();
     drop(final_round);
-    let (pixels_differing, largest_difference) = mine.differs(&other);
+    let (pixels_differing, pixels_differing_visibly, largest_difference) = mine.differs(&other);
     let row = EffectRow {
         effect: name,
         threads,
@@ -333,6 +336,7 @@ fn effect(
         rays_certain: mine.rays.certain,
         rays_embree: other.rays.total(),
         pixels_differing,
+        pixels_differing_visibly,
         largest_difference,
         robust_pixels_differing: mine.differs(&careful).0,
         ratio: times[1].cost() / times[0].cost(),

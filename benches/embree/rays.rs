@@ -1,6 +1,8 @@
 //! The rays, and both sides' ways of tracing them.
 
-use crate::api::{Flush, Scene, StreamBuffer};
+use crate::api::Scene;
+use crate::flush::Flush;
+use crate::layout::StreamBuffer;
 use crate::scenes::Subject;
 use curitiba::passes::sampling::hash::{self, pixel_key};
 use curitiba::passes::sampling::hemisphere::{Basis, cosine};

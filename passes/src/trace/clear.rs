@@ -83,8 +83,9 @@ pub(super) struct ClearAbove<'a> {
 impl Work<bool> for ClearAbove<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
-        let Some((low, high)) = half_ball(self.plane, self.t_max) else { return false };
-        let ball = Ball::new(self.plane.origin, self.t_max, slack(&self.bvh.bounds, self.plane.origin));
+        let slack = slack(&self.bvh.bounds, self.plane.origin);
+        let Some((low, high)) = half_ball(self.plane, self.t_max, slack) else { return false };
+        let ball = Ball::new(self.plane.origin, self.t_max, slack);
         let mut stack = Stack::new();
         let mut current = self.bvh.root;
         if current == Child::NONE {
@@ -102,7 +103,7 @@ impl Work<bool> for ClearAbove<'_> {
                 let node = &self.bvh.nodes[current.index()];
                 let mut lanes = node.overlapping(simd, &low, &high);
                 if lanes != NO_LANES {
-                    lanes &= !node.behind(simd, self.plane) & !node.outside(simd, &ball);
+                    lanes &= !node.behind(simd, self.plane);
                 }
                 while lanes != NO_LANES {
                     stack.push(u64::from(node.children[first_lane(lanes)].0));
@@ -125,15 +126,16 @@ pub(super) fn slack(scene: &Bounds, origin: Vec3) -> Vec3 {
 }
 
 /// The box around the half of a ball on the near side of a plane through its centre, grown by more than the rounding of
-/// a ray's end; nothing where it overflows.
-fn half_ball(plane: Plane, radius: f32) -> Option<([f32; 3], [f32; 3])> {
+/// a ray's end and by a slack; nothing where it overflows.
+#[inline(always)]
+pub(super) fn half_ball(plane: Plane, radius: f32, slack: Vec3) -> Option<([f32; 3], [f32; 3])> {
     let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
     for axis in 0..3 {
         let (origin, normal) = (plane.origin[axis], plane.normal[axis]);
         // The farthest point of the half ball against the normal lies on its rim.
         let rim = (1.0 - normal * normal).max(0.0).sqrt() + 4.0 * UNIT_ROUNDOFF.sqrt();
         let (back, front) = if normal >= 0.0 { (rim.min(1.0), 1.0) } else { (1.0, rim.min(1.0)) };
-        let pad = (radius + origin.abs()) * (32.0 * UNIT_ROUNDOFF);
+        let pad = (radius + origin.abs()) * (32.0 * UNIT_ROUNDOFF) + slack[axis];
         low[axis] = origin - radius * back - pad;
         high[axis] = origin + radius * front + pad;
     }

@@ -1,6 +1,6 @@
 //! Nodes of the wide tree.
 
-use super::clear::{Ball, Plane};
+use super::clear::Plane;
 use super::lanes::{F8, LANES, Mask, Simd};
 use super::query::Bounds;
 
@@ -68,13 +68,6 @@ impl Node {
     pub(super) fn behind<S: Simd>(&self, simd: S, plane: Plane) -> Mask {
         let load = |side: usize| [0, 1, 2].map(|axis| simd.load(&self.planes[side][axis]));
         plane.behind(simd, load(0), load(1))
-    }
-
-    /// The children that certainly lie outside a ball.
-    #[inline(always)]
-    pub(super) fn outside<S: Simd>(&self, simd: S, ball: &Ball) -> Mask {
-        let load = |side: usize| [0, 1, 2].map(|axis| simd.load(&self.planes[side][axis]));
-        ball.misses(simd, load(0), load(1))
     }
 
     /// Puts a child into a lane.

@@ -24,10 +24,14 @@ pub struct Packet {
 }
 
 impl Packet {
+    /// A packet without rays and without an interval.
+    pub(super) const NONE: Self =
+        Self { origin: [[0.0; PACKET]; 3], direction: [[0.0; PACKET]; 3], t_min: 0.0, t_max: 0.0, active: 0 };
+
     /// A packet without rays.
     #[must_use]
     pub fn new(t_min: f32, t_max: f32) -> Self {
-        Self { origin: [[0.0; PACKET]; 3], direction: [[0.0; PACKET]; 3], t_min, t_max, active: 0 }
+        Self { t_min, t_max, ..Self::NONE }
     }
 
     /// Puts a ray into a lane.
