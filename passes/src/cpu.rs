@@ -3,7 +3,8 @@
 pub mod check;
 
 use crate::effects::{
-    AlphaTested, Coverage, Opaque, Pass, Pixel, Workspace, combined, deferred_shadows, reflection, refraction, ssao,
+    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, TILE, Workspace, combined, deferred_shadows, reflection,
+    refraction, ssao,
 };
 use crate::sampling::{HemisphereSampler, square_root};
 use crate::trace::{Bvh, Quality, Tracer};
@@ -17,9 +18,6 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 const NAME: &str = "cpu";
-
-/// Pixels a side of a tile: the unit of parallel work, small enough that its rays meet the same nodes.
-const TILE: usize = 16;
 
 /// The structure and what building it takes besides, as [`Bvh`] documents them.
 const BYTES_PER_TRIANGLE: u64 = 375;
@@ -151,8 +149,16 @@ fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result
 trait Runner {
     type Output;
 
-    fn each(self, pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync) -> Self::Output;
+    /// Computes them; `prepare` is shown each tile before its pixels, where they are computed in tiles.
+    fn each(
+        self,
+        prepare: impl Fn(Area, &mut Workspace) + Sync,
+        pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
+    ) -> Self::Output;
 }
+
+/// For programs whose pixels have nothing in common.
+fn alone(_: Area, _: &mut Workspace) {}
 
 /// All of them, over rayon's global pool.
 struct Whole<'o> {
@@ -163,8 +169,12 @@ struct Whole<'o> {
 impl Runner for Whole<'_> {
     type Output = RayCounts;
 
-    fn each(self, pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync) -> RayCounts {
-        each_pixel((self.output, self.progress), pixel)
+    fn each(
+        self,
+        prepare: impl Fn(Area, &mut Workspace) + Sync,
+        pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
+    ) -> RayCounts {
+        each_pixel((self.output, self.progress), prepare, pixel)
     }
 }
 
@@ -174,7 +184,11 @@ struct One(Pixel);
 impl Runner for One {
     type Output = [f32; 4];
 
-    fn each(self, pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync) -> [f32; 4] {
+    fn each(
+        self,
+        _: impl Fn(Area, &mut Workspace) + Sync,
+        pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
+    ) -> [f32; 4] {
         pixel(self.0, &mut Workspace::default())
     }
 }
@@ -183,16 +197,22 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
     use Fidelity::{Corrected, Thesis};
     match (pass.job.program, pass.job.fidelity) {
         (RayProgram::Dummy, _) => unreachable!("dummy traces nothing"),
-        (RayProgram::DeferredShadows, Thesis) => pixels.each(|p, w| deferred_shadows::thesis::pixel(pass, p, w)),
-        (RayProgram::DeferredShadows, Corrected) => pixels.each(|p, w| deferred_shadows::corrected::pixel(pass, p, w)),
-        (RayProgram::Reflection, Thesis) => pixels.each(|p, w| reflection::thesis::pixel(pass, p, w)),
-        (RayProgram::Reflection, Corrected) => pixels.each(|p, w| reflection::corrected::pixel(pass, p, w)),
-        (RayProgram::Refraction, Thesis) => pixels.each(|p, w| refraction::thesis::pixel(pass, p, w)),
-        (RayProgram::Refraction, Corrected) => pixels.each(|p, w| refraction::corrected::pixel(pass, p, w)),
-        (RayProgram::Ssao, Thesis) => pixels.each(|p, w| ssao::thesis::pixel(pass, p, w)),
-        (RayProgram::Ssao, Corrected) => pixels.each(|p, w| ssao::corrected::pixel(pass, p, w)),
-        (RayProgram::Final, Thesis) => pixels.each(|p, w| combined::thesis::pixel(pass, p, w)),
-        (RayProgram::Final, Corrected) => pixels.each(|p, w| combined::corrected::pixel(pass, p, w)),
+        (RayProgram::DeferredShadows, Thesis) => pixels.each(alone, |p, w| deferred_shadows::thesis::pixel(pass, p, w)),
+        (RayProgram::DeferredShadows, Corrected) => {
+            let prepare = |area, work: &mut Workspace| deferred_shadows::corrected::prepare(pass, area, work);
+            pixels.each(prepare, |p, w| deferred_shadows::corrected::pixel(pass, p, w))
+        }
+        (RayProgram::Reflection, Thesis) => pixels.each(alone, |p, w| reflection::thesis::pixel(pass, p, w)),
+        (RayProgram::Reflection, Corrected) => pixels.each(alone, |p, w| reflection::corrected::pixel(pass, p, w)),
+        (RayProgram::Refraction, Thesis) => pixels.each(alone, |p, w| refraction::thesis::pixel(pass, p, w)),
+        (RayProgram::Refraction, Corrected) => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
+        (RayProgram::Ssao, Thesis) => pixels.each(alone, |p, w| ssao::thesis::pixel(pass, p, w)),
+        (RayProgram::Ssao, Corrected) => pixels.each(alone, |p, w| ssao::corrected::pixel(pass, p, w)),
+        (RayProgram::Final, Thesis) => pixels.each(alone, |p, w| combined::thesis::pixel(pass, p, w)),
+        (RayProgram::Final, Corrected) => {
+            let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);
+            pixels.each(prepare, |p, w| combined::corrected::pixel(pass, p, w))
+        }
     }
 }
 
@@ -221,6 +241,7 @@ fn tiles(image: &mut Image) -> Vec<Tile<'_>> {
 
 fn each_pixel(
     (output, progress): (&mut Image, &Progress),
+    prepare: impl Fn(Area, &mut Workspace) + Sync,
     pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
 ) -> RayCounts {
     let width = output.width as usize;
@@ -230,9 +251,13 @@ fn each_pixel(
         .into_par_iter()
         .map_init(Workspace::default, |work, tile| {
             work.rays = RayCounts::default();
+            let columns = tile.rows.first().map_or(0, |row| row.len());
+            let area = Area { x: tile.x, y: tile.y, width: columns, height: tile.rows.len(), stride: width };
+            prepare(area, work);
             for (down, row) in tile.rows.into_iter().enumerate() {
                 for (right, out) in row.iter_mut().enumerate() {
                     let (x, y) = (tile.x + right, tile.y + down);
+                    work.lights.turn_to(down * TILE + right);
                     *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);
                 }
             }

@@ -33,6 +33,7 @@
 pub mod combined;
 pub mod deferred_shadows;
 pub mod dummy;
+mod lights;
 mod material;
 mod occlusion;
 mod optics;
@@ -42,6 +43,7 @@ pub mod refraction;
 pub mod ssao;
 mod surface;
 
+pub use lights::{Area, Lights, TILE};
 pub use material::{AlphaTested, Coverage, Opaque};
 pub use occlusion::SHADOWED;
 pub use optics::{Interface, fresnel, interface, reflect, schlick};
@@ -95,6 +97,8 @@ pub struct Pixel {
 pub struct Workspace {
     /// Rays traced.
     pub rays: RayCounts,
+    /// What is known of the tile's pixels before they are computed.
+    pub lights: Lights,
     directions: Vec<Vec3>,
     crossings: Vec<f32>,
 }

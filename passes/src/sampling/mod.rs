@@ -16,7 +16,8 @@ use hemisphere::Basis;
 /// Chooses the occlusion directions of a shaded point.
 #[derive(Debug, Clone, PartialEq)]
 pub enum HemisphereSampler {
-    /// Owen-scrambled Sobol points; what is stored are the unscrambled ones, bits reversed.
+    /// Owen-scrambled Sobol points; what is stored are the unscrambled ones, bits reversed, neighbours side by side. As
+    /// scrambling keeps the points of a cell together, so are directions: those of one vector meet the same triangles.
     Sobol(Vec<[u32; 2]>),
     /// `side` x `side` cells with one jittered point each.
     Strata {
@@ -32,7 +33,11 @@ impl HemisphereSampler {
     /// If strata are asked for and `samples` is not a square number; says what would be valid.
     pub fn new(sampler: Sampler, samples: u32) -> Result<Self, String> {
         match sampler {
-            Sampler::Sobol => Ok(Self::Sobol((0..samples).map(owen_sobol::reversed_sobol).collect())),
+            Sampler::Sobol => {
+                let mut points: Vec<_> = (0..samples).map(owen_sobol::reversed_sobol).collect();
+                points.sort_by_cached_key(|&point| cell(point));
+                Ok(Self::Sobol(points))
+            }
             Sampler::Strata => Ok(Self::Strata { side: square_root(samples)? }),
         }
     }
@@ -85,6 +90,11 @@ impl HemisphereSampler {
             }
         }
     }
+}
+
+/// The place of a point, bits reversed, on the Z-order curve through 16 x 16 cells.
+fn cell([x, y]: [u32; 2]) -> u32 {
+    (0..4).fold(0, |cell, digit| cell << 2 | (x >> digit & 1) << 1 | y >> digit & 1)
 }
 
 /// The largest number below 1.

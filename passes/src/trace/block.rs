@@ -1,7 +1,7 @@
 //! Blocks of up to eight triangles and the watertight test of one ray against all of them.
 
 use super::Hit;
-use super::clear::Plane;
+use super::clear::{Ball, Plane};
 use super::lanes::{F8, LANES, Mask, NO_LANES, Simd, first_lane, without_first};
 use super::query::Query;
 use glam::Vec3;
@@ -50,6 +50,21 @@ impl Block {
         self.ids[lane] & TRANSPARENT != 0
     }
 
+    /// Bounds of all triangles, `[low, high][axis]`; unused lanes hold NaN.
+    #[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
+    #[inline(always)]
+    pub(super) fn bounds<S: Simd>(&self, simd: S) -> [[S::Vector; 3]; 2] {
+        let mut bounds = [[simd.splat(0.0); 3]; 2];
+        for axis in 0..3 {
+            let a = simd.load(&self.corners[0][axis]);
+            let b = simd.load(&self.corners[1][axis]);
+            let c = simd.load(&self.corners[2][axis]);
+            bounds[0][axis] = simd.min_or(simd.min_or(a, b), c);
+            bounds[1][axis] = simd.max_or(simd.max_or(a, b), c);
+        }
+        bounds
+    }
+
     /// The lanes whose bounds meet a box.
     #[inline(always)]
     pub(super) fn overlapping<S: Simd>(&self, simd: S, low: &[f32; 3], high: &[f32; 3]) -> Mask {
@@ -76,6 +91,13 @@ impl Block {
             lanes &= plane.behind(simd, position, position);
         }
         lanes
+    }
+
+    /// The lanes whose triangles' bounds certainly lie outside a ball.
+    #[inline(always)]
+    pub(super) fn outside<S: Simd>(&self, simd: S, ball: &Ball) -> Mask {
+        let [low, high] = self.bounds(simd);
+        ball.misses(simd, low, high)
     }
 
     /// One corner of all triangles as the ray sees it: sheared, and the distance along the main axis.

@@ -2,6 +2,7 @@
 
 use super::block::{Block, TRANSPARENT};
 use super::build::{self, Effort, Input};
+use super::bundle::{ClosestPackets, OccludedPackets};
 use super::clear::{ClearAbove, Plane};
 use super::dispatch::{Detected, Lanes, Work};
 use super::gather::CountOpen;
@@ -9,7 +10,7 @@ use super::lanes::{NO_LANES, Simd, first_lane, without_first};
 use super::node::{Child, Node};
 use super::query::{Bounds, Query};
 use super::stack::Stack;
-use super::{Fan, Hit, Ray, Tracer};
+use super::{Fan, Hit, Packet, PacketHits, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use obvhs::ploc::PlocSearchDistance;
@@ -144,12 +145,22 @@ impl Tracer for Bvh {
     fn count_open(&self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> u32 {
         self.lanes.run(CountOpen { bvh: self, fan, accept })
     }
+
+    fn closest_packets(&self, packets: &[Packet], hits: &mut [PacketHits], accept: impl FnMut(usize, &Hit) -> bool) {
+        assert_eq!(packets.len(), hits.len(), "one result for each packet");
+        self.lanes.run(ClosestPackets { bvh: self, packets, hits, accept });
+    }
+
+    fn occluded_packets(&self, packets: &[Packet], blocked: &mut [u16], accept: impl FnMut(usize, &Hit) -> bool) {
+        assert_eq!(packets.len(), blocked.len(), "one result for each packet");
+        self.lanes.run(OccludedPackets { bvh: self, packets, blocked, accept });
+    }
 }
 
-struct Closest<'a, A> {
-    bvh: &'a Bvh,
-    ray: &'a Ray,
-    accept: A,
+pub(super) struct Closest<'a, A> {
+    pub(super) bvh: &'a Bvh,
+    pub(super) ray: &'a Ray,
+    pub(super) accept: A,
 }
 
 impl<A: FnMut(&Hit) -> bool> Work<Option<Hit>> for Closest<'_, A> {

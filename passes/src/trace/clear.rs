@@ -4,7 +4,7 @@ use super::bvh::Bvh;
 use super::dispatch::Work;
 use super::lanes::{Mask, NO_LANES, Simd, first_lane, without_first};
 use super::node::Child;
-use super::query::UNIT_ROUNDOFF;
+use super::query::{Bounds, UNIT_ROUNDOFF};
 use super::stack::Stack;
 use glam::Vec3;
 
@@ -43,6 +43,36 @@ impl Plane {
     }
 }
 
+/// The ball that the ends of rays of some length stay in, grown by more than their rounding.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ball {
+    center: Vec3,
+    /// The square of the radius.
+    square: f32,
+}
+
+impl Ball {
+    /// `pad`: by how much, along each axis, a box may be missed by a ray that its triangle's test accepts.
+    pub(super) fn new(center: Vec3, radius: f32, pad: Vec3) -> Self {
+        let grown = radius * (1.0 + 1.0e-4) + 2.0 * pad.length();
+        Self { center, square: grown * grown }
+    }
+
+    /// The lanes of boxes that certainly lie outside; of what is not a number nothing is certain.
+    #[inline(always)]
+    pub(super) fn misses<S: Simd>(&self, simd: S, low: [S::Vector; 3], high: [S::Vector; 3]) -> Mask {
+        let zero = simd.splat(0.0);
+        let mut distance = zero;
+        for axis in 0..3 {
+            let center = simd.splat(self.center[axis]);
+            let (below, above) = (simd.sub(low[axis], center), simd.sub(center, high[axis]));
+            let outside = simd.max_or(simd.max_or(below, above), zero);
+            distance = simd.about_mul_add(outside, outside, distance);
+        }
+        simd.at_most(simd.splat(self.square), distance)
+    }
+}
+
 /// See [`Tracer::clear_above`](super::Tracer::clear_above).
 pub(super) struct ClearAbove<'a> {
     pub(super) bvh: &'a Bvh,
@@ -53,7 +83,9 @@ pub(super) struct ClearAbove<'a> {
 impl Work<bool> for ClearAbove<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
-        let Some((low, high)) = half_ball(self.plane, self.t_max) else { return false };
+        let slack = slack(&self.bvh.bounds, self.plane.origin);
+        let Some((low, high)) = half_ball(self.plane, self.t_max, slack) else { return false };
+        let ball = Ball::new(self.plane.origin, self.t_max, slack);
         let mut stack = Stack::new();
         let mut current = self.bvh.root;
         if current == Child::NONE {
@@ -63,7 +95,8 @@ impl Work<bool> for ClearAbove<'_> {
             if current.is_block() {
                 let block = &self.bvh.blocks[current.index()];
                 let near = block.overlapping(simd, &low, &high);
-                if near != NO_LANES && near & !block.behind(simd, self.plane) != NO_LANES {
+                if near != NO_LANES && near & !block.behind(simd, self.plane) & !block.outside(simd, &ball) != NO_LANES
+                {
                     return false;
                 }
             } else {
@@ -86,16 +119,23 @@ impl Work<bool> for ClearAbove<'_> {
     }
 }
 
+/// By how much, along each axis, a box may be missed by a ray from an origin that its triangle's test accepts.
+pub(super) fn slack(scene: &Bounds, origin: Vec3) -> Vec3 {
+    let reach = (scene.low - origin).abs().max((scene.high - origin).abs());
+    (reach + Vec3::splat(reach.max_element())) * (8.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF)
+}
+
 /// The box around the half of a ball on the near side of a plane through its centre, grown by more than the rounding of
-/// a ray's end; nothing where it overflows.
-fn half_ball(plane: Plane, radius: f32) -> Option<([f32; 3], [f32; 3])> {
+/// a ray's end and by a slack; nothing where it overflows.
+#[inline(always)]
+pub(super) fn half_ball(plane: Plane, radius: f32, slack: Vec3) -> Option<([f32; 3], [f32; 3])> {
     let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
     for axis in 0..3 {
         let (origin, normal) = (plane.origin[axis], plane.normal[axis]);
         // The farthest point of the half ball against the normal lies on its rim.
         let rim = (1.0 - normal * normal).max(0.0).sqrt() + 4.0 * UNIT_ROUNDOFF.sqrt();
         let (back, front) = if normal >= 0.0 { (rim.min(1.0), 1.0) } else { (1.0, rim.min(1.0)) };
-        let pad = (radius + origin.abs()) * (32.0 * UNIT_ROUNDOFF);
+        let pad = (radius + origin.abs()) * (32.0 * UNIT_ROUNDOFF) + slack[axis];
         low[axis] = origin - radius * back - pad;
         high[axis] = origin + radius * front + pad;
     }

@@ -6,14 +6,14 @@
 //! from 0 than that, both tests agree; the rays in between are put to the watertight test. So the result is the same, bit for
 //! bit, as testing each ray by itself.
 
-use super::lanes::{F8, LANES, Mask, NO_LANES, Simd};
+use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE};
 use super::query::UNIT_ROUNDOFF;
 use glam::{DVec3, Vec3};
 
 /// Vectors of rays that are tested together.
-const VECTORS: usize = 16;
+const VECTORS: usize = 8;
 /// Rays that are tested together.
-pub(super) const CHUNK: usize = VECTORS * LANES;
+pub(super) const CHUNK: usize = VECTORS * WIDE;
 
 /// Error of an edge function in units of roundoff times the largest coordinates of its two corners.
 ///
@@ -34,7 +34,7 @@ pub(super) const LONGEST: f32 = 1.0 + 1.0e-5;
 
 /// Directions of up to [`CHUNK`] rays, structure of arrays, and which of them are still open.
 pub(super) struct Rays {
-    directions: [[F8; 3]; VECTORS],
+    directions: [[F16; 3]; VECTORS],
     open: [Mask; VECTORS],
     vectors: usize,
 }
@@ -45,11 +45,11 @@ impl Rays {
     #[inline(always)]
     pub(super) fn new(directions: &[Vec3]) -> Self {
         let mut rays = Self {
-            directions: [[F8([0.0; LANES]); 3]; VECTORS],
+            directions: [[F16([0.0; WIDE]); 3]; VECTORS],
             open: [NO_LANES; VECTORS],
-            vectors: directions.len().div_ceil(LANES),
+            vectors: directions.len().div_ceil(WIDE),
         };
-        for (index, vector) in directions.chunks(LANES).enumerate() {
+        for (index, vector) in directions.chunks(WIDE).enumerate() {
             rays.open[index] = (1 << vector.len()) - 1;
             for (lane, direction) in vector.iter().enumerate() {
                 for axis in 0..3 {
@@ -81,7 +81,7 @@ impl Rays {
             while undecided != NO_LANES {
                 let lane = undecided.trailing_zeros();
                 undecided &= undecided - 1;
-                if unsure(index * LANES + lane as usize) {
+                if unsure(index * WIDE + lane as usize) {
                     *open &= !(1 << lane);
                 }
             }
@@ -91,7 +91,7 @@ impl Rays {
     }
 }
 
-/// What is certain of eight rays.
+/// What is certain of sixteen rays.
 struct Verdict {
     hit: Mask,
     miss: Mask,
@@ -122,10 +122,11 @@ impl Facet {
         let size = [a, b, c].map(|corner| corner.abs().max_element());
         let bounded = size.iter().all(|size| SIZES.contains(size));
         let error = if bounded { EDGE_ERROR } else { f64::NAN };
-        let edge = |from: DVec3, to: DVec3, scale: f64| (from.cross(to) / (error * scale)).as_vec3().to_array();
+        // One division an edge; its rounding is far below the bounds' margin.
+        let edge = |from: DVec3, to: DVec3, scale: f64| (from.cross(to) * (1.0 / (error * scale))).as_vec3().to_array();
         let edges = [edge(b, c, size[1] * size[2]), edge(c, a, size[2] * size[0]), edge(a, b, size[0] * size[1])];
         let normal = (b - a).cross(c - a);
-        let normal = normal / normal.abs().max_element();
+        let normal = normal * (1.0 / normal.abs().max_element());
         let height = normal.dot(a);
         let (normal, height) = if height < 0.0 { (-normal, -height) } else { (normal, height) };
         let (beyond, within, after) = if height > FLAT * size[0] {
@@ -149,30 +150,35 @@ impl Facet {
         }
     }
 
-    /// What is certain of eight rays. Comparisons with what is not a number are false, so nothing is.
+    /// What is certain of sixteen rays. Comparisons with what is not a number are false, so nothing is.
     #[inline(always)]
-    fn test<S: Simd>(&self, simd: S, directions: &[F8; 3]) -> Verdict {
-        let [x, y, z] = [0, 1, 2].map(|axis| simd.load(&directions[axis]));
-        let dot = |normal: &[f32; 3]| {
-            let xy = simd.about_mul_add(y, simd.splat(normal[1]), simd.mul(x, simd.splat(normal[0])));
-            simd.about_mul_add(z, simd.splat(normal[2]), xy)
-        };
-        let [a, b, c] = [dot(&self.edges[0]), dot(&self.edges[1]), dot(&self.edges[2])];
-        let least = simd.min_or(simd.min_or(a, b), c);
-        let most = simd.max_or(simd.max_or(a, b), c);
-        let along = dot(&self.normal);
-        let (one, minus_one) = (simd.splat(1.0), simd.splat(-1.0));
-        let beside = simd.at_most(least, minus_one) & simd.at_most(one, most);
+    fn test<S: Simd>(&self, simd: S, directions: &[F16; 3]) -> Verdict {
+        let rays = [simd.wide_load(&directions[0]), simd.wide_load(&directions[1]), simd.wide_load(&directions[2])];
+        let (a, b, c) =
+            (dot(simd, rays, &self.edges[0]), dot(simd, rays, &self.edges[1]), dot(simd, rays, &self.edges[2]));
+        let least = simd.wide_min_or(simd.wide_min_or(a, b), c);
+        let most = simd.wide_max_or(simd.wide_max_or(a, b), c);
+        let along = dot(simd, rays, &self.normal);
+        let (one, minus_one) = (simd.wide_splat(1.0), simd.wide_splat(-1.0));
+        let beside = simd.wide_at_most(least, minus_one) & simd.wide_at_most(one, most);
         // Nearly parallel rays are undecided: the watertight test may find them in a triangle that is seen edge-on.
         let parallel = PLANE_ERROR as f32;
-        let away = simd.at_most(along, simd.splat(-parallel));
-        let far = simd.at_most(simd.splat(parallel), along) & simd.at_most(along, simd.splat(self.beyond));
+        let away = simd.wide_at_most(along, simd.wide_splat(-parallel));
+        let far = simd.wide_at_most(simd.wide_splat(parallel), along)
+            & simd.wide_at_most(along, simd.wide_splat(self.beyond));
         let miss = beside | away | far;
         if self.transparent {
             return Verdict { hit: NO_LANES, miss };
         }
-        let inside = simd.at_most(one, least) | simd.at_most(most, minus_one);
-        let reached = simd.at_most(simd.splat(self.within), along) & simd.at_most(along, simd.splat(self.after));
+        let inside = simd.wide_at_most(one, least) | simd.wide_at_most(most, minus_one);
+        let reached = simd.wide_at_most(simd.wide_splat(self.within), along)
+            & simd.wide_at_most(along, simd.wide_splat(self.after));
         Verdict { hit: inside & reached, miss }
     }
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, [x, y, z]: [S::Wide; 3], normal: &[f32; 3]) -> S::Wide {
+    let xy = simd.wide_about_mul_add(y, simd.wide_splat(normal[1]), simd.wide_mul(x, simd.wide_splat(normal[0])));
+    simd.wide_about_mul_add(z, simd.wide_splat(normal[2]), xy)
 }

@@ -1,19 +1,27 @@
 //! Many short rays from one origin: the triangles in reach are gathered once and all rays are tested against them alone.
 
 use super::block::Block;
+use super::bundle::OccludedPackets;
 use super::bvh::{Bvh, occluded};
-use super::clear::Plane;
+use super::clear::{Ball, Plane, half_ball, slack};
 use super::dispatch::Work;
 use super::facet::{CHUNK, Facet, LONGEST, Rays};
 use super::lanes::{Mask, NO_LANES, Simd, first_lane, without_first};
 use super::node::Child;
 use super::query::{Query, UNIT_ROUNDOFF};
 use super::stack::Stack;
-use super::{Fan, Hit, Ray};
+use super::{Fan, Hit, PACKET, Packet, Ray};
 use glam::Vec3;
 
-/// Triangles gathered at most; with more in reach, each ray is traced by itself.
-const GATHERED: u32 = 160;
+/// Triangles gathered at most; with more in reach, rays are traced.
+const GATHERED: usize = 160;
+/// Triangles gathered for however few rays, to which come three for each two rays. With 160 for sixteen rays, short rays
+/// on a scan and in Sponza took more than twice as long as by themselves.
+const FEW_GATHERED: usize = 16;
+/// How many times longer than the rays a scene must be for triangles to be gathered.
+const LONG: f32 = 4.0;
+/// Rays from which on they are taken down the tree together where their triangles are too many to gather.
+const MANY: usize = 32;
 /// Nodes and blocks looked into at most before giving up.
 const VISITS: usize = 96;
 
@@ -36,19 +44,64 @@ impl<A: FnMut(&Hit) -> bool> Work<u32> for CountOpen<'_, A> {
         let mut entry = self.bvh.root;
         let several = self.fan.directions.len() > 1;
         match if several { self.gather(simd, &mut entry) } else { None } {
-            Some(found) => self.fan.directions.chunks(CHUNK).map(|rays| self.test(simd, &found, rays)).sum(),
-            None => {
-                let open = |ray: &Ray| match Query::new(ray, &self.bvh.bounds) {
-                    Some(query) => !occluded(simd, self.bvh, entry, &query, &mut self.accept),
-                    None => true,
-                };
-                self.fan.rays().filter(open).count() as u32
+            Some(found) => {
+                let mut open = 0;
+                for rays in self.fan.directions.chunks(CHUNK) {
+                    open += self.test(simd, &found, rays);
+                }
+                open
             }
+            None if self.fan.directions.len() >= MANY => self.count_together(simd),
+            None => self.count_one_by_one(simd, entry),
         }
     }
 }
 
 impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
+    /// Traces the rays by themselves, from the lowest node that all of them are under.
+    // A loop, not a closure: what is not inlined here is not compiled for the instruction set.
+    #[inline(always)]
+    fn count_one_by_one<S: Simd>(&mut self, simd: S, entry: Child) -> u32 {
+        let Fan { origin, t_min, t_max, directions, .. } = *self.fan;
+        let mut open = 0;
+        for &direction in directions {
+            let ray = Ray { origin, direction, t_min, t_max };
+            let stopped = match Query::new(&ray, &self.bvh.bounds) {
+                Some(query) => occluded(simd, self.bvh, entry, &query, &mut self.accept),
+                None => false,
+            };
+            open += u32::from(!stopped);
+        }
+        open
+    }
+
+    /// Takes the rays down the tree together, those that run into one octant side by side.
+    #[inline(always)]
+    fn count_together<S: Simd>(&mut self, simd: S) -> u32 {
+        let Fan { origin, t_min, t_max, directions, .. } = *self.fan;
+        let mut packets = [const { Packet::NONE }; CHUNK / PACKET];
+        let mut open = 0;
+        for directions in directions.chunks(CHUNK) {
+            let mut blocked = [0; CHUNK / PACKET];
+            let used = directions.len().div_ceil(PACKET);
+            for (packet, directions) in packets.iter_mut().zip(directions.chunks(PACKET)) {
+                (packet.t_min, packet.t_max, packet.active) = (t_min, t_max, 0);
+                for (lane, &direction) in directions.iter().enumerate() {
+                    packet.set(lane, origin, direction);
+                }
+            }
+            let accept = &mut self.accept;
+            let accept = |_, hit: &Hit| accept(hit);
+            let (packets, blocked) = (&packets[..used], &mut blocked[..used]);
+            OccludedPackets { bvh: self.bvh, packets, blocked, accept }.run(simd);
+            open += directions.len() as u32;
+            for blocked in &*blocked {
+                open -= u16::count_ones(*blocked);
+            }
+        }
+        open
+    }
+
     /// How many rays none of the triangles stops.
     #[inline(always)]
     fn test<S: Simd>(&mut self, simd: S, found: &Found, directions: &[Vec3]) -> u32 {
@@ -79,34 +132,45 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
     /// The box is grown by more than the rounding of the triangle test, so that what a ray would hit is in it.
     #[inline(always)]
     fn gather<S: Simd>(&self, simd: S, entry: &mut Child) -> Option<Found> {
-        let (mut low, mut high) = (Vec3::ZERO, Vec3::ZERO);
-        for direction in self.fan.directions {
-            (low, high) = (low.min(*direction), high.max(*direction));
-        }
         let interval = self.fan.t_min < self.fan.t_max && self.fan.t_max > 0.0;
-        if !interval || !(high - low).is_finite() || low.min_element() < -LONGEST || high.max_element() > LONGEST {
+        if !interval || !within(self.fan.directions, LONGEST) {
             return None;
         }
         let (bounds, origin) = (&self.bvh.bounds, self.fan.origin);
-        let reach = (bounds.low - origin).abs().max((bounds.high - origin).abs());
-        let pad =
-            (reach + Vec3::splat(reach.max_element())) * (8.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF);
-        let t = self.fan.t_max * (1.0 + 16.0 * UNIT_ROUNDOFF);
-        let (low, high) = (origin + low * t - pad, origin + high * t + pad);
-        if !(low.is_finite() && high.is_finite()) {
+        // Long rays have too many triangles in reach.
+        let longest = (bounds.high - bounds.low).max_element();
+        if longest.is_nan() || self.fan.t_max * LONG >= longest {
             return None;
         }
-        let (low, high) = (low.to_array(), high.to_array());
+        let pad = slack(bounds, origin);
+        let ball = Ball::new(origin, self.fan.t_max * LONGEST, pad);
         let plane = self.fan.above.map(|normal| Plane { origin, normal });
+        let (low, high) = match plane {
+            // The directions of a hemisphere fill it: its box is cheaper to have than theirs.
+            Some(plane) => half_ball(plane, self.fan.t_max * LONGEST, pad)?,
+            None => {
+                let (mut low, mut high) = (Vec3::ZERO, Vec3::ZERO);
+                for direction in self.fan.directions {
+                    (low, high) = (low.min(*direction), high.max(*direction));
+                }
+                let t = self.fan.t_max * (1.0 + 16.0 * UNIT_ROUNDOFF);
+                let (low, high) = (origin + low * t - pad, origin + high * t + pad);
+                if !(low.is_finite() && high.is_finite()) {
+                    return None;
+                }
+                (low.to_array(), high.to_array())
+            }
+        };
 
         let mut found = Found { sources: [(Child::NONE, NO_LANES); VISITS], len: 0 };
+        let most = GATHERED.min(FEW_GATHERED + 3 * self.fan.directions.len() / 2);
         let mut triangles = 0;
         let mut stack = Stack::new();
         let mut current = self.bvh.root;
         if current == Child::NONE {
             return Some(found);
         }
-        for _ in 0..VISITS {
+        for _ in 0..VISITS.min(most) {
             if current.is_block() {
                 let block = &self.bvh.blocks[current.index()];
                 let mut lanes = block.overlapping(simd, &low, &high);
@@ -114,6 +178,9 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                     && lanes != NO_LANES
                 {
                     lanes &= !block.behind(simd, plane);
+                }
+                if lanes != NO_LANES {
+                    lanes &= !block.outside(simd, &ball);
                 }
                 if lanes != NO_LANES {
                     triangles += lanes.count_ones();
@@ -136,7 +203,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                     lanes = without_first(lanes);
                 }
             }
-            if triangles > GATHERED {
+            if triangles as usize > most {
                 return None;
             }
             match stack.pop() {
@@ -146,6 +213,23 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         }
         None
     }
+}
+
+/// Whether all components are numbers of this size at most.
+#[inline(always)]
+fn within(directions: &[Vec3], most: f32) -> bool {
+    // Sixteen at a time: a loop of fixed length becomes vector code.
+    let (chunks, rest) = bytemuck::cast_slice::<Vec3, f32>(directions).as_chunks::<16>();
+    let (mut longest, mut zero) = ([0.0_f32; 16], [0.0_f32; 16]);
+    for chunk in chunks {
+        for lane in 0..16 {
+            let size = chunk[lane].abs();
+            longest[lane] = if size > longest[lane] { size } else { longest[lane] };
+            zero[lane] += chunk[lane] * 0.0;
+        }
+    }
+    let whole = (0..16).all(|lane| longest[lane] <= most && zero[lane] == 0.0);
+    whole && rest.iter().all(|value| value.abs() <= most)
 }
 
 /// Whether the triangle in one lane of a block stops a ray.

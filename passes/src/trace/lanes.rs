@@ -1,6 +1,8 @@
 //! Eight numbers at a time. But for [`Simd::about_mul_add`] nothing is fused or reassociated, so every instruction set gives
 //! the same bits.
 
+use glam::DVec3;
+
 /// Triangles in a block and children of a node.
 pub(crate) const LANES: usize = 8;
 
@@ -8,6 +10,14 @@ pub(crate) const LANES: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(32))]
 pub(crate) struct F8(pub(crate) [f32; LANES]);
+
+/// Lanes of a wide vector.
+pub(crate) const WIDE: usize = 2 * LANES;
+
+/// Sixteen floats in memory.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub(crate) struct F16(pub(crate) [f32; WIDE]);
 
 /// One bit a lane, lane 0 lowest.
 pub(crate) type Mask = u32;
@@ -46,6 +56,36 @@ pub(crate) trait Simd: Copy {
     fn min_or(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// Where `a <= b`; not where either is NaN.
     fn at_most(self, a: Self::Vector, b: Self::Vector) -> Mask;
+
+    /// Sixteen floats in registers.
+    type Wide: Copy;
+    fn wide_load(self, values: &F16) -> Self::Wide;
+    fn wide_store(self, vector: Self::Wide) -> F16;
+    fn wide_splat(self, value: f32) -> Self::Wide;
+    fn wide_add(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    fn wide_sub(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    fn wide_mul(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    fn wide_div(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    /// As [`Self::about_mul_add`].
+    fn wide_about_mul_add(self, a: Self::Wide, b: Self::Wide, c: Self::Wide) -> Self::Wide;
+    /// As [`Self::max_or`].
+    fn wide_max_or(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    /// As [`Self::min_or`].
+    fn wide_min_or(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    /// As [`Self::at_most`].
+    fn wide_at_most(self, a: Self::Wide, b: Self::Wide) -> Mask;
+    /// Where `a < b`; not where either is NaN.
+    fn wide_below(self, a: Self::Wide, b: Self::Wide) -> Mask;
+    /// `a` in the lanes of the mask, `b` in the others.
+    fn wide_select(self, mask: Mask, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    /// `normal · (corner - origin) / normal · direction` in `f64`, summed from x to z, then rounded to `f32`.
+    fn wide_plane(
+        self,
+        normal: DVec3,
+        corner: DVec3,
+        origin: [Self::Wide; 3],
+        direction: [Self::Wide; 3],
+    ) -> Self::Wide;
 }
 
 /// Plain loops over arrays.
@@ -113,4 +153,105 @@ impl Simd for Plain {
         }
         mask
     }
+
+    type Wide = F16;
+
+    #[inline(always)]
+    fn wide_load(self, values: &F16) -> F16 {
+        *values
+    }
+
+    #[inline(always)]
+    fn wide_store(self, vector: F16) -> F16 {
+        vector
+    }
+
+    #[inline(always)]
+    fn wide_splat(self, value: f32) -> F16 {
+        F16([value; WIDE])
+    }
+
+    #[inline(always)]
+    fn wide_add(self, a: F16, b: F16) -> F16 {
+        wide_zip(a, b, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn wide_sub(self, a: F16, b: F16) -> F16 {
+        wide_zip(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn wide_mul(self, a: F16, b: F16) -> F16 {
+        wide_zip(a, b, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn wide_div(self, a: F16, b: F16) -> F16 {
+        wide_zip(a, b, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn wide_about_mul_add(self, a: F16, b: F16, c: F16) -> F16 {
+        self.wide_add(self.wide_mul(a, b), c)
+    }
+
+    #[inline(always)]
+    fn wide_max_or(self, a: F16, b: F16) -> F16 {
+        wide_zip(a, b, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn wide_min_or(self, a: F16, b: F16) -> F16 {
+        wide_zip(a, b, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn wide_at_most(self, a: F16, b: F16) -> Mask {
+        wide_mask(a, b, |a, b| a <= b)
+    }
+
+    #[inline(always)]
+    fn wide_below(self, a: F16, b: F16) -> Mask {
+        wide_mask(a, b, |a, b| a < b)
+    }
+
+    #[inline(always)]
+    fn wide_select(self, mask: Mask, a: F16, b: F16) -> F16 {
+        let mut result = b.0;
+        for (lane, value) in result.iter_mut().enumerate() {
+            *value = if mask >> lane & 1 == 1 { a.0[lane] } else { *value };
+        }
+        F16(result)
+    }
+
+    #[inline(always)]
+    fn wide_plane(self, normal: DVec3, corner: DVec3, origin: [F16; 3], direction: [F16; 3]) -> F16 {
+        let mut result = [0.0; WIDE];
+        for (lane, value) in result.iter_mut().enumerate() {
+            let at = |values: &[F16; 3]| {
+                DVec3::new(values[0].0[lane].into(), values[1].0[lane].into(), values[2].0[lane].into())
+            };
+            *value = (normal.dot(corner - at(&origin)) / normal.dot(at(&direction))) as f32;
+        }
+        F16(result)
+    }
+}
+
+#[inline(always)]
+fn wide_zip(a: F16, b: F16, operation: impl Fn(f32, f32) -> f32) -> F16 {
+    let mut result = a.0;
+    for (lane, value) in result.iter_mut().enumerate() {
+        *value = operation(a.0[lane], b.0[lane]);
+    }
+    F16(result)
+}
+
+#[inline(always)]
+fn wide_mask(a: F16, b: F16, comparison: impl Fn(f32, f32) -> bool) -> Mask {
+    let mut mask = NO_LANES;
+    for lane in 0..WIDE {
+        mask |= Mask::from(comparison(a.0[lane], b.0[lane])) << lane;
+    }
+    mask
 }

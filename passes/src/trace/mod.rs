@@ -8,9 +8,11 @@
 //! * [`Recorder`] keeps every ray of a pixel, for people to read.
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 
+mod beam;
 mod block;
 mod brute;
 mod build;
+mod bundle;
 mod bvh;
 mod clear;
 pub mod device;
@@ -21,6 +23,7 @@ mod gather;
 mod lanes;
 mod node;
 mod offset;
+mod packet;
 mod query;
 mod record;
 mod stack;
@@ -34,6 +37,7 @@ pub(crate) use dispatch::{Detected, Work};
 pub use double::Double;
 pub(crate) use lanes::Simd;
 pub use offset::SurfacePoint;
+pub use packet::{PACKET, Packet, PacketHits};
 pub use record::{Event, Outcome, RecordedRay, Recorder};
 
 use glam::Vec3;
@@ -137,6 +141,47 @@ pub trait Tracer: Sync {
     fn count_open(&self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> u32 {
         let mut accept = accept;
         fan.rays().filter(|ray| !self.occluded(ray, &mut accept)).count() as u32
+    }
+
+    /// The nearest accepted hits of the rays of some packets, those of neighbouring pixels for example.
+    ///
+    /// The result is that of asking [`Self::closest`] for each ray. `accept` is told the ray as 16 times its packet plus
+    /// its lane.
+    ///
+    /// # Panics
+    /// If `hits` is not as long as `packets`.
+    fn closest_packets(
+        &self,
+        packets: &[Packet],
+        hits: &mut [PacketHits],
+        mut accept: impl FnMut(usize, &Hit) -> bool,
+    ) {
+        assert_eq!(packets.len(), hits.len(), "one result for each packet");
+        for (index, (packet, hits)) in packets.iter().zip(hits).enumerate() {
+            *hits = PacketHits::NONE;
+            for lane in packet.lanes() {
+                if let Some(hit) = self.closest(&packet.ray(lane), |hit| accept(index * PACKET + lane, hit)) {
+                    hits.set(lane, &hit);
+                }
+            }
+        }
+    }
+
+    /// Which rays of some packets meet anything, one bit a ray.
+    ///
+    /// The result is that of asking [`Self::occluded`] for each ray; `accept` as in [`Self::closest_packets`].
+    ///
+    /// # Panics
+    /// If `blocked` is not as long as `packets`.
+    fn occluded_packets(&self, packets: &[Packet], blocked: &mut [u16], mut accept: impl FnMut(usize, &Hit) -> bool) {
+        assert_eq!(packets.len(), blocked.len(), "one result for each packet");
+        for (index, (packet, blocked)) in packets.iter().zip(blocked).enumerate() {
+            *blocked = 0;
+            for lane in packet.lanes() {
+                let stopped = self.occluded(&packet.ray(lane), |hit| accept(index * PACKET + lane, hit));
+                *blocked |= u16::from(stopped) << lane;
+            }
+        }
     }
 }
 

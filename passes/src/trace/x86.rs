@@ -2,11 +2,9 @@
 #![allow(unsafe_code, reason = "intrinsics of instruction sets that a value of these types proves to be present")]
 
 use super::dispatch::Work;
-use super::lanes::{F8, Mask, Simd};
-use std::arch::x86_64::{
-    __m256, _CMP_LE_OQ, _mm256_cmp_ps, _mm256_cmp_ps_mask, _mm256_fmadd_ps, _mm256_load_ps, _mm256_max_ps,
-    _mm256_min_ps, _mm256_movemask_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_store_ps, _mm256_sub_ps,
-};
+use super::lanes::{F8, F16, Mask, Simd};
+use glam::DVec3;
+use std::arch::x86_64::*;
 
 /// AVX2, FMA and bit manipulation. Exists only where the processor has them: [`Self::detect`] is the one way to make it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,6 +56,32 @@ impl Avx512 {
         }
         // SAFETY: `self` exists, so `detect` saw all the features that `compiled` enables.
         unsafe { compiled(self, work) }
+    }
+}
+
+impl Avx2 {
+    /// [`Simd::wide_plane`] of eight rays: `[origin, direction][axis]`.
+    #[inline(always)]
+    fn plane(self, normal: DVec3, corner: DVec3, rays: [[__m256; 3]; 2]) -> __m256 {
+        // SAFETY: AVX is present, since `self` exists.
+        unsafe {
+            let (mut over, mut under) = ([_mm256_setzero_pd(); 2], [_mm256_setzero_pd(); 2]);
+            for axis in 0..3 {
+                let (along, corner) = (_mm256_set1_pd(normal[axis]), _mm256_set1_pd(corner[axis]));
+                let (o, d) = (rays[0][axis], rays[1][axis]);
+                let low = [_mm256_castps256_ps128(o), _mm256_castps256_ps128(d)];
+                let high = [_mm256_extractf128_ps::<1>(o), _mm256_extractf128_ps::<1>(d)];
+                for (half, [o, d]) in [low, high].into_iter().enumerate() {
+                    let to = _mm256_sub_pd(corner, _mm256_cvtps_pd(o));
+                    let (a, b) = (_mm256_mul_pd(along, to), _mm256_mul_pd(along, _mm256_cvtps_pd(d)));
+                    over[half] = if axis == 0 { a } else { _mm256_add_pd(over[half], a) };
+                    under[half] = if axis == 0 { b } else { _mm256_add_pd(under[half], b) };
+                }
+            }
+            let low = _mm256_cvtpd_ps(_mm256_div_pd(over[0], under[0]));
+            let high = _mm256_cvtpd_ps(_mm256_div_pd(over[1], under[1]));
+            _mm256_set_m128(high, low)
+        }
     }
 }
 
@@ -126,6 +150,112 @@ impl Simd for Avx2 {
         // SAFETY: AVX is present, since `self` exists.
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as Mask }
     }
+
+    type Wide = [__m256; 2];
+
+    #[inline(always)]
+    fn wide_load(self, values: &F16) -> [__m256; 2] {
+        // SAFETY: AVX is present, since `self` exists; `F16` is 64 bytes, aligned to 64.
+        unsafe { [_mm256_load_ps(values.0.as_ptr()), _mm256_load_ps(values.0.as_ptr().add(8))] }
+    }
+
+    #[inline(always)]
+    fn wide_store(self, [low, high]: [__m256; 2]) -> F16 {
+        let mut values = F16([0.0; 16]);
+        // SAFETY: AVX is present, since `self` exists; `F16` is 64 bytes, aligned to 64.
+        unsafe {
+            _mm256_store_ps(values.0.as_mut_ptr(), low);
+            _mm256_store_ps(values.0.as_mut_ptr().add(8), high);
+        }
+        values
+    }
+
+    #[inline(always)]
+    fn wide_splat(self, value: f32) -> [__m256; 2] {
+        [self.splat(value); 2]
+    }
+
+    #[inline(always)]
+    fn wide_add(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> [__m256; 2] {
+        // SAFETY: AVX is present, since `self` exists.
+        unsafe { [_mm256_add_ps(a, c), _mm256_add_ps(b, d)] }
+    }
+
+    #[inline(always)]
+    fn wide_sub(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> [__m256; 2] {
+        [self.sub(a, c), self.sub(b, d)]
+    }
+
+    #[inline(always)]
+    fn wide_mul(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> [__m256; 2] {
+        [self.mul(a, c), self.mul(b, d)]
+    }
+
+    #[inline(always)]
+    fn wide_div(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> [__m256; 2] {
+        // SAFETY: AVX is present, since `self` exists.
+        unsafe { [_mm256_div_ps(a, c), _mm256_div_ps(b, d)] }
+    }
+
+    #[inline(always)]
+    fn wide_about_mul_add(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2], [e, f]: [__m256; 2]) -> [__m256; 2] {
+        [self.about_mul_add(a, c, e), self.about_mul_add(b, d, f)]
+    }
+
+    #[inline(always)]
+    fn wide_max_or(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> [__m256; 2] {
+        [self.max_or(a, c), self.max_or(b, d)]
+    }
+
+    #[inline(always)]
+    fn wide_min_or(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> [__m256; 2] {
+        [self.min_or(a, c), self.min_or(b, d)]
+    }
+
+    #[inline(always)]
+    fn wide_at_most(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> Mask {
+        self.at_most(a, c) | self.at_most(b, d) << 8
+    }
+
+    #[inline(always)]
+    fn wide_below(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> Mask {
+        // SAFETY: AVX is present, since `self` exists.
+        unsafe {
+            let low = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, c));
+            let high = _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(b, d));
+            low as Mask | (high as Mask) << 8
+        }
+    }
+
+    #[inline(always)]
+    fn wide_select(self, mask: Mask, [a, b]: [__m256; 2], [c, d]: [__m256; 2]) -> [__m256; 2] {
+        // SAFETY: AVX2 is present, since `self` exists.
+        unsafe {
+            let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let low = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits);
+            let high = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32((mask >> 8) as i32), bits), bits);
+            [_mm256_blendv_ps(c, a, _mm256_castsi256_ps(low)), _mm256_blendv_ps(d, b, _mm256_castsi256_ps(high))]
+        }
+    }
+
+    #[inline(always)]
+    fn wide_plane(
+        self,
+        normal: DVec3,
+        corner: DVec3,
+        origin: [[__m256; 2]; 3],
+        direction: [[__m256; 2]; 3],
+    ) -> [__m256; 2] {
+        let mut result = origin[0];
+        for half in 0..2 {
+            let part = [
+                [origin[0][half], origin[1][half], origin[2][half]],
+                [direction[0][half], direction[1][half], direction[2][half]],
+            ];
+            result[half] = self.plane(normal, corner, part);
+        }
+        result
+    }
 }
 
 impl Simd for Avx512 {
@@ -135,5 +265,110 @@ impl Simd for Avx512 {
     fn at_most(self, a: __m256, b: __m256) -> Mask {
         // SAFETY: AVX-512 F and VL are present, since `self` exists.
         Mask::from(unsafe { _mm256_cmp_ps_mask::<_CMP_LE_OQ>(a, b) })
+    }
+
+    type Wide = __m512;
+
+    #[inline(always)]
+    fn wide_load(self, values: &F16) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists; `F16` is 64 bytes, aligned to 64.
+        unsafe { _mm512_load_ps(values.0.as_ptr()) }
+    }
+
+    #[inline(always)]
+    fn wide_store(self, vector: __m512) -> F16 {
+        let mut values = F16([0.0; 16]);
+        // SAFETY: AVX-512 F is present, since `self` exists; `F16` is 64 bytes, aligned to 64.
+        unsafe { _mm512_store_ps(values.0.as_mut_ptr(), vector) };
+        values
+    }
+
+    #[inline(always)]
+    fn wide_splat(self, value: f32) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_set1_ps(value) }
+    }
+
+    #[inline(always)]
+    fn wide_add(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_add_ps(a, b) }
+    }
+
+    #[inline(always)]
+    fn wide_sub(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_sub_ps(a, b) }
+    }
+
+    #[inline(always)]
+    fn wide_mul(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_mul_ps(a, b) }
+    }
+
+    #[inline(always)]
+    fn wide_div(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_div_ps(a, b) }
+    }
+
+    #[inline(always)]
+    fn wide_about_mul_add(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_fmadd_ps(a, b, c) }
+    }
+
+    #[inline(always)]
+    fn wide_max_or(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_max_ps(a, b) }
+    }
+
+    #[inline(always)]
+    fn wide_min_or(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_min_ps(a, b) }
+    }
+
+    #[inline(always)]
+    fn wide_at_most(self, a: __m512, b: __m512) -> Mask {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        Mask::from(unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b) })
+    }
+
+    #[inline(always)]
+    fn wide_below(self, a: __m512, b: __m512) -> Mask {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        Mask::from(unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b) })
+    }
+
+    #[inline(always)]
+    fn wide_select(self, mask: Mask, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_mask_blend_ps(mask as __mmask16, b, a) }
+    }
+
+    #[inline(always)]
+    fn wide_plane(self, normal: DVec3, corner: DVec3, origin: [__m512; 3], direction: [__m512; 3]) -> __m512 {
+        // SAFETY: AVX-512 F and DQ are present, since `self` exists.
+        unsafe {
+            let (mut over, mut under) = ([_mm512_setzero_pd(); 2], [_mm512_setzero_pd(); 2]);
+            for axis in 0..3 {
+                let (along, corner) = (_mm512_set1_pd(normal[axis]), _mm512_set1_pd(corner[axis]));
+                let (o, d) = (origin[axis], direction[axis]);
+                let low = [_mm512_castps512_ps256(o), _mm512_castps512_ps256(d)];
+                let high = [_mm512_extractf32x8_ps::<1>(o), _mm512_extractf32x8_ps::<1>(d)];
+                for (half, [o, d]) in [low, high].into_iter().enumerate() {
+                    let to = _mm512_sub_pd(corner, _mm512_cvtps_pd(o));
+                    let (a, b) = (_mm512_mul_pd(along, to), _mm512_mul_pd(along, _mm512_cvtps_pd(d)));
+                    over[half] = if axis == 0 { a } else { _mm512_add_pd(over[half], a) };
+                    under[half] = if axis == 0 { b } else { _mm512_add_pd(under[half], b) };
+                }
+            }
+            let low = _mm512_cvtpd_ps(_mm512_div_pd(over[0], under[0]));
+            let high = _mm512_cvtpd_ps(_mm512_div_pd(over[1], under[1]));
+            _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high)
+        }
     }
 }

@@ -1,8 +1,10 @@
 //! With every difference mended.
 
+use crate::effects::lights::{Known, prepare as prepare_lights};
+use crate::effects::occlusion::SHADOWED;
 use crate::effects::refraction::corrected::Glass;
 use crate::effects::surface::Surface;
-use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
+use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque};
 use crate::sampling::hash::pixel_key;
 use crate::trace::{Hit, Tracer};
 use glam::{Vec3, Vec4};
@@ -12,31 +14,68 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let color = pass.job.color[pixel.index];
     let Some(triangle) = pass.triangle(pixel) else { return color };
     let stored_normal = pass.normal(pixel);
-    let (surface, view) = pass.surface_at(pixel, triangle, stored_normal);
+    let known = work.lights.known();
+    let (surface, view) = known.surface.unwrap_or_else(|| pass.surface_at(pixel, triangle, stored_normal));
     let key = pixel_key(pixel.x, pixel.y, pass.job.seed);
     if pass.is_glass(triangle) {
         let shade = |hit: &Hit, surface: &Surface, key: u32, work: &mut Workspace| {
-            visible(pass, pass.lit_color(hit, surface.normal), surface, surface.facing, key, work)
+            let color = pass.lit_color(hit, surface.normal);
+            visible(pass, color, surface, (surface.facing, None), key, work)
         };
         return opaque(Glass { pass, shade }.blend(&surface, view, 0, key, work));
     }
-    // The colour was lit by the stored normal, so the side that it looks to is the one to be shadowed.
-    let lit_side = if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing };
-    opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, lit_side, key, work))
+    let lit_side = lit_side(&surface, stored_normal);
+    opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (lit_side, known.light), key, work))
 }
 
-/// A colour times the light's share and ambient occlusion. Black stays black, without a ray.
+/// Traces the shadow rays of a tile's opaque pixels together, before the pixels ask.
+pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
+    let origin = |pixel: Pixel| {
+        let nothing = (Known { light: None, surface: None }, None);
+        let color = Vec4::from_array(pass.job.color[pixel.index]).truncate();
+        let Some(triangle) = pass.triangle(pixel) else { return nothing };
+        if pass.is_glass(triangle) || color == Vec3::ZERO {
+            return nothing;
+        }
+        let stored_normal = pass.normal(pixel);
+        let (surface, view) = pass.surface_at(pixel, triangle, stored_normal);
+        let known = Known { light: None, surface: Some((surface, view)) };
+        if lit_side(&surface, stored_normal).dot(pass.to_light) <= 0.0 {
+            return (Known { light: Some(SHADOWED), ..known }, None);
+        }
+        (known, Some(surface.origin(pass.to_light)))
+    };
+    let stops = |ray: u32, hit: &Hit, crossings: &mut Vec<(u32, f32)>| {
+        if !pass.coverage.covers(hit) {
+            return false;
+        }
+        let glass = pass.passes_light(hit);
+        if glass {
+            crossings.push((ray, hit.t));
+        }
+        !glass
+    };
+    work.rays.shadow += prepare_lights(pass, area, &mut work.lights, origin, stops);
+}
+
+/// The colour was lit by the stored normal, so the side that it looks to is the one to be shadowed.
+fn lit_side(surface: &Surface, stored_normal: Vec3) -> Vec3 {
+    if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing }
+}
+
+/// A colour times the light's share, where it is known already or else that of a side, and ambient occlusion. Black stays
+/// black, without a ray.
 fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,
     surface: &Surface,
-    lit_side: Vec3,
+    (lit_side, known): (Vec3, Option<f32>),
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {
     if color == Vec3::ZERO {
         return color;
     }
-    let light = pass.light_share(surface, lit_side, work);
+    let light = known.unwrap_or_else(|| pass.light_share(surface, lit_side, work));
     color * light * pass.occlusion(surface, key, work, |hit| pass.stops_light(hit))
 }

@@ -1,0 +1,361 @@
+//! Our ray passes beside Intel's Embree: the same rays on the same triangles in the same run.
+//!
+//! `cargo bench --features embree --bench embree -- --scene square:100000 --out FILE.json`
+//!
+//! Embree is looked for at run time: `libembree3.so.3` where the system has it, and the library that the environment
+//! variable `CURITIBA_EMBREE` names (version 3 or 4). Without any, the bench says so and ends. Real scenes are looked for
+//! in the folder that `CURITIBA_SCENES` names.
+//!
+//! Every contestant is checked against ours ray by ray before anything is timed. Then all take turns, round after round;
+//! what is compared are medians of processor time. Embree is timed in every mode that it has (rays one by one, packets of
+//! 16, streams, each with and without the hint that rays are coherent), on trees of both qualities; the fastest of the
+//! first round goes on. `--robust`'s trees, which are what ours has to be compared with for watertightness, go on beside.
+
+mod api;
+mod contest;
+mod duel;
+mod effects;
+mod flush;
+mod layout;
+mod rays;
+mod scenes;
+
+use api::{Build, Embree, Scene};
+use contest::{Contestant, Times, rounds};
+use curitiba::environment::Environment;
+use curitiba::passes::cpu::CpuRays;
+use curitiba::passes::trace::{Bvh, Quality};
+use curitiba::pipeline::backend::RayBackend as _;
+use curitiba::pipeline::image::write_atomically;
+use curitiba::pipeline::scene::Geometry;
+use duel::{RayRow, Tree, duel, pool};
+use effects::Picture;
+use scenes::Subject;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What the command line asks for.
+struct Request {
+    scenes: Vec<String>,
+    out: Option<PathBuf>,
+    rounds: usize,
+    size: u32,
+    threads: Vec<usize>,
+    /// Leaves out trees of high quality, for large scenes.
+    medium: bool,
+    effects: bool,
+    rays: bool,
+}
+
+impl Request {
+    fn read() -> Result<Self, String> {
+        let all = std::thread::available_parallelism().map_or(1, usize::from);
+        let mut request = Self {
+            scenes: Vec::new(),
+            out: None,
+            rounds: 5,
+            size: 1024,
+            threads: vec![1, all],
+            medium: false,
+            effects: true,
+            rays: true,
+        };
+        request.threads.dedup();
+        let mut arguments = std::env::args().skip(1);
+        while let Some(argument) = arguments.next() {
+            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
+            let number = |text: String| text.parse().map_err(|_| format!("{text} is no number"));
+            match argument.as_str() {
+                "--bench" => {}
+                "--scene" => request.scenes.push(value()?),
+                "--out" => request.out = Some(value()?.into()),
+                "--rounds" => request.rounds = number(value()?)?,
+                "--size" => request.size = number(value()?)? as u32 / 16 * 16,
+                "--threads" => request.threads = vec![number(value()?)?],
+                "--medium" => request.medium = true,
+                "--no-effects" => request.effects = false,
+                "--no-rays" => request.rays = false,
+                _ => {
+                    return Err(format!(
+                        "{argument} is unknown; there are --scene, --out, --rounds, --size, --threads, --medium, --no-effects and --no-rays"
+                    ));
+                }
+            }
+        }
+        if request.scenes.is_empty() {
+            request.scenes.push("square:100000".to_owned());
+        }
+        Ok(request)
+    }
+}
+
+/// The measurement as it is written.
+#[derive(Serialize)]
+struct File {
+    format: u32,
+    command: String,
+    started_unix_s: u64,
+    environment: Environment,
+    embree: Vec<String>,
+    size: u32,
+    rounds: usize,
+    scenes: Vec<SceneRow>,
+}
+
+#[derive(Serialize)]
+struct SceneRow {
+    scene: String,
+    triangles: usize,
+    load_average: Option<f64>,
+    builds: Vec<BuildRow>,
+    rays: Vec<RayRow>,
+    effects: Vec<EffectRow>,
+}
+
+#[derive(Serialize)]
+struct BuildRow {
+    name: String,
+    wall_s: Vec<f64>,
+    bytes_per_triangle: f64,
+}
+
+#[derive(Serialize)]
+struct EffectRow {
+    effect: &'static str,
+    threads: usize,
+    rays: u64,
+    rays_certain: u64,
+    rays_embree: u64,
+    /// Pixels that differ in any bit, by more than 2 of 255, and by how much at most.
+    pixels_differing: usize,
+    pixels_differing_visibly: usize,
+    largest_difference: f32,
+    robust_pixels_differing: usize,
+    ours: Times,
+    embree_name: String,
+    embree: Times,
+    embree_robust: Times,
+    ratio: f64,
+    ratio_robust: f64,
+    ratio_wall: f64,
+}
+
+fn main() {
+    if let Err(why) = run() {
+        eprintln!("error: {why}");
+        std::process::exit(1);
+    }
+}
+
+fn run() -> Result<(), String> {
+    let request = Request::read()?;
+    let mut libraries = Vec::new();
+    let named = std::env::var_os("CURITIBA_EMBREE").map(PathBuf::from);
+    for path in [Some(PathBuf::from("libembree3.so.3")), named].into_iter().flatten() {
+        match Embree::load(&path) {
+            Ok(embree) => libraries.push(embree),
+            Err(why) => println!("skipped: {why}"),
+        }
+    }
+    if libraries.is_empty() {
+        println!("skipped: no Embree; install libembree-dev, or name the library in CURITIBA_EMBREE");
+        return Ok(());
+    }
+    let mut file = File {
+        format: 1,
+        command: command(),
+        started_unix_s: std::time::SystemTime::UNIX_EPOCH.elapsed().map_or(0, |time| time.as_secs()),
+        environment: Environment::here(),
+        embree: libraries.iter().map(|embree| embree.version.clone()).collect(),
+        size: request.size,
+        rounds: request.rounds,
+        scenes: Vec::new(),
+    };
+    let folder = std::env::var_os("CURITIBA_SCENES").map(PathBuf::from);
+    for name in &request.scenes {
+        match scenes::open(name, folder.as_deref(), request.size) {
+            Ok(subject) => file.scenes.push(measure(&subject, &libraries, &request)?),
+            Err(why) => println!("skipped: {why}"),
+        }
+        if let Some(out) = &request.out {
+            let text = serde_json::to_string_pretty(&file).map_err(|error| error.to_string())?;
+            write_atomically(out, (text + "\n").as_bytes()).map_err(|error| error.to_string())?;
+        }
+    }
+    Ok(())
+}
+
+/// The command line, without the folders of the machine.
+fn command() -> String {
+    let arguments: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|argument| argument != "--bench")
+        .map(|argument| Path::new(&argument).file_name().map_or(argument.clone(), |name| name.to_string_lossy().into()))
+        .collect();
+    format!("cargo bench --features embree --bench embree -- {}", arguments.join(" "))
+}
+
+fn measure(subject: &Subject, libraries: &[Arc<Embree>], request: &Request) -> Result<SceneRow, String> {
+    let geometry = &subject.scene.geometry;
+    let triangles = geometry.triangles.len();
+    println!("{}: {triangles} triangles", subject.name);
+    let mut row = SceneRow {
+        scene: subject.name.clone(),
+        triangles,
+        load_average: Environment::here().load_average,
+        builds: Vec::new(),
+        rays: Vec::new(),
+        effects: Vec::new(),
+    };
+    let (bvh, trees) = build(geometry, &[], libraries, request, &mut row.builds)?;
+    if request.rays {
+        let sets = rays::generate(subject, &bvh, request.size);
+        for set in &sets {
+            for &threads in &request.threads {
+                row.rays.push(duel(set, &bvh, &trees, threads, request.rounds));
+            }
+        }
+    }
+    drop((bvh, trees));
+    if request.effects {
+        for (name, job) in &subject.jobs {
+            let filtered = job.filtered();
+            let mut backend = CpuRays::new();
+            backend.build(&subject.scene, &filtered).map_err(|error| error.to_string())?;
+            let (_, trees) = build(geometry, &filtered, libraries, request, &mut Vec::new())?;
+            for &threads in &request.threads {
+                row.effects.push(effect(name, job, subject, &mut backend, &trees, threads, request.rounds));
+            }
+        }
+    }
+    Ok(row)
+}
+
+/// Builds ours and every tree of Embree, and notes what each took.
+fn build(
+    geometry: &Geometry,
+    transparent: &[bool],
+    libraries: &[Arc<Embree>],
+    request: &Request,
+    rows: &mut Vec<BuildRow>,
+) -> Result<(Bvh, Vec<Tree>), String> {
+    let triangles = geometry.triangles.len() as f64;
+    let all = request.threads.iter().copied().max().unwrap_or(1);
+    let workers = pool(all);
+    let mut note = |name: &str, seconds: f64, bytes: f64| {
+        println!("  build {name:28} {seconds:8.3} s on {all}, {:6.1} bytes a triangle", bytes / triangles);
+        rows.push(BuildRow { name: name.to_owned(), wall_s: vec![seconds], bytes_per_triangle: bytes / triangles });
+    };
+    let start = Instant::now();
+    let bvh = workers.install(|| Bvh::build(geometry, transparent, Quality::Balanced));
+    note("curitiba", start.elapsed().as_secs_f64(), bvh.bytes() as f64);
+    let mut trees = Vec::new();
+    for embree in libraries {
+        for (high, robust) in [(false, false), (true, false), (false, true)] {
+            if high && request.medium {
+                continue;
+            }
+            let quality = if high { "high" } else { "medium" };
+            let name = format!("embree {} {quality}{}", embree.version, if robust { " robust" } else { "" });
+            let mut lists = [Vec::new(), Vec::new()];
+            let mut ids = [Vec::new(), Vec::new()];
+            for (id, triangle) in geometry.triangles.iter().enumerate() {
+                let material = geometry.material_of(id as u32) as usize;
+                let group = usize::from(transparent.get(material).copied().unwrap_or(false));
+                lists[group].push(*triangle);
+                ids[group].push(id as u32);
+            }
+            let positions = geometry.positions.iter().map(|p| [p.x, p.y, p.z, 0.0]).collect();
+            let start = Instant::now();
+            let scene = Scene::build(embree, positions, lists, ids, Build { high, robust, threads: all })?;
+            note(&name, start.elapsed().as_secs_f64(), scene.bytes() as f64);
+            trees.push(Tree { name, scene, robust, streams: embree.streams() });
+        }
+    }
+    Ok((bvh, trees))
+}
+
+/// One ray pass.
+fn effect(
+    name: &'static str,
+    job: &scenes::OwnedJob,
+    subject: &Subject,
+    backend: &mut CpuRays,
+    trees: &[Tree],
+    threads: usize,
+    count: usize,
+) -> EffectRow {
+    let workers = pool(threads);
+    let scene = &*subject.scene;
+    let mut mine = Picture::new(job, scene);
+    let mut pictures: Vec<Picture> = trees.iter().map(|_| Picture::new(job, scene)).collect();
+    let mut first: Vec<Contestant<'_>> = trees
+        .iter()
+        .zip(&mut pictures)
+        .map(|(tree, picture)| {
+            Contestant::new(tree.name.clone(), move || {
+                effects::theirs(&tree.scene, job, scene, picture);
+                picture.rays.total()
+            })
+        })
+        .collect();
+    // One turn of each chooses; the passes are too long for more.
+    rounds(&mut first, 0, &workers);
+    let costs: Vec<f64> = first.iter().map(|contestant| contestant.times.cost()).collect();
+    drop(first);
+    let fastest = |robust: bool| {
+        let candidates = (0..trees.len()).filter(|&index| trees[index].robust == robust);
+        candidates.min_by(|&a, &b| costs[a].total_cmp(&costs[b])).expect("there is a tree of each kind")
+    };
+    let (best, robust) = (fastest(false), fastest(true));
+    let (mut other, mut careful) = (Picture::new(job, scene), Picture::new(job, scene));
+    let mut final_round = vec![
+        Contestant::new("curitiba", || {
+            effects::ours(backend, job, scene, &mut mine);
+            mine.rays.total()
+        }),
+        Contestant::new(trees[best].name.clone(), || {
+            effects::theirs(&trees[best].scene, job, scene, &mut other);
+            other.rays.total()
+        }),
+        Contestant::new(trees[robust].name.clone(), || {
+            effects::theirs(&trees[robust].scene, job, scene, &mut careful);
+            careful.rays.total()
+        }),
+    ];
+    rounds(&mut final_round, count, &workers);
+    let times: Vec<Times> = final_round.iter().map(|contestant| contestant.times.clone()).collect();
+    drop(final_round);
+    let (pixels_differing, pixels_differing_visibly, largest_difference) = mine.differs(&other);
+    let row = EffectRow {
+        effect: name,
+        threads,
+        rays: mine.rays.total(),
+        rays_certain: mine.rays.certain,
+        rays_embree: other.rays.total(),
+        pixels_differing,
+        pixels_differing_visibly,
+        largest_difference,
+        robust_pixels_differing: mine.differs(&careful).0,
+        ratio: times[1].cost() / times[0].cost(),
+        ratio_robust: times[2].cost() / times[0].cost(),
+        ratio_wall: times[1].wall() / times[0].wall(),
+        ours: times[0].clone(),
+        embree_name: trees[best].name.clone(),
+        embree: times[1].clone(),
+        embree_robust: times[2].clone(),
+    };
+    println!(
+        "  {name:16} {threads} threads  ours {:7.1} ms  embree {:7.1} ms ({})  ratio {:5.2}  robust {:5.2}  pixels that differ {} ({} robust)",
+        row.ours.wall() * 1e3,
+        row.embree.wall() * 1e3,
+        row.embree_name,
+        row.ratio,
+        row.ratio_robust,
+        row.pixels_differing,
+        row.robust_pixels_differing,
+    );
+    row
+}

@@ -1,0 +1,165 @@
+//! The light of a tile's pixels, asked for together: their rays run side by side, and go down the tree as packets.
+
+use super::occlusion::{SHADOWED, THROUGH_GLASS, distinct};
+use super::surface::Surface;
+use super::{Coverage, Pass, Pixel};
+use crate::trace::{Hit, PACKET, Packet, Tracer};
+use glam::Vec3;
+
+/// Pixels a side of a tile: the unit of parallel work, small enough that its rays meet the same nodes.
+pub const TILE: usize = 16;
+/// Pixels a side of the part of a tile whose rays share packets.
+const PART: usize = 4;
+
+/// A tile, cut off at the image's border.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Area {
+    /// Left column.
+    pub x: usize,
+    /// Top row.
+    pub y: usize,
+    /// Columns, [`TILE`] at most.
+    pub width: usize,
+    /// Rows, [`TILE`] at most.
+    pub height: usize,
+    /// Pixels a row of the image.
+    pub stride: usize,
+}
+
+impl Area {
+    /// The pixels, part by part, each with its place in the tile (row by row, [`TILE`] a row).
+    fn pixels(self) -> impl Iterator<Item = (usize, Pixel)> {
+        let parts = (0..TILE).step_by(PART).flat_map(|top| (0..TILE).step_by(PART).map(move |left| (left, top)));
+        let places = parts.flat_map(|(left, top)| (0..PART * PART).map(move |k| (left + k % PART, top + k / PART)));
+        places.filter(move |&(x, y)| x < self.width && y < self.height).map(move |(right, down)| {
+            let (x, y) = (self.x + right, self.y + down);
+            (down * TILE + right, Pixel { x: x as u32, y: y as u32, index: y * self.stride + x })
+        })
+    }
+}
+
+/// What is known of a pixel before it is computed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    /// The light's share; `None` where nobody asked.
+    pub(super) light: Option<f32>,
+    /// Its surface and the direction in which it is seen, where the program needs them again.
+    pub(super) surface: Option<(Surface, Vec3)>,
+}
+
+const UNKNOWN: Known = Known { light: None, surface: None };
+
+/// What is known of a tile's pixels, and the buffers that it takes to find out.
+#[derive(Debug, Default)]
+pub struct Lights {
+    /// By place; empty where the program asks pixel by pixel.
+    known: Vec<Known>,
+    /// The place of the pixel that is computed.
+    place: usize,
+    packets: Vec<Packet>,
+    /// The place of each ray.
+    places: Vec<u16>,
+    blocked: Vec<u16>,
+    /// Glass surfaces that rays cross: the ray and the distance.
+    crossings: Vec<(u32, f32)>,
+    distances: Vec<f32>,
+}
+
+impl Lights {
+    /// Says which pixel of the tile is computed next.
+    pub(crate) fn turn_to(&mut self, place: usize) {
+        self.place = place;
+    }
+
+    /// What is known of it.
+    pub(super) fn known(&self) -> Known {
+        self.known.get(self.place).copied().unwrap_or(UNKNOWN)
+    }
+
+    fn clear(&mut self) {
+        self.known.clear();
+        self.known.resize(TILE * TILE, UNKNOWN);
+        self.packets.clear();
+        self.places.clear();
+        self.crossings.clear();
+    }
+
+    fn push(&mut self, place: usize, origin: Vec3, direction: Vec3) {
+        let lane = self.places.len() % PACKET;
+        if lane == 0 {
+            self.packets.push(Packet::new(0.0, f32::INFINITY));
+        }
+        if let Some(packet) = self.packets.last_mut() {
+            packet.set(lane, origin, direction);
+        }
+        self.places.push(place as u16);
+    }
+
+    /// Traces all rays, and returns how many there are.
+    fn trace<T: Tracer>(&mut self, tracer: &T, mut stops: impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool) -> u64 {
+        let Self { packets, blocked, crossings, .. } = self;
+        blocked.clear();
+        blocked.resize(packets.len(), 0);
+        tracer.occluded_packets(packets, blocked, |ray, hit| stops(ray as u32, hit, crossings));
+        self.places.len() as u64
+    }
+
+    /// Calls `each` with the place of every ray, and with the number of surfaces crossed by it, or `None` if it is blocked.
+    fn answers(&mut self, mut each: impl FnMut(&mut Known, Option<usize>)) {
+        let Self { known, places, blocked, crossings, distances, .. } = self;
+        crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let mut crossings = crossings.iter().peekable();
+        for (ray, place) in places.iter().enumerate() {
+            distances.clear();
+            while let Some((_, t)) = crossings.next_if(|crossing| crossing.0 as usize == ray) {
+                distances.push(*t);
+            }
+            let stopped = blocked[ray / PACKET] >> (ray % PACKET) & 1 == 1;
+            each(&mut known[*place as usize], (!stopped).then(|| distinct(distances)));
+        }
+    }
+}
+
+/// Finds out the light of a tile: `origin` says for each pixel what is known without a ray, and where its ray starts.
+///
+/// Returns the number of rays.
+pub(super) fn prepare<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    area: Area,
+    lights: &mut Lights,
+    mut origin: impl FnMut(Pixel) -> (Known, Option<Vec3>),
+    mut stops: impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool,
+) -> u64 {
+    lights.clear();
+    for (place, pixel) in area.pixels() {
+        let (known, start) = origin(pixel);
+        lights.known[place] = known;
+        if let Some(start) = start {
+            lights.push(place, start, pass.to_light);
+        }
+    }
+    let rays = lights.trace(pass.tracer, &mut stops);
+    lights.answers(|known, crossed| {
+        known.light = Some(crossed.map_or(SHADOWED, |surfaces| THROUGH_GLASS.powi(surfaces as i32)));
+    });
+    rays
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Area, TILE};
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_pixel_of_a_tile_has_a_place_of_its_own() {
+        for (width, height) in [(16, 16), (7, 16), (16, 1), (1, 1), (5, 9)] {
+            let area = Area { x: 32, y: 48, width, height, stride: 100 };
+            let places: BTreeSet<usize> = area.pixels().map(|(place, _)| place).collect();
+            assert_eq!(places.len(), width * height);
+            for (place, pixel) in area.pixels() {
+                assert_eq!((pixel.x as usize, pixel.y as usize), (32 + place % TILE, 48 + place / TILE));
+                assert_eq!(pixel.index, pixel.y as usize * 100 + pixel.x as usize);
+            }
+        }
+    }
+}
