@@ -185,6 +185,7 @@ fn the_comparison_notices_a_ray_that_is_left_out() {
     let mut packets = parallel(&geometry, Vec3::NEG_Y, 4, &mut Random::new(3));
     for packet in &mut packets {
         packet.origin = [[0.25; PACKET], [5.0; PACKET], [0.5; PACKET]];
+        packet.direction = [[0.0; PACKET], [-1.0; PACKET], [0.0; PACKET]];
         (packet.t_min, packet.t_max, packet.active) = (0.0, f32::INFINITY, u16::MAX);
     }
     let mut before = vec![0; 4];
