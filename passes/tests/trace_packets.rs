@@ -118,7 +118,7 @@ fn all_packets(geometry: &Geometry) -> Vec<Packet> {
 
 /// A rule about transparent triangles that depends on nothing but the hit.
 fn accepts(hit: &Hit) -> bool {
-    hit.u > 0.4 || hit.triangle % 3 == 0
+    hit.u > 0.4 || hit.triangle.is_multiple_of(3)
 }
 
 #[test]

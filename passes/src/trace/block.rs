@@ -54,6 +54,7 @@ impl Block {
     #[inline(always)]
     pub(super) fn bounds<S: Simd>(&self, simd: S) -> [[S::Vector; 3]; 2] {
         let mut bounds = [[simd.splat(0.0); 3]; 2];
+        #[allow(clippy::needless_range_loop, reason = "the axis indexes the corners too")]
         for axis in 0..3 {
             let a = simd.load(&self.corners[0][axis]);
             let b = simd.load(&self.corners[1][axis]);

@@ -8,6 +8,7 @@
 //!
 //! Every bound is computed by the operations of the single ray's box test, which are monotone, from the extremes of their
 //! operands: rounding included, no box is left out that any single ray's test would enter.
+#![allow(clippy::needless_range_loop, reason = "loops over the three axes index several arrays alike")]
 
 use super::beam::{Beam, Class, Classes, FAR};
 use super::block::Block;

@@ -138,7 +138,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         }
         let (bounds, origin) = (&self.bvh.bounds, self.fan.origin);
         // Long rays have too many triangles in reach.
-        if !(self.fan.t_max * LONG < (bounds.high - bounds.low).max_element()) {
+        if self.fan.t_max * LONG >= (bounds.high - bounds.low).max_element() {
             return None;
         }
         let pad = slack(bounds, origin);
