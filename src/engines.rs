@@ -48,6 +48,9 @@ impl BackendChoice {
     pub const NAMES: [(&str, Self); 4] =
         [("auto", Self::Auto), ("cpu", Self::Cpu), ("cuda", Self::Cuda), ("optix", Self::Optix)];
 
+    /// Those that are no choice between others.
+    pub const ALL: [Self; 3] = [Self::Cpu, Self::Cuda, Self::Optix];
+
     /// As users write it.
     #[must_use]
     pub fn name(self) -> &'static str {

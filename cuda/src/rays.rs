@@ -9,11 +9,10 @@ use cudarc::driver::sys::CUevent_flags;
 use cudarc::driver::{CudaEvent, DeviceRepr};
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
-use curitiba_passes::sampling::owen_sobol::reversed_sobol;
-use curitiba_passes::sampling::square_root;
+use curitiba_passes::sampling::{HemisphereSampler, square_root};
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
-use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram, Sampler};
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::SharedGBuffer;
 use glam::Vec3;
@@ -74,11 +73,6 @@ pub trait DeviceTracer: Sized + Send {
 /// Pixels of one launch at most: long passes are cut, so that no kernel runs into a display driver's time limit unless a
 /// pixel is very dear, and progress is seen.
 const PIXELS_OF_LAUNCH: u32 = 1 << 20;
-
-/// The place of a point, given with its bits reversed, on a Z-shaped curve.
-fn morton(reversed: &[u32; 2]) -> u64 {
-    (0..32).fold(0, |code, bit| code << 2 | u64::from(reversed[0] >> bit & 1) << 1 | u64::from(reversed[1] >> bit & 1))
-}
 
 /// Launches that wait behind one another at most: enough that the device never waits for the host.
 const LAUNCHES_AHEAD: usize = 3;
@@ -248,19 +242,23 @@ impl<T: DeviceTracer> OneGpu<T> {
             images.output.0 = Some(room.map_err(|error| device.fault("making room for the picture", &error))?);
         }
         let samples = if job.program.info().params.contains(&"samples") { job.params.samples } else { 0 };
-        let stratified = job.fidelity == Fidelity::Thesis || job.params.sampler == Sampler::Strata;
         let wrong = |why: String| check::missing(T::NAME, job, &why);
-        let strata = if stratified { square_root(samples).map_err(wrong)? } else { 0 };
+        let sampler = match job.fidelity {
+            _ if samples == 0 => HemisphereSampler::Strata { side: 0 },
+            Fidelity::Thesis => HemisphereSampler::Strata { side: square_root(samples).map_err(wrong)? },
+            Fidelity::Corrected => HemisphereSampler::new(job.params.sampler, samples).map_err(wrong)?,
+        };
+        let (strata, points) = match sampler {
+            HemisphereSampler::Strata { side } => (side, Vec::new()),
+            HemisphereSampler::Sobol(points) => (0, points),
+        };
         if samples > 0 {
             let share = |open: u32| (open as f32 / samples as f32).powf(job.params.intensity);
             let shares: Vec<f32> = (0..=samples).map(share).collect();
             images.open_share.set(device, "the table of open shares", shares)?;
-            if strata == 0 {
-                let mut points: Vec<[u32; 2]> = (0..samples).map(reversed_sobol).collect();
-                // Scrambling keeps neighbours in both dimensions neighbours: rays side by side go the same way.
-                points.sort_by_key(morton);
-                images.sobol.set(device, "the occlusion points", points.into_flattened())?;
-            }
+        }
+        if !points.is_empty() {
+            images.sobol.set(device, "the occlusion points", points.into_flattened())?;
         }
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
         images.through_glass.set(device, "the table of glass", through)?;
@@ -439,17 +437,6 @@ impl<T: DeviceTracer> OneGpu<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn sorted_points_that_follow_each_other_lie_in_one_part_of_the_square() {
-        let mut points: Vec<[u32; 2]> = (0..64).map(reversed_sobol).collect();
-        let quarter = |point: &[u32; 2]| point.map(|coordinate| coordinate & 1);
-        let changes =
-            |points: &[[u32; 2]]| points.windows(2).filter(|pair| quarter(&pair[0]) != quarter(&pair[1])).count();
-        assert!(changes(&points) > 30);
-        points.sort_by_key(morton);
-        assert_eq!(changes(&points), 3);
-    }
 
     #[test]
     fn launches_cover_the_rows_of_a_share_once_and_in_order() {

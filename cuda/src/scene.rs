@@ -4,7 +4,7 @@ use crate::device::{Address, Buffer, Device};
 use crate::layout::{NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_SHADOW_GLASS, Shade, TextureInfo};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::programs::Fidelity;
-use curitiba_pipeline::scene::{Geometry, RenderScene};
+use curitiba_pipeline::scene::RenderScene;
 
 /// What programs read of a scene, whatever traces the rays.
 #[derive(Debug, Default)]
@@ -28,7 +28,7 @@ impl SceneBuffers {
             normals: device.upload("vertex normals", bytemuck::cast_slice(&geometry.normals))?,
             texcoords: device.upload("texture coordinates", bytemuck::cast_slice(&geometry.texcoords))?,
             triangles: device.upload("triangles", bytemuck::cast_slice(&geometry.triangles))?,
-            materials: device.upload("the materials of triangles", &materials_of(geometry))?,
+            materials: device.upload("the materials of triangles", &geometry.materials().collect::<Vec<_>>())?,
             textures: device.upload("texture sizes", &textures)?,
             texels: device.upload("textures", &texels)?,
         })
@@ -60,12 +60,6 @@ impl SceneBuffers {
             + self.textures.bytes()
             + self.texels.bytes()
     }
-}
-
-/// The material of each triangle.
-fn materials_of(geometry: &Geometry) -> Vec<u32> {
-    let of_batch = |batch: &curitiba_pipeline::scene::Batch| std::iter::repeat_n(batch.material, batch.count as usize);
-    geometry.batches.iter().flat_map(of_batch).collect()
 }
 
 /// Level 0 of every texture: the only one that rays read.
@@ -101,7 +95,7 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use curitiba_pipeline::scene::Batch;
+    use curitiba_pipeline::scene::{Batch, Geometry};
     use curitiba_pipeline::scene::texture::Texture;
 
     #[test]
@@ -110,7 +104,7 @@ mod tests {
             batches: vec![Batch { material: 3, first: 0, count: 2 }, Batch { material: 1, first: 2, count: 1 }],
             ..Geometry::default()
         };
-        assert_eq!(materials_of(&geometry), [3, 3, 1]);
+        assert_eq!(geometry.materials().collect::<Vec<_>>(), [3, 3, 1]);
         let texture = |width: u32, value: u8| Texture::new(String::new(), width, 1, vec![[value; 4]; width as usize]);
         let scene = RenderScene { textures: vec![texture(2, 7), texture(1, 9)], ..RenderScene::default() };
         let (infos, texels) = textures(&scene);

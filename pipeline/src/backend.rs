@@ -176,6 +176,15 @@ impl BackendError {
             Self::Unsupported { backend, .. } | Self::Device { backend, .. } => backend,
         }
     }
+
+    /// What is wrong, for a line that names the backend already.
+    #[must_use]
+    pub fn reason(&self) -> String {
+        match self {
+            Self::Device { message, .. } => message.clone(),
+            Self::Unsupported { .. } => self.to_string(),
+        }
+    }
 }
 
 /// Draws triangles into G-buffers.

@@ -182,7 +182,7 @@ impl<'a> Collector<'a> {
             let on_gpu = ray_backend(choice.traced_by(BackendChoice::Cuda)).is_ok();
             self.backend = if on_gpu { BackendChoice::Cuda } else { BackendChoice::Cpu };
         }
-        for backend in [BackendChoice::Cpu, BackendChoice::Cuda, BackendChoice::Optix] {
+        for backend in BackendChoice::ALL {
             match ray_backend(choice.traced_by(backend)) {
                 Ok(rays) => {
                     self.file.environment.add_gpus(rays.as_ref());
@@ -191,8 +191,7 @@ impl<'a> Collector<'a> {
                     }
                 }
                 Err(error) if backend == self.backend => return Err(error),
-                Err(BackendError::Device { message, .. }) => self.miss(&format!("rays on {}", backend.name()), message),
-                Err(error) => self.miss(&format!("rays on {}", backend.name()), error.to_string()),
+                Err(error) => self.miss(&format!("rays on {}", backend.name()), error.reason()),
             }
         }
         self.miss("rays on wgpu", "this version traces no rays through wgpu".to_owned());

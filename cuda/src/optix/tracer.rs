@@ -35,10 +35,8 @@ fn refused(device: &Device, doing: &str, why: String) -> BackendError {
 
 /// By triangle: 1 where its material lets some rays through.
 fn asked(geometry: &Geometry, filtered: &[bool]) -> Vec<u32> {
-    let flag = |material: u32| u32::from(filtered.get(material as usize).copied().unwrap_or(false));
-    let of_batch =
-        |batch: &curitiba_pipeline::scene::Batch| std::iter::repeat_n(flag(batch.material), batch.count as usize);
-    geometry.batches.iter().flat_map(of_batch).collect()
+    let is_filtered = |material: u32| filtered.get(material as usize).copied().unwrap_or(false);
+    geometry.materials().map(|material| u32::from(is_filtered(material))).collect()
 }
 
 fn room(device: &Device, what: &str, bytes: usize) -> Result<Buffer<u8>, BackendError> {

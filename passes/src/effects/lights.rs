@@ -1,6 +1,6 @@
 //! The light of a tile's pixels, asked for together: their rays run side by side, and go down the tree as packets.
 
-use super::occlusion::{SHADOWED, THROUGH_GLASS, distinct};
+use super::occlusion::share_of_light;
 use super::surface::Surface;
 use super::{Coverage, Pass, Pixel};
 use crate::trace::{Hit, PACKET, Packet, Tracer};
@@ -104,10 +104,10 @@ impl Lights {
         self.places.len() as u64
     }
 
-    /// Calls `each` with the place of every ray, and with the number of surfaces crossed by it, or `None` if it is blocked.
-    fn answers(&mut self, mut each: impl FnMut(&mut Known, Option<usize>)) {
+    /// Notes the light's share at the place of every ray.
+    fn note_answers(&mut self) {
         let Self { known, places, blocked, crossings, distances, .. } = self;
-        crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        crossings.sort_unstable_by_key(|(ray, _)| *ray);
         let mut crossings = crossings.iter().peekable();
         for (ray, place) in places.iter().enumerate() {
             distances.clear();
@@ -115,7 +115,7 @@ impl Lights {
                 distances.push(*t);
             }
             let stopped = blocked[ray / PACKET] >> (ray % PACKET) & 1 == 1;
-            each(&mut known[*place as usize], (!stopped).then(|| distinct(distances)));
+            known[*place as usize].light = Some(share_of_light(stopped, distances));
         }
     }
 }
@@ -139,9 +139,7 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
         }
     }
     let rays = lights.trace(pass.tracer, &mut stops);
-    lights.answers(|known, crossed| {
-        known.light = Some(crossed.map_or(SHADOWED, |surfaces| THROUGH_GLASS.powi(surfaces as i32)));
-    });
+    lights.note_answers();
     rays
 }
 

@@ -99,17 +99,20 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let crossings = &mut work.crossings;
         crossings.clear();
         self.announce_visibility(Purpose::Shadow, 1.0);
-        let blocked = self.tracer.occluded(&ray, |hit| {
-            if !self.coverage.covers(hit) {
-                return false;
-            }
-            let glass = self.passes_light(hit);
-            if glass {
-                crossings.push(hit.t);
-            }
-            !glass
-        });
-        if blocked { SHADOWED } else { THROUGH_GLASS.powi(distinct(crossings) as i32) }
+        let blocked = self.tracer.occluded(&ray, |hit| self.blocks_light(hit, || crossings.push(hit.t)));
+        share_of_light(blocked, crossings)
+    }
+
+    /// Whether a hit stops light; `crosses` is called where it passes glass instead.
+    pub(super) fn blocks_light(&self, hit: &Hit, crosses: impl FnOnce()) -> bool {
+        if !self.coverage.covers(hit) {
+            return false;
+        }
+        let glass = self.passes_light(hit);
+        if glass {
+            crosses();
+        }
+        !glass
     }
 
     fn light_ray(&self, origin: Vec3) -> Ray {
@@ -117,9 +120,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 }
 
+/// What is left of light that is blocked, or else crosses glass at these distances, in any order.
+pub(super) fn share_of_light(blocked: bool, crossings: &mut [f32]) -> f32 {
+    if blocked { SHADOWED } else { THROUGH_GLASS.powi(distinct(crossings) as i32) }
+}
+
 /// How many surfaces these hit distances belong to. A tracer may show a hit twice, and a ray through the edge between two
 /// triangles meets both: distances no farther apart than the rounding of their computation are one surface.
-pub(super) fn distinct(distances: &mut [f32]) -> usize {
+fn distinct(distances: &mut [f32]) -> usize {
     const ROUNDING: f32 = 8.0 * f32::EPSILON;
     distances.sort_unstable_by(f32::total_cmp);
     let steps = distances.windows(2).filter(|pair| pair[1] - pair[0] > ROUNDING * pair[1]).count();

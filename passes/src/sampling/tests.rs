@@ -276,3 +276,15 @@ fn directions_computed_in_vectors_are_those_of_their_points_bit_for_bit() {
         }
     }
 }
+
+#[test]
+fn sobol_points_that_follow_each_other_lie_in_one_part_of_the_square() {
+    let quarter = |point: &[u32; 2]| point.map(|coordinate| coordinate & 1);
+    let changes = |points: &[[u32; 2]]| points.windows(2).filter(|pair| quarter(&pair[0]) != quarter(&pair[1])).count();
+    let sequence: Vec<[u32; 2]> = (0..64).map(reversed_sobol).collect();
+    assert!(changes(&sequence) > 30);
+    let HemisphereSampler::Sobol(points) = HemisphereSampler::new(Sampler::Sobol, 64).expect("any number") else {
+        panic!("another sampler");
+    };
+    assert_eq!(changes(&points), 3);
+}

@@ -51,10 +51,8 @@ pub(super) fn intersect([a, b, c]: &[DVec3; 3], origin: DVec3, direction: DVec3)
 
 /// The triangles whose corners are finite, their ids, and whether they are transparent.
 pub(super) fn finite_triangles(geometry: &Geometry, transparent: &[bool]) -> Vec<([DVec3; 3], u32, bool)> {
-    let mut flags = geometry.batches.iter().flat_map(|batch| {
-        let flag = transparent.get(batch.material as usize).copied().unwrap_or(false);
-        std::iter::repeat_n(flag, batch.count as usize)
-    });
+    let is_transparent = |material: u32| transparent.get(material as usize).copied().unwrap_or(false);
+    let mut flags = geometry.materials().map(is_transparent);
     let mut triangles = Vec::with_capacity(geometry.triangles.len());
     for (triangle, id) in geometry.triangles.iter().zip(0_u32..) {
         let flag = flags.next().unwrap_or(false);

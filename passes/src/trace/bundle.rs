@@ -253,9 +253,11 @@ impl Intervals {
         Self { beams: each, all, backward }
     }
 
-    /// The lanes of boxes that any ray may be in, and below which distance it does not enter them.
+    /// The lanes of boxes that any ray may be in, and below which distance it does not enter them: a ray of the one beam in
+    /// `mask`, or with more than one of any beam.
     #[inline(always)]
-    fn boxes<S: Simd>(&self, simd: S, extremes: &Extremes<f32>, planes: [[S::Vector; 3]; 2]) -> (Mask, S::Vector) {
+    fn boxes<S: Simd>(&self, simd: S, mask: Mask, planes: [[S::Vector; 3]; 2]) -> (Mask, S::Vector) {
+        let extremes = if is_lone(mask) { self.of_beam(mask.trailing_zeros() as usize) } else { self.all };
         let mut enter = simd.splat(extremes.t_min);
         let mut leave = simd.splat(extremes.limit);
         for axis in 0..3 {
@@ -312,6 +314,19 @@ impl Intervals {
     }
 }
 
+/// Whether a mask, which has a bit, has no other.
+#[inline(always)]
+fn is_lone(mask: Mask) -> bool {
+    mask & (mask - 1) == 0
+}
+
+/// The box in one lane of boxes.
+#[inline(always)]
+fn box_in(planes: &[[F8; 3]; 2], lane: usize) -> [[f32; 3]; 2] {
+    let corner = |[x, y, z]: &[F8; 3]| [x.0[lane], y.0[lane], z.0[lane]];
+    [corner(&planes[0]), corner(&planes[1])]
+}
+
 /// Takes beams of one octant down the tree: for the nearest hits, or until every ray is stopped.
 #[inline(always)]
 fn walk<S: Simd, const NEAREST: bool>(
@@ -350,23 +365,14 @@ fn walk<S: Simd, const NEAREST: bool>(
                 planes[0][axis] = simd.load(&node.planes[0][axis]);
                 planes[1][axis] = simd.load(&node.planes[1][axis]);
             }
-            let (mut lanes, enter) = if mask & (mask - 1) == 0 {
-                let own = intervals.of_beam(mask.trailing_zeros() as usize);
-                intervals.boxes(simd, &own, planes)
-            } else {
-                intervals.boxes(simd, &intervals.all, planes)
-            };
+            let lone = is_lone(mask);
+            let (mut lanes, enter) = intervals.boxes(simd, mask, planes);
             let enter = simd.store(enter);
             let bottom = depth;
             while lanes != NO_LANES {
                 let lane = first_lane(lanes);
                 lanes = without_first(lanes);
-                let at = |side: usize| {
-                    let [x, y, z] = &node.planes[side];
-                    [x.0[lane], y.0[lane], z.0[lane]]
-                };
-                let bounds = [at(0), at(1)];
-                let lone = mask & (mask - 1) == 0;
+                let bounds = box_in(&node.planes, lane);
                 let mut met = if lone { mask } else { intervals.beams(simd, bounds) & mask };
                 let mut doubtful = met & loose;
                 while doubtful != NO_LANES {
@@ -420,13 +426,8 @@ fn leaf<S: Simd, const NEAREST: bool>(
     accept: &mut impl FnMut(usize, &Hit) -> bool,
 ) {
     let bounds = block.bounds(simd);
-    let lone = mask & (mask - 1) == 0;
-    let (mut lanes, _) = if lone {
-        let own = intervals.of_beam(mask.trailing_zeros() as usize);
-        intervals.boxes(simd, &own, bounds)
-    } else {
-        intervals.boxes(simd, &intervals.all, bounds)
-    };
+    let lone = is_lone(mask);
+    let (mut lanes, _) = intervals.boxes(simd, mask, bounds);
     // Unused lanes are not numbers, which restrict nothing.
     lanes &= simd.at_most(bounds[0][0], bounds[0][0]);
     if lanes == NO_LANES {
@@ -441,15 +442,7 @@ fn leaf<S: Simd, const NEAREST: bool>(
     while lanes != NO_LANES {
         let lane = first_lane(lanes) & (LANES - 1);
         lanes = without_first(lanes);
-        let mut met = if lone {
-            mask
-        } else {
-            let at = |side: usize| {
-                let [x, y, z] = &stored[side];
-                [x.0[lane], y.0[lane], z.0[lane]]
-            };
-            intervals.beams(simd, [at(0), at(1)]) & mask
-        };
+        let mut met = if lone { mask } else { intervals.beams(simd, box_in(&stored, lane)) & mask };
         met &= *alive;
         while met != NO_LANES {
             let index = met.trailing_zeros() as usize;

@@ -115,10 +115,8 @@ impl Bvh {
 pub(super) fn inputs(geometry: &Geometry, transparent: &[bool]) -> Vec<Input> {
     assert!(geometry.triangles.len() < TRANSPARENT as usize, "a tree holds fewer than 2^31 triangles");
     let mut inputs = Vec::with_capacity(geometry.triangles.len());
-    let mut flags = geometry.batches.iter().flat_map(|batch| {
-        let flag = transparent.get(batch.material as usize).copied().unwrap_or(false);
-        std::iter::repeat_n(if flag { TRANSPARENT } else { 0 }, batch.count as usize)
-    });
+    let is_transparent = |material: u32| transparent.get(material as usize).copied().unwrap_or(false);
+    let mut flags = geometry.materials().map(|material| if is_transparent(material) { TRANSPARENT } else { 0 });
     for (triangle, id) in geometry.triangles.iter().zip(0_u32..) {
         let flag = flags.next().unwrap_or(0);
         let corners = triangle.map(|vertex| geometry.positions.get(vertex as usize).copied().unwrap_or(Vec3::NAN));

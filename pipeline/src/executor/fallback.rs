@@ -104,16 +104,10 @@ impl Renderer {
         &self.engines.fallbacks
     }
 
-    /// The name of the first pass that traces rays.
-    pub(super) fn first_ray_pass(&self) -> Option<String> {
-        let rays = |pass: &&crate::project::Pass| matches!(pass.kind, PassKind::Ray(_));
-        let mut passes = self.plan.passes.iter().map(|planned| self.plan.pass(planned));
-        passes.find(rays).map(|pass| pass.name.clone())
-    }
-
     /// Tells of the backends that could not be made, now that the plan knows for which pass.
     pub(super) fn tell_of_fallbacks(&mut self, observer: &mut dyn Observer) {
-        let pass = self.first_ray_pass();
+        let mut passes = self.plan.passes.iter().map(|planned| self.plan.pass(planned));
+        let pass = passes.find(|pass| matches!(pass.kind, PassKind::Ray(_))).map(|pass| pass.name.clone());
         for fallback in &mut self.engines.fallbacks {
             fallback.pass.clone_from(&pass);
             observer.fell_back(fallback);

@@ -9,9 +9,9 @@ impl Renderer {
     /// Lets the rasteriser and the ray backend share the G-buffer of the first ray pass that can read it in place, where
     /// both work on one device. Where they do not manage to, that is a warning, and the host copies.
     pub(super) fn join_engines(&mut self) {
-        let Some(device) = self.engines.raster.shares().filter(|device| self.engines.rays.joins(*device)) else {
+        if !self.engines.raster.shares().is_some_and(|device| self.engines.rays.joins(device)) {
             return;
-        };
+        }
         let first = self.plan.passes.iter().find_map(|planned| match planned.work {
             Work::Rays { resident, .. } => resident,
             _ => None,
@@ -28,7 +28,7 @@ impl Renderer {
         let shared = self.engines.raster.share(width, height, attachments);
         match shared.and_then(|shared| self.engines.rays.join(shared)) {
             Ok(()) => {
-                self.joined = Some((device, target));
+                self.joined = Some(target);
                 let row = self.timeline.record(StepKind::Upload, "shared G-buffer", start.elapsed());
                 row.note = format!("{width} x {height}, read by {} where it was drawn", self.engines.rays.name());
             }
@@ -41,7 +41,7 @@ impl Renderer {
 
     /// Whether ray passes read the G-buffer of a target where it was drawn. False as soon as another backend has taken over.
     pub(super) fn is_joined(&self, target: Option<usize>) -> bool {
-        self.joined.is_some_and(|(device, joined)| target == Some(joined) && self.engines.rays.joins(device))
+        target.is_some() && target == self.joined
     }
 
     /// What of a raster pass is read in host memory.

@@ -22,7 +22,6 @@ use crate::image::{Image, PixelFormat};
 use crate::plan::{Decision, Plan, PlannedPass, Work};
 use crate::project::{ChannelRef, PassKind};
 use crate::scene::{RenderScene, SceneError};
-use crate::shared::DeviceUuid;
 use fallback::of_frame;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -110,8 +109,8 @@ pub struct Renderer {
     /// The scene sets that the rasteriser and the ray backend hold now.
     uploaded: Option<usize>,
     built: Option<usize>,
-    /// The device on which the G-buffer of a target is shared.
-    joined: Option<(DeviceUuid, usize)>,
+    /// The target whose G-buffer the rasteriser and the ray backend share.
+    joined: Option<usize>,
     /// What its semaphore reaches when the last G-buffer is there.
     handed_over: u64,
     /// Frames begun.
@@ -324,24 +323,18 @@ impl Renderer {
         let pass = self.plan.pass(planned);
         let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
         let ray = ray.clone();
-        let in_place = resident.is_some() && self.is_joined(resident);
-        let reads =
-            |channel: Option<ChannelRef>, name: &str| channel.filter(|_| ray.program.info().buffers.contains(&name));
-        let channels = (
-            reads(ray.position, "pos_buffer"),
-            reads(ray.normal, "norm_buffer"),
-            reads(ray.color, "color_buffer"),
-            ray.position.filter(|_| reads_triangle),
-        );
+        let in_host = !self.is_joined(resident);
         let buffer = std::mem::take(&mut self.targets[target]);
         let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
         let targets = &self.targets;
-        let read = |channel: Option<ChannelRef>| match channel {
-            Some(channel) if !in_place => channel_of(&targets[channel.target], channel.channel),
+        let read = |channel: Option<ChannelRef>, name: &str| match channel {
+            Some(channel) if in_host && ray.program.info().buffers.contains(&name) => {
+                channel_of(&targets[channel.target], channel.channel)
+            }
             _ => &[],
         };
-        let triangle = match channels.3 {
-            Some(position) if !in_place => targets[position.target].triangle.as_slice(),
+        let triangle = match ray.position {
+            Some(position) if in_host && reads_triangle => targets[position.target].triangle.as_slice(),
             _ => &[],
         };
         let materials = &self.materials[index];
@@ -356,11 +349,11 @@ impl Renderer {
             sun: ray.light.and_then(|light| self.sun(light)),
             width: output.width,
             height: output.height,
-            position: read(channels.0),
-            normal: read(channels.1),
-            color: read(channels.2),
+            position: read(ray.position, "pos_buffer"),
+            normal: read(ray.normal, "norm_buffer"),
+            color: read(ray.color, "color_buffer"),
             triangle,
-            shared: in_place.then_some(self.handed_over),
+            shared: (!in_host).then_some(self.handed_over),
             shades: &materials.shades,
             glass: &materials.glass,
             shadow_glass: &materials.shadow_glass,
@@ -371,7 +364,7 @@ impl Renderer {
         let traced = self.engines.rays.run(&job, &mut output, &progress);
         let elapsed = start.elapsed();
         observer.end();
-        if traced.is_ok() && !in_place {
+        if traced.is_ok() && in_host {
             observer.traced(name, &job, &output);
         }
         self.targets[target] = GBuffer { color: output.pixels, ..buffer };

@@ -237,6 +237,11 @@ impl Geometry {
         self.batches[next - 1].material
     }
 
+    /// The material of each triangle, in their order.
+    pub fn materials(&self) -> impl Iterator<Item = u32> {
+        self.batches.iter().flat_map(|batch| std::iter::repeat_n(batch.material, batch.count as usize))
+    }
+
     /// The corners of a triangle.
     #[must_use]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {

@@ -7,7 +7,7 @@ use anstyle::Style;
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::adapters;
-use curitiba::pipeline::backend::{BackendError, Rasteriser as _, RayBackend};
+use curitiba::pipeline::backend::{Rasteriser as _, RayBackend};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::programs::{
     Fidelity, PARAMS, ParamInfo, QUAD_PROGRAMS, RASTER_PROGRAMS, RAY_PROGRAMS, RayParams, RayProgramInfo,
@@ -84,12 +84,10 @@ fn all() {
         crate::say!("  {:16} no adapter: this machine has no Vulkan, Metal or DX12 driver", "wgpu");
     }
     crate::say!("\n{HEADER}ray backends (--backend), program by program{HEADER:#}");
-    for (name, choice) in [("cpu", BackendChoice::Cpu), ("cuda", BackendChoice::Cuda), ("optix", BackendChoice::Optix)]
-    {
-        match ray_backend(Choice::CPU.traced_by(choice)) {
+    for backend in BackendChoice::ALL {
+        match ray_backend(Choice::CPU.traced_by(backend)) {
             Ok(rays) => ray_support(rays.as_ref()),
-            Err(BackendError::Device { message, .. }) => crate::say!("  {name:16} not here: {message}"),
-            Err(error) => crate::say!("  {name:16} not here: {error}"),
+            Err(error) => crate::say!("  {:16} not here: {}", backend.name(), error.reason()),
         }
     }
 }

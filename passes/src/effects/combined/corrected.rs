@@ -45,16 +45,8 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
         }
         (known, Some(surface.origin(pass.to_light)))
     };
-    let stops = |ray: u32, hit: &Hit, crossings: &mut Vec<(u32, f32)>| {
-        if !pass.coverage.covers(hit) {
-            return false;
-        }
-        let glass = pass.passes_light(hit);
-        if glass {
-            crossings.push((ray, hit.t));
-        }
-        !glass
-    };
+    let stops =
+        |ray: u32, hit: &Hit, crossings: &mut Vec<(u32, f32)>| pass.blocks_light(hit, || crossings.push((ray, hit.t)));
     work.rays.shadow += prepare_lights(pass, area, &mut work.lights, origin, stops);
 }
 

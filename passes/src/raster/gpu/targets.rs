@@ -16,7 +16,10 @@ pub(super) const CHANNEL_FORMATS: [wgpu::TextureFormat; 4] = [
 ];
 /// What stands for the first three of them in 16-bit floats.
 const HALF_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
-const TRIANGLE: usize = 3;
+/// Their names.
+pub(super) const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
+/// The one that is not of floats.
+pub(super) const TRIANGLE: usize = 3;
 /// The depth buffer's format.
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// How many sets of attachments are kept for passes of other sizes or with other attachments.
@@ -24,7 +27,7 @@ const KEPT: usize = 4;
 /// Largest buffer for reading back; larger frames come in several pieces.
 const STAGING_BYTES: u64 = 256 << 20;
 
-fn in_order(attachments: Attachments) -> [bool; 4] {
+pub(super) fn in_order(attachments: Attachments) -> [bool; 4] {
     let Attachments { color, position, normal, triangle } = attachments;
     [color, position, normal, triangle]
 }
@@ -120,7 +123,7 @@ impl Targets {
             Ok::<_, BackendError>(Channel { texture, view })
         };
         let mut channels = [const { None }; 4];
-        for (index, label) in ["color", "position", "normal", "triangle"].into_iter().enumerate() {
+        for (index, label) in CHANNELS.into_iter().enumerate() {
             if let Some(format) = formats[index] {
                 // Effects read the attachments where they are.
                 let usage = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;

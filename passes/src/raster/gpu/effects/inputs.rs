@@ -2,13 +2,9 @@
 
 use super::kept::Kept;
 use crate::raster::gpu::device::{Gpu, UPLOAD_PIECE, failure, unsupported};
-use crate::raster::gpu::targets::{CHANNEL_FORMATS, Targets};
+use crate::raster::gpu::targets::{CHANNEL_FORMATS, CHANNELS, TRIANGLE, Targets};
 use curitiba_pipeline::backend::{BackendError, EffectJob};
 use std::time::{Duration, Instant};
-
-/// Colour, position, normal and triangle id, in the order of the bindings of group 0.
-const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
-const TRIANGLE: usize = 3;
 
 /// Which channels a program reads.
 pub fn wanted(job: &EffectJob<'_>) -> [bool; 4] {

@@ -6,7 +6,7 @@
 
 use super::vulkan::{self, Semaphore};
 use crate::raster::gpu::device::{Gpu, failure};
-use crate::raster::gpu::targets::Targets;
+use crate::raster::gpu::targets::{CHANNELS, TRIANGLE, Targets, in_order};
 use crate::raster::gpu::timer::Timer;
 use curitiba_pipeline::backend::{Attachments, BackendError, HandOver, RasterJob};
 use curitiba_pipeline::shared::{DeviceUuid, Offsets, SharedGBuffer};
@@ -16,12 +16,6 @@ use std::time::Instant;
 
 /// Pixels a side of a workgroup.
 const GROUP: u32 = 8;
-const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
-const TRIANGLE: usize = 3;
-
-fn in_order<T>(color: T, position: T, normal: T, triangle: T) -> [T; 4] {
-    [color, position, normal, triangle]
-}
 
 /// The shared memory and the way into it.
 #[derive(Debug)]
@@ -133,7 +127,7 @@ impl Packer {
 
     /// The program that writes these attachments, bound to the textures that were drawn.
     fn program(&mut self, gpu: &Gpu, targets: &Targets, wanted: Attachments) -> Result<usize, BackendError> {
-        let flags = in_order(wanted.color, wanted.position, wanted.normal, wanted.triangle);
+        let flags = in_order(wanted);
         let all = targets.views();
         let views: [_; 4] = std::array::from_fn(|channel| all[channel].filter(|_| flags[channel]).cloned());
         let known = self.programs.iter().position(|program| program.wanted == wanted);
@@ -168,8 +162,8 @@ impl Packer {
         layout: &wgpu::BindGroupLayout,
         views: &[Option<wgpu::TextureView>; 4],
     ) -> Result<wgpu::BindGroup, BackendError> {
-        let offsets = Offsets::new(self.width, self.height, self.attachments);
-        let offsets = in_order(offsets.color, offsets.position, offsets.normal, offsets.triangle);
+        let Offsets { color, position, normal, triangle, .. } = Offsets::new(self.width, self.height, self.attachments);
+        let offsets = [color, position, normal, triangle];
         let pixels = u64::from(self.width) * u64::from(self.height);
         let mut entries = Vec::new();
         for (channel, view) in views.iter().enumerate() {
