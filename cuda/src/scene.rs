@@ -95,8 +95,8 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use curitiba_pipeline::scene::{Batch, Geometry};
     use curitiba_pipeline::scene::texture::Texture;
+    use curitiba_pipeline::scene::{Batch, Geometry};
 
     #[test]
     fn triangles_know_their_material_and_textures_their_texels() {

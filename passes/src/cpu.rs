@@ -207,7 +207,10 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
         (RayProgram::Refraction, Thesis) => pixels.each(alone, |p, w| refraction::thesis::pixel(pass, p, w)),
         (RayProgram::Refraction, Corrected) => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
         (RayProgram::Ssao, Thesis) => pixels.each(alone, |p, w| ssao::thesis::pixel(pass, p, w)),
-        (RayProgram::Ssao, Corrected) => pixels.each(alone, |p, w| ssao::corrected::pixel(pass, p, w)),
+        (RayProgram::Ssao, Corrected) => {
+            let prepare = |area, work: &mut Workspace| ssao::corrected::prepare(pass, area, work);
+            pixels.each(prepare, |p, w| ssao::corrected::pixel(pass, p, w))
+        }
         (RayProgram::Final, Thesis) => pixels.each(alone, |p, w| combined::thesis::pixel(pass, p, w)),
         (RayProgram::Final, Corrected) => {
             let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);

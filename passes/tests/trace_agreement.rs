@@ -2,7 +2,9 @@
 
 mod trace_scenes;
 
-use curitiba_passes::trace::{BruteForce, Bvh, Fan, Hit, Lanes, Quality, Ray, Tracer};
+use curitiba_passes::trace::{
+    BruteForce, Bvh, Directions, Fan, Hit, Lanes, Nearby, Neighbourhood, Quality, Ray, Tracer,
+};
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::{DVec3, Vec3};
 use trace_scenes::{Random, geometry, quads, ray, soup, terrain};
@@ -203,12 +205,81 @@ fn open_one_by_one(bvh: &Bvh, fan: &Fan<'_>, accept: impl Fn(&Hit) -> bool) -> u
     fan.rays().filter(|ray| !bvh.occluded(ray, &accept)).count()
 }
 
+/// The same of triangles that were gathered; `None` where they were not.
+fn open_gathered(bvh: &Bvh, fan: &Fan<'_>, nearby: &mut Nearby, accept: impl Fn(&Hit) -> bool) -> Option<usize> {
+    let Fan { origin, above, t_min, t_max, directions } = *fan;
+    let around = Neighbourhood { origins: [origin; 2], above, t_min, t_max, rays: directions.len() };
+    let mut vectors = Directions::default();
+    vectors.extend(directions.iter().copied());
+    if !bvh.gather(&around, nearby) {
+        return None;
+    }
+    let may_be_blocked = nearby.turn_to(origin, above);
+    let open = nearby.count_open(&vectors, &accept)? as usize;
+    assert!(may_be_blocked || open == directions.len());
+    Some(open)
+}
+
+#[test]
+fn rays_of_a_neighbourhood_count_what_they_count_one_by_one() {
+    for lanes in [Lanes::Avx512, Lanes::Avx2, Lanes::Portable] {
+        for (name, mut geometry) in scenes() {
+            let half = geometry.triangles.len() as u32 / 2;
+            let rest = geometry.triangles.len() as u32 - half;
+            geometry.batches =
+                vec![Batch { material: 0, first: 0, count: half }, Batch { material: 1, first: half, count: rest }];
+            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_lanes(lanes) else {
+                println!("skipped: this processor has no {lanes:?}");
+                continue;
+            };
+            let accept = |hit: &Hit| !hit.triangle.is_multiple_of(3);
+            let mut random = Random::new(9);
+            let (mut nearby, mut directions) = (Nearby::default(), Directions::default());
+            let (mut partly, mut clear, mut control) = (0, 0, 0);
+            for round in 0..600 {
+                let t_max = [0.02, 0.1, 0.3][round % 3];
+                let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
+                let center = (corners[0] + corners[1] + corners[2]) / 3.0 + random.cube() * 0.02;
+                let size = [0.0, 0.01, 0.2][round / 3 % 3];
+                let common = (round % 2 == 0).then(|| random.direction());
+                let origins: Vec<Vec3> = (0..8).map(|_| center + random.cube() * size).collect();
+                let low = origins.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
+                let high = origins.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
+                let t_min = if round % 5 == 0 { 1e-3 } else { 0.0 };
+                let around = Neighbourhood { origins: [low, high], above: common, t_min, t_max, rays: 800 };
+                if !bvh.gather(&around, &mut nearby) {
+                    continue;
+                }
+                for origin in origins {
+                    let above = common.unwrap_or_else(|| random.direction());
+                    let count = [100, 16, 300][round % 3];
+                    let rays: Vec<Vec3> = (0..count).map(|_| random.cosine(above)).collect();
+                    directions.clear();
+                    directions.extend(rays.iter().copied());
+                    let fan = Fan { origin, above: Some(above), t_min, t_max, directions: &rays };
+                    let expected = open_one_by_one(&bvh, &fan, accept);
+                    let may_be_blocked = nearby.turn_to(origin, Some(above));
+                    let found = nearby.count_open(&directions, accept).expect("unit directions") as usize;
+                    assert_eq!(found, expected, "{name} {lanes:?} {t_max} {size}");
+                    assert!(may_be_blocked || found == rays.len(), "{name} {lanes:?}");
+                    partly += usize::from(found > 0 && found < rays.len());
+                    clear += usize::from(!may_be_blocked);
+                    // Rays from elsewhere count something else, as does another answer for transparent triangles.
+                    let elsewhere = Fan { origin: origin + Vec3::splat(0.05), ..fan };
+                    control += usize::from(open_one_by_one(&bvh, &elsewhere, |_| true) != expected);
+                }
+            }
+            assert!(partly > 100 && clear > 10 && control > 100, "{name}: {partly} {clear} {control}");
+        }
+    }
+}
+
 #[test]
 fn a_fan_counts_what_its_rays_count() {
     for (name, geometry) in scenes() {
         let bvh = Bvh::build(&geometry, &[], Quality::Balanced);
         let mut random = Random::new(5);
-        let mut partly = 0;
+        let (mut partly, mut gathered, mut nearby) = (0, 0, Nearby::default());
         for t_max in [0.01, 0.1, 0.5, 3.0, 50.0, f32::INFINITY] {
             for round in 0..400 {
                 let triangle = random.below(geometry.triangles.len()) as u32;
@@ -227,10 +298,14 @@ fn a_fan_counts_what_its_rays_count() {
                     let open = bvh.count_open(&fan, NONE) as usize;
                     assert_eq!(open, open_one_by_one(&bvh, &fan, NONE), "{name} {t_max}");
                     partly += usize::from(open > 0 && open < directions.len());
+                    if let Some(near) = open_gathered(&bvh, &fan, &mut nearby, NONE) {
+                        assert_eq!(near, open, "{name} {t_max}, gathered");
+                        gathered += usize::from(open > 0 && open < directions.len());
+                    }
                 }
             }
         }
-        assert!(partly > 100, "{name}: {partly}");
+        assert!(partly > 100 && gathered > 20, "{name}: {partly} {gathered}");
     }
 }
 
@@ -242,7 +317,7 @@ fn a_fan_asks_for_hits_on_transparent_triangles() {
     geometry.batches = vec![Batch { material: 0, first: 0, count: half }, Batch { material: 1, first: half, count }];
     let bvh = Bvh::build(&geometry, &[false, true], Quality::Balanced);
     let accept = |hit: &Hit| hit.triangle.is_multiple_of(3);
-    let (mut random, mut refused) = (Random::new(6), 0);
+    let (mut random, mut refused, mut gathered, mut nearby) = (Random::new(6), 0, 0, Nearby::default());
     for _ in 0..2000 {
         let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
         let origin = (corners[0] + corners[1] + corners[2]) / 3.0 + random.cube() * 0.05;
@@ -251,9 +326,13 @@ fn a_fan_asks_for_hits_on_transparent_triangles() {
         let fan = Fan { origin, above: Some(above), t_min: 0.0, t_max: 0.5, directions: &directions };
         let open = bvh.count_open(&fan, accept) as usize;
         assert_eq!(open, open_one_by_one(&bvh, &fan, accept));
+        if let Some(near) = open_gathered(&bvh, &fan, &mut nearby, accept) {
+            assert_eq!(near, open);
+            gathered += 1;
+        }
         refused += usize::from(open != open_one_by_one(&bvh, &fan, |_| true));
     }
-    assert!(refused > 50, "{refused}");
+    assert!(refused > 50 && gathered > 50, "{refused} {gathered}");
 }
 
 #[test]
@@ -269,11 +348,18 @@ fn fans_agree_whatever_the_scale_and_the_distance_from_the_origin() {
             .collect();
         let geometry = geometry(&[(0, triangles)]);
         let bvh = Bvh::build(&geometry, &[], Quality::Balanced);
+        let (mut nearby, mut gathered) = (Nearby::default(), 0);
         for _ in 0..500 {
             let origin = random.cube() * scale + Vec3::splat(distance);
             let directions: Vec<Vec3> = (0..50).map(|_| random.direction()).collect();
             let fan = Fan { origin, above: None, t_min: 0.0, t_max: 0.4 * scale, directions: &directions };
-            assert_eq!(bvh.count_open(&fan, NONE) as usize, open_one_by_one(&bvh, &fan, NONE), "{scale} {distance}");
+            let expected = open_one_by_one(&bvh, &fan, NONE);
+            assert_eq!(bvh.count_open(&fan, NONE) as usize, expected, "{scale} {distance}");
+            if let Some(near) = open_gathered(&bvh, &fan, &mut nearby, NONE) {
+                assert_eq!(near, expected, "{scale} {distance}, gathered");
+                gathered += 1;
+            }
         }
+        assert!(gathered > 20, "{scale} {distance}: {gathered}");
     }
 }

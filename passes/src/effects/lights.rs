@@ -1,9 +1,10 @@
-//! The light of a tile's pixels, asked for together: their rays run side by side, and go down the tree as packets.
+//! What is known of a tile's pixels before they are computed, and their light, asked for together: their rays run side by
+//! side, and go down the tree as packets.
 
 use super::occlusion::share_of_light;
 use super::surface::Surface;
 use super::{Coverage, Pass, Pixel};
-use crate::trace::{Hit, PACKET, Packet, Tracer};
+use crate::trace::{Hit, PACKET, Packet, SurfacePoint, Tracer};
 use glam::Vec3;
 
 /// Pixels a side of a tile: the unit of parallel work, small enough that its rays meet the same nodes.
@@ -45,9 +46,15 @@ pub(super) struct Known {
     pub(super) light: Option<f32>,
     /// Its surface and the direction in which it is seen, where the program needs them again.
     pub(super) surface: Option<(Surface, Vec3)>,
+    /// Where rays to the viewer's side of that surface start.
+    pub(super) origin: Vec3,
+    /// Its ambient occlusion; `None` where it has not been found out.
+    pub(super) occlusion: Option<f32>,
 }
 
-const UNKNOWN: Known = Known { light: None, surface: None };
+impl Known {
+    pub(super) const NOTHING: Self = Self { light: None, surface: None, origin: Vec3::ZERO, occlusion: None };
+}
 
 /// What is known of a tile's pixels, and the buffers that it takes to find out.
 #[derive(Debug, Default)]
@@ -56,6 +63,9 @@ pub struct Lights {
     known: Vec<Known>,
     /// The place of the pixel that is computed.
     place: usize,
+    /// Pixels whose surfaces are looked for, and their triangles and stored positions.
+    shown: Vec<(usize, Pixel)>,
+    stored: Vec<(u32, Vec3)>,
     packets: Vec<Packet>,
     /// The place of each ray.
     places: Vec<u16>,
@@ -73,12 +83,47 @@ impl Lights {
 
     /// What is known of it.
     pub(super) fn known(&self) -> Known {
-        self.known.get(self.place).copied().unwrap_or(UNKNOWN)
+        self.known.get(self.place).copied().unwrap_or(Known::NOTHING)
     }
 
-    fn clear(&mut self) {
+    /// What is known of the pixel at a place of a tile that was surveyed.
+    pub(super) fn at(&self, place: usize) -> &Known {
+        &self.known[place]
+    }
+
+    pub(super) fn at_mut(&mut self, place: usize) -> &mut Known {
+        &mut self.known[place]
+    }
+
+    /// Finds the surfaces of the pixels of a tile that are wanted; nothing else is known of it then.
+    pub(super) fn survey<T: Tracer, C: Coverage>(
+        &mut self,
+        pass: &Pass<'_, T, C>,
+        area: Area,
+        wanted: impl Fn(Pixel, u32) -> bool,
+    ) {
+        self.clear();
+        let Self { known, shown, stored, .. } = self;
+        shown.clear();
+        stored.clear();
+        for (place, pixel) in area.pixels() {
+            if let Some(triangle) = pass.triangle(pixel).filter(|triangle| wanted(pixel, *triangle)) {
+                shown.push((place, pixel));
+                stored.push((triangle, pass.position(pixel).truncate()));
+            }
+        }
+        SurfacePoint::snap_all(&pass.job.scene.geometry, stored, |index, point| {
+            let (place, pixel) = shown[index];
+            let (surface, view) = pass.surface_of(point, pass.normal(pixel));
+            known[place].surface = Some((surface, view));
+            known[place].origin = surface.origin(surface.facing);
+        });
+    }
+
+    /// Forgets the tile before.
+    pub(super) fn clear(&mut self) {
         self.known.clear();
-        self.known.resize(TILE * TILE, UNKNOWN);
+        self.known.resize(TILE * TILE, Known::NOTHING);
         self.packets.clear();
         self.places.clear();
         self.crossings.clear();
@@ -120,20 +165,20 @@ impl Lights {
     }
 }
 
-/// Finds out the light of a tile: `origin` says for each pixel what is known without a ray, and where its ray starts.
+/// Finds out the light of a tile: `origin` gives for each pixel its share of the light where no ray is needed to know it,
+/// or else where its ray starts; neither where it is not asked for. It is shown what is known so far.
 ///
 /// Returns the number of rays.
 pub(super) fn prepare<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     area: Area,
     lights: &mut Lights,
-    mut origin: impl FnMut(Pixel) -> (Known, Option<Vec3>),
+    mut origin: impl FnMut(Pixel, &Known) -> (Option<f32>, Option<Vec3>),
     mut stops: impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool,
 ) -> u64 {
-    lights.clear();
     for (place, pixel) in area.pixels() {
-        let (known, start) = origin(pixel);
-        lights.known[place] = known;
+        let (share, start) = origin(pixel, &lights.known[place]);
+        lights.known[place].light = share;
         if let Some(start) = start {
             lights.push(place, start, pass.to_light);
         }

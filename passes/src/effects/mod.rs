@@ -35,6 +35,7 @@ pub mod deferred_shadows;
 pub mod dummy;
 mod lights;
 mod material;
+mod neighbours;
 mod occlusion;
 mod optics;
 mod optix;
@@ -49,7 +50,7 @@ pub use occlusion::SHADOWED;
 pub use optics::{Interface, fresnel, interface, reflect, schlick};
 
 use crate::sampling::HemisphereSampler;
-use crate::trace::{Hit, Tracer};
+use crate::trace::{Directions, Hit, Nearby, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob};
 use glam::{Vec3, Vec4};
 
@@ -99,7 +100,10 @@ pub struct Workspace {
     pub rays: RayCounts,
     /// What is known of the tile's pixels before they are computed.
     pub lights: Lights,
-    directions: Vec<Vec3>,
+    directions: Directions,
+    /// The same where rays are traced one by one.
+    loose: Vec<Vec3>,
+    nearby: Nearby,
     crossings: Vec<f32>,
 }
 

@@ -3,7 +3,7 @@
 use super::surface::Surface;
 use super::{Coverage, Pass, Workspace, optix};
 use crate::sampling::sine_noise;
-use crate::trace::{Announcement, Fan, Hit, Purpose, Ray, Tracer};
+use crate::trace::{Announcement, Fan, Hit, Neighbourhood, Purpose, Ray, Tracer};
 use glam::Vec3;
 
 /// What light keeps behind an opaque surface.
@@ -26,27 +26,59 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         stops: impl FnMut(&Hit) -> bool,
     ) -> f32 {
         let Some(sampler) = &self.occlusion else { return 1.0 };
-        let origin = surface.origin(surface.facing);
-        if self.tracer.clear_above(origin, surface.facing, self.job.params.radius) {
-            work.rays.certain += u64::from(sampler.samples());
+        let (origin, facing) = (surface.origin(surface.facing), surface.facing);
+        let around = self.around([origin; 2], Some(facing), 0.0, sampler.samples() as usize);
+        let gathered = self.tracer.gather(&around, &mut work.nearby);
+        self.hemisphere(gathered, origin, surface, key, work, stops)
+    }
+
+    /// The same, from an origin in a neighbourhood whose triangles were gathered, or could not be.
+    pub(super) fn hemisphere(
+        &self,
+        gathered: bool,
+        origin: Vec3,
+        surface: &Surface,
+        key: u32,
+        work: &mut Workspace,
+        stops: impl FnMut(&Hit) -> bool,
+    ) -> f32 {
+        let Some(sampler) = &self.occlusion else { return 1.0 };
+        let (samples, above) = (sampler.samples(), Some(surface.facing));
+        let clear = if gathered {
+            !work.nearby.turn_to(origin, above)
+        } else {
+            self.tracer.clear_above(origin, surface.facing, self.job.params.radius)
+        };
+        if clear {
+            work.rays.certain += u64::from(samples);
             return 1.0;
         }
-        sampler.directions(key, surface.normal, &mut work.directions);
-        for direction in &mut work.directions {
-            let below = direction.dot(surface.facing).min(0.0);
-            *direction -= 2.0 * below * surface.facing;
+        sampler.directions(key, surface.normal, above, &mut work.directions);
+        work.rays.occlusion += u64::from(samples);
+        self.announce_visibility(Purpose::Occlusion, 1.0 / samples as f32);
+        let open = self.count_open(gathered, (origin, above, 0.0), work, stops);
+        (open as f32 / samples as f32).powf(self.job.params.intensity)
+    }
+
+    pub(super) fn around(&self, origins: [Vec3; 2], above: Option<Vec3>, t_min: f32, rays: usize) -> Neighbourhood {
+        Neighbourhood { origins, above, t_min, t_max: self.job.params.radius, rays }
+    }
+
+    /// How many of the directions chosen are open, from an origin, above a plane, beyond a distance.
+    fn count_open(
+        &self,
+        gathered: bool,
+        (origin, above, t_min): (Vec3, Option<Vec3>, f32),
+        work: &mut Workspace,
+        mut stops: impl FnMut(&Hit) -> bool,
+    ) -> u32 {
+        if gathered && let Some(open) = work.nearby.count_open(&work.directions, &mut stops) {
+            return open;
         }
-        work.rays.occlusion += work.directions.len() as u64;
-        self.announce_visibility(Purpose::Occlusion, 1.0 / sampler.samples() as f32);
-        let fan = Fan {
-            origin,
-            above: Some(surface.facing),
-            t_min: 0.0,
-            t_max: self.job.params.radius,
-            directions: &work.directions,
-        };
-        let open = self.tracer.count_open(&fan, stops);
-        (open as f32 / sampler.samples() as f32).powf(self.job.params.intensity)
+        work.loose.clear();
+        work.loose.extend(work.directions.iter());
+        let fan = Fan { origin, above, t_min, t_max: self.job.params.radius, directions: &work.loose };
+        self.tracer.count_open(&fan, stops)
     }
 
     /// The same as the report computes it.
@@ -60,21 +92,20 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         if self.strata == 0 {
             return 1.0;
         }
-        sine_noise::directions(position, normal, self.strata, &mut work.directions);
-        let samples = work.directions.len();
-        work.directions.retain(|direction| direction.is_finite() && position.is_finite());
-        let traced = work.directions.len();
-        work.rays.occlusion += traced as u64;
-        self.announce_visibility(Purpose::Occlusion, 1.0 / samples as f32);
-        let fan = Fan {
-            origin: position,
-            above: None,
-            t_min: optix::EPSILON,
-            t_max: self.job.params.radius,
-            directions: &work.directions,
-        };
-        let open = self.tracer.count_open(&fan, stops) as usize;
-        let open = open + (samples - traced);
+        let samples = self.strata * self.strata;
+        let mut open = samples;
+        if position.is_finite() {
+            let invalid = sine_noise::directions(position, normal, self.strata, &mut work.directions);
+            let traced = work.directions.len();
+            work.rays.occlusion += traced as u64;
+            self.announce_visibility(Purpose::Occlusion, 1.0 / samples as f32);
+            let around = self.around([position; 2], None, optix::EPSILON, traced);
+            let gathered = self.tracer.gather(&around, &mut work.nearby);
+            if gathered {
+                work.nearby.turn_to(position, None);
+            }
+            open = self.count_open(gathered, (position, None, optix::EPSILON), work, stops) + invalid;
+        }
         (open as f32 / samples as f32).powf(self.job.params.intensity)
     }
 

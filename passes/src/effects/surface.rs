@@ -39,7 +39,11 @@ impl Surface {
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// The point of a triangle that a pixel shows, and the unit direction in which it is seen.
     pub(super) fn surface_at(&self, pixel: Pixel, triangle: u32, normal: Vec3) -> (Surface, Vec3) {
-        let point = self.point_at(pixel, triangle);
+        self.surface_of(self.point_at(pixel, triangle), normal)
+    }
+
+    /// The same of a point that is known.
+    pub(super) fn surface_of(&self, point: SurfacePoint, normal: Vec3) -> (Surface, Vec3) {
         let view = (point.position - self.job.eye).try_normalize().unwrap_or(-point.normal);
         (Surface::new(point, normal, view), view)
     }

@@ -63,6 +63,14 @@ pub fn cosine(point: Vec2) -> Vec3 {
     disk.extend((1.0 - disk.length_squared()).max(0.0).sqrt())
 }
 
+/// A direction, mirrored at the plane of a unit normal if it looks against it.
+#[must_use]
+#[inline(always)]
+pub fn mirrored(direction: Vec3, normal: Vec3) -> Vec3 {
+    let below = direction.dot(normal).min(0.0);
+    direction - 2.0 * below * normal
+}
+
 /// Sine and cosine for angles up to π/4, by the Cephes library's polynomials for single precision (error below 1e-7).
 ///
 /// The standard library's differ in the last bit from platform to platform.

@@ -9,6 +9,7 @@ pub mod hemisphere;
 pub mod owen_sobol;
 pub mod sine_noise;
 
+use crate::trace::Directions;
 use curitiba_pipeline::programs::Sampler;
 use glam::{Vec2, Vec3};
 use hemisphere::Basis;
@@ -75,19 +76,20 @@ impl HemisphereSampler {
         }
     }
 
-    /// Replaces `directions` by cosine-distributed unit directions around `normal` (unit length) that belong to `key`.
-    pub fn directions(&self, key: u32, normal: Vec3, directions: &mut Vec<Vec3>) {
+    /// Replaces `directions` by cosine-distributed unit directions around `normal` (unit length) that belong to `key`; those
+    /// that look against `above`, a unit vector, are mirrored at its plane.
+    pub fn directions(&self, key: u32, normal: Vec3, above: Option<Vec3>, directions: &mut Directions) {
         directions.clear();
         let basis = Basis::around(normal);
         match self {
             Self::Sobol(points) => {
-                directions.resize(points.len(), Vec3::ZERO);
                 let seeds = hash::dimensions(key, hash::SCRAMBLE);
-                directions::fill(points, seeds, &basis, directions);
+                directions::fill(points, seeds, &basis, above, directions);
             }
-            Self::Strata { .. } => {
-                self.points(key, |point| directions.push(basis.to_world(hemisphere::cosine(point))));
-            }
+            Self::Strata { .. } => self.points(key, |point| {
+                let direction = basis.to_world(hemisphere::cosine(point));
+                directions.push(above.map_or(direction, |above| hemisphere::mirrored(direction, above)));
+            }),
         }
     }
 }

@@ -4,6 +4,7 @@
 //! are alike there.
 
 use super::hemisphere::Basis;
+use crate::trace::Directions;
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -52,16 +53,24 @@ pub fn optix_basis(normal: Vec3) -> Basis {
     Basis { tangent: bitangent.cross(normal), bitangent, normal }
 }
 
-/// Replaces `directions` by the report's `side` x `side` occlusion directions at a position.
+/// Replaces `directions` by those of the report's `side` x `side` occlusion directions at a position that are numbers, and
+/// returns how many are not.
 ///
 /// Where the noise leaves the unit square a direction is not a number. On the report's device such a ray met nothing (every
-/// comparison of its intersection test is false) and counted as open; [`Vec3::is_finite`] tells them.
-pub fn directions(position: Vec3, normal: Vec3, side: u32, directions: &mut Vec<Vec3>) {
+/// comparison of its intersection test is false) and counted as open.
+pub fn directions(position: Vec3, normal: Vec3, side: u32, directions: &mut Directions) -> u32 {
     directions.clear();
     let basis = optix_basis(normal);
+    let mut invalid = 0;
     for i in 0..side {
         for j in 0..side {
-            directions.push(basis.to_world(polar_cosine(stratum(position, i, j, side))));
+            let direction = basis.to_world(polar_cosine(stratum(position, i, j, side)));
+            if direction.is_finite() {
+                directions.push(direction);
+            } else {
+                invalid += 1;
+            }
         }
     }
+    invalid
 }

@@ -5,6 +5,7 @@ use super::hemisphere::{Basis, concentric_disk, cosine};
 use super::owen_sobol::{laine_karras, reversed_sobol, scramble_reversed};
 use super::sine_noise;
 use super::{HemisphereSampler, square_root};
+use crate::trace::Directions;
 use curitiba_pipeline::programs::Sampler;
 use glam::{Vec2, Vec3};
 use std::collections::HashSet;
@@ -234,10 +235,10 @@ fn the_concentric_map_keeps_areas_and_is_exact_on_its_axes() {
 fn hemisphere_directions_are_cosine_distributed_unit_vectors() {
     let sampler = HemisphereSampler::new(Sampler::Sobol, 256).expect("any count is valid");
     let normal = Vec3::new(0.3, -0.5, -0.8).normalize();
-    let (mut directions, mut squares) = (Vec::new(), Vec::new());
+    let (mut directions, mut squares) = (Directions::default(), Vec::new());
     for key in 0..200 {
-        sampler.directions(pixel_key(key, 0, 1), normal, &mut directions);
-        for direction in &directions {
+        sampler.directions(pixel_key(key, 0, 1), normal, None, &mut directions);
+        for direction in directions.iter() {
             assert!((direction.length() - 1.0).abs() < 1e-6);
             let cos = direction.dot(normal);
             assert!(cos >= -1e-7);
@@ -268,10 +269,20 @@ fn directions_computed_in_vectors_are_those_of_their_points_bit_for_bit() {
         for samples in counts {
             let sampler = HemisphereSampler::new(sampler, samples).expect("a square");
             for key in 0..50 {
-                let (mut together, mut alone) = (vec![Vec3::ONE; 3], Vec::new());
-                sampler.directions(key, normal, &mut together);
+                let mut together = Directions::default();
+                together.extend([Vec3::ONE; 3]);
+                let mut alone = Vec::new();
                 sampler.points(key, |point| alone.push(basis.to_world(cosine(point))));
-                assert_eq!(together, alone, "{samples} samples, key {key}");
+                sampler.directions(key, normal, None, &mut together);
+                assert!(together.iter().eq(alone.iter().copied()), "{samples} samples, key {key}");
+                sampler.directions(key, normal, Some(Vec3::X), &mut together);
+                assert_eq!(together.len(), alone.len());
+                for (mirrored, direction) in together.iter().zip(&alone) {
+                    assert_eq!(
+                        mirrored,
+                        if direction.x < 0.0 { *direction * Vec3::new(-1.0, 1.0, 1.0) } else { *direction }
+                    );
+                }
             }
         }
     }

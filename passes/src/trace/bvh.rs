@@ -7,6 +7,7 @@ use super::clear::{ClearAbove, Plane};
 use super::dispatch::{Detected, Lanes, Work};
 use super::gather::CountOpen;
 use super::lanes::{NO_LANES, Simd, first_lane, without_first};
+use super::nearby::{Gather, Nearby, Neighbourhood};
 use super::node::{Child, Node};
 use super::query::{Bounds, Query};
 use super::stack::Stack;
@@ -138,6 +139,10 @@ impl Tracer for Bvh {
 
     fn clear_above(&self, origin: Vec3, normal: Vec3, t_max: f32) -> bool {
         self.lanes.run(ClearAbove { bvh: self, plane: Plane { origin, normal }, t_max })
+    }
+
+    fn gather(&self, around: &Neighbourhood, nearby: &mut Nearby) -> bool {
+        self.lanes.run(Gather { bvh: self, around, nearby })
     }
 
     fn count_open(&self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> u32 {

@@ -11,7 +11,7 @@ use glam::Vec3;
 /// Nodes and blocks looked into at most before giving up: rays are traced instead, which is never wrong.
 pub(super) const VISITS: usize = 32;
 
-/// A plane through the common origin of rays that all leave to the side of its normal.
+/// A plane through the origin of rays that all leave to the side of its normal.
 ///
 /// Such a ray meets only points on that side, so a triangle with all corners on the other is met by none. This is how
 /// the floor that an occlusion ray starts from, and all that is flush with it, drop out exactly.
@@ -22,6 +22,11 @@ pub(super) struct Plane {
 }
 
 impl Plane {
+    /// Behind which is what lies behind the planes through all points of a box.
+    pub(super) fn behind_all(origins: &Bounds, normal: Vec3) -> Self {
+        Self { origin: Vec3::select(normal.cmpge(Vec3::ZERO), origins.low, origins.high), normal }
+    }
+
     /// The lanes whose points are certainly all on the far side, or on the plane. `low` and `high` are bounds of each
     /// lane's points by axis.
     ///
@@ -43,19 +48,20 @@ impl Plane {
     }
 }
 
-/// The ball that the ends of rays of some length stay in, grown by more than their rounding.
+/// What rays of some length from the points of a box stay in: all that is no farther from it, grown by more than their
+/// rounding. From one point it is a ball.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ball {
-    center: Vec3,
+    origins: Bounds,
     /// The square of the radius.
-    square: f32,
+    pub(super) square: f32,
 }
 
 impl Ball {
     /// `pad`: by how much, along each axis, a box may be missed by a ray that its triangle's test accepts.
-    pub(super) fn new(center: Vec3, radius: f32, pad: Vec3) -> Self {
+    pub(super) fn new(origins: Bounds, radius: f32, pad: Vec3) -> Self {
         let grown = radius * (1.0 + 1.0e-4) + 2.0 * pad.length();
-        Self { center, square: grown * grown }
+        Self { origins, square: grown * grown }
     }
 
     /// The lanes of boxes that certainly lie outside; of what is not a number nothing is certain.
@@ -64,8 +70,8 @@ impl Ball {
         let zero = simd.splat(0.0);
         let mut distance = zero;
         for axis in 0..3 {
-            let center = simd.splat(self.center[axis]);
-            let (below, above) = (simd.sub(low[axis], center), simd.sub(center, high[axis]));
+            let below = simd.sub(low[axis], simd.splat(self.origins.high[axis]));
+            let above = simd.sub(simd.splat(self.origins.low[axis]), high[axis]);
             let outside = simd.max_or(simd.max_or(below, above), zero);
             distance = simd.about_mul_add(outside, outside, distance);
         }
@@ -83,9 +89,10 @@ pub(super) struct ClearAbove<'a> {
 impl Work<bool> for ClearAbove<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
-        let slack = slack(&self.bvh.bounds, self.plane.origin);
-        let Some((low, high)) = half_ball(self.plane, self.t_max, slack) else { return false };
-        let ball = Ball::new(self.plane.origin, self.t_max, slack);
+        let origins = Bounds::of(&[self.plane.origin]);
+        let slack = slack(&self.bvh.bounds, &origins);
+        let Some((low, high)) = half_balls(&origins, self.plane.normal, self.t_max, slack) else { return false };
+        let ball = Ball::new(origins, self.t_max, slack);
         let mut stack = Stack::new();
         let mut current = self.bvh.root;
         if current == Child::NONE {
@@ -119,25 +126,28 @@ impl Work<bool> for ClearAbove<'_> {
     }
 }
 
-/// By how much, along each axis, a box may be missed by a ray from an origin that its triangle's test accepts.
-pub(super) fn slack(scene: &Bounds, origin: Vec3) -> Vec3 {
-    let reach = (scene.low - origin).abs().max((scene.high - origin).abs());
-    (reach + Vec3::splat(reach.max_element())) * (8.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF)
+/// By how much, along each axis, a box may be missed by a ray from a point of `origins` that its triangle's test accepts.
+pub(super) fn slack(scene: &Bounds, origins: &Bounds) -> Vec3 {
+    let reach = (scene.low - origins.high).abs().max((scene.high - origins.low).abs());
+    let reach = reach.max((scene.low - origins.low).abs()).max((scene.high - origins.high).abs());
+    let size = origins.low.abs().max(origins.high.abs());
+    (reach + Vec3::splat(reach.max_element())) * (8.0 * UNIT_ROUNDOFF) + size * (2.0 * UNIT_ROUNDOFF)
 }
 
-/// The box around the half of a ball on the near side of a plane through its centre, grown by more than the rounding of
-/// a ray's end and by a slack; nothing where it overflows.
+/// The box around the halves, on the side of a normal, of balls around all points of a box, grown by more than the rounding
+/// of a ray's end and by a slack; nothing where it overflows.
 #[inline(always)]
-pub(super) fn half_ball(plane: Plane, radius: f32, slack: Vec3) -> Option<([f32; 3], [f32; 3])> {
+pub(super) fn half_balls(origins: &Bounds, normal: Vec3, radius: f32, slack: Vec3) -> Option<([f32; 3], [f32; 3])> {
     let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
     for axis in 0..3 {
-        let (origin, normal) = (plane.origin[axis], plane.normal[axis]);
+        let normal = normal[axis];
         // The farthest point of the half ball against the normal lies on its rim.
         let rim = (1.0 - normal * normal).max(0.0).sqrt() + 4.0 * UNIT_ROUNDOFF.sqrt();
         let (back, front) = if normal >= 0.0 { (rim.min(1.0), 1.0) } else { (1.0, rim.min(1.0)) };
-        let pad = (radius + origin.abs()) * (32.0 * UNIT_ROUNDOFF) + slack[axis];
-        low[axis] = origin - radius * back - pad;
-        high[axis] = origin + radius * front + pad;
+        let size = origins.low[axis].abs().max(origins.high[axis].abs());
+        let pad = (radius + size) * (32.0 * UNIT_ROUNDOFF) + slack[axis];
+        low[axis] = origins.low[axis] - radius * back - pad;
+        high[axis] = origins.high[axis] + radius * front + pad;
     }
     let finite = low.iter().chain(&high).all(|value| value.is_finite());
     finite.then_some((low, high))

@@ -1,4 +1,5 @@
-//! One triangle against many rays from one origin, in vectors of rays: cheap, and sure of all but a few.
+//! Sixteen triangles as rays from one origin see them, and one of them against sixteen rays: cheap, and sure of all but a
+//! few.
 //!
 //! Seen from a common origin a triangle is the cone of the three planes through the origin and its edges, and the plane it
 //! lies in; a ray is tested by its dot products with their four normals. These are computed in `f32` with a bound on
@@ -6,179 +7,354 @@
 //! from 0 than that, both tests agree; the rays in between are put to the watertight test. So the result is the same, bit for
 //! bit, as testing each ray by itself.
 
+use super::block::Block;
+use super::clear::{Ball, Plane};
 use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE};
 use super::query::UNIT_ROUNDOFF;
 use glam::{DVec3, Vec3};
 
-/// Vectors of rays that are tested together.
-const VECTORS: usize = 8;
-/// Rays that are tested together.
-pub(super) const CHUNK: usize = VECTORS * WIDE;
-
 /// Error of an edge function in units of roundoff times the largest coordinates of its two corners.
 ///
 /// The watertight test shears a corner with an error of at most 5 u (|x| + |z|), that is 10 u M, M being its largest
-/// coordinate relative to the origin; its products then err by 80 u M M' and their rounding by 16 u M M'. The dot product
-/// here errs by 4 u times the sum of the magnitudes of its terms, at most 24 u M M'.
-const EDGE_ERROR: f64 = 128.0 * UNIT_ROUNDOFF as f64;
+/// coordinate relative to the origin; its products then err by 80 u M M' and their rounding by 16 u M M'. Here the normal
+/// errs by 8 u M M' along each axis (the corners relative to the origin by u each, two products and their difference), in
+/// all by 14 u M M' for a unit direction, and the dot product with it by 4 u times the sum of its terms, 24 u M M' at most.
+const EDGE_ERROR: f32 = 144.0 * UNIT_ROUNDOFF;
 /// Error of the dot product of a direction and a normal whose largest component is 1.
-const PLANE_ERROR: f64 = 16.0 * UNIT_ROUNDOFF as f64;
+const PLANE_ERROR: f32 = 16.0 * UNIT_ROUNDOFF;
+/// Error of the height of an origin above a plane, relative to the height of the group's centre and to how far the origin
+/// is from that: three products and three sums, of numbers rounded once.
+const HEIGHT_ERROR: f32 = 16.0 * UNIT_ROUNDOFF;
+/// Height of the origin above a plane, relative to the largest coordinate of the triangle, from which on no ray that is nearly
+/// parallel to the plane meets a triangle whose corners are moved by the error of the watertight test, 30 u.
+const EDGE_ON: f32 = 256.0 * UNIT_ROUNDOFF;
 /// Relative margin of distances, above the rounding of both tests.
-const MARGIN: f64 = 1.0e-6;
-/// Heights of the origin above a plane below this share of the coordinates are not told from 0.
-const FLAT: f64 = 1.0e-12;
+const MARGIN: f32 = 2.0e-6;
+/// The part of the product of its edges' lengths that a triangle's normal must have to be trusted: far above the rounding
+/// of `f64`, and so that the largest component of what is trusted is right to the last bit of `f32`.
+const SHARPEST: f64 = 1.0e-8;
 /// Coordinates between which the watertight test neither overflows nor underflows, so that its error is relative.
-const SIZES: std::ops::Range<f64> = 1.0e-15..1.0e15;
-/// Largest component of a direction that the bounds allow.
+const SMALLEST: f32 = 1.0e-15;
+const LARGEST: f32 = 1.0e15;
+/// Length of a direction, and so its largest component, that the bounds allow.
 pub(super) const LONGEST: f32 = 1.0 + 1.0e-5;
 
-/// Directions of up to [`CHUNK`] rays, structure of arrays, and which of them are still open.
-pub(super) struct Rays {
-    directions: [[F16; 3]; VECTORS],
-    open: [Mask; VECTORS],
-    vectors: usize,
+/// Up to sixteen triangles, and what is known of them wherever rays start.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Group {
+    /// `[corner][axis]`.
+    corners: [[F16; 3]; 3],
+    /// Normals whose largest component is 1; not numbers where nothing is certain.
+    normal: [F16; 3],
+    /// Their lengths.
+    length: F16,
+    /// Height of each triangle's plane above the centre, along the normal.
+    height: F16,
+    ids: [u32; WIDE],
+    /// One bit a triangle, also for those whose hits must be asked for one by one.
+    used: Mask,
+    transparent: Mask,
 }
 
-impl Rays {
-    /// # Panics
-    /// If there are more than [`CHUNK`].
-    #[inline(always)]
-    pub(super) fn new(directions: &[Vec3]) -> Self {
-        let mut rays = Self {
-            directions: [[F16([0.0; WIDE]); 3]; VECTORS],
-            open: [NO_LANES; VECTORS],
-            vectors: directions.len().div_ceil(WIDE),
-        };
-        for (index, vector) in directions.chunks(WIDE).enumerate() {
-            rays.open[index] = (1 << vector.len()) - 1;
-            for (lane, direction) in vector.iter().enumerate() {
-                for axis in 0..3 {
-                    rays.directions[index][axis].0[lane] = direction[axis];
-                }
-            }
-        }
-        rays
-    }
+/// An origin and the interval of its rays, in the forms that groups are asked with.
+pub(super) struct View {
+    pub(super) origin: Vec3,
+    /// The plane behind which no ray goes.
+    pub(super) plane: Option<Plane>,
+    /// What all rays stay in.
+    pub(super) ball: Ball,
+    pub(super) t_min: f32,
+    pub(super) t_max: f32,
+    /// The centre that heights are measured from.
+    pub(super) center: Vec3,
+}
 
-    /// How many are open.
-    #[inline(always)]
-    pub(super) fn count(&self) -> u32 {
-        self.open[..self.vectors].iter().map(|open| open.count_ones()).sum()
-    }
-
-    /// Closes the rays that a triangle stops; `unsure` decides about those, by their index, for which its bounds do not.
-    /// Returns whether any ray is left.
-    #[inline(always)]
-    pub(super) fn close<S: Simd>(&mut self, simd: S, facet: &Facet, mut unsure: impl FnMut(usize) -> bool) -> bool {
-        let mut left = NO_LANES;
-        for (index, (directions, open)) in self.directions.iter().zip(&mut self.open).take(self.vectors).enumerate() {
-            if *open == NO_LANES {
-                continue;
-            }
-            let Verdict { hit, miss } = facet.test(simd, directions);
-            *open &= !hit;
-            let mut undecided = *open & !miss;
-            while undecided != NO_LANES {
-                let lane = undecided.trailing_zeros();
-                undecided &= undecided - 1;
-                if unsure(index * WIDE + lane as usize) {
-                    *open &= !(1 << lane);
-                }
-            }
-            left |= *open;
-        }
-        left != NO_LANES
-    }
+/// The triangles of a group as one origin sees them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Facets {
+    /// Normals of the planes through the origin and each edge, in units of their error.
+    edges: [[F16; 3]; 3],
+    /// Normals of the triangles, away from the origin, largest component 1.
+    normal: [F16; 3],
+    /// `direction · normal` up to which the plane is certainly met beyond `t_max`, if at all.
+    beyond: F16,
+    /// From which on it is certainly met before `t_max`.
+    within: F16,
+    /// Up to which it is certainly met after `t_min`.
+    after: F16,
+    /// Those that a ray may meet.
+    pub(super) seen: Mask,
+    transparent: Mask,
+    /// The number of the group.
+    pub(super) group: u32,
 }
 
 /// What is certain of sixteen rays.
-struct Verdict {
-    hit: Mask,
-    miss: Mask,
+pub(super) struct Verdict {
+    pub(super) hit: Mask,
+    pub(super) miss: Mask,
 }
 
-/// A triangle as rays from one origin see it.
-pub(super) struct Facet {
-    /// Normals of the planes through the origin and each edge, in units of their error.
-    edges: [[f32; 3]; 3],
-    /// Normal of the triangle, away from the origin, largest component 1.
-    normal: [f32; 3],
-    /// `direction · normal` up to which the plane is certainly met beyond `t_max`, if at all.
-    beyond: f32,
-    /// From which on it is certainly met before `t_max`.
-    within: f32,
-    /// Up to which it is certainly met after `t_min`.
-    after: f32,
-    /// Whether hits must be asked for one by one.
+impl Group {
+    pub(super) const EMPTY: Self = Self {
+        corners: [[F16([0.0; WIDE]); 3]; 3],
+        normal: [F16([0.0; WIDE]); 3],
+        length: F16([0.0; WIDE]),
+        height: F16([0.0; WIDE]),
+        ids: [0; WIDE],
+        used: NO_LANES,
+        transparent: NO_LANES,
+    };
+
+    /// Puts a triangle into a lane; [`Self::finish`] must follow before the group is asked.
+    #[inline(always)]
+    pub(super) fn set(&mut self, lane: usize, corners: [[f32; 3]; 3], id: u32, transparent: bool) {
+        for (own, corner) in self.corners.iter_mut().zip(corners) {
+            for axis in 0..3 {
+                own[axis].0[lane] = corner[axis];
+            }
+        }
+        self.ids[lane] = id;
+        self.used |= 1 << lane;
+        self.transparent |= u32::from(transparent) << lane;
+    }
+
+    /// Computes the planes, once for all origins.
+    #[inline(always)]
+    pub(super) fn finish(&mut self, center: Vec3) {
+        let center = center.as_dvec3();
+        let (mut normals, mut lengths, mut heights) = ([[0.0; WIDE]; 3], [0.0; WIDE], [0.0; WIDE]);
+        // A loop of fixed length over arrays becomes vector code.
+        for lane in 0..WIDE {
+            let at = |corner: &[F16; 3]| {
+                let [x, y, z] = [corner[0].0[lane], corner[1].0[lane], corner[2].0[lane]];
+                DVec3::new(f64::from(x), f64::from(y), f64::from(z))
+            };
+            let [a, b, c] = [at(&self.corners[0]), at(&self.corners[1]), at(&self.corners[2])];
+            let (ab, ac) = (b - a, c - a);
+            let normal = ab.cross(ac);
+            let size = normal.abs().max_element();
+            let trusted = size > SHARPEST * ab.abs().max_element() * ac.abs().max_element();
+            let normal = normal * if trusted { 1.0 / size } else { f64::NAN };
+            normals[0][lane] = normal.x as f32;
+            normals[1][lane] = normal.y as f32;
+            normals[2][lane] = normal.z as f32;
+            lengths[lane] = normal.length() as f32;
+            heights[lane] = normal.dot(a - center) as f32;
+        }
+        self.normal = normals.map(F16);
+        self.length = F16(lengths);
+        self.height = F16(heights);
+    }
+
+    /// The triangles as rays from an origin see them, but for those that none can meet. Where nothing can be said of one, as
+    /// of a degenerate one, all rays are undecided.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
+    pub(super) fn seen_from<S: Simd>(&self, simd: S, view: &View, facets: &mut Facets) -> bool {
+        let zero = simd.wide_splat(0.0);
+        let mut corners = [[zero; 3]; 3];
+        for axis in 0..3 {
+            let origin = simd.wide_splat(view.origin[axis]);
+            for corner in 0..3 {
+                corners[corner][axis] = simd.wide_sub(simd.wide_load(&self.corners[corner][axis]), origin);
+            }
+        }
+        let mut seen = self.used & !outside(simd, &corners, &view.ball);
+        if let Some(plane) = view.plane {
+            seen &= !behind(simd, &corners, plane.normal);
+        }
+        if seen == NO_LANES {
+            return false;
+        }
+
+        let sizes = [largest(simd, &corners[0]), largest(simd, &corners[1]), largest(simd, &corners[2])];
+        let least = simd.wide_min_or(simd.wide_min_or(sizes[0], sizes[1]), sizes[2]);
+        let most = simd.wide_max_or(simd.wide_max_or(sizes[0], sizes[1]), sizes[2]);
+        let bounded =
+            simd.wide_at_most(simd.wide_splat(SMALLEST), least) & simd.wide_at_most(most, simd.wide_splat(LARGEST));
+        let error = simd.wide_select(bounded, simd.wide_splat(EDGE_ERROR), simd.wide_splat(f32::NAN));
+        for (edge, (from, to)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
+            let scale = simd.wide_mul(simd.wide_mul(error, sizes[from]), sizes[to]);
+            let scale = simd.wide_div(simd.wide_splat(1.0), scale);
+            let (from, to) = (&corners[from], &corners[to]);
+            for axis in 0..3 {
+                let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+                let (a, b) = (simd.wide_mul(from[next], to[last]), simd.wide_mul(from[last], to[next]));
+                facets.edges[edge][axis] = simd.wide_store(simd.wide_mul(simd.wide_sub(a, b), scale));
+            }
+        }
+
+        let moved = view.origin - view.center;
+        let mut height = simd.wide_load(&self.height);
+        let error = simd.wide_about_mul_add(
+            simd.wide_abs(height),
+            simd.wide_splat(HEIGHT_ERROR),
+            simd.wide_splat(HEIGHT_ERROR * moved.abs().element_sum()),
+        );
+        let mut normal = [zero; 3];
+        for axis in 0..3 {
+            normal[axis] = simd.wide_load(&self.normal[axis]);
+            height = simd.wide_about_mul_add(simd.wide_splat(-moved[axis]), normal[axis], height);
+        }
+        // Normals look away from the origin.
+        let turned = simd.wide_below(height, zero);
+        for axis in 0..3 {
+            let opposite = simd.wide_sub(zero, normal[axis]);
+            facets.normal[axis] = simd.wide_store(simd.wide_select(turned, opposite, normal[axis]));
+        }
+        let height = simd.wide_abs(height);
+        let known = simd.wide_below(error, height);
+        let infinity = simd.wide_splat(f32::INFINITY);
+        let nowhere = simd.wide_splat(f32::NEG_INFINITY);
+        let (least, margin) = interval(simd, height, error, view.t_max);
+        let beyond = simd.wide_sub(least, margin);
+        let after = if view.t_min > 0.0 {
+            let (most, margin) = interval(simd, height, error, view.t_min);
+            simd.wide_sub(most, margin)
+        } else {
+            infinity
+        };
+        // No direction is longer than `LONGEST`, so none comes as far as such a plane. Seen edge-on, the watertight test may
+        // find it all the same.
+        let reach = simd.wide_mul(simd.wide_load(&self.length), simd.wide_splat(LONGEST * LONGEST));
+        let broad = simd.wide_at_most(simd.wide_mul(most, simd.wide_splat(EDGE_ON)), height);
+        seen &= !(known & broad & simd.wide_at_most(reach, beyond));
+        facets.beyond = simd.wide_store(simd.wide_select(known, beyond, nowhere));
+        facets.within = simd.wide_store(simd.wide_select(known, simd.wide_add(least, margin), infinity));
+        facets.after = simd.wide_store(simd.wide_select(known, after, nowhere));
+        facets.seen = seen;
+        facets.transparent = self.transparent;
+        seen != NO_LANES
+    }
+
+    /// One triangle, for the watertight test, in the first lane of a block.
+    pub(super) fn block(&self, lane: usize) -> Block {
+        let mut block = Block::EMPTY;
+        let corner = |corner: &[F16; 3]| Vec3::new(corner[0].0[lane], corner[1].0[lane], corner[2].0[lane]);
+        let [a, b, c] = &self.corners;
+        let flag = if self.transparent >> lane & 1 == 1 { super::block::TRANSPARENT } else { 0 };
+        block.set(0, [corner(a), corner(b), corner(c)], self.ids[lane] | flag);
+        block
+    }
+}
+
+/// The lanes whose triangles' bounds, relative to the centre of a ball, certainly lie outside.
+#[inline(always)]
+#[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
+fn outside<S: Simd>(simd: S, corners: &[[S::Wide; 3]; 3], ball: &Ball) -> Mask {
+    let zero = simd.wide_splat(0.0);
+    let mut distance = zero;
+    for axis in 0..3 {
+        let [a, b, c] = [corners[0][axis], corners[1][axis], corners[2][axis]];
+        let least = simd.wide_min_or(simd.wide_min_or(a, b), c);
+        let most = simd.wide_max_or(simd.wide_max_or(a, b), c);
+        let away = simd.wide_max_or(simd.wide_max_or(least, simd.wide_sub(zero, most)), zero);
+        distance = simd.wide_about_mul_add(away, away, distance);
+    }
+    simd.wide_at_most(simd.wide_splat(ball.square), distance)
+}
+
+/// The lanes whose triangles, relative to a point of a plane, certainly lie behind it or on it. The sum is compared with its
+/// own rounding error, as in [`Plane::behind`].
+#[inline(always)]
+fn behind<S: Simd>(simd: S, corners: &[[S::Wide; 3]; 3], normal: Vec3) -> Mask {
+    let zero = simd.wide_splat(0.0);
+    let mut lanes = !NO_LANES;
+    for corner in corners {
+        let mut sum = zero;
+        for axis in 0..3 {
+            let product = simd.wide_mul(corner[axis], simd.wide_splat(normal[axis]));
+            let above = simd.wide_about_mul_add(simd.wide_abs(product), simd.wide_splat(8.0 * UNIT_ROUNDOFF), product);
+            sum = simd.wide_add(sum, above);
+        }
+        lanes &= simd.wide_at_most(sum, zero);
+    }
+    lanes
+}
+
+/// `direction · normal` of a ray that meets planes of these heights at a distance, and the error of that.
+#[inline(always)]
+fn interval<S: Simd>(simd: S, height: S::Wide, error: S::Wide, distance: f32) -> (S::Wide, S::Wide) {
+    let nearness = simd.wide_splat(1.0 / distance);
+    let at = simd.wide_mul(height, nearness);
+    let margin = simd.wide_about_mul_add(at, simd.wide_splat(MARGIN), simd.wide_splat(PLANE_ERROR));
+    (at, simd.wide_about_mul_add(error, nearness, margin))
+}
+
+#[inline(always)]
+fn largest<S: Simd>(simd: S, [x, y, z]: &[S::Wide; 3]) -> S::Wide {
+    simd.wide_max_or(simd.wide_max_or(simd.wide_abs(*x), simd.wide_abs(*y)), simd.wide_abs(*z))
+}
+
+/// One triangle of [`Facets`], a number a vector.
+pub(super) struct Facet<S: Simd> {
+    edges: [[S::Wide; 3]; 3],
+    normal: [S::Wide; 3],
+    beyond: S::Wide,
+    within: S::Wide,
+    after: S::Wide,
     transparent: bool,
 }
 
-impl Facet {
-    /// Prepares a triangle. Where nothing can be said of it, as of a degenerate one, all rays are undecided.
+impl<S: Simd> Facet<S> {
     #[inline(always)]
-    pub(super) fn new(corners: [[f32; 3]; 3], transparent: bool, origin: Vec3, t_min: f32, t_max: f32) -> Self {
-        let origin = origin.as_dvec3();
-        let [a, b, c] = corners.map(|corner| DVec3::from_array(corner.map(f64::from)) - origin);
-        let size = [a, b, c].map(|corner| corner.abs().max_element());
-        let bounded = size.iter().all(|size| SIZES.contains(size));
-        let error = if bounded { EDGE_ERROR } else { f64::NAN };
-        // One division an edge; its rounding is far below the bounds' margin.
-        let edge = |from: DVec3, to: DVec3, scale: f64| (from.cross(to) * (1.0 / (error * scale))).as_vec3().to_array();
-        let edges = [edge(b, c, size[1] * size[2]), edge(c, a, size[2] * size[0]), edge(a, b, size[0] * size[1])];
-        let normal = (b - a).cross(c - a);
-        let normal = normal * (1.0 / normal.abs().max_element());
-        let height = normal.dot(a);
-        let (normal, height) = if height < 0.0 { (-normal, -height) } else { (normal, height) };
-        let (beyond, within, after) = if height > FLAT * size[0] {
-            // Adding zero turns -0 into 0.
-            let (least, most) = (height / f64::from(t_max), height / f64::from(t_min.max(0.0) + 0.0));
-            (
-                least * (1.0 - MARGIN) - PLANE_ERROR,
-                least * (1.0 + MARGIN) + PLANE_ERROR,
-                most * (1.0 - MARGIN) - PLANE_ERROR,
-            )
-        } else {
-            (f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY)
-        };
+    pub(super) fn new(simd: S, facets: &Facets, lane: usize) -> Self {
+        let [a, b, c] = &facets.edges;
         Self {
-            edges,
-            normal: normal.as_vec3().to_array(),
-            beyond: beyond as f32,
-            within: within as f32,
-            after: after as f32,
-            transparent,
+            edges: [splat(simd, a, lane), splat(simd, b, lane), splat(simd, c, lane)],
+            normal: splat(simd, &facets.normal, lane),
+            beyond: simd.wide_splat(facets.beyond.0[lane]),
+            within: simd.wide_splat(facets.within.0[lane]),
+            after: simd.wide_splat(facets.after.0[lane]),
+            transparent: facets.transparent >> lane & 1 == 1,
         }
     }
 
     /// What is certain of sixteen rays. Comparisons with what is not a number are false, so nothing is.
     #[inline(always)]
-    fn test<S: Simd>(&self, simd: S, directions: &[F16; 3]) -> Verdict {
+    pub(super) fn test(&self, simd: S, directions: &[F16; 3]) -> Verdict {
         let rays = [simd.wide_load(&directions[0]), simd.wide_load(&directions[1]), simd.wide_load(&directions[2])];
         let (a, b, c) =
-            (dot(simd, rays, &self.edges[0]), dot(simd, rays, &self.edges[1]), dot(simd, rays, &self.edges[2]));
+            (dot(simd, &rays, &self.edges[0]), dot(simd, &rays, &self.edges[1]), dot(simd, &rays, &self.edges[2]));
         let least = simd.wide_min_or(simd.wide_min_or(a, b), c);
         let most = simd.wide_max_or(simd.wide_max_or(a, b), c);
-        let along = dot(simd, rays, &self.normal);
+        let along = dot(simd, &rays, &self.normal);
         let (one, minus_one) = (simd.wide_splat(1.0), simd.wide_splat(-1.0));
         let beside = simd.wide_at_most(least, minus_one) & simd.wide_at_most(one, most);
         // Nearly parallel rays are undecided: the watertight test may find them in a triangle that is seen edge-on.
-        let parallel = PLANE_ERROR as f32;
-        let away = simd.wide_at_most(along, simd.wide_splat(-parallel));
-        let far = simd.wide_at_most(simd.wide_splat(parallel), along)
-            & simd.wide_at_most(along, simd.wide_splat(self.beyond));
+        let away = simd.wide_at_most(along, simd.wide_splat(-PLANE_ERROR));
+        let far = simd.wide_at_most(simd.wide_splat(PLANE_ERROR), along) & simd.wide_at_most(along, self.beyond);
         let miss = beside | away | far;
         if self.transparent {
             return Verdict { hit: NO_LANES, miss };
         }
         let inside = simd.wide_at_most(one, least) | simd.wide_at_most(most, minus_one);
-        let reached = simd.wide_at_most(simd.wide_splat(self.within), along)
-            & simd.wide_at_most(along, simd.wide_splat(self.after));
+        let reached = simd.wide_at_most(self.within, along) & simd.wide_at_most(along, self.after);
         Verdict { hit: inside & reached, miss }
     }
 }
 
+impl Facets {
+    pub(super) const EMPTY: Self = Self {
+        edges: [[F16([0.0; WIDE]); 3]; 3],
+        normal: [F16([0.0; WIDE]); 3],
+        beyond: F16([0.0; WIDE]),
+        within: F16([0.0; WIDE]),
+        after: F16([0.0; WIDE]),
+        seen: NO_LANES,
+        transparent: NO_LANES,
+        group: 0,
+    };
+}
+
+/// One lane of each.
 #[inline(always)]
-fn dot<S: Simd>(simd: S, [x, y, z]: [S::Wide; 3], normal: &[f32; 3]) -> S::Wide {
-    let xy = simd.wide_about_mul_add(y, simd.wide_splat(normal[1]), simd.wide_mul(x, simd.wide_splat(normal[0])));
-    simd.wide_about_mul_add(z, simd.wide_splat(normal[2]), xy)
+fn splat<S: Simd>(simd: S, values: &[F16; 3], lane: usize) -> [S::Wide; 3] {
+    [simd.wide_splat(values[0].0[lane]), simd.wide_splat(values[1].0[lane]), simd.wide_splat(values[2].0[lane])]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(simd: S, [x, y, z]: &[S::Wide; 3], normal: &[S::Wide; 3]) -> S::Wide {
+    simd.wide_about_mul_add(*z, normal[2], simd.wide_about_mul_add(*y, normal[1], simd.wide_mul(*x, normal[0])))
 }

@@ -66,6 +66,7 @@ pub(crate) trait Simd: Copy {
     fn wide_sub(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
     fn wide_mul(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
     fn wide_div(self, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    fn wide_abs(self, a: Self::Wide) -> Self::Wide;
     /// As [`Self::about_mul_add`].
     fn wide_about_mul_add(self, a: Self::Wide, b: Self::Wide, c: Self::Wide) -> Self::Wide;
     /// As [`Self::max_or`].
@@ -189,6 +190,11 @@ impl Simd for Plain {
     #[inline(always)]
     fn wide_div(self, a: F16, b: F16) -> F16 {
         wide_zip(a, b, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn wide_abs(self, a: F16) -> F16 {
+        F16(a.0.map(f32::abs))
     }
 
     #[inline(always)]

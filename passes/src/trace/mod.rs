@@ -16,11 +16,13 @@ mod bundle;
 mod bvh;
 mod clear;
 pub mod device;
+mod directions;
 mod dispatch;
 mod double;
 mod facet;
 mod gather;
 mod lanes;
+mod nearby;
 mod node;
 mod offset;
 mod packet;
@@ -32,10 +34,12 @@ mod x86;
 
 pub use brute::BruteForce;
 pub use bvh::{Bvh, Quality};
+pub use directions::Directions;
 pub use dispatch::Lanes;
 pub(crate) use dispatch::{Detected, Work};
 pub use double::Double;
-pub(crate) use lanes::Simd;
+pub(crate) use lanes::{F16, Simd};
+pub use nearby::{Nearby, Neighbourhood};
 pub use offset::SurfacePoint;
 pub use packet::{PACKET, Packet, PacketHits};
 pub use record::{Event, Outcome, RecordedRay, Recorder};
@@ -132,6 +136,13 @@ pub trait Tracer: Sync {
     /// within `t_max`. False says nothing: a tracer may always answer so.
     fn clear_above(&self, origin: Vec3, normal: Vec3, t_max: f32) -> bool {
         let _ = (origin, normal, t_max);
+        false
+    }
+
+    /// Collects the triangles that the rays of a neighbourhood may meet, to be asked many times. False says nothing, and
+    /// leaves `nearby` without use: they are too many to be worth it, or the tracer does not know how.
+    fn gather(&self, around: &Neighbourhood, nearby: &mut Nearby) -> bool {
+        let _ = (around, nearby);
         false
     }
 

@@ -1,6 +1,8 @@
 //! Where secondary rays start.
 
 use super::Hit;
+use super::dispatch::{Detected, Work};
+use super::lanes::Simd;
 use super::query::UNIT_ROUNDOFF;
 use curitiba_pipeline::scene::Geometry;
 use glam::{DVec3, Vec3};
@@ -39,18 +41,25 @@ impl SurfacePoint {
     /// If there is no such triangle.
     #[must_use]
     pub fn snap(geometry: &Geometry, triangle: u32, position: Vec3) -> Self {
-        let corners = geometry.corners(triangle);
-        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
-        let (e1, e2, to) = (b - a, c - a, position.as_dvec3() - a);
-        let (d11, d12, d22) = (e1.dot(e1), e1.dot(e2), e2.dot(e2));
-        let (d1, d2) = (to.dot(e1), to.dot(e2));
-        let determinant = d11 * d22 - d12 * d12;
-        let (u, v) = ((d22 * d1 - d12 * d2) / determinant, (d11 * d2 - d12 * d1) / determinant);
-        // Not finite for degenerate triangles and positions: then the first corner is as good as any point.
-        let (u, v) = if (u + v).is_finite() { (u, v) } else { (0.0, 0.0) };
-        let (u, v) = (u.max(0.0), v.max(0.0));
-        let sum = (u + v).max(1.0);
-        Self::at(corners, u / sum, v / sum)
+        let corners = Corners::of([geometry.corners(triangle)]);
+        let (u, v) = corners.project(position.as_dvec3().to_array().map(|coordinate| [coordinate]));
+        corners.at(u, v).point(0)
+    }
+
+    /// The projections of several positions, as by [`Self::snap`], to the bit.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    pub(crate) fn snap_all(geometry: &Geometry, positions: &[(u32, Vec3)], mut each: impl FnMut(usize, Self)) {
+        for (chunk, positions) in positions.chunks(TOGETHER).enumerate() {
+            // The last triangle stands in for those that the chunk lacks.
+            let stored: [(u32, Vec3); TOGETHER] = std::array::from_fn(|lane| positions[lane.min(positions.len() - 1)]);
+            let corners = stored.map(|(triangle, _)| geometry.corners(triangle));
+            let snapped = Detected::cached().run(Snap { corners: &corners, positions: &stored.map(|(_, p)| p) });
+            for lane in 0..positions.len() {
+                each(chunk * TOGETHER + lane, snapped.point(lane));
+            }
+        }
     }
 
     /// The point that a ray hit.
@@ -59,20 +68,7 @@ impl SurfacePoint {
     /// If there is no such triangle.
     #[must_use]
     pub fn from_hit(geometry: &Geometry, hit: &Hit) -> Self {
-        Self::at(geometry.corners(hit.triangle), f64::from(hit.u), f64::from(hit.v))
-    }
-
-    fn at(corners: [Vec3; 3], u: f64, v: f64) -> Self {
-        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
-        let (e1, e2) = (b - a, c - a);
-        let normal = e1.cross(e2).normalize_or_zero();
-        let magnitude = a.abs() + (u * e1).abs() + (v * e2).abs();
-        let position: DVec3 = a + u * e1 + v * e2;
-        let reach = [a, b, c].map(|corner| (corner - position).abs().max_element()).into_iter().fold(0.0, f64::max);
-        let error = (normal.abs().dot(magnitude) + REACH * reach) as f32 * UNIT_ROUNDOFF;
-        let margin = MARGIN * f64::from(UNIT_ROUNDOFF) * (magnitude.max_element() + REACH * reach);
-        let start = drawn_in([a, b, c], normal, position, margin).as_vec3();
-        Self { position: position.as_vec3(), normal: normal.as_vec3(), start, error }
+        Corners::of([geometry.corners(hit.triangle)]).at([f64::from(hit.u)], [f64::from(hit.v)]).point(0)
     }
 
     /// The origin of a ray that leaves in `direction`: off the plane to the side the ray leaves on, by 32 times
@@ -91,26 +87,184 @@ impl SurfacePoint {
     }
 }
 
-/// A position of a triangle moved along its plane, away from the borders that are nearer than `margin`; as it is where the
-/// triangle has no room for that. Positions farther inside are returned to the bit.
-fn drawn_in(corners: [DVec3; 3], normal: DVec3, position: DVec3, margin: f64) -> DVec3 {
-    let [a, b, c] = corners;
-    // Inward, and as long as the border: a distance times that length is an area, which needs no root to be compared.
-    let borders = [(a, b - a), (b, c - b), (c, a - c)].map(|(from, along)| (from, normal.cross(along)));
-    let near = |position: DVec3, (from, inward): (DVec3, DVec3), margin: f64| {
-        let area = (position - from).dot(inward);
-        area < 0.0 || area * area < margin * margin * inward.length_squared()
-    };
-    if !borders.iter().any(|border| near(position, *border, margin)) {
-        return position;
+/// Points that are computed together.
+const TOGETHER: usize = 16;
+
+struct Snap<'a> {
+    corners: &'a [[Vec3; 3]; TOGETHER],
+    positions: &'a [Vec3; TOGETHER],
+}
+
+impl Work<Points<TOGETHER>> for Snap<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> Points<TOGETHER> {
+        let corners = Corners::of(*self.corners);
+        let mut positions = [[0.0; TOGETHER]; 3];
+        for lane in 0..TOGETHER {
+            for axis in 0..3 {
+                positions[axis][lane] = f64::from(self.positions[lane][axis]);
+            }
+        }
+        let (u, v) = corners.project(positions);
+        corners.at(u, v)
     }
+}
+
+/// The corners of some triangles, `[corner][axis][triangle]`: loops of fixed length over them become vector code.
+struct Corners<const N: usize>([[[f64; N]; 3]; 3]);
+
+/// Points of some triangles, and what [`SurfacePoint`] knows of them.
+struct Points<const N: usize> {
+    position: [[f32; N]; 3],
+    normal: [[f32; N]; 3],
+    start: [[f32; N]; 3],
+    error: [f32; N],
+}
+
+impl<const N: usize> Corners<N> {
+    #[inline(always)]
+    fn of(triangles: [[Vec3; 3]; N]) -> Self {
+        let mut corners = [[[0.0; N]; 3]; 3];
+        for (lane, triangle) in triangles.iter().enumerate() {
+            for (corner, position) in triangle.iter().enumerate() {
+                for axis in 0..3 {
+                    corners[corner][axis][lane] = f64::from(position[axis]);
+                }
+            }
+        }
+        Self(corners)
+    }
+
+    #[inline(always)]
+    fn corner(&self, corner: usize, lane: usize) -> DVec3 {
+        let [x, y, z] = &self.0[corner];
+        DVec3::new(x[lane], y[lane], z[lane])
+    }
+
+    /// Barycentric coordinates of the points of the triangles that are nearest to positions near them, but for obtuse
+    /// corners: a projection outside is drawn in.
+    #[inline(always)]
+    fn project(&self, positions: [[f64; N]; 3]) -> ([f64; N], [f64; N]) {
+        let (mut us, mut vs) = ([0.0; N], [0.0; N]);
+        for lane in 0..N {
+            let a = self.corner(0, lane);
+            let position = DVec3::new(positions[0][lane], positions[1][lane], positions[2][lane]);
+            let (e1, e2, to) = (self.corner(1, lane) - a, self.corner(2, lane) - a, position - a);
+            let (d11, d12, d22) = (e1.dot(e1), e1.dot(e2), e2.dot(e2));
+            let (d1, d2) = (to.dot(e1), to.dot(e2));
+            let determinant = d11 * d22 - d12 * d12;
+            let (u, v) = ((d22 * d1 - d12 * d2) / determinant, (d11 * d2 - d12 * d1) / determinant);
+            // Not finite for degenerate triangles and positions: then the first corner is as good as any point.
+            let finite = (u + v).abs() < f64::INFINITY;
+            let u = if finite && u > 0.0 { u } else { 0.0 };
+            let v = if finite && v > 0.0 { v } else { 0.0 };
+            let sum = if u + v > 1.0 { u + v } else { 1.0 };
+            (us[lane], vs[lane]) = (u / sum, v / sum);
+        }
+        (us, vs)
+    }
+
+    #[inline(always)]
+    fn at(&self, us: [f64; N], vs: [f64; N]) -> Points<N> {
+        let mut points =
+            Points { position: [[0.0; N]; 3], normal: [[0.0; N]; 3], start: [[0.0; N]; 3], error: [0.0; N] };
+        let (mut margins, mut near) = ([0.0; N], [false; N]);
+        for lane in 0..N {
+            let (u, v) = (us[lane], vs[lane]);
+            let [a, b, c] = [self.corner(0, lane), self.corner(1, lane), self.corner(2, lane)];
+            let (e1, e2) = (b - a, c - a);
+            let normal = unit_or_zero(e1.cross(e2));
+            let magnitude = a.abs() + (u * e1).abs() + (v * e2).abs();
+            let position: DVec3 = a + u * e1 + v * e2;
+            let far = (a - position).abs();
+            let (far_b, far_c) = ((b - position).abs(), (c - position).abs());
+            let reach = largest(far).max(largest(far_b)).max(largest(far_c));
+            let error = (normal.abs().dot(magnitude) + REACH * reach) as f32 * UNIT_ROUNDOFF;
+            let margin = MARGIN * f64::from(UNIT_ROUNDOFF) * (largest(magnitude) + REACH * reach);
+            near[lane] = Borders::of([a, b, c], normal).is_near(position, margin);
+            margins[lane] = margin;
+            points.error[lane] = error;
+            for axis in 0..3 {
+                points.position[axis][lane] = position[axis] as f32;
+                points.normal[axis][lane] = normal[axis] as f32;
+            }
+        }
+        points.start = points.position;
+        for lane in 0..N {
+            if near[lane] {
+                let [a, b, c] = [self.corner(0, lane), self.corner(1, lane), self.corner(2, lane)];
+                let (e1, e2) = (b - a, c - a);
+                let position: DVec3 = a + us[lane] * e1 + vs[lane] * e2;
+                let start = drawn_in([a, b, c], unit_or_zero(e1.cross(e2)), position, margins[lane]);
+                for axis in 0..3 {
+                    points.start[axis][lane] = start[axis] as f32;
+                }
+            }
+        }
+        points
+    }
+}
+
+impl<const N: usize> Points<N> {
+    #[inline(always)]
+    fn point(&self, lane: usize) -> SurfacePoint {
+        let at = |axes: &[[f32; N]; 3]| Vec3::new(axes[0][lane], axes[1][lane], axes[2][lane]);
+        SurfacePoint {
+            position: at(&self.position),
+            normal: at(&self.normal),
+            start: at(&self.start),
+            error: self.error[lane],
+        }
+    }
+}
+
+#[inline(always)]
+fn largest(vector: DVec3) -> f64 {
+    let most = if vector.x > vector.y { vector.x } else { vector.y };
+    if vector.z > most { vector.z } else { most }
+}
+
+/// As [`DVec3::normalize_or_zero`], without a branch.
+#[inline(always)]
+fn unit_or_zero(vector: DVec3) -> DVec3 {
+    let reciprocal = 1.0 / vector.dot(vector).sqrt();
+    vector * if reciprocal < f64::INFINITY && reciprocal > 0.0 { reciprocal } else { 0.0 }
+}
+
+/// The borders of a triangle: a point of each, and the direction that leads inward, as long as the border. A distance times
+/// that length is an area, which needs no root to be compared.
+struct Borders([(DVec3, DVec3); 3]);
+
+impl Borders {
+    #[inline(always)]
+    fn of([a, b, c]: [DVec3; 3], normal: DVec3) -> Self {
+        Self([(a, normal.cross(b - a)), (b, normal.cross(c - b)), (c, normal.cross(a - c))])
+    }
+
+    /// Whether a position is outside, or nearer to a border than `margin`.
+    #[inline(always)]
+    fn is_near(&self, position: DVec3, margin: f64) -> bool {
+        let mut near = false;
+        for (from, inward) in self.0 {
+            let area = (position - from).dot(inward);
+            near |= (area < 0.0) | (area * area < margin * margin * inward.length_squared());
+        }
+        near
+    }
+}
+
+/// A position of a triangle moved along its plane, away from the borders that are nearer than `margin`; as it is where the
+/// triangle has no room for that.
+#[cold]
+fn drawn_in(corners: [DVec3; 3], normal: DVec3, position: DVec3, margin: f64) -> DVec3 {
+    let borders = Borders::of(corners, normal);
     let mut moved = position;
     // Twice, because leaving one border of a corner may lead back to the other.
     for _ in 0..2 {
-        for (from, inward) in borders {
+        for (from, inward) in borders.0 {
             let inward = inward.normalize_or_zero();
             moved += inward * (margin - (moved - from).dot(inward)).max(0.0);
         }
     }
-    if borders.iter().any(|border| near(moved, *border, 0.5 * margin)) { position } else { moved }
+    if borders.is_near(moved, 0.5 * margin) { position } else { moved }
 }

@@ -198,6 +198,15 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn wide_abs(self, [a, b]: [__m256; 2]) -> [__m256; 2] {
+        // SAFETY: AVX is present, since `self` exists.
+        unsafe {
+            let sign = _mm256_set1_ps(-0.0);
+            [_mm256_andnot_ps(sign, a), _mm256_andnot_ps(sign, b)]
+        }
+    }
+
+    #[inline(always)]
     fn wide_about_mul_add(self, [a, b]: [__m256; 2], [c, d]: [__m256; 2], [e, f]: [__m256; 2]) -> [__m256; 2] {
         [self.about_mul_add(a, c, e), self.about_mul_add(b, d, f)]
     }
@@ -311,6 +320,12 @@ impl Simd for Avx512 {
     fn wide_div(self, a: __m512, b: __m512) -> __m512 {
         // SAFETY: AVX-512 F is present, since `self` exists.
         unsafe { _mm512_div_ps(a, b) }
+    }
+
+    #[inline(always)]
+    fn wide_abs(self, a: __m512) -> __m512 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_abs_ps(a) }
     }
 
     #[inline(always)]

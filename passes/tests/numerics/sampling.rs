@@ -2,6 +2,7 @@
 
 use curitiba_passes::sampling::hash::{dimensions, path_key, pcg4d, pixel_key, unit};
 use curitiba_passes::sampling::{HemisphereSampler, sine_noise};
+use curitiba_passes::trace::Directions;
 use curitiba_pipeline::programs::Sampler;
 use glam::{Vec2, Vec3};
 
@@ -94,15 +95,15 @@ fn closed_form() -> f64 {
 }
 
 /// Root mean square error and bias over many pixels; `directions` fills in those of a pixel.
-fn error(samples: u32, mut directions: impl FnMut(u32, &mut Vec<Vec3>)) -> (f64, f64) {
+fn error(samples: u32, mut directions: impl FnMut(u32, &mut Directions)) -> (f64, f64) {
     const PIXELS: u32 = 10_000;
-    let mut buffer = Vec::new();
+    let mut buffer = Directions::default();
     let (mut square, mut sum) = (0.0, 0.0);
     for pixel in 0..PIXELS {
         directions(pixel, &mut buffer);
         // The wall stands at an angle to the axes of the samples.
         let toward = Vec2::from_angle(3.7).as_dvec2();
-        let blocked = |d: &&Vec3| DISTANCE < d.truncate().as_dvec2().dot(toward);
+        let blocked = |d: &Vec3| DISTANCE < d.truncate().as_dvec2().dot(toward);
         let open = 1.0 - buffer.iter().filter(blocked).count() as f64 / f64::from(samples);
         square += (open - closed_form()).powi(2);
         sum += open - closed_form();
@@ -128,7 +129,7 @@ fn the_error_of_ambient_occlusion_falls_with_the_samples_as_documented() {
             };
             let ours = ours.map(|sampler| HemisphereSampler::new(sampler, samples).expect("a square"));
             let (rms, bias) = error(samples, |pixel, directions| match &ours {
-                Some(sampler) => sampler.directions(pixel_key(pixel % 100, pixel / 100, 5), Vec3::Z, directions),
+                Some(sampler) => sampler.directions(pixel_key(pixel % 100, pixel / 100, 5), Vec3::Z, None, directions),
                 None => {
                     directions.clear();
                     directions.extend((0..samples).map(|sample| {
@@ -157,8 +158,8 @@ fn the_errors_of_neighbouring_pixels_are_not_correlated() {
     for sampler in [Sampler::Sobol, Sampler::Strata] {
         let directions = HemisphereSampler::new(sampler, 4).expect("a square");
         let open = |x: u32, y: u32| {
-            let mut buffer = Vec::new();
-            directions.directions(pixel_key(x, y, 11), Vec3::Z, &mut buffer);
+            let mut buffer = Directions::default();
+            directions.directions(pixel_key(x, y, 11), Vec3::Z, None, &mut buffer);
             buffer.iter().filter(|d| !(d.x < 0.0 && DISTANCE < -f64::from(d.x))).count() as f32
         };
         let found = self_correlation(open);

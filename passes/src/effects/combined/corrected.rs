@@ -4,7 +4,7 @@ use crate::effects::lights::{Known, prepare as prepare_lights};
 use crate::effects::occlusion::SHADOWED;
 use crate::effects::refraction::corrected::Glass;
 use crate::effects::surface::Surface;
-use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque};
+use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, neighbours, opaque};
 use crate::sampling::hash::pixel_key;
 use crate::trace::{Hit, Tracer};
 use glam::{Vec3, Vec4};
@@ -20,34 +20,30 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     if pass.is_glass(triangle) {
         let shade = |hit: &Hit, surface: &Surface, key: u32, work: &mut Workspace| {
             let color = pass.lit_color(hit, surface.normal);
-            visible(pass, color, surface, (surface.facing, None), key, work)
+            visible(pass, color, surface, (surface.facing, Known::NOTHING), key, work)
         };
         return opaque(Glass { pass, shade }.blend(&surface, view, 0, key, work));
     }
     let lit_side = lit_side(&surface, stored_normal);
-    opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (lit_side, known.light), key, work))
+    opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (lit_side, known), key, work))
 }
 
-/// Traces the shadow rays of a tile's opaque pixels together, before the pixels ask.
+/// Traces the shadow rays of a tile's opaque pixels together, and finds out their occlusion, before the pixels ask.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
-    let origin = |pixel: Pixel| {
-        let nothing = (Known { light: None, surface: None }, None);
-        let color = Vec4::from_array(pass.job.color[pixel.index]).truncate();
-        let Some(triangle) = pass.triangle(pixel) else { return nothing };
-        if pass.is_glass(triangle) || color == Vec3::ZERO {
-            return nothing;
+    work.lights.survey(pass, area, |pixel, triangle| {
+        !pass.is_glass(triangle) && Vec4::from_array(pass.job.color[pixel.index]).truncate() != Vec3::ZERO
+    });
+    let origin = |pixel: Pixel, known: &Known| {
+        let Some((surface, _)) = known.surface else { return (None, None) };
+        if lit_side(&surface, pass.normal(pixel)).dot(pass.to_light) <= 0.0 {
+            return (Some(SHADOWED), None);
         }
-        let stored_normal = pass.normal(pixel);
-        let (surface, view) = pass.surface_at(pixel, triangle, stored_normal);
-        let known = Known { light: None, surface: Some((surface, view)) };
-        if lit_side(&surface, stored_normal).dot(pass.to_light) <= 0.0 {
-            return (Known { light: Some(SHADOWED), ..known }, None);
-        }
-        (known, Some(surface.origin(pass.to_light)))
+        (None, Some(surface.origin(pass.to_light)))
     };
     let stops =
         |ray: u32, hit: &Hit, crossings: &mut Vec<(u32, f32)>| pass.blocks_light(hit, || crossings.push((ray, hit.t)));
     work.rays.shadow += prepare_lights(pass, area, &mut work.lights, origin, stops);
+    neighbours::prepare(pass, area, work, |hit| pass.stops_light(hit));
 }
 
 /// The colour was lit by the stored normal, so the side that it looks to is the one to be shadowed.
@@ -55,19 +51,20 @@ fn lit_side(surface: &Surface, stored_normal: Vec3) -> Vec3 {
     if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing }
 }
 
-/// A colour times the light's share, where it is known already or else that of a side, and ambient occlusion. Black stays
+/// A colour times the light's share and ambient occlusion: those that are known already, or else those of a side. Black stays
 /// black, without a ray.
 fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,
     surface: &Surface,
-    (lit_side, known): (Vec3, Option<f32>),
+    (lit_side, known): (Vec3, Known),
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {
     if color == Vec3::ZERO {
         return color;
     }
-    let light = known.unwrap_or_else(|| pass.light_share(surface, lit_side, work));
-    color * light * pass.occlusion(surface, key, work, |hit| pass.stops_light(hit))
+    let light = known.light.unwrap_or_else(|| pass.light_share(surface, lit_side, work));
+    let open = known.occlusion.unwrap_or_else(|| pass.occlusion(surface, key, work, |hit| pass.stops_light(hit)));
+    color * light * open
 }

@@ -26,9 +26,10 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
 
 /// Traces the rays of a tile together, before its pixels ask.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
-    let origin = |pixel| match light(pass, pixel) {
-        Light::Certain(share) => (Known { light: Some(share), surface: None }, None),
-        Light::Ray(origin) => (Known { light: None, surface: None }, Some(origin)),
+    work.lights.clear();
+    let origin = |pixel, _: &Known| match light(pass, pixel) {
+        Light::Certain(share) => (Some(share), None),
+        Light::Ray(origin) => (None, Some(origin)),
     };
     work.rays.shadow += prepare_lights(pass, area, &mut work.lights, origin, |_, hit, _| pass.coverage.covers(hit));
 }

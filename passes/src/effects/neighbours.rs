@@ -1,0 +1,76 @@
+//! The occlusion of a tile's pixels: those near each other share the triangles that are gathered.
+
+use super::lights::{Area, Known, TILE};
+use super::{Coverage, Pass, Workspace};
+use crate::sampling::hash::pixel_key;
+use crate::trace::{Hit, Tracer};
+use glam::Vec3;
+
+/// Pixels a side of the smallest part of a tile that is tried.
+const LEAST: usize = 2;
+/// Extent of the origins of a part, in units of the radius, above which it is cut in four: what is near one of them is far
+/// from the others then.
+const EXTENT: f32 = 1.0;
+/// Part of a tile: its left and top pixel, and pixels a side.
+type Square = [usize; 3];
+
+/// Finds out the occlusion of those pixels of a tile whose surfaces are known, where the triangles near them can be
+/// gathered.
+pub(super) fn prepare<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    area: Area,
+    work: &mut Workspace,
+    stops: impl Fn(&Hit) -> bool,
+) {
+    let Some(sampler) = &pass.occlusion else { return };
+    // Each square that is cut leaves three more.
+    let mut squares = [[0; 3]; 3 * TILE.ilog2() as usize + 1];
+    squares[0] = [0, 0, TILE];
+    let mut pending = 1;
+    while pending > 0 {
+        pending -= 1;
+        let square = squares[pending];
+        let Some(part) = part(work, square) else { continue };
+        let [left, top, side] = square;
+        let small = (part.high - part.low).max_element() <= EXTENT * pass.job.params.radius;
+        let rays = part.pixels * sampler.samples() as usize;
+        let around = pass.around([part.low, part.high], part.above, 0.0, rays);
+        if (small || side <= LEAST) && pass.tracer.gather(&around, &mut work.nearby) {
+            for place in places(square) {
+                let Known { surface: Some((surface, _)), origin, .. } = *work.lights.at(place) else { continue };
+                let key = pixel_key((area.x + place % TILE) as u32, (area.y + place / TILE) as u32, pass.job.seed);
+                let open = pass.hemisphere(true, origin, &surface, key, work, &stops);
+                work.lights.at_mut(place).occlusion = Some(open);
+            }
+        } else if side > LEAST {
+            let half = side / 2;
+            for quarter in [[0, 0], [half, 0], [0, half], [half, half]] {
+                squares[pending] = [left + quarter[0], top + quarter[1], half];
+                pending += 1;
+            }
+        }
+    }
+}
+
+/// What the rays of a part of a tile have in common.
+struct Part {
+    pixels: usize,
+    low: Vec3,
+    high: Vec3,
+    above: Option<Vec3>,
+}
+
+fn part(work: &Workspace, square: Square) -> Option<Part> {
+    let mut part = Part { pixels: 0, low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, above: None };
+    for place in places(square) {
+        let Known { surface: Some((surface, _)), origin, .. } = *work.lights.at(place) else { continue };
+        (part.low, part.high) = (part.low.min(origin), part.high.max(origin));
+        part.above = if part.pixels == 0 { Some(surface.facing) } else { part.above.filter(|n| *n == surface.facing) };
+        part.pixels += 1;
+    }
+    (part.pixels > 0).then_some(part)
+}
+
+fn places([left, top, side]: Square) -> impl Iterator<Item = usize> {
+    (top..top + side).flat_map(move |row| (left..left + side).map(move |column| row * TILE + column))
+}
