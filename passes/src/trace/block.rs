@@ -87,7 +87,7 @@ impl Block {
     pub(super) fn behind<S: Simd>(&self, simd: S, plane: Plane) -> Mask {
         let mut lanes = !NO_LANES;
         for corner in &self.corners {
-            let position = [0, 1, 2].map(|axis| simd.load(&corner[axis]));
+            let position = [simd.load(&corner[0]), simd.load(&corner[1]), simd.load(&corner[2])];
             lanes &= plane.behind(simd, position, position);
         }
         lanes

@@ -72,19 +72,22 @@ pub(super) struct View {
 /// The triangles of a group as one origin sees them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Facets {
-    /// Normals of the planes through the origin and each edge, in units of their error.
+    /// Normals of the planes through the origin and each edge, towards the triangle, in units of their error.
     edges: [[F16; 3]; 3],
     /// Normals of the triangles, away from the origin, largest component 1.
     normal: [F16; 3],
-    /// `direction · normal` up to which the plane is certainly met beyond `t_max`, if at all.
-    beyond: F16,
-    /// From which on it is certainly met before `t_max`.
-    within: F16,
+    /// `direction · normal` up to which the triangle is certainly missed: its plane is met beyond `t_max`, or behind. Nearly
+    /// parallel rays are among them unless the triangle is seen edge-on: then the watertight test may find it.
+    miss: F16,
+    /// From which on the plane is certainly met before `t_max`; not a number where hits must be asked for one by one.
+    hit: F16,
     /// Up to which it is certainly met after `t_min`.
     after: F16,
     /// Those that a ray may meet.
     pub(super) seen: Mask,
-    transparent: Mask,
+    /// Those of which it is certain on which side of their plane the origin is. Of the others it is not even certain which
+    /// sign the edges have.
+    sided: Mask,
     /// The number of the group.
     pub(super) group: u32,
 }
@@ -105,6 +108,12 @@ impl Group {
         used: NO_LANES,
         transparent: NO_LANES,
     };
+
+    /// Empties it; what its lanes hold stays, and is not looked at.
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        (self.used, self.transparent) = (NO_LANES, NO_LANES);
+    }
 
     /// Puts a triangle into a lane; [`Self::finish`] must follow before the group is asked.
     #[inline(always)]
@@ -168,23 +177,6 @@ impl Group {
             return false;
         }
 
-        let sizes = [largest(simd, &corners[0]), largest(simd, &corners[1]), largest(simd, &corners[2])];
-        let least = simd.wide_min_or(simd.wide_min_or(sizes[0], sizes[1]), sizes[2]);
-        let most = simd.wide_max_or(simd.wide_max_or(sizes[0], sizes[1]), sizes[2]);
-        let bounded =
-            simd.wide_at_most(simd.wide_splat(SMALLEST), least) & simd.wide_at_most(most, simd.wide_splat(LARGEST));
-        let error = simd.wide_select(bounded, simd.wide_splat(EDGE_ERROR), simd.wide_splat(f32::NAN));
-        for (edge, (from, to)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
-            let scale = simd.wide_mul(simd.wide_mul(error, sizes[from]), sizes[to]);
-            let scale = simd.wide_div(simd.wide_splat(1.0), scale);
-            let (from, to) = (&corners[from], &corners[to]);
-            for axis in 0..3 {
-                let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
-                let (a, b) = (simd.wide_mul(from[next], to[last]), simd.wide_mul(from[last], to[next]));
-                facets.edges[edge][axis] = simd.wide_store(simd.wide_mul(simd.wide_sub(a, b), scale));
-            }
-        }
-
         let moved = view.origin - view.center;
         let mut height = simd.wide_load(&self.height);
         let error = simd.wide_about_mul_add(
@@ -197,34 +189,50 @@ impl Group {
             normal[axis] = simd.wide_load(&self.normal[axis]);
             height = simd.wide_about_mul_add(simd.wide_splat(-moved[axis]), normal[axis], height);
         }
-        // Normals look away from the origin.
+        // Normals look away from the origin, and with them go the signs of the edges.
         let turned = simd.wide_below(height, zero);
         for axis in 0..3 {
             let opposite = simd.wide_sub(zero, normal[axis]);
             facets.normal[axis] = simd.wide_store(simd.wide_select(turned, opposite, normal[axis]));
         }
+        let sizes = [largest(simd, &corners[0]), largest(simd, &corners[1]), largest(simd, &corners[2])];
+        let least = simd.wide_min_or(simd.wide_min_or(sizes[0], sizes[1]), sizes[2]);
+        let most = simd.wide_max_or(simd.wide_max_or(sizes[0], sizes[1]), sizes[2]);
+        let bounded = simd.wide_at_most(simd.wide_splat(SMALLEST), least)
+            & simd.wide_at_most(most, simd.wide_splat(LARGEST));
+        let unit = simd.wide_select(turned, simd.wide_splat(-EDGE_ERROR), simd.wide_splat(EDGE_ERROR));
+        let unit = simd.wide_select(bounded, unit, simd.wide_splat(f32::NAN));
+        for (edge, (from, to)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
+            let scale = simd.wide_mul(simd.wide_mul(unit, sizes[from]), sizes[to]);
+            let scale = simd.wide_div(simd.wide_splat(1.0), scale);
+            let (from, to) = (&corners[from], &corners[to]);
+            for axis in 0..3 {
+                let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+                let (a, b) = (simd.wide_mul(from[next], to[last]), simd.wide_mul(from[last], to[next]));
+                facets.edges[edge][axis] = simd.wide_store(simd.wide_mul(simd.wide_sub(a, b), scale));
+            }
+        }
+
         let height = simd.wide_abs(height);
-        let known = simd.wide_below(error, height);
-        let infinity = simd.wide_splat(f32::INFINITY);
-        let nowhere = simd.wide_splat(f32::NEG_INFINITY);
+        let sided = simd.wide_below(error, height);
+        let broad = sided & simd.wide_at_most(simd.wide_mul(most, simd.wide_splat(EDGE_ON)), height);
         let (least, margin) = interval(simd, height, error, view.t_max);
         let beyond = simd.wide_sub(least, margin);
+        // No direction is longer than `LONGEST`, so none comes as far as such a plane.
+        let reach = simd.wide_mul(simd.wide_load(&self.length), simd.wide_splat(LONGEST * LONGEST));
+        seen &= !(broad & simd.wide_at_most(reach, beyond));
         let after = if view.t_min > 0.0 {
             let (most, margin) = interval(simd, height, error, view.t_min);
             simd.wide_sub(most, margin)
         } else {
-            infinity
+            simd.wide_splat(f32::INFINITY)
         };
-        // No direction is longer than `LONGEST`, so none comes as far as such a plane. Seen edge-on, the watertight test may
-        // find it all the same.
-        let reach = simd.wide_mul(simd.wide_load(&self.length), simd.wide_splat(LONGEST * LONGEST));
-        let broad = simd.wide_at_most(simd.wide_mul(most, simd.wide_splat(EDGE_ON)), height);
-        seen &= !(known & broad & simd.wide_at_most(reach, beyond));
-        facets.beyond = simd.wide_store(simd.wide_select(known, beyond, nowhere));
-        facets.within = simd.wide_store(simd.wide_select(known, simd.wide_add(least, margin), infinity));
-        facets.after = simd.wide_store(simd.wide_select(known, after, nowhere));
+        facets.miss = simd.wide_store(simd.wide_select(broad, beyond, simd.wide_splat(-PLANE_ERROR)));
+        let within = simd.wide_add(least, margin);
+        facets.hit = simd.wide_store(simd.wide_select(self.transparent, simd.wide_splat(f32::NAN), within));
+        facets.after = simd.wide_store(after);
+        facets.sided = sided;
         facets.seen = seen;
-        facets.transparent = self.transparent;
         seen != NO_LANES
     }
 
@@ -291,10 +299,10 @@ fn largest<S: Simd>(simd: S, [x, y, z]: &[S::Wide; 3]) -> S::Wide {
 pub(super) struct Facet<S: Simd> {
     edges: [[S::Wide; 3]; 3],
     normal: [S::Wide; 3],
-    beyond: S::Wide,
-    within: S::Wide,
+    miss: S::Wide,
+    hit: S::Wide,
     after: S::Wide,
-    transparent: bool,
+    is_sided: bool,
 }
 
 impl<S: Simd> Facet<S> {
@@ -304,34 +312,34 @@ impl<S: Simd> Facet<S> {
         Self {
             edges: [splat(simd, a, lane), splat(simd, b, lane), splat(simd, c, lane)],
             normal: splat(simd, &facets.normal, lane),
-            beyond: simd.wide_splat(facets.beyond.0[lane]),
-            within: simd.wide_splat(facets.within.0[lane]),
+            miss: simd.wide_splat(facets.miss.0[lane]),
+            hit: simd.wide_splat(facets.hit.0[lane]),
             after: simd.wide_splat(facets.after.0[lane]),
-            transparent: facets.transparent >> lane & 1 == 1,
+            is_sided: facets.sided >> lane & 1 == 1,
         }
     }
 
-    /// What is certain of sixteen rays. Comparisons with what is not a number are false, so nothing is.
+    /// What is certain of sixteen rays; `AFTER` if `t_min` is above 0. Comparisons with what is not a number are false, so
+    /// nothing is.
     #[inline(always)]
-    pub(super) fn test(&self, simd: S, directions: &[F16; 3]) -> Verdict {
+    pub(super) fn test<const AFTER: bool>(&self, simd: S, directions: &[F16; 3]) -> Verdict {
         let rays = [simd.wide_load(&directions[0]), simd.wide_load(&directions[1]), simd.wide_load(&directions[2])];
         let (a, b, c) =
             (dot(simd, &rays, &self.edges[0]), dot(simd, &rays, &self.edges[1]), dot(simd, &rays, &self.edges[2]));
         let least = simd.wide_min_or(simd.wide_min_or(a, b), c);
-        let most = simd.wide_max_or(simd.wide_max_or(a, b), c);
-        let along = dot(simd, &rays, &self.normal);
         let (one, minus_one) = (simd.wide_splat(1.0), simd.wide_splat(-1.0));
-        let beside = simd.wide_at_most(least, minus_one) & simd.wide_at_most(one, most);
-        // Nearly parallel rays are undecided: the watertight test may find them in a triangle that is seen edge-on.
-        let away = simd.wide_at_most(along, simd.wide_splat(-PLANE_ERROR));
-        let far = simd.wide_at_most(simd.wide_splat(PLANE_ERROR), along) & simd.wide_at_most(along, self.beyond);
-        let miss = beside | away | far;
-        if self.transparent {
-            return Verdict { hit: NO_LANES, miss };
+        let beside = simd.wide_at_most(least, minus_one);
+        if !self.is_sided {
+            let most = simd.wide_max_or(simd.wide_max_or(a, b), c);
+            return Verdict { hit: NO_LANES, miss: beside & simd.wide_at_most(one, most) };
         }
-        let inside = simd.wide_at_most(one, least) | simd.wide_at_most(most, minus_one);
-        let reached = simd.wide_at_most(self.within, along) & simd.wide_at_most(along, self.after);
-        Verdict { hit: inside & reached, miss }
+        let along = dot(simd, &rays, &self.normal);
+        let miss = beside | simd.wide_at_most(along, self.miss);
+        let mut hit = simd.wide_at_most(one, least) & simd.wide_at_most(self.hit, along);
+        if AFTER {
+            hit &= simd.wide_at_most(along, self.after);
+        }
+        Verdict { hit, miss }
     }
 }
 
@@ -339,11 +347,11 @@ impl Facets {
     pub(super) const EMPTY: Self = Self {
         edges: [[F16([0.0; WIDE]); 3]; 3],
         normal: [F16([0.0; WIDE]); 3],
-        beyond: F16([0.0; WIDE]),
-        within: F16([0.0; WIDE]),
+        miss: F16([0.0; WIDE]),
+        hit: F16([0.0; WIDE]),
         after: F16([0.0; WIDE]),
         seen: NO_LANES,
-        transparent: NO_LANES,
+        sided: NO_LANES,
         group: 0,
     };
 }

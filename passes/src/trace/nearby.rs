@@ -101,7 +101,7 @@ impl Nearby {
             if index == self.groups.len() {
                 self.groups.push(Group::EMPTY);
             } else {
-                self.groups[index] = Group::EMPTY;
+                self.groups[index].clear();
             }
         }
         self.groups[index].set(lane, corners, id, transparent);
@@ -261,10 +261,11 @@ impl<A: FnMut(&Hit) -> bool> Work<Option<u32>> for CountOpen<'_, A> {
     fn run<S: Simd>(mut self, simd: S) -> Option<u32> {
         let mut open = 0;
         let mut left = self.directions.len();
+        let after = self.nearby.t_min > 0.0;
         for vectors in self.directions.vectors.chunks(VECTORS) {
             let rays = left.min(VECTORS * WIDE);
             left -= rays;
-            open += self.chunk(simd, vectors, rays)?;
+            open += if after { self.chunk::<S, true>(simd, vectors, rays)? } else { self.chunk::<S, false>(simd, vectors, rays)? };
         }
         Some(open)
     }
@@ -273,7 +274,7 @@ impl<A: FnMut(&Hit) -> bool> Work<Option<u32>> for CountOpen<'_, A> {
 impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
     /// How many of the first rays of some vectors none of the triangles stops.
     #[inline(always)]
-    fn chunk<S: Simd>(&mut self, simd: S, vectors: &[[F16; 3]], rays: usize) -> Option<u32> {
+    fn chunk<S: Simd, const AFTER: bool>(&mut self, simd: S, vectors: &[[F16; 3]], rays: usize) -> Option<u32> {
         let mut open = [NO_LANES; VECTORS];
         for (index, (vector, open)) in vectors.iter().zip(&mut open).enumerate() {
             if !are_short(simd, vector) {
@@ -294,7 +295,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                     if *open == NO_LANES {
                         continue;
                     }
-                    let Verdict { hit, miss } = facet.test(simd, vector);
+                    let Verdict { hit, miss } = facet.test::<AFTER>(simd, vector);
                     *open &= !hit;
                     let undecided = *open & !miss;
                     if undecided != NO_LANES {

@@ -66,8 +66,10 @@ impl Node {
     /// The children of which certainly nothing is met by rays that leave to the near side of a plane.
     #[inline(always)]
     pub(super) fn behind<S: Simd>(&self, simd: S, plane: Plane) -> Mask {
-        let load = |side: usize| [0, 1, 2].map(|axis| simd.load(&self.planes[side][axis]));
-        plane.behind(simd, load(0), load(1))
+        let [low, high] = &self.planes;
+        let low = [simd.load(&low[0]), simd.load(&low[1]), simd.load(&low[2])];
+        let high = [simd.load(&high[0]), simd.load(&high[1]), simd.load(&high[2])];
+        plane.behind(simd, low, high)
     }
 
     /// Puts a child into a lane.
