@@ -142,7 +142,9 @@ fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result
         Fidelity::Thesis => (None, square_root(samples).map_err(wrong)?),
     };
     let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
-    Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata })
+    let share = |open: u32| (open as f32 / samples as f32).powf(job.params.intensity);
+    let open_share = if samples == 0 { Vec::new() } else { (0..=samples).map(share).collect() };
+    Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata, open_share })
 }
 
 /// The pixels for which a program is run.

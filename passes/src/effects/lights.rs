@@ -30,8 +30,12 @@ pub struct Area {
 impl Area {
     /// The pixels, part by part, each with its place in the tile (row by row, [`TILE`] a row).
     fn pixels(self) -> impl Iterator<Item = (usize, Pixel)> {
-        let parts = (0..TILE).step_by(PART).flat_map(|top| (0..TILE).step_by(PART).map(move |left| (left, top)));
-        let places = parts.flat_map(|(left, top)| (0..PART * PART).map(move |k| (left + k % PART, top + k / PART)));
+        let place = |index: usize| {
+            let (part, inner) = (index / (PART * PART), index % (PART * PART));
+            let (left, top) = (part % (TILE / PART) * PART, part / (TILE / PART) * PART);
+            (left + inner % PART, top + inner / PART)
+        };
+        let places = (0..TILE * TILE).map(place);
         places.filter(move |&(x, y)| x < self.width && y < self.height).map(move |(right, down)| {
             let (x, y) = (self.x + right, self.y + down);
             (down * TILE + right, Pixel { x: x as u32, y: y as u32, index: y * self.stride + x })

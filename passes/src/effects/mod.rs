@@ -80,6 +80,8 @@ pub struct Pass<'a, T, C> {
     pub occlusion: Option<HemisphereSampler>,
     /// Strata a side in `thesis`; 0 switches occlusion off.
     pub strata: u32,
+    /// By the number of open samples, what occlusion leaves: their share to the power of the intensity.
+    pub open_share: Vec<f32>,
 }
 
 /// A pixel of the pass.

@@ -6,11 +6,13 @@ use crate::sampling::hash::pixel_key;
 use crate::trace::{Hit, Tracer};
 use glam::Vec3;
 
-/// Pixels a side of the smallest part of a tile that is tried.
+/// Pixels a side of the smallest part of a tile for which triangles are gathered.
 const LEAST: usize = 2;
+/// Pixels a side of the parts for which triangles are picked from those that were gathered.
+const PART: usize = 4;
 /// Extent of the origins of a part, in units of the radius, above which it is cut in four: what is near one of them is far
 /// from the others then.
-const EXTENT: f32 = 1.0;
+const EXTENT: f32 = 4.0;
 /// Part of a tile: its left and top pixel, and pixels a side.
 type Square = [usize; 3];
 
@@ -30,17 +32,22 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
     while pending > 0 {
         pending -= 1;
         let square = squares[pending];
-        let Some(part) = part(work, square) else { continue };
+        let Some(whole) = part(work, square) else { continue };
         let [left, top, side] = square;
-        let small = (part.high - part.low).max_element() <= EXTENT * pass.job.params.radius;
-        let rays = part.pixels * sampler.samples() as usize;
-        let around = pass.around([part.low, part.high], part.above, 0.0, rays);
+        let small = (whole.high - whole.low).max_element() <= EXTENT * pass.job.params.radius;
+        let rays = whole.pixels * sampler.samples() as usize;
+        let around = pass.around([whole.low, whole.high], whole.above, 0.0, rays);
         if (small || side <= LEAST) && pass.tracer.gather(&around, &mut work.nearby) {
-            for place in places(square) {
-                let Known { surface: Some((surface, _)), origin, .. } = *work.lights.at(place) else { continue };
-                let key = pixel_key((area.x + place % TILE) as u32, (area.y + place / TILE) as u32, pass.job.seed);
-                let open = pass.hemisphere(true, origin, &surface, key, work, &stops);
-                work.lights.at_mut(place).occlusion = Some(open);
+            let step = side.min(PART);
+            for row in (top..top + side).step_by(step) {
+                for column in (left..left + side).step_by(step) {
+                    let square = [column, row, step];
+                    if side > PART {
+                        let Some(part) = part(work, square) else { continue };
+                        work.nearby.narrow([part.low, part.high], part.above);
+                    }
+                    each(pass, area, square, work, &stops);
+                }
             }
         } else if side > LEAST {
             let half = side / 2;
@@ -49,6 +56,22 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
                 pending += 1;
             }
         }
+    }
+}
+
+/// Computes the pixels of a square from what was gathered.
+fn each<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    area: Area,
+    square: Square,
+    work: &mut Workspace,
+    stops: impl Fn(&Hit) -> bool,
+) {
+    for place in places(square) {
+        let Known { surface: Some((surface, _)), origin, .. } = *work.lights.at(place) else { continue };
+        let key = pixel_key((area.x + place % TILE) as u32, (area.y + place / TILE) as u32, pass.job.seed);
+        let open = pass.hemisphere(true, origin, &surface, key, work, &stops);
+        work.lights.at_mut(place).occlusion = Some(open);
     }
 }
 
@@ -72,5 +95,5 @@ fn part(work: &Workspace, square: Square) -> Option<Part> {
 }
 
 fn places([left, top, side]: Square) -> impl Iterator<Item = usize> {
-    (top..top + side).flat_map(move |row| (left..left + side).map(move |column| row * TILE + column))
+    (0..side * side).map(move |index| (top + index / side) * TILE + left + index % side)
 }

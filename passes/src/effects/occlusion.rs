@@ -56,8 +56,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         sampler.directions(key, surface.normal, above, &mut work.directions);
         work.rays.occlusion += u64::from(samples);
         self.announce_visibility(Purpose::Occlusion, 1.0 / samples as f32);
-        let open = self.count_open(gathered, (origin, above, 0.0), work, stops);
-        (open as f32 / samples as f32).powf(self.job.params.intensity)
+        self.open_share[self.count_open(gathered, (origin, above, 0.0), work, stops) as usize]
     }
 
     pub(super) fn around(&self, origins: [Vec3; 2], above: Option<Vec3>, t_min: f32, rays: usize) -> Neighbourhood {
@@ -106,7 +105,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             }
             open = self.count_open(gathered, (position, None, optix::EPSILON), work, stops) + invalid;
         }
-        (open as f32 / samples as f32).powf(self.job.params.intensity)
+        self.open_share[open as usize]
     }
 
     /// Whether nothing lies between an origin off its surface and the light.

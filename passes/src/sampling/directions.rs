@@ -48,6 +48,7 @@ impl Work<()> for Fill<'_> {
 }
 
 /// One block by axis, stage by stage. Every number is computed as for a single point.
+#[allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 #[inline(always)]
 fn block(points: &[[u32; 2]; BLOCK], seeds: [u32; 2], basis: &Basis, above: Option<Vec3>, vector: &mut [F16; 3]) {
     let mut bits = [[0; BLOCK]; 2];

@@ -52,7 +52,7 @@ impl Plane {
 /// rounding. From one point it is a ball.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ball {
-    origins: Bounds,
+    pub(super) origins: Bounds,
     /// The square of the radius.
     pub(super) square: f32,
 }

@@ -115,6 +115,12 @@ impl Group {
         (self.used, self.transparent) = (NO_LANES, NO_LANES);
     }
 
+    /// Those that it holds.
+    #[inline(always)]
+    pub(super) fn used(&self) -> Mask {
+        self.used
+    }
+
     /// Puts a triangle into a lane; [`Self::finish`] must follow before the group is asked.
     #[inline(always)]
     pub(super) fn set(&mut self, lane: usize, corners: [[f32; 3]; 3], id: u32, transparent: bool) {
@@ -156,20 +162,14 @@ impl Group {
         self.height = F16(heights);
     }
 
-    /// The triangles as rays from an origin see them, but for those that none can meet. Where nothing can be said of one, as
-    /// of a degenerate one, all rays are undecided.
+    /// Some of the triangles as rays from an origin see them, but for those that none can meet. Where nothing can be said of
+    /// one, as of a degenerate one, all rays are undecided.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
-    pub(super) fn seen_from<S: Simd>(&self, simd: S, view: &View, facets: &mut Facets) -> bool {
+    pub(super) fn seen_from<S: Simd>(&self, simd: S, near: Mask, view: &View, facets: &mut Facets) -> bool {
         let zero = simd.wide_splat(0.0);
-        let mut corners = [[zero; 3]; 3];
-        for axis in 0..3 {
-            let origin = simd.wide_splat(view.origin[axis]);
-            for corner in 0..3 {
-                corners[corner][axis] = simd.wide_sub(simd.wide_load(&self.corners[corner][axis]), origin);
-            }
-        }
-        let mut seen = self.used & !outside(simd, &corners, &view.ball);
+        let corners = self.seen_from_point(simd, view.origin);
+        let mut seen = near & !outside(simd, &corners, &view.ball);
         if let Some(plane) = view.plane {
             seen &= !behind(simd, &corners, plane.normal);
         }
@@ -198,8 +198,8 @@ impl Group {
         let sizes = [largest(simd, &corners[0]), largest(simd, &corners[1]), largest(simd, &corners[2])];
         let least = simd.wide_min_or(simd.wide_min_or(sizes[0], sizes[1]), sizes[2]);
         let most = simd.wide_max_or(simd.wide_max_or(sizes[0], sizes[1]), sizes[2]);
-        let bounded = simd.wide_at_most(simd.wide_splat(SMALLEST), least)
-            & simd.wide_at_most(most, simd.wide_splat(LARGEST));
+        let bounded =
+            simd.wide_at_most(simd.wide_splat(SMALLEST), least) & simd.wide_at_most(most, simd.wide_splat(LARGEST));
         let unit = simd.wide_select(turned, simd.wide_splat(-EDGE_ERROR), simd.wide_splat(EDGE_ERROR));
         let unit = simd.wide_select(bounded, unit, simd.wide_splat(f32::NAN));
         for (edge, (from, to)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
@@ -234,6 +234,44 @@ impl Group {
         facets.sided = sided;
         facets.seen = seen;
         seen != NO_LANES
+    }
+
+    /// The triangles that rays from the points of a box may meet.
+    #[inline(always)]
+    pub(super) fn near<S: Simd>(&self, simd: S, ball: &Ball, plane: Option<Plane>) -> Mask {
+        let zero = simd.wide_splat(0.0);
+        let mut distance = zero;
+        for axis in 0..3 {
+            let [a, b, c] = [&self.corners[0][axis], &self.corners[1][axis], &self.corners[2][axis]];
+            let [a, b, c] = [simd.wide_load(a), simd.wide_load(b), simd.wide_load(c)];
+            let least = simd.wide_min_or(simd.wide_min_or(a, b), c);
+            let most = simd.wide_max_or(simd.wide_max_or(a, b), c);
+            let below = simd.wide_sub(simd.wide_splat(ball.origins.low[axis]), most);
+            let above = simd.wide_sub(least, simd.wide_splat(ball.origins.high[axis]));
+            let away = simd.wide_max_or(simd.wide_max_or(below, above), zero);
+            distance = simd.wide_about_mul_add(away, away, distance);
+        }
+        let mut near = self.used & !simd.wide_at_most(simd.wide_splat(ball.square), distance);
+        if let Some(plane) = plane
+            && near != NO_LANES
+        {
+            near &= !behind(simd, &self.seen_from_point(simd, plane.origin), plane.normal);
+        }
+        near
+    }
+
+    /// The corners relative to a point.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
+    fn seen_from_point<S: Simd>(&self, simd: S, point: Vec3) -> [[S::Wide; 3]; 3] {
+        let mut corners = [[simd.wide_splat(0.0); 3]; 3];
+        for axis in 0..3 {
+            let origin = simd.wide_splat(point[axis]);
+            for corner in 0..3 {
+                corners[corner][axis] = simd.wide_sub(simd.wide_load(&self.corners[corner][axis]), origin);
+            }
+        }
+        corners
     }
 
     /// One triangle, for the watertight test, in the first lane of a block.

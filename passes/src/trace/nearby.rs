@@ -45,6 +45,8 @@ pub struct Neighbourhood {
 pub struct Nearby {
     groups: Vec<Group>,
     used: usize,
+    /// The groups that may be met from the part that was last narrowed to, by number, and which of their triangles.
+    near: Vec<(u32, Mask)>,
     /// Of the scene: what the watertight test rounds depends on it.
     bounds: Bounds,
     slack: Vec3,
@@ -63,6 +65,7 @@ impl Default for Nearby {
         Self {
             groups: Vec::new(),
             used: 0,
+            near: Vec::new(),
             bounds: Bounds::EMPTY,
             slack: Vec3::ZERO,
             center: Vec3::ZERO,
@@ -77,7 +80,13 @@ impl Default for Nearby {
 }
 
 impl Nearby {
-    /// Turns to the rays from `origin`, which lies in the neighbourhood, that do not look against `above`, a unit vector.
+    /// Leaves out what rays from the points of a part of the neighbourhood do not meet: from its low to its high corner, above
+    /// planes of a normal if there is one. What an earlier call left out is back.
+    pub fn narrow(&mut self, origins: [Vec3; 2], above: Option<Vec3>) {
+        self.lanes.run(Narrow { nearby: self, origins, above });
+    }
+
+    /// Turns to the rays from `origin`, which lies in the neighbourhood and the part last narrowed to, that do not look against `above`, a unit vector.
     /// Returns whether any triangle may be in their way.
     pub fn turn_to(&mut self, origin: Vec3, above: Option<Vec3>) -> bool {
         self.lanes.run(TurnTo { nearby: self, origin, above })
@@ -92,6 +101,7 @@ impl Nearby {
     fn clear(&mut self) {
         self.used = 0;
         self.facing = 0;
+        self.near.clear();
     }
 
     #[inline(always)]
@@ -205,14 +215,39 @@ impl Work<bool> for Gather<'_> {
             match stack.pop() {
                 Some(entry) => current = Child(entry as u32),
                 None => {
-                    for group in &mut nearby.groups[..nearby.used.div_ceil(WIDE)] {
+                    nearby.near.clear();
+                    for (group, number) in nearby.groups[..nearby.used.div_ceil(WIDE)].iter_mut().zip(0..) {
                         group.finish(nearby.center);
+                        nearby.near.push((number, group.used()));
                     }
                     return true;
                 }
             }
         }
         false
+    }
+}
+
+struct Narrow<'a> {
+    nearby: &'a mut Nearby,
+    origins: [Vec3; 2],
+    above: Option<Vec3>,
+}
+
+impl Work<()> for Narrow<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { nearby, origins: [low, high], above } = self;
+        let origins = Bounds { low, high };
+        let ball = Ball::new(origins, nearby.t_max * LONGEST, nearby.slack);
+        let plane = above.map(|normal| Plane::behind_all(&origins, normal));
+        nearby.near.clear();
+        for (group, number) in nearby.groups[..nearby.used.div_ceil(WIDE)].iter().zip(0..) {
+            let near = group.near(simd, &ball, plane);
+            if near != NO_LANES {
+                nearby.near.push((number, near));
+            }
+        }
     }
 }
 
@@ -236,13 +271,13 @@ impl Work<bool> for TurnTo<'_> {
             t_max: nearby.t_max,
             center: nearby.center,
         };
-        for (index, group) in nearby.groups[..nearby.used.div_ceil(WIDE)].iter().enumerate() {
+        for &(number, near) in &nearby.near {
             if nearby.facing == nearby.facets.len() {
                 nearby.facets.push(Facets::EMPTY);
             }
             let facets = &mut nearby.facets[nearby.facing];
-            if group.seen_from(simd, &view, facets) {
-                facets.group = index as u32;
+            if nearby.groups[number as usize].seen_from(simd, near, &view, facets) {
+                facets.group = number;
                 nearby.facing += 1;
             }
         }
@@ -265,7 +300,11 @@ impl<A: FnMut(&Hit) -> bool> Work<Option<u32>> for CountOpen<'_, A> {
         for vectors in self.directions.vectors.chunks(VECTORS) {
             let rays = left.min(VECTORS * WIDE);
             left -= rays;
-            open += if after { self.chunk::<S, true>(simd, vectors, rays)? } else { self.chunk::<S, false>(simd, vectors, rays)? };
+            open += if after {
+                self.chunk::<S, true>(simd, vectors, rays)?
+            } else {
+                self.chunk::<S, false>(simd, vectors, rays)?
+            };
         }
         Some(open)
     }

@@ -52,11 +52,13 @@ impl SurfacePoint {
     /// If there is no such triangle.
     pub(crate) fn snap_all(geometry: &Geometry, positions: &[(u32, Vec3)], mut each: impl FnMut(usize, Self)) {
         for (chunk, positions) in positions.chunks(TOGETHER).enumerate() {
+            let count = positions.len();
             // The last triangle stands in for those that the chunk lacks.
-            let stored: [(u32, Vec3); TOGETHER] = std::array::from_fn(|lane| positions[lane.min(positions.len() - 1)]);
-            let corners = stored.map(|(triangle, _)| geometry.corners(triangle));
-            let snapped = Detected::cached().run(Snap { corners: &corners, positions: &stored.map(|(_, p)| p) });
-            for lane in 0..positions.len() {
+            let stored: [(u32, Vec3); TOGETHER] = std::array::from_fn(|lane| positions[lane.min(count - 1)]);
+            let corners = std::array::from_fn(|lane| geometry.corners(stored[lane].0));
+            let positions = std::array::from_fn(|lane| stored[lane].1);
+            let snapped = Detected::cached().run(Snap { corners: &corners, positions: &positions });
+            for lane in 0..count {
                 each(chunk * TOGETHER + lane, snapped.point(lane));
             }
         }
@@ -100,9 +102,9 @@ impl Work<Points<TOGETHER>> for Snap<'_> {
     fn run<S: Simd>(self, _: S) -> Points<TOGETHER> {
         let corners = Corners::of(*self.corners);
         let mut positions = [[0.0; TOGETHER]; 3];
-        for lane in 0..TOGETHER {
-            for axis in 0..3 {
-                positions[axis][lane] = f64::from(self.positions[lane][axis]);
+        for (lane, position) in self.positions.iter().enumerate() {
+            for (axis, positions) in positions.iter_mut().enumerate() {
+                positions[lane] = f64::from(position[axis]);
             }
         }
         let (u, v) = corners.project(positions);
@@ -267,4 +269,44 @@ fn drawn_in(corners: [DVec3; 3], normal: DVec3, position: DVec3, margin: f64) ->
         }
     }
     if borders.is_near(moved, 0.5 * margin) { position } else { moved }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use curitiba_pipeline::scene::Batch;
+
+    #[test]
+    fn points_snapped_together_are_those_snapped_one_by_one() {
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / 8_388_608.0 - 1.0
+        };
+        let mut vector = move || Vec3::new(random(), random(), random());
+        let mut geometry = Geometry::default();
+        for index in 0..60 {
+            let center = vector() * 10.0;
+            let spread = if index % 10 == 9 { 0.0 } else { 1.0 };
+            geometry.positions.extend([0, 1, 2].map(|_| center + vector() * spread));
+            geometry.triangles.push([3 * index, 3 * index + 1, 3 * index + 2]);
+        }
+        geometry.batches.push(Batch { material: 0, first: 0, count: 60 });
+        let mut positions: Vec<(u32, Vec3)> = (0..60).map(|t| (t, geometry.corners(t)[0] + vector() * 0.7)).collect();
+        // On a corner and on a border, where rays start inside; and what is no position.
+        positions.extend((0..60).map(|t| (t, geometry.corners(t)[t as usize % 3])));
+        positions.extend((0..60).map(|t| (t, geometry.corners(t)[0].midpoint(geometry.corners(t)[1]))));
+        positions.push((3, Vec3::NAN));
+        let (mut seen, mut drawn) = (0, 0);
+        SurfacePoint::snap_all(&geometry, &positions, |index, point| {
+            let (triangle, position) = positions[index];
+            assert_eq!(point, SurfacePoint::snap(&geometry, triangle, position), "{index}");
+            assert_eq!(index, seen);
+            drawn += usize::from(point.start != point.position);
+            seen += 1;
+        });
+        assert_eq!(seen, positions.len());
+        assert!(drawn > 50, "{drawn}");
+        SurfacePoint::snap_all(&geometry, &[], |_, _| panic!("there is none"));
+    }
 }

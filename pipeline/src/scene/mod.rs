@@ -231,6 +231,7 @@ impl Geometry {
     ///
     /// # Panics
     /// If there is no such triangle.
+    #[inline]
     #[must_use]
     pub fn material_of(&self, triangle: u32) -> u32 {
         let next = self.batches.partition_point(|batch| batch.first <= triangle);
@@ -243,6 +244,7 @@ impl Geometry {
     }
 
     /// The corners of a triangle.
+    #[inline]
     #[must_use]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|vertex| self.positions[vertex as usize])

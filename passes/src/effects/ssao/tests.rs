@@ -1,5 +1,5 @@
 use crate::effects::testing::{Shot, World, grid};
-use crate::trace::{Hit, Ray, Tracer};
+use crate::trace::{Bvh, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{GBuffer, RayCounts, RayJob};
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram, Sampler};
@@ -319,4 +319,59 @@ fn a_raster_target_of_the_right_shape_is_what_jobs_read() {
         ..shot.job(RayProgram::Ssao, Corrected, DEFAULTS)
     };
     assert_eq!(shot.run_on(&world.brute_force(), &job).0, [[1.0; 4]]);
+}
+
+/// A tracer that answers ray by ray, and gathers nothing.
+struct OneByOne<'t>(&'t Bvh);
+
+impl Tracer for OneByOne<'_> {
+    fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.0.closest(ray, accept)
+    }
+
+    fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool {
+        self.0.occluded(ray, accept)
+    }
+}
+
+#[test]
+fn pixels_that_share_what_is_near_are_what_they_are_ray_by_ray() {
+    let (mut world, paint) = floor();
+    let glass = world.glass();
+    // Pillars, boards above the floor, some turned, and a pane; fewer where the grid is far from the middle.
+    for x in -4..=4_i32 {
+        for y in -4..=4_i32 {
+            let center = Vec3::new(x as f32 * 0.7, y as f32 * 0.6, 0.0);
+            let turn = Mat3::from_rotation_z((3 * x + 5 * y) as f32 * 0.3);
+            world.quad(paint, center + Vec3::Z * 0.2, turn * Vec3::X * 0.1, Vec3::Z * 0.2);
+            if (x + y) % 3 == 0 {
+                let tilt = Mat3::from_rotation_x(x as f32 * 0.2);
+                world.quad(paint, center + Vec3::new(0.2, 0.2, 0.35), tilt * Vec3::X * 0.15, tilt * Vec3::Y * 0.2);
+            }
+        }
+    }
+    world.quad(glass, Vec3::new(0.3, -1.2, 0.5), Vec3::X * 0.5, Vec3::Z * 0.4);
+    for bent in [false, true] {
+        if bent {
+            world.bend_normals(Vec3::new(0.3, -0.4, 0.9));
+        }
+        let shot =
+            Shot::of(&world, Vec3::new(0.4, -3.0, 2.5), grid(40, Vec3::Z * 0.2, Vec3::X * 3.0, Vec3::Y * 2.5)).rows(40);
+        for transparent in [true, false] {
+            let tree = Bvh::build(&world.scene.geometry, &[transparent, true], Quality::default());
+            for program in [RayProgram::Ssao, RayProgram::Final] {
+                for (samples, radius) in [(100, 0.5), (16, 0.3), (300, 0.1), (16, 5.0)] {
+                    let params = RayParams { samples, radius, ..DEFAULTS };
+                    let job = shot.job(program, Corrected, params);
+                    let (together, rays) = shot.run_on(&tree, &job);
+                    let (alone, all) = shot.run_on(&OneByOne(&tree), &job);
+                    assert_eq!(together, alone, "{program:?} {samples} {radius} {transparent} {bent}");
+                    assert_eq!(rays.total() + rays.certain, all.total());
+                    assert!(together.iter().any(|pixel| pixel[0] < 0.9), "something is dark");
+                    let other = RayParams { radius: radius * 0.8, ..params };
+                    assert_ne!(shot.run_on(&tree, &shot.job(program, Corrected, other)).0, together, "radius is seen");
+                }
+            }
+        }
+    }
 }
