@@ -33,7 +33,7 @@ pub struct RayRow {
     ratio_robust: f64,
     /// Single rays over single rays.
     ratio_single: f64,
-    /// Every mode of Embree in the first round, million rays a processor second.
+    /// Every mode of ours and of Embree in the first round, million rays a processor second.
     first_round: Vec<(String, f64)>,
 }
 
@@ -89,21 +89,35 @@ pub fn duel(set: &Rays, bvh: &Bvh, trees: &[Tree], threads: usize, count: usize)
     let single = fastest(&first, &|tree, mode| !tree.robust && mode == Mode::Single);
     let robust = fastest(&first, &|tree, _| tree.robust);
 
-    let (mine, keep) = (Keep::new(set), Keep::new(set));
+    let our_modes = match set.question {
+        Question::Fans => vec![Mode::Fans, Mode::Together, Mode::Packets { coherent: true }],
+        _ => vec![Mode::Packets { coherent: true }],
+    };
+    let mine = Keep::new(set);
     let alone = rays::ours(set, bvh, Mode::Single, &mine);
+    for &mode in &our_modes {
+        let keep = Keep::new(set);
+        let together = rays::ours(set, bvh, mode, &keep);
+        assert_eq!(alone, together, "{}: ours find the same hits one by one and as {}", set.name, mode.name());
+        assert_eq!(mine.counts(), keep.counts(), "{}: in the same packets, as {}", set.name, mode.name());
+        if !matches!(mode, Mode::Fans | Mode::Together) {
+            let own = mine.differences(&keep);
+            assert_eq!((own.hit, own.distance, own.triangle), (0, 0, 0), "{}: and the same ones", set.name);
+        }
+    }
+    let mut our_first: Vec<Contestant<'_>> = our_modes
+        .iter()
+        .map(|&mode| Contestant::new(format!("curitiba, {}", mode.name()), move || rays::ours(set, bvh, mode, &Count)))
+        .collect();
+    rounds(&mut our_first, 1, &workers);
+    let cheapest = our_first.iter().zip(&our_modes).min_by(|a, b| a.0.times.cost().total_cmp(&b.0.times.cost()));
+    let our_mode = *cheapest.expect("we have a mode").1;
     let compare = |(tree, mode): (&Tree, Mode)| {
         let theirs = Keep::new(set);
         rays::theirs(set, &tree.scene, mode, &theirs);
         mine.differences(&theirs)
     };
     let (differences, robust_differences) = (compare(best), compare(robust));
-    let our_mode = if set.question == Question::Fans { Mode::Fans } else { Mode::Packets { coherent: true } };
-    let together = rays::ours(set, bvh, our_mode, &keep);
-    assert_eq!(alone, together, "{}: ours find the same hits one by one and together", set.name);
-    if our_mode != Mode::Fans {
-        let own = mine.differences(&keep);
-        assert_eq!((own.hit, own.distance, own.triangle), (0, 0, 0), "{}: and the same ones", set.name);
-    }
     let allowed = set.count / 1000 + 10;
     assert!(differences.hit + differences.distance <= allowed, "{}: {differences:?}", set.name);
 
@@ -130,7 +144,11 @@ pub fn duel(set: &Rays, bvh: &Bvh, trees: &[Tree], threads: usize, count: usize)
         ratio: ratio(&ours, &embree),
         ratio_robust: ratio(&ours, &embree_robust),
         ratio_single: ratio(&ours_single, &embree_single),
-        first_round: first.iter().map(|mode| (mode.name.clone(), set.count as f64 / mode.times.cost() / 1e6)).collect(),
+        first_round: our_first
+            .iter()
+            .chain(&first)
+            .map(|mode| (mode.name.clone(), set.count as f64 / mode.times.cost() / 1e6))
+            .collect(),
         ours,
         ours_single,
         embree,
@@ -138,9 +156,10 @@ pub fn duel(set: &Rays, bvh: &Bvh, trees: &[Tree], threads: usize, count: usize)
         embree_robust,
     };
     println!(
-        "  {:16} {threads} threads  ours {:6.1}  embree {:6.1} ({})  ratio {:5.2}  robust {:6.1} {:5.2}  single {:5.1} {:5.1} {:5.2}  differ {:?}",
+        "  {:16} {threads} threads  ours {:6.1} ({})  embree {:6.1} ({})  ratio {:5.2}  robust {:6.1} {:5.2}  single {:5.1} {:5.1} {:5.2}  differ {:?}",
         row.rays,
         row.ours.million_rays_per_cpu_second,
+        our_mode.name(),
         row.embree.million_rays_per_cpu_second,
         row.embree.name,
         row.ratio,
@@ -151,5 +170,10 @@ pub fn duel(set: &Rays, bvh: &Bvh, trees: &[Tree], threads: usize, count: usize)
         row.ratio_single,
         (differences.hit, differences.distance, differences.triangle),
     );
+    if set.question == Question::Fans {
+        let own: Vec<String> =
+            row.first_round[..our_modes.len()].iter().map(|(name, rate)| format!("{name} {rate:.1}")).collect();
+        println!("    {}", own.join(", "));
+    }
     row
 }

@@ -32,6 +32,8 @@ pub struct Rays {
     pub packets: Vec<Packet>,
     /// For fans: the normal of the hemisphere of each packet.
     pub above: Vec<Vec3>,
+    /// For fans: the directions of the packets, one after the other.
+    pub directions: Vec<[Vec3; PACKET]>,
     /// Ends of the tiles in `packets`.
     tiles: Vec<usize>,
     pub count: u64,
@@ -39,7 +41,15 @@ pub struct Rays {
 
 impl Rays {
     fn new(name: &'static str, question: Question) -> Self {
-        Self { name, question, packets: Vec::new(), above: Vec::new(), tiles: Vec::new(), count: 0 }
+        Self {
+            name,
+            question,
+            packets: Vec::new(),
+            above: Vec::new(),
+            directions: Vec::new(),
+            tiles: Vec::new(),
+            count: 0,
+        }
     }
 
     fn push(&mut self, packet: Packet) {
@@ -47,6 +57,19 @@ impl Rays {
             self.count += u64::from(packet.active.count_ones());
             self.packets.push(packet);
         }
+    }
+
+    fn push_fan(&mut self, packet: Packet, above: Vec3) {
+        self.directions.push(std::array::from_fn(|lane| packet.ray(lane).direction));
+        self.above.push(above);
+        self.push(packet);
+    }
+
+    /// A packet of fans as a fan.
+    fn fan(&self, index: usize) -> Fan<'_> {
+        let packet = &self.packets[index];
+        let (origin, above) = (packet.ray(0).origin, Some(self.above[index]));
+        Fan { origin, above, t_min: packet.t_min, t_max: packet.t_max, directions: &self.directions[index] }
     }
 
     fn end_tile(&mut self) {
@@ -105,10 +128,8 @@ pub fn generate(subject: &Subject, bvh: &Bvh, size: u32) -> Vec<Rays> {
                     for (sample, direction) in directions(key, facing).into_iter().enumerate() {
                         fan.set(sample, origin, direction);
                     }
-                    short.push(fan);
-                    short.above.push(facing);
-                    long.push(Packet { t_max: diagonal, ..fan });
-                    long.above.push(facing);
+                    short.push_fan(fan, facing);
+                    long.push_fan(Packet { t_max: diagonal, ..fan }, facing);
                 }
             }
         }
@@ -137,6 +158,8 @@ pub enum Mode {
     Single,
     /// Ours: fans of rays from one origin.
     Fans,
+    /// Ours: the fans of a tile together.
+    Together,
     /// Sixteen rays a call (ours: sixteen packets a call).
     Packets {
         coherent: bool,
@@ -151,6 +174,7 @@ impl Mode {
     pub fn name(self) -> &'static str {
         match self {
             Self::Single => "single",
+            Self::Together => "fans together",
             Self::Fans => "fans",
             Self::Packets { coherent: true } => "packets, coherent",
             Self::Packets { coherent: false } => "packets",
@@ -163,6 +187,8 @@ impl Mode {
 /// Where hits go: counted when timed, kept when compared.
 pub trait Sink: Sync {
     fn count(&self, packet: usize, lane: usize, hit: Option<Hit>) -> u64;
+    /// So many rays of a fan are blocked.
+    fn count_fan(&self, packet: usize, blocked: u32) -> u64;
 }
 
 /// Counts hits.
@@ -172,6 +198,11 @@ impl Sink for Count {
     #[inline(always)]
     fn count(&self, _: usize, _: usize, hit: Option<Hit>) -> u64 {
         u64::from(hit.is_some())
+    }
+
+    #[inline(always)]
+    fn count_fan(&self, _: usize, blocked: u32) -> u64 {
+        blocked.into()
     }
 }
 
@@ -205,16 +236,17 @@ pub fn ours(rays: &Rays, bvh: &Bvh, mode: Mode, sink: &impl Sink) -> u64 {
                 }
             }
             (Mode::Fans, _) => {
-                for (index, packet) in packets.iter().enumerate() {
-                    let directions: [Vec3; PACKET] = std::array::from_fn(|lane| packet.ray(lane).direction);
-                    let fan = Fan {
-                        origin: packet.ray(0).origin,
-                        above: Some(rays.above[range.start + index]),
-                        t_min: packet.t_min,
-                        t_max: packet.t_max,
-                        directions: &directions,
-                    };
-                    hits += PACKET as u64 - u64::from(bvh.count_open(&fan, |_| true));
+                for index in range.clone() {
+                    let fan = rays.fan(index);
+                    hits += sink.count_fan(index, PACKET as u32 - bvh.count_open(&fan, |_| true));
+                }
+            }
+            (Mode::Together, _) => {
+                let fans: Vec<Fan<'_>> = range.clone().map(|index| rays.fan(index)).collect();
+                let mut open = vec![0; fans.len()];
+                bvh.count_open_together(&fans, &mut open, |_, _| true);
+                for (index, open) in range.clone().zip(open) {
+                    hits += sink.count_fan(index, PACKET as u32 - open);
                 }
             }
             (_, question) => {
@@ -326,10 +358,26 @@ impl Keep {
     }
 }
 
+impl Keep {
+    /// Rays of each packet that hit.
+    pub fn counts(&self) -> Vec<usize> {
+        let hit = |value: &std::sync::atomic::AtomicU64| value.load(std::sync::atomic::Ordering::Relaxed) != u64::MAX;
+        self.0.chunks(PACKET).map(|packet| packet.iter().filter(|value| hit(value)).count()).collect()
+    }
+}
+
 impl Sink for Keep {
     fn count(&self, packet: usize, lane: usize, hit: Option<Hit>) -> u64 {
         let value = hit.map_or(u64::MAX, |hit| u64::from(hit.t.to_bits()) << 32 | u64::from(hit.triangle));
         self.0[packet * PACKET + lane].store(value, std::sync::atomic::Ordering::Relaxed);
         u64::from(hit.is_some())
+    }
+
+    /// Which rays are blocked is not known: the first ones stand for them.
+    fn count_fan(&self, packet: usize, blocked: u32) -> u64 {
+        for lane in 0..blocked as usize {
+            self.count(packet, lane, Some(BLOCKED));
+        }
+        blocked.into()
     }
 }

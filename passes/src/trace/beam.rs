@@ -2,6 +2,7 @@
 //! triangle against them: sixteen rays at a time, with the operations and so the bits of [`Block`]'s test of one ray.
 
 use super::block::Block;
+use super::face::{DOUBT, Face, LONGEST, Verdict};
 use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE};
 use super::packet::Packet;
 use super::query::{Bounds, Query, UNIT_ROUNDOFF};
@@ -16,6 +17,12 @@ pub(super) struct Class(u32);
 impl Class {
     /// Of rays that meet nothing, see [`Query::new`].
     const NONE: u32 = u32::MAX;
+
+    /// Of directions without a component that is zero: the axis along which they are longest, and a bit for each axis, x
+    /// lowest, along which they are negative.
+    pub(super) fn of_regular(axis: usize, octant: u32) -> Self {
+        Self(axis as u32 | octant << 2)
+    }
 
     /// The axis along which the direction is longest.
     pub(super) fn axis(self) -> usize {
@@ -120,6 +127,9 @@ pub(super) struct Beam {
     /// The bits of triangle ids; 0 where there is no hit, so that none is below.
     triangle: F16,
     hit: Mask,
+    /// For [`Face::decide`]: how far a numerator may be from the truth, and `1 / t_max`.
+    doubt: F16,
+    shortness: f32,
 }
 
 /// How much farther the far planes of boxes are taken to be, as in [`Query::new`].
@@ -146,6 +156,8 @@ impl Beam {
         v: ZERO,
         triangle: ZERO,
         hit: NO_LANES,
+        doubt: ZERO,
+        shortness: 0.0,
     };
 
     /// Prepares the rays of some lanes, all of one class. The operations are those of [`Query::new`].
@@ -201,44 +213,58 @@ impl Beam {
             self.direction[axis] = simd.wide_store(direction[axis]);
             self.inverse[axis] = simd.wide_store(inverse[axis]);
         }
+        let mut longest = zero;
+        let mut all = simd.wide_splat(f32::MIN_POSITIVE / UNIT_ROUNDOFF);
+        for axis in 0..3 {
+            longest = simd.wide_max_or(absolute(simd, direction[axis]), longest);
+            all = simd.wide_add(all, reach[axis]);
+        }
+        let doubt = simd.wide_add(
+            simd.wide_mul(all, simd.wide_splat(DOUBT * UNIT_ROUNDOFF)),
+            simd.wide_splat(self.t_min * (DOUBT * UNIT_ROUNDOFF)),
+        );
+        // What is said of the numerators holds for unit vectors.
+        let unit = simd.wide_at_most(longest, simd.wide_splat(LONGEST));
+        self.doubt = simd.wide_store(simd.wide_select(unit, doubt, simd.wide_splat(f32::INFINITY)));
+        self.shortness = 1.0 / packet.t_max;
         self.limit = F16([packet.t_max; WIDE]);
         self.triangle = ZERO;
         self.hit = NO_LANES;
     }
 
-    /// The rays that meet the triangle in a lane of a block up to their limits, where, and which of them have to be asked
-    /// one by one, because they pass through an edge or a corner.
+    /// The rays whose lines meet the inside of a triangle, and those whose lines pass through an edge or a corner, which
+    /// have to be asked one by one.
     #[inline(always)]
-    fn meet<S: Simd>(&self, simd: S, corners: &[[f32; 3]; 3]) -> Option<Met<S>> {
-        let [a, b, c] = corners;
+    fn lines<S: Simd>(&self, simd: S, [a, b, c]: &[[f32; 3]; 3]) -> Lines<S> {
         let [a, b, c] = [self.seen(simd, a), self.seen(simd, b), self.seen(simd, c)];
-        let [edge_a, edge_b, edge_c] = [edge(simd, c, b), edge(simd, a, c), edge(simd, b, a)];
-        let least = simd.wide_min_or(simd.wide_min_or(edge_a, edge_b), edge_c);
-        let most = simd.wide_max_or(simd.wide_max_or(edge_a, edge_b), edge_c);
+        let edges = [edge(simd, c, b), edge(simd, a, c), edge(simd, b, a)];
+        let least = simd.wide_min_or(simd.wide_min_or(edges[0], edges[1]), edges[2]);
+        let most = simd.wide_max_or(simd.wide_max_or(edges[0], edges[1]), edges[2]);
         let zero = simd.wide_splat(0.0);
         let inside = (simd.wide_at_most(zero, least) | simd.wide_at_most(most, zero)) & self.open;
         if inside == NO_LANES {
-            return None;
+            return Lines { sure: NO_LANES, touched: NO_LANES, edges };
         }
         let sure = (simd.wide_below(zero, least) | simd.wide_below(most, zero)) & self.open;
-        if sure == NO_LANES {
-            return Some(Met { sure, touched: inside, t: zero, edges: [edge_a, edge_b, edge_c] });
-        }
+        Lines { sure, touched: inside & !sure, edges }
+    }
+
+    /// Where rays whose lines meet a triangle do, and those of them which do so up to their limits.
+    #[inline(always)]
+    fn reach<S: Simd>(&self, simd: S, corners: &[[f32; 3]; 3], sure: Mask) -> (Mask, S::Wide) {
         let t = self.distance(simd, corners);
         let (t_min, limit) = (simd.wide_splat(self.t_min), simd.wide_load(&self.limit));
         let (infinity, minus) = (simd.wide_splat(f32::INFINITY), simd.wide_splat(f32::NEG_INFINITY));
         let finite = simd.wide_below(minus, t) & simd.wide_below(t, infinity);
         let within = simd.wide_below(t_min, t) & simd.wide_at_most(t, limit);
         let possible = sure & (within | !finite);
-        let touched = inside & !sure;
-        if possible | touched == NO_LANES {
-            return Some(Met { sure: NO_LANES, touched, t, edges: [edge_a, edge_b, edge_c] });
+        if possible == NO_LANES {
+            return (NO_LANES, t);
         }
         // As in `Block::solve`, the distance is kept within the triangle's own bounds.
         let (enter, leave) = self.interval(simd, corners);
         let t = simd.wide_max_or(enter, simd.wide_min_or(t, leave));
-        let sure = possible & simd.wide_below(t_min, t) & simd.wide_at_most(t, limit);
-        Some(Met { sure, touched, t, edges: [edge_a, edge_b, edge_c] })
+        (possible & simd.wide_below(t_min, t) & simd.wide_at_most(t, limit), t)
     }
 
     /// A corner as the rays see it: sheared. Where it lies along the main axis is not needed.
@@ -304,14 +330,31 @@ impl Beam {
     pub(super) fn stop<S: Simd>(
         &mut self,
         simd: S,
-        (block, lane): (&Block, usize),
+        (block, lane, face): (&Block, usize, &mut Option<Face>),
         (packets, scene): (&[Packet], &Bounds),
         accept: &mut impl FnMut(usize, &Hit) -> bool,
     ) -> bool {
         let corners = block.corners(lane);
-        let Some(Met { mut sure, touched, t, edges }) = self.meet(simd, &corners) else { return false };
-        sure &= simd.wide_below(t, simd.wide_load(&self.limit));
-        if block.is_transparent(lane) && sure != NO_LANES {
+        let Lines { mut sure, touched, edges } = self.lines(simd, &corners);
+        if sure | touched == NO_LANES {
+            return false;
+        }
+        let transparent = block.is_transparent(lane);
+        if !transparent && sure != NO_LANES {
+            if face.is_none() {
+                *face = Some(Face::new(&corners));
+            }
+            let Some(face) = face else { return true };
+            let Verdict { hit, miss } = face.decide(simd, self);
+            self.open &= !(sure & hit);
+            sure &= !(hit | miss);
+        }
+        let mut t = simd.wide_splat(0.0);
+        if sure != NO_LANES {
+            (sure, t) = self.reach(simd, &corners, sure);
+            sure &= simd.wide_below(t, simd.wide_load(&self.limit));
+        }
+        if transparent && sure != NO_LANES {
             let t = simd.wide_store(t);
             let [u, v] = barycentric(simd, edges);
             let (u, v) = (simd.wide_store(u), simd.wide_store(v));
@@ -348,7 +391,14 @@ impl Beam {
         accept: &mut impl FnMut(usize, &Hit) -> bool,
     ) -> (bool, bool) {
         let corners = block.corners(lane);
-        let Some(Met { sure, touched, t, edges }) = self.meet(simd, &corners) else { return (false, false) };
+        let Lines { mut sure, touched, edges } = self.lines(simd, &corners);
+        if sure | touched == NO_LANES {
+            return (false, false);
+        }
+        let mut t = simd.wide_splat(0.0);
+        if sure != NO_LANES {
+            (sure, t) = self.reach(simd, &corners, sure);
+        }
         let triangle = block.triangle(lane);
         let limit = simd.wide_load(&self.limit);
         let mut nearer = sure & simd.wide_below(t, limit);
@@ -452,19 +502,36 @@ impl Beam {
         (least[0], most[0])
     }
 
+    /// What [`Face::decide`] asks of rays: origins, directions, `t_min`, `1 / t_max`, and how far numerators may be off.
+    #[inline(always)]
+    pub(super) fn decided_by(&self) -> (&[F16; 3], &[F16; 3], f32, f32, &F16) {
+        (&self.origin, &self.direction, self.t_min, self.shortness, &self.doubt)
+    }
+
+    /// The rays whose lines pass through the inside of a triangle.
+    #[cfg(test)]
+    pub(super) fn passing<S: Simd>(&self, simd: S, corners: &[[f32; 3]; 3]) -> Mask {
+        self.lines(simd, corners).sure
+    }
+
+    /// Widens or narrows the bounds of [`Face::decide`].
+    #[cfg(test)]
+    pub(super) fn scale_doubt(&mut self, factor: f32) {
+        self.doubt.0 = self.doubt.0.map(|doubt| doubt * factor);
+    }
+
     /// Where rays begin and end.
     pub(super) fn interval_of_rays(&self) -> (f32, f32) {
         (self.t_min, self.t_max)
     }
 }
 
-/// Rays that meet a triangle.
-struct Met<S: Simd> {
-    /// Those that do.
+/// Rays whose lines meet a triangle.
+struct Lines<S: Simd> {
+    /// Those whose lines do.
     sure: Mask,
-    /// Those that pass through an edge or a corner, and may.
+    /// Those whose lines pass through an edge or a corner, and may.
     touched: Mask,
-    t: S::Wide,
     edges: [S::Wide; 3],
 }
 

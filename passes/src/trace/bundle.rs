@@ -23,11 +23,31 @@ use super::stack::STACK;
 use super::{Hit, PACKET};
 
 /// Beams that go down the tree together.
-const BEAMS: usize = WIDE;
+pub(super) const BEAMS: usize = WIDE;
 /// Packets sorted together.
 const PACKETS: usize = 16;
 /// Rays of a class and a packet below which each is traced by itself.
-const FEW: u32 = 3;
+pub(super) const FEW: u32 = 3;
+
+/// See [`Tracer::closest_packets`](super::Tracer::closest_packets). Compiled once, for whatever `accept` is.
+pub(super) fn closest_packets(
+    bvh: &Bvh,
+    packets: &[Packet],
+    hits: &mut [PacketHits],
+    accept: &mut dyn FnMut(usize, &Hit) -> bool,
+) {
+    bvh.lanes.run(ClosestPackets { bvh, packets, hits, accept });
+}
+
+/// See [`Tracer::occluded_packets`](super::Tracer::occluded_packets). Compiled once, for whatever `accept` is.
+pub(super) fn occluded_packets(
+    bvh: &Bvh,
+    packets: &[Packet],
+    blocked: &mut [u16],
+    accept: &mut dyn FnMut(usize, &Hit) -> bool,
+) {
+    bvh.lanes.run(OccludedPackets { bvh, packets, blocked, accept });
+}
 
 /// See [`Tracer::closest_packets`](super::Tracer::closest_packets).
 pub(super) struct ClosestPackets<'a, A> {
@@ -187,8 +207,9 @@ struct Extremes<V> {
     /// The origin that gives the least distance to a near plane, and the greatest to a far one.
     near_origin: [V; 3],
     far_origin: [V; 3],
-    /// Least and greatest reciprocals of directions.
+    /// Least and greatest reciprocals of directions, and the same for far planes.
     inverse: [[V; 3]; 2],
+    far_inverse: [[V; 3]; 2],
     t_min: V,
     limit: V,
 }
@@ -211,6 +232,7 @@ impl Intervals {
             near_origin: [zero; 3],
             far_origin: [zero; 3],
             inverse: [[zero; 3]; 2],
+            far_inverse: [[zero; 3]; 2],
             t_min: zero,
             // Lanes without a beam meet nothing.
             limit: NOWHERE,
@@ -222,6 +244,7 @@ impl Intervals {
             near_origin: start,
             far_origin: opposite,
             inverse: [[low; 3], [high; 3]],
+            far_inverse: [[low; 3], [high; 3]],
             t_min: low,
             limit: high,
         };
@@ -235,6 +258,8 @@ impl Intervals {
                 each.far_origin[axis].0[index] = far;
                 each.inverse[0][axis].0[index] = inverse.0;
                 each.inverse[1][axis].0[index] = inverse.1;
+                each.far_inverse[0][axis].0[index] = inverse.0 * FAR;
+                each.far_inverse[1][axis].0[index] = inverse.1 * FAR;
                 let of_all = if backward[axis] == 0 {
                     (all.near_origin[axis].max(near), all.far_origin[axis].min(far))
                 } else {
@@ -250,6 +275,7 @@ impl Intervals {
             all.t_min = all.t_min.min(t_min);
             all.limit = all.limit.max(t_max);
         }
+        all.far_inverse = all.inverse.map(|side| side.map(|inverse| inverse * FAR));
         Self { beams: each, all, backward }
     }
 
@@ -268,8 +294,8 @@ impl Intervals {
             let low = simd.splat(extremes.inverse[0][axis]);
             let high = simd.splat(extremes.inverse[1][axis]);
             enter = simd.max_or(simd.min_or(simd.mul(near, low), simd.mul(near, high)), enter);
-            let stretched = simd.splat(FAR);
-            let (low, high) = (simd.mul(low, stretched), simd.mul(high, stretched));
+            let low = simd.splat(extremes.far_inverse[0][axis]);
+            let high = simd.splat(extremes.far_inverse[1][axis]);
             leave = simd.min_or(simd.max_or(simd.mul(far, low), simd.mul(far, high)), leave);
         }
         (simd.at_most(enter, leave), enter)
@@ -290,8 +316,8 @@ impl Intervals {
             let high = simd.wide_load(&extremes.inverse[1][axis]);
             let least = simd.wide_min_or(simd.wide_mul(near, low), simd.wide_mul(near, high));
             enter = simd.wide_max_or(least, enter);
-            let stretched = simd.wide_splat(FAR);
-            let (low, high) = (simd.wide_mul(low, stretched), simd.wide_mul(high, stretched));
+            let low = simd.wide_load(&extremes.far_inverse[0][axis]);
+            let high = simd.wide_load(&extremes.far_inverse[1][axis]);
             let most = simd.wide_max_or(simd.wide_mul(far, low), simd.wide_mul(far, high));
             leave = simd.wide_min_or(most, leave);
         }
@@ -303,11 +329,12 @@ impl Intervals {
     fn of_beam(&self, beam: usize) -> Extremes<f32> {
         let lane = |values: &F16| values.0[beam & (WIDE - 1)];
         let lanes = |values: &[F16; 3]| [lane(&values[0]), lane(&values[1]), lane(&values[2])];
-        let Extremes { near_origin, far_origin, inverse, t_min, limit } = &self.beams;
+        let Extremes { near_origin, far_origin, inverse, far_inverse, t_min, limit } = &self.beams;
         Extremes {
             near_origin: lanes(near_origin),
             far_origin: lanes(far_origin),
             inverse: [lanes(&inverse[0]), lanes(&inverse[1])],
+            far_inverse: [lanes(&far_inverse[0]), lanes(&far_inverse[1])],
             t_min: lane(t_min),
             limit: lane(limit),
         }
@@ -329,7 +356,7 @@ fn box_in(planes: &[[F8; 3]; 2], lane: usize) -> [[f32; 3]; 2] {
 
 /// Takes beams of one octant down the tree: for the nearest hits, or until every ray is stopped.
 #[inline(always)]
-fn walk<S: Simd, const NEAREST: bool>(
+pub(super) fn walk<S: Simd, const NEAREST: bool>(
     simd: S,
     bvh: &Bvh,
     packets: &[Packet],
@@ -444,6 +471,7 @@ fn leaf<S: Simd, const NEAREST: bool>(
         lanes = without_first(lanes);
         let mut met = if lone { mask } else { intervals.beams(simd, box_in(&stored, lane)) & mask };
         met &= *alive;
+        let mut face = None;
         while met != NO_LANES {
             let index = met.trailing_zeros() as usize;
             met &= met - 1;
@@ -456,7 +484,7 @@ fn leaf<S: Simd, const NEAREST: bool>(
                     changed = true;
                 }
             } else {
-                let met = beam.stop(simd, (block, lane), (packets, &bvh.bounds), accept);
+                let met = beam.stop(simd, (block, lane, &mut face), (packets, &bvh.bounds), accept);
                 *loose |= Mask::from(!met) << index;
                 if beam.open == NO_LANES {
                     *alive &= !(1 << index);

@@ -2,7 +2,7 @@
 
 use super::block::{Block, TRANSPARENT};
 use super::build::{self, Effort, Input};
-use super::bundle::{ClosestPackets, OccludedPackets};
+use super::bundle;
 use super::clear::{ClearAbove, Plane};
 use super::dispatch::{Detected, Lanes, Work};
 use super::gather::CountOpen;
@@ -11,6 +11,7 @@ use super::nearby::{Gather, Nearby, Neighbourhood};
 use super::node::{Child, Node};
 use super::query::{Bounds, Query};
 use super::stack::Stack;
+use super::together;
 use super::{Fan, Hit, Packet, PacketHits, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
@@ -149,14 +150,24 @@ impl Tracer for Bvh {
         self.lanes.run(CountOpen { bvh: self, fan, accept })
     }
 
-    fn closest_packets(&self, packets: &[Packet], hits: &mut [PacketHits], accept: impl FnMut(usize, &Hit) -> bool) {
-        assert_eq!(packets.len(), hits.len(), "one result for each packet");
-        self.lanes.run(ClosestPackets { bvh: self, packets, hits, accept });
+    fn count_open_together(&self, fans: &[Fan<'_>], open: &mut [u32], mut accept: impl FnMut(usize, &Hit) -> bool) {
+        assert_eq!(fans.len(), open.len(), "one count for each fan");
+        together::count_open_together(self, fans, open, &mut accept);
     }
 
-    fn occluded_packets(&self, packets: &[Packet], blocked: &mut [u16], accept: impl FnMut(usize, &Hit) -> bool) {
+    fn closest_packets(
+        &self,
+        packets: &[Packet],
+        hits: &mut [PacketHits],
+        mut accept: impl FnMut(usize, &Hit) -> bool,
+    ) {
+        assert_eq!(packets.len(), hits.len(), "one result for each packet");
+        bundle::closest_packets(self, packets, hits, &mut accept);
+    }
+
+    fn occluded_packets(&self, packets: &[Packet], blocked: &mut [u16], mut accept: impl FnMut(usize, &Hit) -> bool) {
         assert_eq!(packets.len(), blocked.len(), "one result for each packet");
-        self.lanes.run(OccludedPackets { bvh: self, packets, blocked, accept });
+        bundle::occluded_packets(self, packets, blocked, &mut accept);
     }
 }
 
