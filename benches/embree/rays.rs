@@ -6,7 +6,7 @@ use crate::layout::StreamBuffer;
 use crate::scenes::Subject;
 use curitiba::passes::sampling::hash::{self, pixel_key};
 use curitiba::passes::sampling::hemisphere::{Basis, cosine};
-use curitiba::passes::trace::{Bvh, Fan, Hit, PACKET, Packet, PacketHits, SurfacePoint, Tracer};
+use curitiba::passes::trace::{Bvh, Fan, Hit, Nearby, PACKET, Packet, PacketHits, SurfacePoint, Tracer};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -156,10 +156,10 @@ fn directions(key: u32, normal: Vec3) -> [Vec3; PACKET] {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     Single,
-    /// Ours: fans of rays from one origin.
-    Fans,
     /// Ours: the fans of a tile together.
     Together,
+    /// Ours: the same, with the triangles near 16 fans gathered where they are few.
+    Near,
     /// Sixteen rays a call (ours: sixteen packets a call).
     Packets {
         coherent: bool,
@@ -175,7 +175,7 @@ impl Mode {
         match self {
             Self::Single => "single",
             Self::Together => "fans together",
-            Self::Fans => "fans",
+            Self::Near => "fans near each other",
             Self::Packets { coherent: true } => "packets, coherent",
             Self::Packets { coherent: false } => "packets",
             Self::Stream { coherent: true } => "stream, coherent",
@@ -210,7 +210,7 @@ const BLOCKED: Hit = Hit { t: 0.0, triangle: 0, u: 0.0, v: 0.0 };
 
 /// Traces with our tree on the current pool, and returns the number of rays that hit.
 pub fn ours(rays: &Rays, bvh: &Bvh, mode: Mode, sink: &impl Sink) -> u64 {
-    let trace = |range: std::ops::Range<usize>| {
+    let trace = |nearby: &mut Nearby, range: std::ops::Range<usize>| {
         let packets = &rays.packets[range.clone()];
         let mut hits = 0;
         match (mode, rays.question) {
@@ -235,16 +235,13 @@ pub fn ours(rays: &Rays, bvh: &Bvh, mode: Mode, sink: &impl Sink) -> u64 {
                     }
                 }
             }
-            (Mode::Fans, _) => {
-                for index in range.clone() {
-                    let fan = rays.fan(index);
-                    hits += sink.count_fan(index, PACKET as u32 - bvh.count_open(&fan, |_| true));
-                }
-            }
-            (Mode::Together, _) => {
+            (Mode::Together | Mode::Near, _) => {
                 let fans: Vec<Fan<'_>> = range.clone().map(|index| rays.fan(index)).collect();
                 let mut open = vec![0; fans.len()];
-                bvh.count_open_together(&fans, &mut open, |_, _| true);
+                match mode {
+                    Mode::Near => bvh.count_open_near(&fans, &mut open, nearby, |_, _| true),
+                    _ => bvh.count_open_together(&fans, &mut open, |_, _| true),
+                }
                 for (index, open) in range.clone().zip(open) {
                     hits += sink.count_fan(index, PACKET as u32 - open);
                 }
@@ -264,7 +261,7 @@ pub fn ours(rays: &Rays, bvh: &Bvh, mode: Mode, sink: &impl Sink) -> u64 {
         }
         hits
     };
-    rays.ranges().into_par_iter().map(trace).sum()
+    rays.ranges().into_par_iter().map_init(Nearby::default, trace).sum()
 }
 
 /// Traces with Embree on the current pool, and returns the number of rays that hit.

@@ -247,6 +247,18 @@ fn rays_of_a_neighbourhood_count_what_they_count_one_by_one() {
                 let high = origins.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
                 let t_min = if round % 5 == 0 { 1e-3 } else { 0.0 };
                 let around = Neighbourhood { origins: [low, high], above: common, t_min, t_max, rays: 800 };
+                let rays: Vec<Vec<Vec3>> = origins
+                    .iter()
+                    .map(|_| (0..20).map(|_| random.cosine(common.unwrap_or(Vec3::Y))).collect())
+                    .collect();
+                let fan = |(origin, directions)| Fan { origin, above: common, t_min, t_max, directions };
+                let fans: Vec<Fan<'_>> =
+                    origins.iter().copied().zip(rays.iter().map(Vec::as_slice)).map(fan).cycle().take(40).collect();
+                let mut open = vec![0; fans.len()];
+                bvh.count_open_near(&fans, &mut open, &mut nearby, |_, hit| accept(hit));
+                for (fan, open) in fans.iter().zip(open) {
+                    assert_eq!(open as usize, open_one_by_one(&bvh, fan, accept), "{name} {lanes:?} {t_max} {size}");
+                }
                 if !bvh.gather(&around, &mut nearby) {
                     continue;
                 }

@@ -75,7 +75,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             return open;
         }
         work.loose.clear();
-        work.loose.extend(work.directions.iter());
+        work.directions.append_to(&mut work.loose);
         let fan = Fan { origin, above, t_min, t_max: self.job.params.radius, directions: &work.loose };
         self.tracer.count_open(&fan, stops)
     }

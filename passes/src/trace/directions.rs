@@ -69,6 +69,19 @@ impl Directions {
         (0..self.len).map(|index| self.get(index))
     }
 
+    /// Adds them to others.
+    pub(crate) fn append_to(&self, others: &mut Vec<Vec3>) {
+        let end = others.len() + self.len;
+        for [x, y, z] in &self.vectors {
+            let mut vector = [Vec3::ZERO; WIDE];
+            for (lane, direction) in vector.iter_mut().enumerate() {
+                *direction = Vec3::new(x.0[lane], y.0[lane], z.0[lane]);
+            }
+            others.extend_from_slice(&vector);
+        }
+        others.truncate(end);
+    }
+
     /// One of them.
     ///
     /// # Panics

@@ -170,6 +170,41 @@ pub trait Tracer: Sync {
         }
     }
 
+    /// As [`Self::count_open_together`]. Where the triangles near some fans that follow each other are few, they are gathered;
+    /// `nearby` is room for them.
+    ///
+    /// # Panics
+    /// If `open` is not as long as `fans`.
+    fn count_open_near(
+        &self,
+        fans: &[Fan<'_>],
+        open: &mut [u32],
+        nearby: &mut Nearby,
+        mut accept: impl FnMut(usize, &Hit) -> bool,
+    ) {
+        assert_eq!(fans.len(), open.len(), "one count for each fan");
+        // Those from `first` on that could not be gathered are traced together.
+        let (mut first, mut next) = (0, 0);
+        for run in fans.chunks(Neighbourhood::FANS) {
+            let (start, end) = (next, next + run.len());
+            next = end;
+            let around = Neighbourhood::of(run);
+            if !around.is_some_and(|around| self.gather(&around, nearby)) {
+                continue;
+            }
+            for (index, fan) in (start..end).zip(run) {
+                let count = nearby.count_open_of_fan(fan, |hit| accept(index, hit));
+                open[index] = count.unwrap_or_else(|| self.count_open(fan, |hit| accept(index, hit)));
+            }
+            let left = first..start;
+            first = end;
+            self.count_open_together(&fans[left.clone()], &mut open[left.clone()], |index, hit| {
+                accept(left.start + index, hit)
+            });
+        }
+        self.count_open_together(&fans[first..], &mut open[first..], |index, hit| accept(first + index, hit));
+    }
+
     /// The nearest accepted hits of the rays of some packets, those of neighbouring pixels for example.
     ///
     /// The result is that of asking [`Self::closest`] for each ray. `accept` is told the ray as 16 times its packet plus

@@ -9,7 +9,7 @@ use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, without_first};
 use super::node::Child;
 use super::query::{Bounds, Query, UNIT_ROUNDOFF};
 use super::stack::Stack;
-use super::{Hit, Ray};
+use super::{Fan, Hit, Ray};
 use glam::Vec3;
 
 /// Triangles gathered at most.
@@ -39,6 +39,27 @@ pub struct Neighbourhood {
     pub rays: usize,
 }
 
+impl Neighbourhood {
+    /// Fans whose neighbourhood is gathered at once: those of 4 x 4 pixels.
+    pub(super) const FANS: usize = 16;
+
+    /// That of some fans; `None` if their intervals differ, or an origin is not finite.
+    pub(super) fn of(fans: &[Fan<'_>]) -> Option<Self> {
+        let &Fan { origin, above, t_min, t_max, .. } = fans.first()?;
+        let mut around = Self { origins: [origin; 2], above, t_min, t_max, rays: 0 };
+        for fan in fans {
+            if (fan.t_min, fan.t_max) != (t_min, t_max) {
+                return None;
+            }
+            around.origins = [around.origins[0].min(fan.origin), around.origins[1].max(fan.origin)];
+            around.above = around.above.filter(|above| fan.above == Some(*above));
+            around.rays += fan.directions.len();
+        }
+        let finite = fans.iter().all(|fan| fan.origin.is_finite());
+        finite.then_some(around)
+    }
+}
+
 /// Triangles that [`Tracer::gather`](super::Tracer::gather) found, and the buffers that it takes to ask them. Rays that
 /// start in their neighbourhood are answered as by [`Tracer::occluded`](super::Tracer::occluded), to the bit.
 #[derive(Debug)]
@@ -58,6 +79,7 @@ pub struct Nearby {
     /// As the origin sees them; only the first `facing` count.
     facets: Vec<Facets>,
     facing: usize,
+    directions: Directions,
 }
 
 impl Default for Nearby {
@@ -75,6 +97,7 @@ impl Default for Nearby {
             origin: Vec3::ZERO,
             facets: Vec::new(),
             facing: 0,
+            directions: Directions::default(),
         }
     }
 }
@@ -90,6 +113,19 @@ impl Nearby {
     /// Returns whether any triangle may be in their way.
     pub fn turn_to(&mut self, origin: Vec3, above: Option<Vec3>) -> bool {
         self.lanes.run(TurnTo { nearby: self, origin, above })
+    }
+
+    /// As [`Self::count_open`], after turning to the fan's origin.
+    pub(super) fn count_open_of_fan(&mut self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> Option<u32> {
+        if !self.turn_to(fan.origin, fan.above) {
+            return Some(fan.directions.len() as u32);
+        }
+        let mut directions = std::mem::take(&mut self.directions);
+        directions.clear();
+        directions.extend(fan.directions.iter().copied());
+        let open = self.count_open(&directions, accept);
+        self.directions = directions;
+        open
     }
 
     /// How many of these rays from the origin last turned to meet nothing; `None` if a direction is longer than 1 by more

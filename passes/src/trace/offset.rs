@@ -53,11 +53,13 @@ impl SurfacePoint {
     pub(crate) fn snap_all(geometry: &Geometry, positions: &[(u32, Vec3)], mut each: impl FnMut(usize, Self)) {
         for (chunk, positions) in positions.chunks(TOGETHER).enumerate() {
             let count = positions.len();
-            // The last triangle stands in for those that the chunk lacks.
-            let stored: [(u32, Vec3); TOGETHER] = std::array::from_fn(|lane| positions[lane.min(count - 1)]);
-            let corners = std::array::from_fn(|lane| geometry.corners(stored[lane].0));
-            let positions = std::array::from_fn(|lane| stored[lane].1);
-            let snapped = Detected::cached().run(Snap { corners: &corners, positions: &positions });
+            // What the last chunk lacks is computed all the same.
+            let (mut corners, mut stored) = ([[Vec3::ZERO; 3]; TOGETHER], [Vec3::ZERO; TOGETHER]);
+            for (lane, &(triangle, position)) in positions.iter().enumerate() {
+                corners[lane] = geometry.corners(triangle);
+                stored[lane] = position;
+            }
+            let snapped = Detected::cached().run(Snap { corners: &corners, positions: &stored });
             for lane in 0..count {
                 each(chunk * TOGETHER + lane, snapped.point(lane));
             }
