@@ -18,12 +18,6 @@ impl Class {
     /// Of rays that meet nothing, see [`Query::new`].
     const NONE: u32 = u32::MAX;
 
-    /// Of directions without a component that is zero: the axis along which they are longest, and a bit for each axis, x
-    /// lowest, along which they are negative.
-    pub(super) fn of_regular(axis: usize, octant: u32) -> Self {
-        Self(axis as u32 | octant << 2)
-    }
-
     /// The axis along which the direction is longest.
     pub(super) fn axis(self) -> usize {
         (self.0 & 3) as usize

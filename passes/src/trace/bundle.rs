@@ -23,11 +23,11 @@ use super::stack::STACK;
 use super::{Hit, PACKET};
 
 /// Beams that go down the tree together.
-pub(super) const BEAMS: usize = WIDE;
+const BEAMS: usize = WIDE;
 /// Packets sorted together.
 const PACKETS: usize = 16;
 /// Rays of a class and a packet below which each is traced by itself.
-pub(super) const FEW: u32 = 3;
+const FEW: u32 = 3;
 
 /// See [`Tracer::closest_packets`](super::Tracer::closest_packets). Compiled once, for whatever `accept` is.
 pub(super) fn closest_packets(
@@ -356,7 +356,7 @@ fn box_in(planes: &[[F8; 3]; 2], lane: usize) -> [[f32; 3]; 2] {
 
 /// Takes beams of one octant down the tree: for the nearest hits, or until every ray is stopped.
 #[inline(always)]
-pub(super) fn walk<S: Simd, const NEAREST: bool>(
+fn walk<S: Simd, const NEAREST: bool>(
     simd: S,
     bvh: &Bvh,
     packets: &[Packet],

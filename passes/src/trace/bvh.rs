@@ -11,7 +11,6 @@ use super::nearby::{Gather, Nearby, Neighbourhood};
 use super::node::{Child, Node};
 use super::query::{Bounds, Query};
 use super::stack::Stack;
-use super::together;
 use super::{Fan, Hit, Packet, PacketHits, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
@@ -148,11 +147,6 @@ impl Tracer for Bvh {
 
     fn count_open(&self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> u32 {
         self.lanes.run(CountOpen { bvh: self, fan, accept })
-    }
-
-    fn count_open_together(&self, fans: &[Fan<'_>], open: &mut [u32], mut accept: impl FnMut(usize, &Hit) -> bool) {
-        assert_eq!(fans.len(), open.len(), "one count for each fan");
-        together::count_open_together(self, fans, open, &mut accept);
     }
 
     fn closest_packets(

@@ -173,7 +173,8 @@ mod tests {
     fn what_is_certain_is_what_the_watertight_test_finds() {
         let Tally { rays, certain, wrong_hits, wrong_misses } = tally(1.0);
         assert_eq!((wrong_hits, wrong_misses), (0, 0));
-        assert!(rays > 300_000 && certain > rays / 2, "{certain} of {rays}");
+        // Half of the rays start or end within a millionth of the plane: of those, little can be certain.
+        assert!(rays > 300_000 && certain > rays / 3, "{certain} of {rays}");
     }
 
     #[test]

@@ -30,7 +30,6 @@ mod packet;
 mod query;
 mod record;
 mod stack;
-mod together;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
@@ -156,8 +155,8 @@ pub trait Tracer: Sync {
         fan.rays().filter(|ray| !self.occluded(ray, &mut accept)).count() as u32
     }
 
-    /// How many rays of each of some fans are not blocked. It pays where fans of neighbouring origins follow each other, by
-    /// the thousand rays, as those of the pixels of a tile do.
+    /// How many rays of each of some fans are not blocked: all that is asked at once, as for the pixels of a tile, so that a
+    /// tracer may share work between fans of neighbouring origins.
     ///
     /// The result is that of asking [`Self::occluded`] for each ray; `accept` is told the ray's fan.
     ///
