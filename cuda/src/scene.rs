@@ -45,9 +45,9 @@ impl SceneBuffers {
         params.texels = self.texels.address(device);
     }
 
-    /// Vertex positions and triangles, for a structure that is built on the device.
-    pub fn mesh(&self, device: &Device) -> (Address, Address) {
-        (self.positions.address(device), self.triangles.address(device))
+    /// Vertex positions, triangles and their materials, for a structure that is built on the device.
+    pub fn mesh(&self, device: &Device) -> [Address; 3] {
+        [self.positions.address(device), self.triangles.address(device), self.materials.address(device)]
     }
 
     /// Bytes held.
@@ -95,8 +95,8 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use curitiba_pipeline::scene::{Batch, Geometry};
     use curitiba_pipeline::scene::texture::Texture;
+    use curitiba_pipeline::scene::{Batch, Geometry};
 
     #[test]
     fn triangles_know_their_material_and_textures_their_texels() {
