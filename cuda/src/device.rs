@@ -89,7 +89,7 @@ impl Device {
         let place = if several { format!("GPU {ordinal}: ") } else { String::new() };
         let opening = |error| fault(backend, &format!("{place}opening the GPU"), &error);
         let context = CudaContext::new(ordinal).map_err(opening)?;
-        let stream = context.default_stream();
+        let stream = own_stream(&context).map_err(opening)?;
         let asking = |error| fault(backend, &format!("{place}asking the GPU its name"), &error);
         let capability = context.compute_capability().map_err(asking)?;
         if capability < LEAST_CAPABILITY {
@@ -231,6 +231,14 @@ impl Device {
         }
         Ok(())
     }
+}
+
+/// A stream of our own: copies between GPUs on their default streams wait for all work of both.
+#[allow(unsafe_code, reason = "switches the ordering of several streams off")]
+fn own_stream(context: &Arc<CudaContext>) -> Result<Arc<CudaStream>, DriverError> {
+    // SAFETY: everything of this context runs on the one stream that is made here, in the order in which it is called.
+    unsafe { context.disable_event_tracking() };
+    context.new_stream()
 }
 
 fn copying(what: &str, bytes: usize) -> String {

@@ -483,10 +483,11 @@ impl<T: DeviceTracer> OneGpu<T> {
         }
         let start = Instant::now();
         if let Some(picture) = &self.images.output.0 {
-            for stripe in stripes {
-                let part = stripe.range(job.width);
-                self.staging.read(&self.device, picture, 4 * part.start, stripe.pixels.as_flattened_mut())?;
-            }
+            let parts = stripes.iter_mut().map(|stripe| {
+                let first = 4 * stripe.range(job.width).start;
+                (first, stripe.pixels.as_flattened_mut())
+            });
+            self.staging.read(&self.device, picture, parts.collect())?;
         }
         let read_back = Some(start.elapsed());
         let rays = self.read_counts(job)?;
