@@ -31,18 +31,21 @@ PYTHON
 # function differs. Where it costs accuracy nothing, the programs fuse by hand.
 flags=(-ptx -arch=compute_75 -std=c++17 -fmad=false -ftz=false -prec-div=true -prec-sqrt=true)
 for tracer in bvh optix; do
-    mkdir -p "ptx/$tracer"
     # Keeps what OptiX looks for by name: the launch parameters and the programs.
     extra=()
     [ "$tracer" = optix ] && extra=(-rdc=true)
-    for program in dummy deferredShadows reflection refraction ssao final; do
-        # OptiX's functions are calls that the driver resolves when it compiles a module.
-        out=ptx/$tracer/$program.ptx
-        "$nvcc" "${flags[@]}" "${extra[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" -o "$out.new" "$tracer.cu"
-        # Without the compiler's own comments and the process's number in the names of internal functions, so that the same
-        # sources give the same file; the hash says what it was made from.
-        { echo "// curitiba sources $hash"; grep -v '^//' "$out.new" | sed -E 's/_INTERNAL_[0-9a-f]{8}_/_INTERNAL_00000000_/g'; } >"$out"
-        rm "$out.new"
-        echo "$out"
+    for fidelity in corrected thesis; do
+        mkdir -p "ptx/$tracer/$fidelity"
+        for program in dummy deferredShadows reflection refraction ssao final; do
+            # OptiX's functions are calls that the driver resolves when it compiles a module.
+            out=ptx/$tracer/$fidelity/$program.ptx
+            "$nvcc" "${flags[@]}" "${extra[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" -DCURITIBA_FIDELITY="$fidelity" \
+                -o "$out.new" "$tracer.cu"
+            # Without the compiler's own comments and the process's number in the names of internal functions, so that the
+            # same sources give the same file; the hash says what it was made from.
+            { echo "// curitiba sources $hash"; grep -v '^//' "$out.new" | sed -E 's/_INTERNAL_[0-9a-f]{8}_/_INTERNAL_00000000_/g'; } >"$out"
+            rm "$out.new"
+            echo "$out"
+        done
     done
 done

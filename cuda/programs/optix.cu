@@ -1,37 +1,40 @@
-// The programs of one effect for OptiX; `build.sh` names the effect. Their names are those that project files give them, as
-// far as a file can: what decides in the report's any-hit programs is passed to one program here.
+// The programs of one effect in one fidelity for OptiX; `build.sh` names both. They are called as project files call them:
+// `RAY_PROGRAMS` of the pipeline says which a project may name for which rays.
 #define CURITIBA_OPTIX
 #include "trace_optix.cuh"
 
 #include CURITIBA_PROGRAM
 
-extern "C" __global__ void __closesthit__closest_hit() {
+extern "C" __global__ void __raygen__buffer_camera() {
+    unsigned x = launch_x(), y = picture_row(params, launch_y());
+    Optix tracer = {params};
+    Pass<Optix> pass = {params, tracer, {x, y, y * params.width + x}, true, {}};
+    params.output[pass.pixel.index] = CURITIBA_FIDELITY(pass);
+    count_rays(params, pass.pixel.index, pass.rays);
+}
+
+// Glass or not, the hit is reported: the ray-generation program, which traces one ray after the other, goes on from there.
+extern "C" __global__ void __closesthit__closest_hit() { report_hit(current_hit()); }
+extern "C" __global__ void __closesthit__closest_hit_glass() { report_hit(current_hit()); }
+
+// Any-hit programs run on materials that let some rays through; the others have them switched off, and stop every ray.
+extern "C" __global__ void __anyhit__any_hit_shadow() {
+    if (!covers(params, current_hit())) ignore_intersection();
+}
+// Lets shadow rays pass, and notes the surface where the ray asks for it.
+extern "C" __global__ void __anyhit__any_hit_shadow_glass() {
     Hit hit = current_hit();
-    set_payload<0>(1u);
-    set_payload<3>(__float_as_uint(hit.t));
-    set_payload<4>(hit.triangle);
-    set_payload<5>(__float_as_uint(hit.u));
-    set_payload<6>(__float_as_uint(hit.v));
+    Crossings *crossings = asked_crossings();
+    if (crossings != nullptr && covers(params, hit)) add_crossing(*crossings, hit.t);
+    ignore_intersection();
+}
+// For radiance rays; no project names it, since the material says by itself that it has holes.
+extern "C" __global__ void __anyhit__alpha_test() {
+    if (!covers(params, current_hit())) ignore_intersection();
 }
 
-// Runs on transparent materials only: the others have it switched off.
-extern "C" __global__ void __anyhit__any_hit() {
-    Crossings *crossings = (Crossings *)(payload<1>() | (unsigned long long)payload<2>() << 32);
-    if (!accepts(params, (Accept)payload<0>(), current_hit(), crossings)) ignore_intersection();
-}
+extern "C" __global__ void __miss__miss() { report_miss(); }
+extern "C" __global__ void __miss__miss_shadow() { report_miss(); }
 
-extern "C" __global__ void __miss__miss() {
-    set_payload<0>(0u);
-    set_payload<3>(Optix::MISSED);
-}
-
-#define RAY_GENERATION(FIDELITY)                                                                                       \
-    extern "C" __global__ void __raygen__##FIDELITY() {                                                                \
-        unsigned x = launch_x(), y = picture_row(params, launch_y());                                                  \
-        Optix tracer = {params};                                                                                       \
-        Pass<Optix> pass = {params, tracer, {x, y, y * params.width + x}, true, {}};                                   \
-        params.output[pass.pixel.index] = FIDELITY(pass);                                                              \
-        count_rays(params, pass.pixel.index, pass.rays);                                                                       \
-    }
-RAY_GENERATION(corrected)
-RAY_GENERATION(thesis)
+// What OptiX stopped is told to the host: no picture comes of it.
+extern "C" __global__ void __exception__exception() { params.ray_counts[EXCEPTION_SLOT] = exception_code(); }

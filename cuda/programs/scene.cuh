@@ -92,8 +92,8 @@ DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
     return (lit + splat(AMBIENT)) * xyz(sample_texture(params, shade.texture, texture_coordinates(params, hit)));
 }
 
-// Which candidate hits on transparent materials count. What decides is the same for both tracers; in OptiX it runs in the
-// any-hit program.
+// Which candidate hits on transparent materials count, as the ray asks; in OptiX the materials' any-hit programs decide the
+// same (`optix.cu`).
 enum Accept : unsigned {
     ACCEPT_ALL = 0,     // every one
     ACCEPT_COVERED = 1, // where the triangle is not cut out

@@ -1,8 +1,8 @@
 // Rays traced by OptiX. Its device functions are calls that the driver resolves when it compiles a module; declared here
 // are those that are used (OptiX 8.1 programming guide and its public headers name them).
 //
-// Payload: 0 what decides on hits of transparent materials (`Accept`) or, afterwards, whether something was hit; 1 and 2
-// where the crossings are kept; 3 to 6 the hit: distance, triangle, barycentric coordinates.
+// Payload: 0 to 3 what was met: triangle, or `NO_TRIANGLE` written by the miss program; distance and barycentric coordinates,
+// written by the closest-hit program. 4 and 5 where crossed glass is noted; 0 for nowhere.
 #pragma once
 #include "pass.cuh"
 
@@ -27,7 +27,11 @@ template <int SLOT> DEVICE void set_payload(unsigned value) {
     asm volatile("call _optix_set_payload, (%0, %1);" : : "r"(SLOT), "r"(value) :);
 }
 DEVICE void ignore_intersection() { asm volatile("call _optix_ignore_intersection, ();"); }
-DEVICE void terminate_ray() { asm volatile("call _optix_terminate_ray, ();"); }
+DEVICE int exception_code() {
+    int code;
+    asm("call (%0), _optix_get_exception_code, ();" : "=r"(code) :);
+    return code;
+}
 DEVICE Hit current_hit() {
     Hit hit;
     asm("call (%0), _optix_get_ray_tmax, ();" : "=f"(hit.t) :);
@@ -37,12 +41,23 @@ DEVICE Hit current_hit() {
 }
 
 constexpr unsigned RAY_TERMINATE_ON_FIRST_HIT = 1u << 2, RAY_DISABLE_CLOSEST_HIT = 1u << 3;
-constexpr unsigned PAYLOADS = 7;
+// Rays of radiance (`Phong` in project files) and of shadow have miss records and, for each material, hit records of their
+// own, in this order.
+enum RayType : unsigned { RADIANCE = 0, SHADOW = 1 };
+
+DEVICE void report_hit(const Hit &hit) {
+    set_payload<0>(hit.triangle);
+    set_payload<1>(__float_as_uint(hit.t));
+    set_payload<2>(__float_as_uint(hit.u));
+    set_payload<3>(__float_as_uint(hit.v));
+}
+DEVICE void report_miss() { set_payload<0>(NO_TRIANGLE); }
+DEVICE Crossings *asked_crossings() { return (Crossings *)(payload<4>() | (unsigned long long)payload<5>() << 32); }
 
 // Traces a ray; `p` are the payloads, as written by the programs that ran.
-DEVICE void trace(const Ray &ray, unsigned flags, unsigned (&p)[PAYLOADS]) {
+DEVICE void trace(const Ray &ray, RayType type, unsigned flags, unsigned (&p)[PAYLOADS]) {
     // The function takes and returns 32 payloads, used or not.
-    unsigned none = 0;
+    unsigned none = 0, types = RAY_TYPES;
     [[maybe_unused]] unsigned rest[32 - PAYLOADS];
     // OptiX wants numbers.
     float t_max = fminf(ray.t_max, 3.402823466e38f);
@@ -53,7 +68,7 @@ DEVICE void trace(const Ray &ray, unsigned flags, unsigned (&p)[PAYLOADS]) {
                  "%52, %53, %54, %55, %56, %57, %58, %59, %60, %61, %62, %63, %64, %65, %66, %67, %68, %69, %70, %71, "
                  "%72, %73, %74, %75, %76, %77, %78, %79, %80"
                  ");"
-                 : "=r"(p[0]), "=r"(p[1]), "=r"(p[2]), "=r"(p[3]), "=r"(p[4]), "=r"(p[5]), "=r"(p[6]),
+                 : "=r"(p[0]), "=r"(p[1]), "=r"(p[2]), "=r"(p[3]), "=r"(p[4]), "=r"(p[5]), "=r"(rest[25]),
                    "=r"(rest[0]), "=r"(rest[1]), "=r"(rest[2]), "=r"(rest[3]), "=r"(rest[4]), "=r"(rest[5]),
                    "=r"(rest[6]), "=r"(rest[7]), "=r"(rest[8]), "=r"(rest[9]), "=r"(rest[10]), "=r"(rest[11]),
                    "=r"(rest[12]), "=r"(rest[13]), "=r"(rest[14]), "=r"(rest[15]), "=r"(rest[16]),
@@ -61,8 +76,9 @@ DEVICE void trace(const Ray &ray, unsigned flags, unsigned (&p)[PAYLOADS]) {
                    "=r"(rest[22]), "=r"(rest[23]), "=r"(rest[24])
                  : "r"(none), "l"(params.handle), "f"(ray.origin.x), "f"(ray.origin.y), "f"(ray.origin.z),
                    "f"(ray.direction.x), "f"(ray.direction.y), "f"(ray.direction.z), "f"(ray.t_min),
-                   "f"(t_max), "f"(0.0f), "r"(255u), "r"(flags), "r"(none), "r"(none), "r"(none),
-                   "r"(PAYLOADS), "r"(p[0]), "r"(p[1]), "r"(p[2]), "r"(p[3]), "r"(p[4]), "r"(p[5]), "r"(p[6]),
+                   "f"(t_max), "f"(0.0f), "r"(255u), "r"(flags), "r"((unsigned)type), "r"(types),
+                   "r"((unsigned)type), "r"(PAYLOADS), "r"(p[0]), "r"(p[1]), "r"(p[2]), "r"(p[3]), "r"(p[4]), "r"(p[5]),
+                   "r"(none),
                    "r"(none), "r"(none), "r"(none), "r"(none), "r"(none), "r"(none), "r"(none), "r"(none),
                    "r"(none), "r"(none), "r"(none), "r"(none), "r"(none), "r"(none), "r"(none), "r"(none),
                    "r"(none), "r"(none), "r"(none), "r"(none), "r"(none), "r"(none), "r"(none), "r"(none),
@@ -70,21 +86,22 @@ DEVICE void trace(const Ray &ray, unsigned flags, unsigned (&p)[PAYLOADS]) {
                  :);
 }
 
+// Which hits count is not asked by the ray (`Accept`) but decided by the programs of the materials.
 struct Optix {
     const Params &params;
 
-    template <Accept ACCEPT> __device__ __forceinline__ bool closest(const Ray &ray, Hit &hit) const {
-        unsigned p[PAYLOADS] = {ACCEPT, 0, 0, 0, 0, 0, 0};
-        trace(ray, 0, p);
-        hit = {__uint_as_float(p[3]), p[4], __uint_as_float(p[5]), __uint_as_float(p[6])};
-        return p[0] != 0;
+    template <Accept> __device__ __forceinline__ bool closest(const Ray &ray, Hit &hit) const {
+        unsigned p[PAYLOADS] = {NO_TRIANGLE, 0, 0, 0, 0, 0};
+        trace(ray, RADIANCE, 0, p);
+        hit = {__uint_as_float(p[1]), p[0], __uint_as_float(p[2]), __uint_as_float(p[3])};
+        return p[0] != NO_TRIANGLE;
     }
-    template <Accept ACCEPT> __device__ __forceinline__ bool occluded(const Ray &ray, Crossings *crossings) const {
+    template <Accept> __device__ __forceinline__ bool occluded(const Ray &ray, Crossings *crossings) const {
         unsigned long long where = (unsigned long long)crossings;
-        unsigned p[PAYLOADS] = {ACCEPT, (unsigned)where, (unsigned)(where >> 32), 0, 0, 0, 0};
+        unsigned p[PAYLOADS] = {0, 0, 0, 0, (unsigned)where, (unsigned)(where >> 32)};
         // Nothing but the miss program writes the answer, and where something stopped the ray it does not run.
-        trace(ray, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
-        return p[3] != MISSED;
+        trace(ray, SHADOW, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
+        return p[0] != NO_TRIANGLE;
     }
     template <Accept ACCEPT, class Rays>
     DEVICE_MEMBER unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
@@ -92,5 +109,4 @@ struct Optix {
     }
     // OptiX may move threads from warp to warp: each works alone.
     static __device__ __forceinline__ bool any(bool value) { return value; }
-    static constexpr unsigned MISSED = 0x6d697373u;
 };

@@ -9,22 +9,22 @@ use cudarc::driver::{CudaFunction, LaunchConfig, PushKernelArg as _};
 use cudarc::nvrtc::Ptx;
 use curitiba_passes::trace::Quality;
 use curitiba_passes::trace::device::DeviceTree;
-use curitiba_pipeline::backend::{BackendError, BuildStats};
+use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 
-/// The kernels of a program.
+/// The kernel of a program in one fidelity.
 #[derive(Debug)]
-struct Kernels {
+struct Kernel {
     program: RayProgram,
-    corrected: CudaFunction,
-    thesis: CudaFunction,
+    fidelity: Fidelity,
+    function: CudaFunction,
 }
 
 /// The tree on the device, and the kernels that were loaded so far.
 #[derive(Debug, Default)]
 pub struct BvhTracer {
-    kernels: Vec<Kernels>,
+    kernels: Vec<Kernel>,
     nodes: Buffer<u32>,
     leaves: Buffer<f32>,
     node_count: u32,
@@ -70,35 +70,27 @@ impl DeviceTracer for BvhTracer {
         *self = Self { kernels, ..Self::default() };
     }
 
-    fn load(&mut self, device: &Device, program: RayProgram) -> Result<(), BackendError> {
-        if self.kernels.iter().any(|kernels| kernels.program == program) {
+    fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
+        let (program, fidelity, info) = (job.program, job.fidelity, job.program.info());
+        if self.kernels.iter().any(|kernel| (kernel.program, kernel.fidelity) == (program, fidelity)) {
             return Ok(());
         }
-        let loaded = (|| {
-            let module = device.context().load_module(Ptx::from_src(programs::on_bvh(program)))?;
-            let corrected = module.load_function("curitiba_corrected")?;
-            let thesis = module.load_function("curitiba_thesis")?;
-            Ok(Kernels { program, corrected, thesis })
-        })();
-        let doing = || format!("loading the kernels of `{}`", program.info().stem);
-        self.kernels.push(loaded.map_err(|error| device.fault(&doing(), &error))?);
+        let loaded = device.context().load_module(Ptx::from_src(programs::on_bvh(program, fidelity)));
+        let function = loaded.and_then(|module| module.load_function(info.entry));
+        let function =
+            function.map_err(|error| device.fault(&format!("loading the kernel of `{}`", info.stem), &error))?;
+        self.kernels.push(Kernel { program, fidelity, function });
         Ok(())
     }
 
     #[allow(unsafe_code, reason = "launches a kernel")]
-    fn launch(
-        &mut self,
-        device: &Device,
-        program: RayProgram,
-        fidelity: Fidelity,
-        params: &mut Params,
-    ) -> Result<(), BackendError> {
+    fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         params.nodes = self.nodes.address(device);
         params.leaves = self.leaves.address(device);
         params.node_count = self.node_count;
         [params.scene_low, params.scene_high] = self.bounds;
-        let kernels = self.kernels.iter().find(|kernels| kernels.program == program).expect("loaded before");
-        let kernel = if fidelity == Fidelity::Corrected { &kernels.corrected } else { &kernels.thesis };
+        let is_this = |kernel: &&Kernel| (kernel.program, kernel.fidelity) == (job.program, job.fidelity);
+        let kernel = &self.kernels.iter().find(is_this).expect("loaded before").function;
         let config = LaunchConfig {
             grid_dim: (params.width.div_ceil(BLOCK_WIDTH), params.rows.div_ceil(BLOCK_HEIGHT), 1),
             block_dim: (BLOCK_WIDTH, BLOCK_HEIGHT, 1),
@@ -110,7 +102,7 @@ impl DeviceTracer for BvhTracer {
         // of this backend that live until the stream was synchronised, as long as the images, tables and meshes that the
         // job was checked to have; indices in them were checked when the scene was built.
         let launched = unsafe { launch.launch(config) };
-        launched.map_err(|error| device.fault(&format!("running `{}`", program.info().stem), &error))?;
+        launched.map_err(|error| device.fault(&format!("running `{}`", job.program.info().stem), &error))?;
         Ok(())
     }
 }

@@ -89,7 +89,7 @@ impl Device {
         let place = if several { format!("GPU {ordinal}: ") } else { String::new() };
         let opening = |error| fault(backend, &format!("{place}opening the GPU"), &error);
         let context = CudaContext::new(ordinal).map_err(opening)?;
-        let stream = context.default_stream();
+        let stream = own_stream(&context).map_err(opening)?;
         let asking = |error| fault(backend, &format!("{place}asking the GPU its name"), &error);
         let capability = context.compute_capability().map_err(asking)?;
         if capability < LEAST_CAPABILITY {
@@ -190,6 +190,24 @@ impl Device {
         }
     }
 
+    /// Makes a buffer large enough; what was in it is lost where it was not.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub fn reserve<T: DeviceRepr + ValidAsZeroBits>(
+        &self,
+        what: &str,
+        buffer: &mut Buffer<T>,
+        length: usize,
+    ) -> Result<(), BackendError> {
+        if buffer.0.as_ref().is_none_or(|slice| slice.len() < length) {
+            buffer.0 = None;
+            let made = self.stream.alloc_zeros(length);
+            buffer.0 = Some(made.map_err(|error| self.fault(&format!("making room for {what}"), &error))?);
+        }
+        Ok(())
+    }
+
     /// Copies some parts of values to their places in a buffer that has room for all; what else is in it does not matter.
     ///
     /// # Errors
@@ -205,10 +223,7 @@ impl Device {
             return self.replace(what, buffer, values);
         }
         let failed = |error| self.fault(&copying(what, size_of_val(values)), &error);
-        if buffer.0.as_ref().is_none_or(|slice| slice.len() < values.len()) {
-            buffer.0 = None;
-            buffer.0 = Some(self.stream.alloc_zeros(values.len()).map_err(failed)?);
-        }
+        self.reserve(what, buffer, values.len())?;
         if let Some(slice) = &mut buffer.0 {
             for part in parts {
                 self.stream.memcpy_htod(&values[part.clone()], &mut slice.slice_mut(part.clone())).map_err(failed)?;
@@ -216,6 +231,14 @@ impl Device {
         }
         Ok(())
     }
+}
+
+/// A stream of our own: copies between GPUs on their default streams wait for all work of both.
+#[allow(unsafe_code, reason = "switches the ordering of several streams off")]
+fn own_stream(context: &Arc<CudaContext>) -> Result<Arc<CudaStream>, DriverError> {
+    // SAFETY: everything of this context runs on the one stream that is made here, in the order in which it is called.
+    unsafe { context.disable_event_tracking() };
+    context.new_stream()
 }
 
 fn copying(what: &str, bytes: usize) -> String {

@@ -4,7 +4,7 @@
 
 use crate::device::{Address, Device};
 use curitiba_pipeline::backend::BackendError;
-use curitiba_pipeline::shared::{DeviceUuid, Offsets, SharedGBuffer};
+use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
 
 /// Whether the device is the one of that UUID.
 pub(crate) fn is_on(device: &Device, uuid: DeviceUuid) -> bool {
@@ -21,8 +21,9 @@ mod opened {
         reason = "opens memory and a semaphore of another interface; each block says why that is sound"
     )]
 
-    use super::{Address, BackendError, Device, Offsets, SharedGBuffer};
+    use super::{Address, BackendError, Device, SharedGBuffer};
     use cudarc::driver::{DevicePtr as _, MappedBuffer, sys};
+    use curitiba_pipeline::shared::Offsets;
     use std::fs::File;
     use std::mem::MaybeUninit;
     use std::os::fd::{AsRawFd as _, IntoRawFd as _};
@@ -76,14 +77,10 @@ mod opened {
             self.size == [width, height]
         }
 
-        /// Where its attachments start.
-        pub fn offsets(&self) -> Offsets {
-            self.offsets
-        }
-
-        /// The address of an attachment; 0 for one that is not shared.
-        pub fn address(&self, device: &Device, offset: Option<u64>) -> Address {
-            offset.map_or(0, |offset| self.memory.device_ptr(device.stream()).0 + offset)
+        /// The addresses of positions, normals, colours and triangle ids; 0 for those that are not shared.
+        pub fn attachments(&self, device: &Device) -> [Address; 4] {
+            let (memory, at) = (self.memory.device_ptr(device.stream()).0, self.offsets);
+            [at.position, at.normal, at.color, at.triangle].map(|offset| offset.map_or(0, |offset| memory + offset))
         }
 
         /// Lets the stream go on when the semaphore has reached `value`.
@@ -127,11 +124,7 @@ impl Joined {
         match *self {}
     }
 
-    pub fn address(&self, _: &Device, _: Option<u64>) -> Address {
-        match *self {}
-    }
-
-    pub fn offsets(&self) -> Offsets {
+    pub fn attachments(&self, _: &Device) -> [Address; 4] {
         match *self {}
     }
 

@@ -104,7 +104,7 @@ shared_structs! {
         open_share: Address = "const float *",
         /// By the number of glass surfaces crossed: what is left of the light.
         through_glass: Address = "const float *",
-        /// Sums of rays: [`RAY_COUNT_SLOTS`] times [`RAY_COUNT_KINDS`].
+        /// Sums of rays: [`RAY_COUNT_SLOTS`] times [`RAY_COUNT_KINDS`], then [`EXCEPTION_SLOT`].
         ray_counts: Address = "unsigned long long *",
         /// Nodes of our tree, five vectors each.
         nodes: Address = "const uint4 *",
@@ -190,6 +190,12 @@ pub const BLOCK_HEIGHT: u32 = 8;
 pub const RAY_COUNT_SLOTS: u32 = 1024;
 /// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain.
 pub const RAY_COUNT_KINDS: u32 = 5;
+/// Where among the counts OptiX's exception program writes why a ray was stopped; 0 if none was.
+pub const EXCEPTION_SLOT: u32 = RAY_COUNT_SLOTS * RAY_COUNT_KINDS;
+/// Types of rays that OptiX's programs tell apart: of radiance (`Phong` in project files) and of shadow.
+pub const RAY_TYPES: u32 = 2;
+/// Values that OptiX's programs pass along a ray.
+pub const PAYLOADS: u32 = 6;
 
 /// The header, whole: `programs/params.cuh`.
 #[must_use]
@@ -221,6 +227,9 @@ pub fn header() -> String {
         ("BLOCK_HEIGHT", BLOCK_HEIGHT),
         ("RAY_COUNT_SLOTS", RAY_COUNT_SLOTS),
         ("RAY_COUNT_KINDS", RAY_COUNT_KINDS),
+        ("EXCEPTION_SLOT", EXCEPTION_SLOT),
+        ("RAY_TYPES", RAY_TYPES),
+        ("PAYLOADS", PAYLOADS),
     ];
     for (name, value) in integers {
         writeln!(text, "constexpr unsigned {name} = {value}u;").expect("strings grow");

@@ -13,6 +13,7 @@ pub mod fault;
 mod join;
 pub mod layout;
 pub mod optix;
+mod peers;
 pub mod programs;
 pub mod rays;
 pub mod scene;

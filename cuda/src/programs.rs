@@ -1,37 +1,46 @@
 //! The device programs, as PTX that the driver compiles for its GPU; `programs/build.sh` writes them.
 
-use curitiba_pipeline::programs::RayProgram;
+use curitiba_pipeline::programs::{Fidelity, RayProgram};
 
 macro_rules! texts {
-    ($tracer:literal, $program:expr) => {
+    ($folder:literal, $program:expr) => {
         match $program {
-            RayProgram::Dummy => include_str!(concat!("../programs/ptx/", $tracer, "/dummy.ptx")),
-            RayProgram::DeferredShadows => include_str!(concat!("../programs/ptx/", $tracer, "/deferredShadows.ptx")),
-            RayProgram::Reflection => include_str!(concat!("../programs/ptx/", $tracer, "/reflection.ptx")),
-            RayProgram::Refraction => include_str!(concat!("../programs/ptx/", $tracer, "/refraction.ptx")),
-            RayProgram::Ssao => include_str!(concat!("../programs/ptx/", $tracer, "/ssao.ptx")),
-            RayProgram::Final => include_str!(concat!("../programs/ptx/", $tracer, "/final.ptx")),
+            RayProgram::Dummy => include_str!(concat!("../programs/ptx/", $folder, "/dummy.ptx")),
+            RayProgram::DeferredShadows => include_str!(concat!("../programs/ptx/", $folder, "/deferredShadows.ptx")),
+            RayProgram::Reflection => include_str!(concat!("../programs/ptx/", $folder, "/reflection.ptx")),
+            RayProgram::Refraction => include_str!(concat!("../programs/ptx/", $folder, "/refraction.ptx")),
+            RayProgram::Ssao => include_str!(concat!("../programs/ptx/", $folder, "/ssao.ptx")),
+            RayProgram::Final => include_str!(concat!("../programs/ptx/", $folder, "/final.ptx")),
         }
     };
 }
 
-/// A program on our own traversal: kernels `curitiba_corrected` and `curitiba_thesis`.
+/// A program on our own traversal: one kernel, called as the ray-generation program is.
 #[must_use]
-pub fn on_bvh(program: RayProgram) -> &'static str {
-    texts!("bvh", program)
+pub fn on_bvh(program: RayProgram, fidelity: Fidelity) -> &'static str {
+    match fidelity {
+        Fidelity::Corrected => texts!("bvh/corrected", program),
+        Fidelity::Thesis => texts!("bvh/thesis", program),
+    }
 }
 
-/// A program on OptiX: ray-generation programs `__raygen__corrected` and `__raygen__thesis`, and what they trace with.
+/// A program on OptiX: everything that a project may name, as `__raygen__buffer_camera` or `__closesthit__closest_hit`. Both
+/// fidelities have the same names.
 #[must_use]
-pub fn on_optix(program: RayProgram) -> &'static str {
-    texts!("optix", program)
+pub fn on_optix(program: RayProgram, fidelity: Fidelity) -> &'static str {
+    match fidelity {
+        Fidelity::Corrected => texts!("optix/corrected", program),
+        Fidelity::Thesis => texts!("optix/thesis", program),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use curitiba_pipeline::programs::RAY_PROGRAMS;
-    use std::path::Path;
+    use curitiba_pipeline::programs::{PROCS, RAY_PROGRAMS};
+    use std::path::{Path, PathBuf};
+
+    const FIDELITIES: [Fidelity; 2] = [Fidelity::Corrected, Fidelity::Thesis];
 
     /// The hash that `programs/build.sh` records: FNV-1a over the sources in the order of their names.
     fn hash_of_sources() -> String {
@@ -56,27 +65,90 @@ mod tests {
     fn the_compiled_programs_are_made_from_the_sources() {
         let first_line = format!("// curitiba sources {}", hash_of_sources());
         for info in RAY_PROGRAMS {
-            for (tracer, text) in [("bvh", on_bvh(info.program)), ("optix", on_optix(info.program))] {
-                assert_eq!(
-                    text.lines().next(),
-                    Some(first_line.as_str()),
-                    "ptx/{tracer}/{}.ptx is older than its sources: run cuda/programs/build.sh",
-                    info.stem
-                );
+            for fidelity in FIDELITIES {
+                for (tracer, text) in
+                    [("bvh", on_bvh(info.program, fidelity)), ("optix", on_optix(info.program, fidelity))]
+                {
+                    assert_eq!(
+                        text.lines().next(),
+                        Some(first_line.as_str()),
+                        "ptx/{tracer}/{fidelity:?}/{}.ptx is older than its sources: run cuda/programs/build.sh",
+                        info.stem
+                    );
+                }
             }
         }
     }
 
+    /// How modules call a program that a project names; `None` for triangles, which are the tracer's own.
+    fn entry(kind: &str, proc: &str) -> Option<String> {
+        let kind = kind.to_ascii_lowercase().replace('_', "");
+        (kind != "geometryintersection" && kind != "boundingbox").then(|| format!(".entry __{kind}__{proc}("))
+    }
+
     #[test]
-    fn every_program_has_both_fidelities_for_every_gpu_since_turing() {
+    fn every_module_has_all_programs_for_every_gpu_since_turing() {
         for info in RAY_PROGRAMS {
-            for (prefix, text) in [("curitiba_", on_bvh(info.program)), ("__raygen__", on_optix(info.program))] {
-                for fidelity in ["corrected", "thesis"] {
-                    assert!(text.contains(&format!(".entry {prefix}{fidelity}(")), "{} {fidelity}", info.stem);
+            for fidelity in FIDELITIES {
+                let [kernel, module] = [on_bvh(info.program, fidelity), on_optix(info.program, fidelity)];
+                assert!(kernel.contains(&format!(".entry {}(", info.entry)), "{}", info.stem);
+                for (kind, proc) in PROCS.iter().flat_map(|(kind, procs)| procs.iter().map(move |proc| (kind, proc))) {
+                    assert!(
+                        entry(kind, proc).is_none_or(|entry| module.contains(&entry)),
+                        "{}: {kind} {proc}",
+                        info.stem
+                    );
                 }
-                assert!(text.contains(".target sm_75") && text.contains(".version 9.0"), "{}", info.stem);
-                assert!(!text.contains("ftz"), "{}: denormals are kept, as on the processor", info.stem);
+                assert!(!module.contains(".entry __raygen__pinhole_camera("));
+                for text in [kernel, module] {
+                    assert!(text.contains(".target sm_75") && text.contains(".version 9.0"), "{}", info.stem);
+                    assert!(!text.contains("ftz"), "{}: denormals are kept, as on the processor", info.stem);
+                }
             }
+            let [corrected, thesis] = FIDELITIES.map(|fidelity| on_optix(info.program, fidelity));
+            assert_eq!(corrected == thesis, info.program == RayProgram::Dummy, "{}", info.stem);
+        }
+    }
+
+    /// Type, file and name of each program that a project file names.
+    fn named(project: &str) -> Vec<[String; 3]> {
+        let elements = project.split("<optixProgram").skip(1).map(|rest| rest.split('>').next().unwrap_or_default());
+        let value = |element: &str, name: &str| {
+            let (_, after) = element.split_once(&format!("{name}=\""))?;
+            Some(after.split('"').next()?.to_owned())
+        };
+        elements
+            .map(|element| ["type", "file", "proc"].map(|name| value(element, name).expect("all three are there")))
+            .collect()
+    }
+
+    #[test]
+    fn modules_have_what_the_projects_here_and_those_of_2014_name() {
+        let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xml_projects");
+        let of_2014 = std::env::var_os("CURITIBA_PROJECTS").map(|folder| PathBuf::from(folder).join("OptixProjects"));
+        if of_2014.is_none() {
+            println!("those of 2014 skipped: CURITIBA_PROJECTS names no folder");
+        }
+        for folder in [Some(here), of_2014].into_iter().flatten() {
+            let mut found = 0;
+            for file in std::fs::read_dir(&folder).expect("the folder is there") {
+                let path = file.expect("readable").path();
+                if path.extension().is_none_or(|extension| extension != "xml") {
+                    continue;
+                }
+                let bytes = std::fs::read(&path).expect("readable");
+                for [kind, file, proc] in named(&String::from_utf8_lossy(&bytes)) {
+                    let info = RAY_PROGRAMS.iter().find(|info| file == format!("optix/{}.ptx", info.stem));
+                    let info = info.unwrap_or_else(|| panic!("{}: {file}", path.display()));
+                    let Some(entry) = entry(&kind, &proc) else { continue };
+                    for fidelity in FIDELITIES {
+                        let module = on_optix(info.program, fidelity);
+                        assert!(module.contains(&entry), "{}: {file} {kind} {proc}", path.display());
+                    }
+                    found += 1;
+                }
+            }
+            assert!(found > 25, "{}: {found} programs", folder.display());
         }
     }
 }

@@ -2,7 +2,8 @@
 
 use crate::device::{Address, Buffer, Device};
 use crate::join::Joined;
-use crate::layout::{BLOCK_HEIGHT, MAX_DEPTH, Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS, THROUGH_GLASS_ENTRIES};
+use crate::layout::{BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, Params, RAY_COUNT_KINDS, THROUGH_GLASS_ENTRIES};
+use crate::peers::{Copies, Lent, copy_parts};
 use crate::scene::{SceneBuffers, shades};
 use crate::staging::Staging;
 use cudarc::driver::sys::CUevent_flags;
@@ -52,22 +53,16 @@ pub trait DeviceTracer: Sized + Send {
     ) -> Result<BuildStats, BackendError>;
     /// Releases the structure: until the next build there is nothing to hit.
     fn clear(&mut self);
-    /// Makes a program ready to launch; done once for each.
+    /// Makes the job's program ready to launch; compiled once for each fidelity.
     ///
     /// # Errors
     /// If the driver refuses it.
-    fn load(&mut self, device: &Device, program: RayProgram) -> Result<(), BackendError>;
-    /// Starts a loaded program over the rows that the parameters name.
+    fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError>;
+    /// Starts the job's program, which was loaded, over the rows that the parameters name.
     ///
     /// # Errors
     /// If the launch fails.
-    fn launch(
-        &mut self,
-        device: &Device,
-        program: RayProgram,
-        fidelity: Fidelity,
-        params: &mut Params,
-    ) -> Result<(), BackendError>;
+    fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError>;
 }
 
 /// Pixels of one launch at most: long passes are cut, so that no kernel runs into a display driver's time limit unless a
@@ -130,6 +125,17 @@ pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> Vec<Launch> {
     (0..all).step_by(most as usize).map(launch).collect()
 }
 
+/// What the exception program reported.
+fn stopped(program: RayProgram, code: i64) -> String {
+    let meaning = match code {
+        -1 => "the stack was full",
+        -2 => "rays were nested too deeply",
+        _ => "see OptiX's list of exceptions",
+    };
+    let stem = program.info().stem;
+    format!("running `{stem}`: OptiX stopped it with exception {code}: {meaning}; please report it, with the project")
+}
+
 /// Device images and tables that are kept from pass to pass.
 #[derive(Debug, Default)]
 struct Images {
@@ -147,7 +153,7 @@ struct Images {
 
 /// Values that seldom change from pass to pass: they are copied to the device when they do.
 #[derive(Debug)]
-struct Table<T> {
+pub(crate) struct Table<T> {
     values: Vec<T>,
     buffer: Buffer<T>,
 }
@@ -159,7 +165,17 @@ impl<T> Default for Table<T> {
 }
 
 impl<T: DeviceRepr + PartialEq> Table<T> {
-    fn set(&mut self, device: &Device, what: &str, values: Vec<T>) -> Result<(), BackendError> {
+    /// Where they are; see [`Buffer::address`].
+    pub fn address(&self, device: &Device) -> Address {
+        self.buffer.address(device)
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    pub fn set(&mut self, device: &Device, what: &str, values: Vec<T>) -> Result<(), BackendError> {
         if self.values != values {
             // What fails leaves nothing that a later pass could take for its own.
             self.values.clear();
@@ -219,28 +235,62 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(start.elapsed())
     }
 
-    /// Addresses of positions, normals, colours and triangle ids.
-    fn gbuffer(&self, job: &RayJob<'_>) -> Result<[Address; 4], BackendError> {
-        let (device, images) = (&self.device, &self.images);
-        let Some((joined, _)) = self.shared(job)? else {
-            let (position, normal, color) = (&images.position, &images.normal, &images.color);
-            let floats = [position, normal, color].map(|buffer| buffer.address(device));
-            return Ok([floats[0], floats[1], floats[2], images.triangle.address(device)]);
+    /// Lends the shared G-buffer of a job to other GPUs.
+    pub fn lend(&self, job: &RayJob<'_>) -> Result<Lent, BackendError> {
+        self.device.bind()?;
+        let Some((joined, value)) = self.shared(job)? else {
+            return Err(check::missing(T::NAME, job, "no shared G-buffer was handed over"));
         };
-        let at = joined.offsets();
-        Ok([at.position, at.normal, at.color, at.triangle].map(|offset| joined.address(device, offset)))
+        joined.wait(&self.device, value)?;
+        let ready = self.device.stream().record_event(None);
+        let ready = ready.map_err(|error| self.device.fault("waiting for the rasteriser", &error))?;
+        Ok(Lent { context: Arc::clone(self.device.context()), attachments: joined.attachments(&self.device), ready })
+    }
+
+    /// Starts copying the rows of a lent G-buffer that are computed here.
+    #[allow(unsafe_code, reason = "copies from the memory of another GPU")]
+    fn borrow(&mut self, job: &RayJob<'_>, lent: &Lent, stripes: &[Stripe<'_>]) -> Result<Copies, BackendError> {
+        let (device, images) = (&self.device, &mut self.images);
+        let parts: Vec<_> = stripes.iter().map(|stripe| stripe.range(job.width)).collect();
+        let fours: Vec<_> = parts.iter().map(|part| 4 * part.start..4 * part.end).collect();
+        let pixels = job.width as usize * job.height as usize;
+        let [position, normal, color, triangle] = lent.attachments.map(|from| (&*lent.context, from));
+        let floats = [
+            ("the positions", &mut images.position, position),
+            ("the normals", &mut images.normal, normal),
+            ("the colours", &mut images.color, color),
+        ];
+        Copies::start(device, lent, || {
+            for (what, buffer, from) in floats.into_iter().filter(|(_, _, from)| from.1 != 0) {
+                // SAFETY: attachments have a pixel of four numbers for each of the picture, whose size the lender compared,
+                // and stay until the pass has ended.
+                unsafe { copy_parts(device, what, buffer, from, 4 * pixels, &fours) }?;
+            }
+            if triangle.1 != 0 {
+                // SAFETY: as above, with one number a pixel.
+                unsafe { copy_parts(device, "the triangle ids", &mut images.triangle, triangle, pixels, &parts) }?;
+            }
+            Ok(())
+        })
+    }
+
+    /// Addresses of positions, normals, colours and triangle ids: in the shared G-buffer, or in the copy that is here.
+    fn gbuffer(&self, job: &RayJob<'_>, copied: bool) -> Result<[Address; 4], BackendError> {
+        let (device, images) = (&self.device, &self.images);
+        if !copied && let Some((joined, _)) = self.shared(job)? {
+            return Ok(joined.attachments(device));
+        }
+        let (position, normal, color) = (&images.position, &images.normal, &images.color);
+        let floats = [position, normal, color].map(|buffer| buffer.address(device));
+        Ok([floats[0], floats[1], floats[2], images.triangle.address(device)])
     }
 
     /// Copies a pass's tables to the device, and describes them.
-    fn describe(&mut self, job: &RayJob<'_>) -> Result<Params, BackendError> {
-        let [position, normal, color, triangle] = self.gbuffer(job)?;
+    fn describe(&mut self, job: &RayJob<'_>, copied: bool) -> Result<Params, BackendError> {
+        let [position, normal, color, triangle] = self.gbuffer(job, copied)?;
         let (device, images) = (&self.device, &mut self.images);
         let pixels = job.width as usize * job.height as usize;
-        if images.output.0.as_ref().is_none_or(|output| output.len() < 4 * pixels) {
-            images.output = Buffer::default();
-            let room = device.stream().alloc_zeros(4 * pixels);
-            images.output.0 = Some(room.map_err(|error| device.fault("making room for the picture", &error))?);
-        }
+        device.reserve("the picture", &mut images.output, 4 * pixels)?;
         let samples = if job.program.info().params.contains(&"samples") { job.params.samples } else { 0 };
         let wrong = |why: String| check::missing(T::NAME, job, &why);
         let sampler = match job.fidelity {
@@ -263,7 +313,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
         images.through_glass.set(device, "the table of glass", through)?;
         images.shades.set(device, "the materials", shades(job))?;
-        let slots = (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as usize;
+        let slots = EXCEPTION_SLOT as usize + 1;
         let zeroed = match &mut images.counts.0 {
             Some(counts) => device.stream().memset_zeros(counts),
             none => device.stream().alloc_zeros(slots).map(|counts| *none = Some(counts)),
@@ -281,12 +331,12 @@ impl<T: DeviceTracer> OneGpu<T> {
             texcoords: 0,
             triangles: 0,
             materials: 0,
-            shades: images.shades.buffer.address(device),
+            shades: images.shades.address(device),
             textures: 0,
             texels: 0,
-            sobol: images.sobol.buffer.address(device),
-            open_share: images.open_share.buffer.address(device),
-            through_glass: images.through_glass.buffer.address(device),
+            sobol: images.sobol.address(device),
+            open_share: images.open_share.address(device),
+            through_glass: images.through_glass.address(device),
             ray_counts: images.counts.address(device),
             nodes: 0,
             leaves: 0,
@@ -342,7 +392,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             (params.first_row, params.rows) = (first_row, rows);
             (params.stripe, params.skipped) = (stripe, skipped);
             let start = event()?;
-            self.tracer.launch(device, job.program, job.fidelity, params)?;
+            self.tracer.launch(device, job, params)?;
             ahead.push_back([start, event()?]);
         }
         for launched in ahead {
@@ -351,13 +401,16 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(Duration::from_secs_f64(total.max(0.0) * 1e-3))
     }
 
-    fn read_counts(&self) -> Result<RayCounts, BackendError> {
-        let mut sums = vec![0_u64; (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as usize];
+    fn read_counts(&self, job: &RayJob<'_>) -> Result<RayCounts, BackendError> {
+        let mut sums = vec![0_u64; EXCEPTION_SLOT as usize + 1];
         if let Some(counts) = &self.images.counts.0 {
             let copied = self.device.stream().memcpy_dtoh(counts, &mut sums);
             copied.map_err(|error| self.device.fault("reading the ray counts", &error))?;
         }
         self.synchronise("reading the ray counts")?;
+        if let Some(code) = sums.pop().filter(|code| *code != 0) {
+            return Err(BackendError::Device { backend: T::NAME, message: stopped(job.program, code.cast_signed()) });
+        }
         let mut kinds = [0_u64; RAY_COUNT_KINDS as usize];
         for slot in sums.chunks_exact(kinds.len()) {
             kinds.iter_mut().zip(slot).for_each(|(kind, count)| *kind += count);
@@ -392,17 +445,21 @@ impl<T: DeviceTracer> OneGpu<T> {
         self.tracer.clear();
     }
 
-    /// Runs a pass, which was checked, over some of its rows. What fails leaves no pixel of use.
+    /// Runs a pass, which was checked, over some of its rows. A shared G-buffer is this GPU's own, or `lent` by another. What
+    /// fails leaves no pixel of use.
     pub fn run(
         &mut self,
         job: &RayJob<'_>,
         stripes: &mut [Stripe<'_>],
+        lent: Option<&Lent>,
         progress: &Progress,
     ) -> Result<RayStats, BackendError> {
         self.device.bind()?;
-        self.tracer.load(&self.device, job.program)?;
-        let upload = if job.shared.is_none() { Some(self.copy(job, stripes)?) } else { None };
-        let mut params = self.describe(job)?;
+        self.tracer.load(&self.device, job)?;
+        let mut upload = if job.shared.is_none() { Some(self.copy(job, stripes)?) } else { None };
+        let borrowed = lent.map(|lent| self.borrow(job, lent, stripes)).transpose()?;
+        let copied = upload.is_some() || borrowed.is_some();
+        let mut params = self.describe(job, copied)?;
         // Kept until the kernels are done.
         let unbuilt;
         match &self.built {
@@ -417,19 +474,23 @@ impl<T: DeviceTracer> OneGpu<T> {
             }
             _ => return Err(check::missing(T::NAME, job, "its scene's acceleration structure was not built")),
         }
-        if let Some((joined, value)) = self.shared(job)? {
+        if !copied && let Some((joined, value)) = self.shared(job)? {
             joined.wait(&self.device, value)?;
         }
         let device_time = self.launch_all(job, &mut params, stripes, progress)?;
+        if let Some(copies) = &borrowed {
+            upload = Some(copies.time(&self.device)?);
+        }
         let start = Instant::now();
         if let Some(picture) = &self.images.output.0 {
-            for stripe in stripes {
-                let part = stripe.range(job.width);
-                self.staging.read(&self.device, picture, 4 * part.start, stripe.pixels.as_flattened_mut())?;
-            }
+            let parts = stripes.iter_mut().map(|stripe| {
+                let first = 4 * stripe.range(job.width).start;
+                (first, stripe.pixels.as_flattened_mut())
+            });
+            self.staging.read(&self.device, picture, parts.collect())?;
         }
         let read_back = Some(start.elapsed());
-        let rays = self.read_counts()?;
+        let rays = self.read_counts(job)?;
         Ok(RayStats { rays, upload, read_back, device_time: Some(device_time) })
     }
 }
@@ -437,6 +498,13 @@ impl<T: DeviceTracer> OneGpu<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_exception_is_told_with_the_program_and_its_meaning() {
+        let message = stopped(RayProgram::Final, -1);
+        assert!(message.contains("`final`") && message.contains("exception -1: the stack was full"), "{message}");
+        assert!(stopped(RayProgram::Ssao, 7).contains("exception 7: see"));
+    }
 
     #[test]
     fn launches_cover_the_rows_of_a_share_once_and_in_order() {

@@ -45,9 +45,9 @@ impl SceneBuffers {
         params.texels = self.texels.address(device);
     }
 
-    /// Vertex positions and triangles, for a structure that is built on the device.
-    pub fn mesh(&self, device: &Device) -> (Address, Address) {
-        (self.positions.address(device), self.triangles.address(device))
+    /// Vertex positions, triangles and their materials, for a structure that is built on the device.
+    pub fn mesh(&self, device: &Device) -> [Address; 3] {
+        [self.positions.address(device), self.triangles.address(device), self.materials.address(device)]
     }
 
     /// Bytes held.

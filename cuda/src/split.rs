@@ -4,9 +4,9 @@
 //! its stripes from its own copy of the scene. No pixel depends on another, so pictures and ray counts are those of one GPU.
 
 use crate::device::Device;
-use crate::join;
 use crate::layout::BLOCK_HEIGHT;
 use crate::rays::{DeviceTracer, OneGpu, Stripe, launches};
+use crate::{join, peers};
 use curitiba_passes::cpu::check;
 use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, RayBackend, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
@@ -31,6 +31,8 @@ const STRIPES: u32 = 16;
 pub struct DeviceRays<T> {
     /// At least one.
     gpus: Vec<OneGpu<T>>,
+    /// Which of them has the shared G-buffer, if there is one.
+    owner: usize,
 }
 
 impl<T: DeviceTracer> DeviceRays<T> {
@@ -50,7 +52,12 @@ impl<T: DeviceTracer> DeviceRays<T> {
         let ordinals = if ordinals.is_empty() { &[0] } else { ordinals };
         let several = ordinals.len() > 1;
         let open = |ordinal: &usize| OneGpu::new(Device::on(T::NAME, *ordinal, several)?);
-        Ok(Self { gpus: ordinals.iter().map(open).collect::<Result<_, _>>()? })
+        Ok(Self { gpus: ordinals.iter().map(open).collect::<Result<_, _>>()?, owner: 0 })
+    }
+
+    /// The first of the GPUs that is the one of that UUID.
+    fn drawn_on(&self, device: DeviceUuid) -> Option<usize> {
+        self.gpus.iter().position(|gpu| join::is_on(&gpu.device, device))
     }
 
     /// Does the same on every GPU, each on a thread of its own, and returns what each gives, or the first failure.
@@ -137,12 +144,17 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     }
 
     fn joins(&self, device: DeviceUuid) -> bool {
-        // Another GPU would have to copy its rows from the one that draws.
-        matches!(self.gpus.as_slice(), [gpu] if join::is_on(&gpu.device, device))
+        self.drawn_on(device)
+            .is_some_and(|owner| self.gpus.iter().all(|gpu| peers::reaches(&gpu.device, &self.gpus[owner].device)))
     }
 
     fn join(&mut self, shared: SharedGBuffer) -> Result<(), BackendError> {
-        self.gpus[0].join(shared)
+        let owner = self.drawn_on(shared.device).unwrap_or(0);
+        for gpu in &self.gpus {
+            peers::connect(&gpu.device, &self.gpus[owner].device)?;
+        }
+        self.owner = owner;
+        self.gpus[owner].join(shared)
     }
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
@@ -155,9 +167,16 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         }
         let shares = deal(&mut output.pixels, [job.width, job.height], self.gpus.len());
         progress.start(shares.iter().map(|share| launches(share, job.width).len() as u64).sum());
-        let parts = self.on_each(shares, |gpu, mut share| {
+        let several = self.gpus.len() > 1;
+        let lent = if several && job.shared.is_some() { Some(self.gpus[self.owner].lend(job)?) } else { None };
+        let owner = self.owner;
+        let shares = shares.into_iter().enumerate().collect();
+        let parts = self.on_each(shares, |gpu, (index, mut share)| {
             // A small picture may not have a stripe for everyone.
-            if share.is_empty() { Ok(RayStats::default()) } else { gpu.run(job, &mut share, progress) }
+            if share.is_empty() {
+                return Ok(RayStats::default());
+            }
+            gpu.run(job, &mut share, lent.as_ref().filter(|_| index != owner), progress)
         })?;
         Ok(together(&parts))
     }

@@ -15,26 +15,39 @@ const COPIED_AT_ONCE: usize = 1 << 16;
 #[derive(Debug, Default)]
 pub(crate) struct Staging(Option<[PinnedHostSlice<f32>; 2]>);
 
+/// Numbers from a place of the device's memory on, and where they go.
+type Part<'a> = (usize, &'a mut [f32]);
+
+/// The parts, cut and gathered so that each batch fits into a piece.
+fn batches(parts: Vec<Part<'_>>) -> Vec<Vec<Part<'_>>> {
+    let (mut batches, mut batch, mut room) = (Vec::new(), Vec::new(), PIECE);
+    for (mut first, mut target) in parts {
+        while !target.is_empty() {
+            if room == 0 {
+                batches.push(std::mem::take(&mut batch));
+                room = PIECE;
+            }
+            let (now, later) = target.split_at_mut(room.min(target.len()));
+            room -= now.len();
+            let length = now.len();
+            batch.push((first, now));
+            (first, target) = (first + length, later);
+        }
+    }
+    if !batch.is_empty() {
+        batches.push(batch);
+    }
+    batches
+}
+
 impl Staging {
-    /// Copies the numbers from `first` on of `source` to `target`.
-    pub fn read(
-        &mut self,
-        device: &Device,
-        source: &CudaSlice<f32>,
-        first: usize,
-        target: &mut [f32],
-    ) -> Result<(), BackendError> {
-        self.copy(device, source, first, target).map_err(|error| device.fault("reading the picture", &error))
+    /// Copies the parts of `source` to the host.
+    pub fn read(&mut self, device: &Device, source: &CudaSlice<f32>, parts: Vec<Part<'_>>) -> Result<(), BackendError> {
+        self.copy(device, source, parts).map_err(|error| device.fault("reading the picture", &error))
     }
 
     #[allow(unsafe_code, reason = "lets the device write into memory while the host goes on")]
-    fn copy(
-        &mut self,
-        device: &Device,
-        source: &CudaSlice<f32>,
-        first: usize,
-        target: &mut [f32],
-    ) -> Result<(), DriverError> {
+    fn copy(&mut self, device: &Device, source: &CudaSlice<f32>, parts: Vec<Part<'_>>) -> Result<(), DriverError> {
         if self.0.is_none() {
             // SAFETY: what is read of it was written by the device before.
             let piece = || unsafe { device.context().alloc_pinned_with_flags::<f32>(PIECE, 0) };
@@ -43,34 +56,68 @@ impl Staging {
         let Some([one, other]) = &mut self.0 else { return Ok(()) };
         let (mut filled, mut next) = (one.as_mut_slice()?, other.as_mut_slice()?);
         let stream = device.stream();
-        let begin = |piece: usize, into: &mut [f32]| {
-            let from = first + piece * PIECE;
-            let part = source.slice(from..from + into.len());
-            // SAFETY: source and target are as long; the target is page-locked, lives as long as `self`, and nobody looks
-            // at it before the event that follows has happened, for which every way out of this function waits: a failure
-            // leaves a stream on which nothing runs any more.
-            unsafe { memcpy_dtoh_async(into, part.device_ptr(stream).0, stream.cu_stream()) }?;
+        let begin = |batch: &[Part<'_>], into: &mut [f32]| {
+            let mut rest = into;
+            for (first, target) in batch {
+                let (now, later) = rest.split_at_mut(target.len());
+                rest = later;
+                let from = source.slice(*first..*first + now.len());
+                // SAFETY: source and target are as long; the target is page-locked, lives as long as `self`, and nobody
+                // looks at it before the event that follows has happened, for which every way out of this function waits: a
+                // failure leaves a stream on which nothing runs any more.
+                unsafe { memcpy_dtoh_async(now, from.device_ptr(stream).0, stream.cu_stream()) }?;
+            }
             stream.record_event(None)
         };
-        let mut pieces = target.chunks_mut(PIECE).enumerate().peekable();
-        let mut done = match pieces.peek() {
-            Some((piece, part)) => begin(*piece, &mut filled[..part.len()])?,
+        let mut batches = batches(parts).into_iter().peekable();
+        let mut done = match batches.peek() {
+            Some(batch) => begin(batch, filled)?,
             None => return Ok(()),
         };
-        while let Some((_, part)) = pieces.next() {
-            let following = match pieces.peek() {
-                Some((piece, part)) => Some(begin(*piece, &mut next[..part.len()])?),
+        while let Some(batch) = batches.next() {
+            let following = match batches.peek() {
+                Some(batch) => Some(begin(batch, next)?),
                 None => None,
             };
             done.synchronize()?;
-            let numbers = &filled[..part.len()];
-            part.par_chunks_mut(COPIED_AT_ONCE)
-                .zip(numbers.par_chunks(COPIED_AT_ONCE))
-                .for_each(|(to, from)| to.copy_from_slice(from));
+            let mut rest = &*filled;
+            let mut pieces = Vec::new();
+            for (_, target) in batch {
+                let (numbers, later) = rest.split_at(target.len());
+                rest = later;
+                pieces.extend(target.chunks_mut(COPIED_AT_ONCE).zip(numbers.chunks(COPIED_AT_ONCE)));
+            }
+            pieces.into_par_iter().for_each(|(to, from)| to.copy_from_slice(from));
             let Some(following) = following else { break };
             done = following;
             std::mem::swap(&mut filled, &mut next);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_is_in_one_batch_and_no_batch_is_larger_than_a_piece() {
+        let lengths = [3, PIECE - 1, 0, 2 * PIECE + 5, 7, 7];
+        let mut memory: Vec<Vec<f32>> = lengths.iter().map(|length| vec![0.0; *length]).collect();
+        let starts: Vec<usize> = (0..lengths.len()).map(|part| part * 10 * PIECE).collect();
+        let parts = starts.iter().copied().zip(memory.iter_mut().map(Vec::as_mut_slice)).collect();
+        let batches = batches(parts);
+        assert_eq!(batches.len(), 4, "three whole pieces and a rest");
+        for batch in batches {
+            assert!(batch.iter().map(|(_, target)| target.len()).sum::<usize>() <= PIECE);
+            for (first, target) in batch {
+                for (index, number) in target.iter_mut().enumerate() {
+                    *number += ((first + index) % (10 * PIECE) + 1) as f32;
+                }
+            }
+        }
+        for part in memory {
+            assert!(part.iter().enumerate().all(|(index, number)| *number == (index + 1) as f32));
+        }
     }
 }

@@ -398,7 +398,8 @@ impl std::ops::AddAssign for RayCounts {
 pub struct RayStats {
     /// Rays traced.
     pub rays: RayCounts,
-    /// What copying the G-buffer to the device took, on the host; `None` where nothing was copied.
+    /// What copying the G-buffer to the device took, on the host, or to another device from the one that drew it, on its own
+    /// clock; `None` where nothing was copied.
     pub upload: Option<Duration>,
     /// What copying the picture back took, on the host; `None` in host memory.
     pub read_back: Option<Duration>,

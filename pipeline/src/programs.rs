@@ -253,6 +253,24 @@ const fn optional(kind: &'static str, ray: &'static str, proc: &'static str) -> 
     ProcInfo { kind, ray, proc, required: false }
 }
 
+/// What a program file has, whatever it computes and whether it calls it or not: names by the type under which projects name
+/// them. Triangles (`Geometry_Intersection` and `Bounding_Box`) are the tracers' own; their names stand for that.
+pub const PROCS: &[(&str, &[&str])] = &[
+    ("RayGen", &["buffer_camera"]),
+    ("Exception", &["exception"]),
+    ("Closest_Hit", &["closest_hit", "closest_hit_glass"]),
+    ("Any_Hit", &["any_hit_shadow", "any_hit_shadow_glass"]),
+    ("Miss", &["miss", "miss_shadow"]),
+    ("Geometry_Intersection", &["geometryintersection"]),
+    ("Bounding_Box", &["boundingbox"]),
+];
+
+/// The names of a type, in any letters' case, in [`PROCS`].
+#[must_use]
+pub fn procs_of_kind(kind: &str) -> Option<&'static [&'static str]> {
+    PROCS.iter().find(|(known, _)| kind.eq_ignore_ascii_case(known)).map(|(_, names)| *names)
+}
+
 /// Every ray program.
 pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
     RayProgramInfo {
@@ -390,6 +408,17 @@ pub const QUAD_PROGRAMS: &[ShaderInfo<QuadProgram>] = &[ShaderInfo {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_program_calls_is_in_its_file() {
+        for info in RAY_PROGRAMS {
+            assert!(procs_of_kind("rayGEN").is_some_and(|names| names.contains(&info.entry)), "{}", info.stem);
+            for proc in info.procs {
+                assert!(procs_of_kind(proc.kind).is_some_and(|names| names.contains(&proc.proc)), "{proc:?}");
+            }
+        }
+        assert_eq!(procs_of_kind("Any_Hat"), None);
+    }
 
     #[test]
     fn every_parameter_is_settable_by_its_name() {

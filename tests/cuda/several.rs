@@ -4,7 +4,8 @@ use super::{PROJECTS, project, there};
 use curitiba::cuda::device::ordinals;
 use curitiba::cuda::{CudaRays, OptixRays};
 use curitiba::passes::raster::cpu::CpuRasteriser;
-use curitiba::pipeline::backend::{BackendError, RayBackend, RayCounts};
+use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
+use curitiba::pipeline::backend::{BackendError, Rasteriser, RayBackend, RayCounts};
 use curitiba::pipeline::executor::{Engines, Renderer, Silent, StepKind};
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::Fidelity;
@@ -16,6 +17,17 @@ type Made = Result<Box<dyn RayBackend>, BackendError>;
 type Frame = (Vec<[u32; 4]>, RayCounts);
 
 fn frame(name: &str, fidelity: Fidelity, seed: u32, rays: Made) -> Frame {
+    drawn_frame(Box::new(CpuRasteriser::new()), name, fidelity, seed, rays).0
+}
+
+/// The second frame, and how its G-buffer came to the rays.
+fn drawn_frame(
+    raster: Box<dyn Rasteriser>,
+    name: &str,
+    fidelity: Fidelity,
+    seed: u32,
+    rays: Made,
+) -> (Frame, Vec<String>) {
     let project = project::load(&project(name)).expect("the project loads");
     let occlusion = matches!(name, "SceneSSAO" | "SceneFinal");
     let settings = Settings {
@@ -27,7 +39,7 @@ fn frame(name: &str, fidelity: Fidelity, seed: u32, rays: Made) -> Frame {
         set: if occlusion { vec!["pass2.samples=9".to_owned()] } else { Vec::new() },
         ..Settings::default()
     };
-    let engines = Engines::new(Box::new(CpuRasteriser::new()), rays.expect("it was there before"));
+    let engines = Engines::new(raster, rays.expect("it was there before"));
     let plan = Plan::new(project, settings).expect("the plan stands");
     let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("ready");
     // The second frame finds everything in its place already.
@@ -35,7 +47,57 @@ fn frame(name: &str, fidelity: Fidelity, seed: u32, rays: Made) -> Frame {
     let picture = renderer.frame(&mut Silent).expect("rendered");
     let row = renderer.timeline().rows.iter().find(|row| row.kind == StepKind::Rays).expect("a ray pass ran");
     assert!(row.device_ms.len() == 2 && row.device_ms.iter().all(|ms| *ms > 0.0), "{:?}", row.device_ms);
-    (picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect(), row.rays.expect("rays are counted"))
+    let joins = renderer.timeline().rows.iter().filter(|row| row.kind == StepKind::Join);
+    let joins = joins.map(|row| row.note.clone()).collect();
+    let bits = picture.pixels.iter().map(|pixel| pixel.map(f32::to_bits)).collect();
+    ((bits, row.rays.expect("rays are counted")), joins)
+}
+
+fn copies_from_gpu_to_gpu(backend: BackendChoice, on: impl Fn(&[usize]) -> Made) {
+    if there(Choice::CPU.traced_by(backend)).is_none() {
+        return;
+    }
+    let wgpu = || WgpuRasteriser::new(AdapterChoice::RealGpu);
+    let mut sets = vec![vec![0], vec![0, 0]];
+    let all = ordinals(backend.name(), None).expect("there are some");
+    if all.len() > 1 {
+        // The one that draws may be any of them.
+        sets.extend([all.clone(), all.into_iter().rev().collect()]);
+    }
+    let mut before: Option<Frame> = None;
+    for set in &sets {
+        let shared =
+            wgpu().map(|raster| raster.shares().is_some_and(|device| on(set).is_ok_and(|rays| rays.joins(device))));
+        match shared {
+            Ok(true) => {}
+            other => {
+                let required = std::env::var_os("CURITIBA_REQUIRE_CUDA_TESTS").is_some_and(|value| value == "1");
+                assert!(!required, "GPUs {set:?} do not share a G-buffer: {other:?}");
+                println!("skipped: GPUs {set:?} do not share a G-buffer: {other:?}");
+                continue;
+            }
+        }
+        let raster = Box::new(wgpu().expect("it was there before"));
+        let (frame, joins) = drawn_frame(raster, "SceneFinal", Fidelity::Corrected, 0, on(set));
+        let mut expected = vec!["in device memory"];
+        expected.extend((set.len() > 1).then_some("copied from GPU to GPU"));
+        assert_eq!(joins, expected, "GPUs {set:?}");
+        if let Some(before) = &before {
+            assert!(frame.0 == before.0, "another picture on GPUs {set:?}");
+            assert_eq!(frame.1, before.1, "other rays on GPUs {set:?}");
+        }
+        before = Some(frame);
+    }
+}
+
+#[test]
+fn a_gbuffer_goes_from_gpu_to_gpu_without_the_host_with_our_own_tracer() {
+    copies_from_gpu_to_gpu(BackendChoice::Cuda, |set| Ok(Box::new(CudaRays::on(set)?)));
+}
+
+#[test]
+fn a_gbuffer_goes_from_gpu_to_gpu_without_the_host_with_optix() {
+    copies_from_gpu_to_gpu(BackendChoice::Optix, |set| Ok(Box::new(OptixRays::on(set)?)));
 }
 
 fn is_shared(backend: BackendChoice, on: impl Fn(&[usize]) -> Made) {

@@ -52,7 +52,10 @@ pub const PROPERTY_TYPE_COMPACTED_SIZE: c_int = 0x2181;
 pub const COMPILE_DEBUG_LEVEL_NONE: c_int = 0x2350;
 pub const PROGRAM_GROUP_KIND_RAYGEN: c_int = 0x2421;
 pub const PROGRAM_GROUP_KIND_MISS: c_int = 0x2422;
+pub const PROGRAM_GROUP_KIND_EXCEPTION: c_int = 0x2423;
 pub const PROGRAM_GROUP_KIND_HITGROUP: c_int = 0x2424;
+pub const EXCEPTION_FLAG_STACK_OVERFLOW: c_uint = 1;
+pub const EXCEPTION_FLAG_TRACE_DEPTH: c_uint = 1 << 1;
 pub const TRAVERSABLE_GRAPH_FLAG_ALLOW_SINGLE_GAS: c_uint = 1;
 pub const PRIMITIVE_TYPE_FLAGS_TRIANGLE: c_uint = 1 << 31;
 pub const DEVICE_PROPERTY_RTCORE_VERSION: c_int = 0x2005;
@@ -167,7 +170,7 @@ structs! {
     OptixPipelineLinkOptions(4) {
         max_trace_depth: c_uint,
     }
-    /// The union of OptiX: a ray-generation or miss program takes the first two fields.
+    /// The union of OptiX: a ray-generation, miss or exception program takes the first two fields.
     OptixProgramGroupDesc(56) {
         kind: c_int,
         flags: c_uint,

@@ -2,9 +2,12 @@
 #![allow(unsafe_code, reason = "foreign functions found at run time")]
 
 use super::abi::*;
+use super::entries::{EXCEPTION_RECORD, GROUPS, HIT_RECORDS, Headers, MISS_RECORDS, groups};
+use crate::layout::{PAYLOADS, RAY_TYPES};
 use cudarc::driver::CudaContext;
+use curitiba_pipeline::programs::RayProgramInfo;
 use libloading::Library;
-use std::ffi::{CStr, CString, c_char, c_void};
+use std::ffi::{CStr, CString, c_char, c_uint, c_void};
 use std::ptr::{null, null_mut};
 use std::sync::Arc;
 
@@ -12,12 +15,6 @@ use std::sync::Arc;
 const LIBRARY: &str = "nvoptix.dll";
 #[cfg(not(windows))]
 const LIBRARY: &str = "libnvoptix.so.1";
-
-/// Values that the device programs pass along a ray.
-const PAYLOADS: i32 = 7;
-
-/// Records of a shader binding table.
-const RECORDS: usize = 5;
 
 /// The functions of one interface version, and the OptiX context on a device.
 ///
@@ -41,11 +38,10 @@ impl std::fmt::Debug for Api {
 #[derive(Debug)]
 pub struct Pipeline {
     module: Handle,
-    groups: [Handle; 4],
+    groups: Vec<Handle>,
     pipeline: Handle,
-    /// The records of the shader binding table: ray generation in both fidelities, miss, and hits on opaque and on
-    /// transparent triangles.
-    pub records: [u8; RECORDS * SBT_RECORD_HEADER],
+    /// What records of the shader binding table begin with.
+    pub headers: Headers,
 }
 
 // SAFETY: the pointers are handles and functions of OptiX, which may be used by any thread; each `Api` and `Pipeline` is used
@@ -56,7 +52,7 @@ unsafe impl Send for Pipeline {}
 
 /// A mesh on the device.
 #[derive(Debug, Clone, Copy)]
-pub struct Mesh {
+pub struct Mesh<'a> {
     /// Vertex positions, three floats each.
     pub positions: DevicePointer,
     /// How many.
@@ -65,8 +61,11 @@ pub struct Mesh {
     pub triangles: DevicePointer,
     /// How many.
     pub count: u32,
-    /// By triangle, 32 bits: 1 where hits are asked about.
-    pub asked: DevicePointer,
+    /// By triangle, 32 bits: its material.
+    pub materials: DevicePointer,
+    /// By material, one at least: [`GEOMETRY_FLAG_NONE`] where any-hit programs are called, else
+    /// [`GEOMETRY_FLAG_DISABLE_ANYHIT`].
+    pub flags: &'a [c_uint],
 }
 
 /// Memory that a build needs.
@@ -172,15 +171,15 @@ impl Api {
         self.check("asking for ray-tracing cores", result, "").map(|()| version)
     }
 
-    /// Compiles the programs of an effect.
-    pub fn pipeline(&self, ptx: &str) -> Result<Pipeline, String> {
+    /// Compiles the programs of an effect, and looks those up that it calls.
+    pub fn pipeline(&self, info: &RayProgramInfo, ptx: &str) -> Result<Pipeline, String> {
         let mut pipeline = Pipeline {
             module: null_mut(),
-            groups: [null_mut(); 4],
+            groups: Vec::new(),
             pipeline: null_mut(),
-            records: [0; RECORDS * SBT_RECORD_HEADER],
+            headers: [[0; SBT_RECORD_HEADER]; GROUPS],
         };
-        match self.compile(ptx, &mut pipeline) {
+        match self.compile(info, ptx, &mut pipeline) {
             Ok(()) => Ok(pipeline),
             Err(error) => {
                 self.destroy(&pipeline);
@@ -189,7 +188,7 @@ impl Api {
         }
     }
 
-    fn compile(&self, ptx: &str, into: &mut Pipeline) -> Result<(), String> {
+    fn compile(&self, info: &RayProgramInfo, ptx: &str, into: &mut Pipeline) -> Result<(), String> {
         self.cuda.bind_to_thread().map_err(|error| format!("the GPU cannot be used: {error:?}"))?;
         let compile = OptixModuleCompileOptions {
             max_register_count: 0,
@@ -203,9 +202,9 @@ impl Api {
         let options = OptixPipelineCompileOptions {
             uses_motion_blur: 0,
             traversable_graph_flags: TRAVERSABLE_GRAPH_FLAG_ALLOW_SINGLE_GAS,
-            num_payload_values: PAYLOADS,
+            num_payload_values: PAYLOADS as i32,
             num_attribute_values: 2,
-            exception_flags: 0,
+            exception_flags: EXCEPTION_FLAG_STACK_OVERFLOW | EXCEPTION_FLAG_TRACE_DEPTH,
             launch_params_variable_name: c"params".as_ptr(),
             uses_primitive_type_flags: PRIMITIVE_TYPE_FLAGS_TRIANGLE,
             allow_opacity_micromaps: 0,
@@ -221,28 +220,30 @@ impl Api {
         };
         self.check("compiling the programs", result, log.text())?;
 
-        let group = |kind: i32, entry: &'static CStr, any_hit: Option<&'static CStr>| OptixProgramGroupDesc {
-            kind,
-            flags: 0,
-            module: into.module,
-            entry: entry.as_ptr(),
-            module_any_hit: if any_hit.is_some() { into.module } else { null_mut() },
-            entry_any_hit: any_hit.map_or(null(), CStr::as_ptr),
-            module_intersection: null_mut(),
-            entry_intersection: null(),
-        };
-        let groups = [
-            group(PROGRAM_GROUP_KIND_RAYGEN, c"__raygen__corrected", None),
-            group(PROGRAM_GROUP_KIND_RAYGEN, c"__raygen__thesis", None),
-            group(PROGRAM_GROUP_KIND_MISS, c"__miss__miss", None),
-            group(PROGRAM_GROUP_KIND_HITGROUP, c"__closesthit__closest_hit", Some(c"__anyhit__any_hit")),
-        ];
+        let called = groups(info);
+        let module_of = |entry: &Option<CString>| if entry.is_some() { into.module } else { null_mut() };
+        let name_of = |entry: &Option<CString>| entry.as_ref().map_or(null(), |entry| entry.as_ptr());
+        let descriptions: Vec<_> = called
+            .iter()
+            .flatten()
+            .map(|group| OptixProgramGroupDesc {
+                kind: group.kind,
+                flags: 0,
+                module: module_of(&group.entry),
+                entry: name_of(&group.entry),
+                module_any_hit: module_of(&group.any_hit),
+                entry_any_hit: name_of(&group.any_hit),
+                module_intersection: null_mut(),
+                entry_intersection: null(),
+            })
+            .collect();
+        into.groups = vec![null_mut(); descriptions.len()];
         let group_options = OptixProgramGroupOptions { payload_type: null() };
         let mut log = Log::new();
         // SAFETY: by the invariant; as many handles are written as groups are described.
         let result = unsafe {
             let create: ProgramGroupCreate = self.function(place::PROGRAM_GROUP_CREATE);
-            let (descriptions, count) = (groups.as_ptr(), groups.len() as u32);
+            let (descriptions, count) = (descriptions.as_ptr(), descriptions.len() as u32);
             let options = &raw const group_options;
             create(self.context, descriptions, count, options, log.start(), log.length(), into.groups.as_mut_ptr())
         };
@@ -255,17 +256,17 @@ impl Api {
             let create: PipelineCreate = self.function(place::PIPELINE_CREATE);
             let (options, link, groups) = (&raw const options, &raw const link, into.groups.as_ptr());
             let pipeline = &raw mut into.pipeline;
-            create(self.context, options, link, groups, 4, log.start(), log.length(), pipeline)
+            let count = into.groups.len() as u32;
+            create(self.context, options, link, groups, count, log.start(), log.length(), pipeline)
         };
         self.check("linking the programs", result, log.text())?;
         self.set_stack_size(into)?;
-        // What differs between opaque and transparent triangles is a flag of the structure.
-        for (index, group) in into.groups.iter().chain(into.groups.last()).enumerate() {
-            // SAFETY: by the invariant; a header has 32 bytes, which the slice checks to be there.
+        let headers = into.headers.iter_mut().zip(&called).filter(|(_, group)| group.is_some());
+        for ((header, _), group) in headers.zip(&into.groups) {
+            // SAFETY: by the invariant; a header has 32 bytes.
             let result = unsafe {
                 let pack: SbtRecordPackHeader = self.function(place::SBT_RECORD_PACK_HEADER);
-                let record = &mut into.records[index * SBT_RECORD_HEADER..][..SBT_RECORD_HEADER];
-                pack(*group, record.as_mut_ptr().cast())
+                pack(*group, header.as_mut_ptr().cast())
             };
             self.check("describing the programs", result, "")?;
         }
@@ -275,7 +276,7 @@ impl Api {
     /// Room for a ray-generation program and one ray at a time.
     fn set_stack_size(&self, pipeline: &Pipeline) -> Result<(), String> {
         let (mut generation, mut traced) = (0, 0);
-        for group in pipeline.groups {
+        for group in &pipeline.groups {
             let mut sizes = OptixStackSizes {
                 ray_generation: 0,
                 miss: 0,
@@ -288,7 +289,7 @@ impl Api {
             // SAFETY: by the invariant.
             let result = unsafe {
                 let get: ProgramGroupGetStackSize = self.function(place::PROGRAM_GROUP_GET_STACK_SIZE);
-                get(group, &raw mut sizes, pipeline.pipeline)
+                get(*group, &raw mut sizes, pipeline.pipeline)
             };
             self.check("asking for the stack", result, "")?;
             generation = generation.max(sizes.ray_generation);
@@ -321,10 +322,9 @@ impl Api {
 
     /// Calls `use_input` with the description of a mesh, whose pointers live through the call.
     fn with_input<R>(
-        mesh: &Mesh,
+        mesh: &Mesh<'_>,
         use_input: impl FnOnce(*const OptixBuildInput, *const OptixAccelBuildOptions) -> R,
     ) -> R {
-        let flags = [GEOMETRY_FLAG_DISABLE_ANYHIT, GEOMETRY_FLAG_NONE];
         let vertex_buffers = [mesh.positions];
         let input = OptixBuildInput {
             kind: BUILD_INPUT_TYPE_TRIANGLES,
@@ -338,9 +338,9 @@ impl Api {
                 index_format: INDICES_FORMAT_UNSIGNED_INT3,
                 index_stride: 12,
                 pre_transform: 0,
-                flags: flags.as_ptr(),
-                num_sbt_records: 2,
-                sbt_index_offset_buffer: mesh.asked,
+                flags: mesh.flags.as_ptr(),
+                num_sbt_records: mesh.flags.len() as u32,
+                sbt_index_offset_buffer: if mesh.flags.len() > 1 { mesh.materials } else { 0 },
                 sbt_index_offset_size: 4,
                 sbt_index_offset_stride: 4,
                 primitive_index_offset: 0,
@@ -373,7 +373,7 @@ impl Api {
     }
 
     /// The memory that building over a mesh takes.
-    pub fn build_sizes(&self, mesh: &Mesh) -> Result<BuildSizes, String> {
+    pub fn build_sizes(&self, mesh: &Mesh<'_>) -> Result<BuildSizes, String> {
         let mut sizes = OptixAccelBufferSizes { output: 0, temp: 0, temp_update: 0 };
         let result = Self::with_input(mesh, |input, options| {
             // SAFETY: by the invariant; nothing on the device is read.
@@ -394,7 +394,7 @@ impl Api {
     pub unsafe fn build(
         &self,
         stream: *mut c_void,
-        mesh: &Mesh,
+        mesh: &Mesh<'_>,
         sizes: BuildSizes,
         (output, temporary, compacted): (DevicePointer, DevicePointer, DevicePointer),
     ) -> Result<Traversable, String> {
@@ -436,25 +436,25 @@ impl Api {
     ///
     /// # Safety
     /// `params` and `records` are live device memory: the launch parameters as the programs read them, with all that they
-    /// point to, and a copy of [`Pipeline::records`].
+    /// point to, and the [`records`](super::entries::records) of the pipeline and the pass, of that many bytes.
     pub unsafe fn launch(
         &self,
         stream: *mut c_void,
         pipeline: &Pipeline,
         (params, bytes): (DevicePointer, usize),
-        (records, thesis): (DevicePointer, bool),
+        (records, table_bytes): (DevicePointer, usize),
         [width, height]: [u32; 2],
     ) -> Result<(), String> {
         let record = |index: usize| records + (index * SBT_RECORD_HEADER) as u64;
         let table = OptixShaderBindingTable {
-            raygen_record: record(usize::from(thesis)),
-            exception_record: 0,
-            miss_record_base: record(2),
+            raygen_record: record(0),
+            exception_record: record(EXCEPTION_RECORD),
+            miss_record_base: record(MISS_RECORDS),
             miss_record_stride: SBT_RECORD_HEADER as u32,
-            miss_record_count: 1,
-            hitgroup_record_base: record(3),
+            miss_record_count: RAY_TYPES,
+            hitgroup_record_base: record(HIT_RECORDS),
             hitgroup_record_stride: SBT_RECORD_HEADER as u32,
-            hitgroup_record_count: 2,
+            hitgroup_record_count: (table_bytes / SBT_RECORD_HEADER - HIT_RECORDS) as u32,
             callables_record_base: 0,
             callables_record_stride: 0,
             callables_record_count: 0,

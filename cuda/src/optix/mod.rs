@@ -2,6 +2,7 @@
 
 mod abi;
 mod api;
+mod entries;
 mod tracer;
 
 pub use tracer::OptixTracer;

@@ -1,24 +1,37 @@
 //! The device programs on OptiX.
 
+use super::abi::{GEOMETRY_FLAG_DISABLE_ANYHIT, GEOMETRY_FLAG_NONE};
 use super::api::{Api, BuildSizes, Mesh, Pipeline};
+use super::entries;
 use crate::device::{Buffer, Device};
 use crate::layout::Params;
 use crate::programs;
-use crate::rays::DeviceTracer;
+use crate::rays::{DeviceTracer, Table};
 use crate::scene::SceneBuffers;
-use curitiba_pipeline::backend::{BackendError, BuildStats};
+use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
-use curitiba_pipeline::scene::{Geometry, RenderScene};
+use curitiba_pipeline::scene::RenderScene;
 
 /// OptiX's structure of a scene, and the programs that were loaded so far.
 #[derive(Debug)]
 pub struct OptixTracer {
     api: Api,
     rt_cores: u32,
-    programs: Vec<(RayProgram, Pipeline, Buffer<u8>)>,
+    programs: Vec<Loaded>,
     structure: Buffer<u8>,
     handle: u64,
+    /// How many the structure knows of.
+    materials: usize,
     params: Buffer<u8>,
+}
+
+/// A program, with the shader binding table of the pass that it last ran.
+#[derive(Debug)]
+struct Loaded {
+    program: RayProgram,
+    fidelity: Fidelity,
+    pipeline: Pipeline,
+    records: Table<u8>,
 }
 
 fn wrong(message: String) -> BackendError {
@@ -33,10 +46,13 @@ fn refused(device: &Device, doing: &str, why: String) -> BackendError {
     }
 }
 
-/// By triangle: 1 where its material lets some rays through.
-fn asked(geometry: &Geometry, filtered: &[bool]) -> Vec<u32> {
-    let is_filtered = |material: u32| filtered.get(material as usize).copied().unwrap_or(false);
-    geometry.materials().map(|material| u32::from(is_filtered(material))).collect()
+/// By material: whether any-hit programs are called on its triangles. One at least.
+fn flags(materials: usize, filtered: &[bool]) -> Vec<u32> {
+    let flag = |material| match filtered.get(material) {
+        Some(true) => GEOMETRY_FLAG_NONE,
+        _ => GEOMETRY_FLAG_DISABLE_ANYHIT,
+    };
+    (0..materials.max(1)).map(flag).collect()
 }
 
 fn room(device: &Device, what: &str, bytes: usize) -> Result<Buffer<u8>, BackendError> {
@@ -63,6 +79,7 @@ impl DeviceTracer for OptixTracer {
             programs: Vec::new(),
             structure: Buffer::default(),
             handle: 0,
+            materials: 0,
             params: Buffer::default(),
         })
     }
@@ -88,14 +105,16 @@ impl DeviceTracer for OptixTracer {
         if geometry.triangles.is_empty() {
             return Ok(BuildStats::default());
         }
-        let asked = device.upload("the flags of triangles", &asked(geometry, filtered))?;
-        let (positions, triangles) = buffers.mesh(device);
+        self.materials = scene.materials.len();
+        let flags = flags(self.materials, filtered);
+        let [positions, triangles, materials] = buffers.mesh(device);
         let mesh = Mesh {
             positions,
             vertices: geometry.positions.len() as u32,
             triangles,
             count: geometry.triangles.len() as u32,
-            asked: asked.address(device),
+            materials,
+            flags: &flags,
         };
         let refused = |why| refused(device, "building OptiX's structure", why);
         let sizes: BuildSizes = self.api.build_sizes(&mesh).map_err(refused)?;
@@ -129,56 +148,45 @@ impl DeviceTracer for OptixTracer {
 
     fn clear(&mut self) {
         self.structure = Buffer::default();
-        self.handle = 0;
+        (self.handle, self.materials) = (0, 0);
     }
 
-    fn load(&mut self, device: &Device, program: RayProgram) -> Result<(), BackendError> {
-        if self.programs.iter().any(|(loaded, ..)| *loaded == program) {
-            return Ok(());
+    fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
+        let (program, fidelity, info) = (job.program, job.fidelity, job.program.info());
+        let is_this = |loaded: &Loaded| (loaded.program, loaded.fidelity) == (program, fidelity);
+        if !self.programs.iter().any(is_this) {
+            let compiled = self.api.pipeline(info, programs::on_optix(program, fidelity));
+            let pipeline = compiled.map_err(|why| refused(device, &format!("loading `{}`", info.stem), why))?;
+            self.programs.push(Loaded { program, fidelity, pipeline, records: Table::default() });
         }
-        let stem = program.info().stem;
-        let compiled = self.api.pipeline(programs::on_optix(program));
-        let pipeline = compiled.map_err(|why| refused(device, &format!("loading `{stem}`"), why))?;
-        match device.upload("the records of the programs", &pipeline.records) {
-            Ok(records) => {
-                self.programs.push((program, pipeline, records));
-                Ok(())
-            }
-            Err(error) => {
-                self.api.destroy(&pipeline);
-                Err(error)
-            }
-        }
+        let materials = self.materials;
+        let Some(loaded) = self.programs.iter_mut().find(|loaded| is_this(loaded)) else { return Ok(()) };
+        let records = entries::records(&loaded.pipeline.headers, job, materials);
+        loaded.records.set(device, "the records of the programs", records)
     }
 
     #[allow(unsafe_code, reason = "launches a pipeline, and shows the parameters as bytes")]
-    fn launch(
-        &mut self,
-        device: &Device,
-        program: RayProgram,
-        fidelity: Fidelity,
-        params: &mut Params,
-    ) -> Result<(), BackendError> {
+    fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         params.handle = self.handle;
         // SAFETY: plain numbers without padding, as the unit test of this module checks.
         let bytes = unsafe { std::slice::from_raw_parts((&raw const *params).cast::<u8>(), size_of::<Params>()) };
         device.replace("the launch parameters", &mut self.params, bytes)?;
-        let (_, pipeline, records) =
-            self.programs.iter().find(|(loaded, ..)| *loaded == program).expect("loaded before");
+        let is_this = |loaded: &&Loaded| (loaded.program, loaded.fidelity) == (job.program, job.fidelity);
+        let Loaded { pipeline, records, .. } = self.programs.iter().find(is_this).expect("loaded before");
         let stream = device.stream().cu_stream().cast();
         let parameters = (self.params.address(device), size_of::<Params>());
-        let records = (records.address(device), fidelity == Fidelity::Thesis);
+        let records = (records.address(device), records.len());
         // SAFETY: the parameters are laid out as the programs' compiler checked; what they point to are buffers of this
         // backend that live until the stream was synchronised.
         let launched = unsafe { self.api.launch(stream, pipeline, parameters, records, [params.width, params.rows]) };
-        launched.map_err(|why| refused(device, &format!("running `{}`", program.info().stem), why))
+        launched.map_err(|why| refused(device, &format!("running `{}`", job.program.info().stem), why))
     }
 }
 
 impl Drop for OptixTracer {
     fn drop(&mut self) {
-        for (_, pipeline, _) in &self.programs {
-            self.api.destroy(pipeline);
+        for loaded in &self.programs {
+            self.api.destroy(&loaded.pipeline);
         }
     }
 }
@@ -186,16 +194,12 @@ impl Drop for OptixTracer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use curitiba_pipeline::scene::Batch;
 
     #[test]
-    fn triangles_of_filtered_materials_are_asked_about() {
-        let geometry = Geometry {
-            batches: vec![Batch { material: 1, first: 0, count: 2 }, Batch { material: 0, first: 2, count: 1 }],
-            ..Geometry::default()
-        };
-        assert_eq!(asked(&geometry, &[false, true]), [1, 1, 0]);
-        assert_eq!(asked(&geometry, &[]), [0, 0, 0]);
+    fn any_hit_programs_are_called_on_filtered_materials_alone() {
+        let (called, never) = (GEOMETRY_FLAG_NONE, GEOMETRY_FLAG_DISABLE_ANYHIT);
+        assert_eq!(flags(3, &[false, true]), [never, called, never]);
+        assert_eq!(flags(0, &[]), [never]);
     }
 
     #[test]

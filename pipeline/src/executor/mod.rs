@@ -371,7 +371,8 @@ impl Renderer {
         self.round_to_formats(Some(target));
         let stats = traced?;
         if let Some(upload) = stats.upload {
-            self.timeline.record(StepKind::Join, name, upload).note = "copied from the host".to_owned();
+            let from = if in_host { "copied from the host" } else { "copied from GPU to GPU" };
+            self.timeline.record(StepKind::Join, name, upload).note = from.to_owned();
         }
         let copies = stats.upload.unwrap_or_default() + stats.read_back.unwrap_or_default();
         let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));

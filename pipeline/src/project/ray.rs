@@ -8,7 +8,7 @@ use super::parameters::Reads;
 use super::passes::PassContext;
 use super::report::{Span, shown, suggest};
 use super::{MaterialPattern, RayPass};
-use crate::programs::{PARAMS, RAY_PROGRAMS, RayParams, RayProgramInfo, Sampler};
+use crate::programs::{PARAMS, PROCS, RAY_PROGRAMS, RayParams, RayProgramInfo, Sampler, procs_of_kind};
 
 /// Programs that make a material glass.
 const GLASS: &str = "closest_hit_glass";
@@ -24,6 +24,7 @@ const ENTRY_POINT: &[&str] = &["optixEntryPoint", "rtEntryPoint"];
 const DEFAULT_MATERIAL: &[&str] = &["optixDefaultMaterial", "rtDefaultMaterial"];
 const MATERIAL_MAP: &[&str] = &["optixMaterialMap", "rtMaterialMap"];
 const MAP: &[&str] = &["optixMap", "rtMap"];
+const GEOMETRY: &[&str] = &["optixGeometryProgram", "rtGeometryProgram"];
 const PROGRAM: &[&str] = &["optixProgram", "rtProgram"];
 const INPUT: &[&str] = &["optixInput", "rtInput"];
 
@@ -72,9 +73,10 @@ impl Loader {
             return None;
         }
         let default = self.default_material(context, info);
+        let others = self.other_procs(element, info);
         let (glass, shadow_glass) = self.glass(element, info)?;
         let (_, _, inputs) = (maps?, injected?, inputs?);
-        if !(lit && whole && default) {
+        if !(lit && whole && default && others) {
             return None;
         }
         let [position, normal, color] = inputs;
@@ -96,9 +98,9 @@ impl Loader {
     fn expect_ray_children(&mut self, element: &Element) {
         const COMMON: &[&str] =
             &["scenes", "camera", "viewport", "renderTarget", "lights", "materialMaps", "injectionMaps"];
-        const READ_OVER: &[&str] = &["optixGeometryProgram", "rtGeometryProgram", "optixRayTypes", "rtRayTypes"];
-        let valid =
-            [COMMON, ENTRY_POINT, DEFAULT_MATERIAL, MATERIAL_MAP, INPUT, READ_OVER, super::handed::ELEMENTS].concat();
+        const READ_OVER: &[&str] = &["optixRayTypes", "rtRayTypes"];
+        const PROGRAMS: [&[&str]; 4] = [ENTRY_POINT, DEFAULT_MATERIAL, MATERIAL_MAP, GEOMETRY];
+        let valid = [COMMON, &PROGRAMS.concat(), INPUT, READ_OVER, super::handed::ELEMENTS].concat();
         self.expect_children(element, &valid);
     }
 
@@ -164,6 +166,56 @@ impl Loader {
         whole.then_some(params)
     }
 
+    /// Whether the programs beside those of materials and the ray-generation program are there: for exceptions and triangles.
+    fn other_procs(&mut self, element: &Element, info: &RayProgramInfo) -> bool {
+        let containers = element.children.iter().filter(|child| child.is(ENTRY_POINT) || child.is(GEOMETRY));
+        let mut whole = true;
+        for program in containers.flat_map(|container| &container.children) {
+            let kind = match program.attribute("type") {
+                Some(kind) if program.is(PROGRAM) => kind.text.as_str(),
+                _ if program.is(&["exception"]) => "Exception",
+                _ => continue,
+            };
+            // The ray-generation program was read before.
+            if kind.eq_ignore_ascii_case("RayGen") {
+                continue;
+            }
+            if let Some(path) = program.attribute("file") {
+                whole &= self.is_of_program(path, info);
+            }
+            if let Some(proc) = program.attribute("proc") {
+                whole &= self.has_proc(kind, proc, info);
+            }
+        }
+        whole
+    }
+
+    /// Whether a file is the one of the pass's program.
+    fn is_of_program(&mut self, path: &Value, info: &RayProgramInfo) -> bool {
+        let same = file::stem(path).eq_ignore_ascii_case(info.stem);
+        if !same {
+            let message = format!("`{}` is not of the pass's program, `{}`", path.shown(), info.stem);
+            self.report.error_help(path.span, message, || {
+                format!("all programs of a pass come from one file: valid: {}", info.stem)
+            });
+        }
+        same
+    }
+
+    /// Whether the program's file has a device program of this type and name, called or not.
+    fn has_proc(&mut self, kind: &str, proc: &Value, info: &RayProgramInfo) -> bool {
+        let names = procs_of_kind(kind);
+        let known = names.is_some_and(|names| names.contains(&proc.text.as_str()));
+        if !known {
+            let message = format!("program `{}` has no {} `{}`", info.stem, shown(kind), proc.shown());
+            self.report.error_help(proc.span, message, || match names {
+                Some(names) => suggest(&proc.text, names.iter().copied()),
+                None => format!("types of programs: {}", suggest(kind, PROCS.iter().map(|(kind, _)| *kind))),
+            });
+        }
+        known
+    }
+
     /// The programs in a material, of one ray type or with a ray type each.
     fn procs<'e>(&mut self, container: &'e Element, info: &RayProgramInfo) -> Option<Vec<Proc<'e>>> {
         self.stray_text(container);
@@ -201,7 +253,8 @@ impl Loader {
         let kind = self.required(element, "type")?;
         if OTHER_KINDS.iter().any(|other| kind.text.eq_ignore_ascii_case(other)) {
             self.report.note(kind.span, format!("`{}` means nothing in a material", kind.shown()));
-            return Some(None);
+            let known = element.attribute("proc").is_none_or(|proc| self.has_proc(&kind.text, proc, info));
+            return known.then_some(None);
         }
         if !KINDS.iter().any(|other| kind.text.eq_ignore_ascii_case(other)) {
             let message = format!("`{}` is not a type of program", kind.shown());
@@ -214,11 +267,7 @@ impl Loader {
         };
         let (path, proc) = (self.required(element, "file"), self.required(element, "proc"));
         let (ray, path, proc) = (ray?, path?, proc?);
-        if !file::stem(path).eq_ignore_ascii_case(info.stem) {
-            let message = format!("`{}` is not of the pass's program, `{}`", path.shown(), info.stem);
-            self.report.error_help(path.span, message, || {
-                format!("all programs of a pass come from one file: valid: {}", info.stem)
-            });
+        if !self.is_of_program(path, info) {
             return None;
         }
         let alike: Vec<&str> = info
@@ -228,6 +277,9 @@ impl Loader {
             .map(|known| known.proc)
             .collect();
         if alike.is_empty() {
+            if !self.has_proc(&kind.text, proc, info) {
+                return None;
+            }
             let message = format!("program `{}` never calls {} for rays `{}`", info.stem, kind.shown(), ray.shown());
             self.report.note(proc.span, message);
             return Some(None);

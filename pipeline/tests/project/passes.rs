@@ -171,6 +171,40 @@ fn programs_of_the_default_material_must_be_those_that_are_called() {
 }
 
 #[test]
+fn a_program_that_the_file_does_not_have_is_an_error_whether_it_is_called_or_not() {
+    let entry = "proc=\"buffer_camera\"/></optixEntryPoint>";
+    let exception = |proc: &str, file: &str| {
+        format!("proc=\"buffer_camera\"/><optixProgram type=\"Exception\" {file} {proc}/></optixEntryPoint>")
+    };
+    let (file, proc) = ("file=\"optix/deferredShadows.ptx\"", "proc=\"exception\"");
+    good(&project(&[RASTER, &with(SHADOWS, entry, &exception(proc, file))].concat()));
+    let message = "program `deferredShadows` has no Exception `exeption`";
+    wrong(SHADOWS, entry, &exception("proc=\"@exeption\"", file), message, "`exception`");
+    let message = "`optix/final.ptx` is not of the pass's program, `deferredShadows`";
+    wrong(SHADOWS, entry, &exception(proc, "file=\"@optix/final.ptx\""), message, "one file");
+
+    let geometry = |kind: &str, proc: &str| {
+        format!(
+            "<optixGeometryProgram><optixProgram type=\"{kind}\" {file} proc=\"{proc}\"/></optixGeometryProgram><optixInput>"
+        )
+    };
+    good(&project(&[RASTER, &with(SHADOWS, "<optixInput>", &geometry("Bounding_Box", "boundingbox"))].concat()));
+    let message = "program `deferredShadows` has no Geometry_Intersection `spheres`";
+    wrong(SHADOWS, "<optixInput>", &geometry("Geometry_Intersection", "@spheres"), message, "geometryintersection");
+    let message = "program `deferredShadows` has no Geometry `geometryintersection`";
+    wrong(SHADOWS, "<optixInput>", &geometry("Geometry", "@geometryintersection"), message, "Geometry_Intersection");
+
+    let never = |proc: &str| {
+        format!("<optixDefaultMaterial><optixProgram type=\"Closest_Hit\" ray=\"Phong\" {file} proc=\"{proc}\"/>")
+    };
+    let called = good(&project(&[RASTER, &with(SHADOWS, "<optixDefaultMaterial>", &never("closest_hit"))].concat()));
+    let notes: Vec<String> = called.problems.0.iter().map(|problem| problem.message.clone()).collect();
+    assert!(notes.iter().any(|note| note.contains("never calls Closest_Hit for rays `Phong`")), "{notes:?}");
+    let message = "program `deferredShadows` has no Closest_Hit `closest_hut`";
+    wrong(SHADOWS, "<optixDefaultMaterial>", &never("@closest_hut"), message, "did you mean `closest_hit`?");
+}
+
+#[test]
 fn materials_that_rays_meet_run_programs_of_the_pass() {
     let message = "program `final` has no CLOSEST_HIT `closest_hit_metal` for rays `Phong`";
     wrong(

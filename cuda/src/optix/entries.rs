@@ -1,0 +1,185 @@
+//! Which device programs OptiX calls for which rays and materials: those that a project names, as the table of programs has
+//! them.
+
+use super::abi::{PROGRAM_GROUP_KIND_EXCEPTION, PROGRAM_GROUP_KIND_HITGROUP, PROGRAM_GROUP_KIND_MISS};
+use super::abi::{PROGRAM_GROUP_KIND_RAYGEN, SBT_RECORD_HEADER};
+use crate::layout::RAY_TYPES;
+use curitiba_pipeline::backend::RayJob;
+use curitiba_pipeline::programs::{Fidelity, RayProgramInfo};
+use std::ffi::{CString, c_int};
+
+/// Types of rays as projects name them, in the order of `RayType` in `trace_optix.cuh`.
+const RAYS: [&str; RAY_TYPES as usize] = ["Phong", "Shadow"];
+/// The any-hit program of radiance rays on materials with holes, which no project names.
+const ALPHA_TEST: &str = "alpha_test";
+
+/// Kinds of materials whose hits may have programs of their own: glass or not, with holes or not.
+const MATERIALS: usize = 4;
+/// Where the groups of each kind stand: one for ray generation, one for exceptions, one a type of ray for misses, and for hits
+/// one a type of ray and kind of material.
+const EXCEPTION: usize = 1;
+const MISSES: usize = 2;
+const HITS: usize = MISSES + RAYS.len();
+/// How many groups there are at most.
+pub const GROUPS: usize = HITS + RAYS.len() * MATERIALS;
+
+/// Programs that OptiX calls together.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Group {
+    /// `PROGRAM_GROUP_KIND_…`.
+    pub kind: c_int,
+    /// The program; of a hit the closest-hit program, if any.
+    pub entry: Option<CString>,
+    /// Of a hit, the any-hit program, if any.
+    pub any_hit: Option<CString>,
+}
+
+fn entry(kind: &str, name: &str) -> CString {
+    CString::new(format!("__{kind}__{name}")).expect("names have no zero byte")
+}
+
+/// The name that the program calls for hits, on glass the one of glass if there is one.
+fn called(info: &RayProgramInfo, kind: &str, ray: &str, glass: bool) -> Option<&'static str> {
+    let of = |required| {
+        let mut procs = info.procs.iter();
+        procs.find(|proc| (proc.kind, proc.ray, proc.required) == (kind, ray, required)).map(|proc| proc.proc)
+    };
+    if glass { of(false).or_else(|| of(true)) } else { of(true) }
+}
+
+/// The groups of a program; `None` for rays that it never traces.
+pub fn groups(info: &RayProgramInfo) -> [Option<Group>; GROUPS] {
+    let alone = |kind, entry| Some(Group { kind, entry: Some(entry), any_hit: None });
+    let mut groups = [const { None }; GROUPS];
+    groups[0] = alone(PROGRAM_GROUP_KIND_RAYGEN, entry("raygen", info.entry));
+    groups[EXCEPTION] = alone(PROGRAM_GROUP_KIND_EXCEPTION, entry("exception", "exception"));
+    for (ray, name) in RAYS.iter().enumerate() {
+        let Some(miss) = info.procs.iter().find(|proc| (proc.kind, &proc.ray) == ("Miss", name)) else { continue };
+        groups[MISSES + ray] = alone(PROGRAM_GROUP_KIND_MISS, entry("miss", miss.proc));
+        for material in 0..MATERIALS {
+            let (glass, cut) = (material & 1 != 0, material & 2 != 0);
+            let closest = called(info, "Closest_Hit", name, glass);
+            let any = called(info, "Any_Hit", name, glass).or(cut.then_some(ALPHA_TEST));
+            groups[HITS + ray * MATERIALS + material] = Some(Group {
+                kind: PROGRAM_GROUP_KIND_HITGROUP,
+                entry: closest.map(|name| entry("closesthit", name)),
+                any_hit: any.map(|name| entry("anyhit", name)),
+            });
+        }
+    }
+    groups
+}
+
+/// The header of each group's records; zeros for those that are not there, which nothing calls.
+pub type Headers = [[u8; SBT_RECORD_HEADER]; GROUPS];
+
+/// Where the records of one kind stand in the table, in records.
+pub const EXCEPTION_RECORD: usize = EXCEPTION;
+/// See [`EXCEPTION_RECORD`].
+pub const MISS_RECORDS: usize = MISSES;
+/// See [`EXCEPTION_RECORD`]. From here on: material by material, each with one a type of ray.
+pub const HIT_RECORDS: usize = HITS;
+
+/// The shader binding table of a pass, for a scene of at least `materials` materials.
+pub fn records(headers: &Headers, job: &RayJob<'_>, materials: usize) -> Vec<u8> {
+    let is = |flags: &[bool], material: usize| flags.get(material).copied().unwrap_or(false);
+    let mut table = headers[..HITS].as_flattened().to_vec();
+    for material in 0..materials.max(job.shades.len()).max(1) {
+        let cut = job.fidelity == Fidelity::Corrected
+            && job.shades.get(material).is_some_and(|shade| shade.alpha_cutoff.is_some());
+        for (ray, glass) in [is(job.glass, material), is(job.shadow_glass, material)].into_iter().enumerate() {
+            let kind = usize::from(glass) | usize::from(cut) << 1;
+            table.extend_from_slice(&headers[HITS + ray * MATERIALS + kind]);
+        }
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::programs::on_optix;
+    use curitiba_pipeline::backend::Shade;
+    use curitiba_pipeline::programs::{RAY_PROGRAMS, RayParams, RayProgram};
+    use curitiba_pipeline::scene::RenderScene;
+    use glam::{Vec3, Vec4};
+
+    fn names(group: &Group) -> Vec<&str> {
+        let texts = [&group.entry, &group.any_hit].into_iter().flatten();
+        texts.map(|text| text.to_str().expect("plain letters")).collect()
+    }
+
+    #[test]
+    fn every_program_that_is_called_is_in_the_module() {
+        for info in RAY_PROGRAMS {
+            for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
+                let ptx = on_optix(info.program, fidelity);
+                for group in groups(info).iter().flatten() {
+                    for name in names(group) {
+                        assert!(ptx.contains(&format!(".entry {name}(")), "{}: {name}", info.stem);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn hits_call_what_projects_name_for_the_ray_and_the_material() {
+        let all = groups(RayProgram::Final.info());
+        let at = |index: usize| names(all[index].as_ref().expect("it is called"));
+        assert_eq!(at(0), ["__raygen__buffer_camera"]);
+        assert_eq!(at(EXCEPTION), ["__exception__exception"]);
+        assert_eq!([at(MISSES), at(MISSES + 1)], [["__miss__miss"], ["__miss__miss_shadow"]]);
+        assert_eq!(at(HITS), ["__closesthit__closest_hit"]);
+        assert_eq!(at(HITS + 1), ["__closesthit__closest_hit_glass"]);
+        assert_eq!(at(HITS + 2), ["__closesthit__closest_hit", "__anyhit__alpha_test"]);
+        assert_eq!(at(HITS + 3), ["__closesthit__closest_hit_glass", "__anyhit__alpha_test"]);
+        for cut in [0, 2] {
+            assert_eq!(at(HITS + MATERIALS + cut), ["__anyhit__any_hit_shadow"]);
+            assert_eq!(at(HITS + MATERIALS + cut + 1), ["__anyhit__any_hit_shadow_glass"]);
+        }
+        // What has no program for glass calls the other one; what traces no such rays has none.
+        let shadows = groups(RayProgram::DeferredShadows.info());
+        assert_eq!(shadows[HITS + MATERIALS + 1], shadows[HITS + MATERIALS]);
+        assert!(shadows[MISSES].is_none() && shadows[HITS].is_none() && shadows[MISSES + 1].is_some());
+        assert_eq!(groups(RayProgram::Dummy.info()).iter().flatten().count(), 2);
+    }
+
+    #[test]
+    fn each_material_of_a_pass_has_a_record_for_each_type_of_ray() {
+        let headers: Headers = std::array::from_fn(|group| [group as u8; SBT_RECORD_HEADER]);
+        let shade = |alpha_cutoff| Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff };
+        let scene = RenderScene::default();
+        let mut job = RayJob {
+            scene: &scene,
+            program: RayProgram::Final,
+            params: RayParams::default(),
+            fidelity: Fidelity::Corrected,
+            seed: 0,
+            eye: Vec3::ZERO,
+            sun: None,
+            width: 1,
+            height: 1,
+            position: &[],
+            normal: &[],
+            color: &[],
+            triangle: &[],
+            shared: None,
+            shades: &[shade(None), shade(Some(0.5)), shade(None)],
+            glass: &[false, false, true],
+            shadow_glass: &[false, true, false],
+        };
+        let first_bytes = |job: &RayJob<'_>, materials| -> Vec<usize> {
+            let table = records(&headers, job, materials);
+            table.chunks_exact(SBT_RECORD_HEADER).map(|record| usize::from(record[0])).collect()
+        };
+        let hit = |ray: usize, kind: usize| HITS + ray * MATERIALS + kind;
+        let expected = [0, 1, 2, 3, hit(0, 0), hit(1, 0), hit(0, 2), hit(1, 3), hit(0, 1), hit(1, 0)];
+        assert_eq!(first_bytes(&job, 3), expected);
+        assert_eq!(first_bytes(&job, 4)[10..], [hit(0, 0), hit(1, 0)], "the scene may have more");
+        job.fidelity = Fidelity::Thesis;
+        assert_eq!(first_bytes(&job, 0)[6..8], [hit(0, 0), hit(1, 1)], "nothing is cut out there");
+        (job.shades, job.glass, job.shadow_glass) = (&[], &[], &[]);
+        assert_eq!(first_bytes(&job, 0).len(), HITS + RAYS.len(), "never none");
+    }
+}

@@ -1,0 +1,105 @@
+//! A G-buffer that the rasteriser left in the memory of one GPU, on its way to the others: from GPU to GPU.
+//!
+//! CUDA driver API, "Peer Context Memory Access".
+#![allow(unsafe_code, reason = "copies between the memories of two GPUs; each block says why that is sound")]
+
+use crate::device::{Address, Buffer, Device};
+use cudarc::driver::result::memcpy_peer_async;
+use cudarc::driver::sys::{self, CUevent_flags, CUresult};
+use cudarc::driver::{CudaContext, CudaEvent, DevicePtr as _, DeviceRepr, DriverError, ValidAsZeroBits};
+use curitiba_pipeline::backend::BackendError;
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Whether a GPU can read the memory of another without the host. Of two that are one, each can.
+pub(crate) fn reaches(device: &Device, other: &Device) -> bool {
+    if device.context().ordinal() == other.context().ordinal() {
+        return true;
+    }
+    let (own, its) = (device.context().cu_device(), other.context().cu_device());
+    let mut reaches = 0;
+    // SAFETY: writes one integer; both devices were opened.
+    let asked = unsafe { sys::cuDeviceCanAccessPeer(&raw mut reaches, own, its) };
+    asked == CUresult::CUDA_SUCCESS && reaches != 0
+}
+
+/// Lets a GPU read the memory of another, which it [`reaches`].
+pub(crate) fn connect(device: &Device, other: &Device) -> Result<(), BackendError> {
+    if device.context().ordinal() == other.context().ordinal() {
+        return Ok(());
+    }
+    device.bind()?;
+    // SAFETY: the other context lives as long as `other`; this thread's is that of `device`.
+    match unsafe { sys::cuCtxEnablePeerAccess(other.context().cu_ctx(), 0) } {
+        CUresult::CUDA_SUCCESS | CUresult::CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED => Ok(()),
+        code => Err(device.fault("opening the memory of another GPU", &DriverError(code))),
+    }
+}
+
+/// A G-buffer in the memory of a GPU. It stays as it is as long as this lives.
+#[derive(Debug)]
+pub(crate) struct Lent {
+    /// Whose it is.
+    pub context: Arc<CudaContext>,
+    /// Positions, normals, colours and triangle ids; 0 for those that are not there.
+    pub attachments: [Address; 4],
+    /// Happens when it is complete.
+    pub ready: CudaEvent,
+}
+
+/// Copies that were started, between two events.
+#[derive(Debug)]
+pub(crate) struct Copies(CudaEvent, CudaEvent);
+
+impl Copies {
+    /// Lets the device's stream wait until the G-buffer is complete, and calls `copy` for what follows.
+    pub fn start(
+        device: &Device,
+        lent: &Lent,
+        copy: impl FnOnce() -> Result<(), BackendError>,
+    ) -> Result<Self, BackendError> {
+        let failed = |error| device.fault("waiting for another GPU", &error);
+        let event = || device.stream().record_event(Some(CUevent_flags::CU_EVENT_DEFAULT)).map_err(failed);
+        device.stream().wait(&lent.ready).map_err(failed)?;
+        let start = event()?;
+        copy()?;
+        Ok(Self(start, event()?))
+    }
+
+    /// How long they took; waits for their end.
+    pub fn time(&self, device: &Device) -> Result<Duration, BackendError> {
+        let time = self.0.elapsed_ms(&self.1);
+        let milliseconds = time.map_err(|error| device.fault("copying from another GPU", &error))?;
+        Ok(Duration::from_secs_f64(f64::from(milliseconds.max(0.0)) * 1e-3))
+    }
+}
+
+/// Starts copying some parts of `length` values from the memory of another GPU to their places in a buffer, which is made
+/// larger if it must be; what else is in it does not matter.
+///
+/// # Safety
+/// At `from` in the lender's memory are `length` values, until the device's stream has come to the end of the copies.
+pub(crate) unsafe fn copy_parts<T: DeviceRepr + ValidAsZeroBits>(
+    device: &Device,
+    what: &str,
+    buffer: &mut Buffer<T>,
+    (lender, from): (&CudaContext, Address),
+    length: usize,
+    parts: &[Range<usize>],
+) -> Result<(), BackendError> {
+    device.reserve(what, buffer, length)?;
+    let Some(slice) = &mut buffer.0 else { return Ok(()) };
+    let to = slice.device_ptr(device.stream()).0;
+    let (own, its) = (device.context().cu_ctx(), lender.cu_ctx());
+    for part in parts {
+        assert!(part.start <= part.end && part.end <= length, "the part is inside the buffer");
+        let (first, bytes) = ((part.start * size_of::<T>()) as u64, part.len() * size_of::<T>());
+        // SAFETY: by the contract and the line above, both ranges are inside their memories; the buffer lives until the
+        // stream was synchronised, as every pass ends.
+        let copied =
+            unsafe { memcpy_peer_async(own, to + first, its, from + first, bytes, device.stream().cu_stream()) };
+        copied.map_err(|error| device.fault(&format!("copying {what} from another GPU"), &error))?;
+    }
+    Ok(())
+}
