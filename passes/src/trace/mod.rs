@@ -9,15 +9,18 @@
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 
 mod beam;
+mod binary;
 mod block;
 mod brute;
 mod build;
 mod bundle;
 mod bvh;
 mod clear;
+mod collapse;
 pub mod device;
 mod dispatch;
 mod double;
+mod emit;
 mod facet;
 mod gather;
 mod lanes;

@@ -35,6 +35,12 @@ impl Child {
     }
 }
 
+impl Default for Child {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
 /// Eight children, structure of arrays. Unused lanes have empty bounds, which no ray meets.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
@@ -68,6 +74,12 @@ impl Node {
     pub(super) fn behind<S: Simd>(&self, simd: S, plane: Plane) -> Mask {
         let load = |side: usize| [0, 1, 2].map(|axis| simd.load(&self.planes[side][axis]));
         plane.behind(simd, load(0), load(1))
+    }
+
+    /// Bounds of the child in a lane.
+    pub(super) fn bounds(&self, lane: usize) -> Bounds {
+        let [low, high] = [0, 1].map(|side: usize| [0, 1, 2].map(|axis: usize| self.planes[side][axis].0[lane]));
+        Bounds { low: low.into(), high: high.into() }
     }
 
     /// Puts a child into a lane.
