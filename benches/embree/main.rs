@@ -9,18 +9,22 @@
 //! Every contestant is checked against ours ray by ray before anything is timed. Then all take turns, round after round;
 //! what is compared are medians of processor time. Embree is timed in every mode that it has (rays one by one, packets of
 //! 16, streams, each with and without the hint that rays are coherent), on trees of both qualities; the fastest of the
-//! first round goes on. `--robust`'s trees, which are what ours has to be compared with for watertightness, go on beside.
+//! first round goes on. `--growth` measures ours alone: against triangles, pixels and threads; `--count KIND --side
+//! curitiba|3|4` does one kind of work once, for `instructions.sh`. `--robust`'s trees, which are what ours has to be compared with for watertightness, go on beside.
 
 mod api;
 mod contest;
+mod count;
 mod duel;
 mod effects;
 mod flush;
+mod growth;
 mod layout;
 mod rays;
 mod scenes;
+mod tree;
 
-use api::{Build, Embree, Scene};
+use api::{Build, Embree};
 use contest::{Contestant, Times, rounds};
 use curitiba::environment::Environment;
 use curitiba::passes::cpu::CpuRays;
@@ -47,6 +51,11 @@ struct Request {
     medium: bool,
     effects: bool,
     rays: bool,
+    /// The largest square of the growth measurement, instead of comparing.
+    growth: Option<u32>,
+    /// A kind of work to do once, instead of comparing, and whose: `curitiba`, or a version of Embree.
+    count: Option<String>,
+    side: String,
 }
 
 impl Request {
@@ -61,6 +70,9 @@ impl Request {
             medium: false,
             effects: true,
             rays: true,
+            growth: None,
+            count: None,
+            side: "curitiba".to_owned(),
         };
         request.threads.dedup();
         let mut arguments = std::env::args().skip(1);
@@ -77,9 +89,12 @@ impl Request {
                 "--medium" => request.medium = true,
                 "--no-effects" => request.effects = false,
                 "--no-rays" => request.rays = false,
+                "--growth" => request.growth = Some(number(value()?)? as u32),
+                "--count" => request.count = Some(value()?),
+                "--side" => request.side = value()?,
                 _ => {
                     return Err(format!(
-                        "{argument} is unknown; there are --scene, --out, --rounds, --size, --threads, --medium, --no-effects and --no-rays"
+                        "{argument} is unknown; there are --scene, --out, --rounds, --size, --threads, --medium, --no-effects, --no-rays, --growth, --count and --side"
                     ));
                 }
             }
@@ -159,6 +174,19 @@ fn run() -> Result<(), String> {
             Err(why) => println!("skipped: {why}"),
         }
     }
+    let folder = std::env::var_os("CURITIBA_SCENES").map(PathBuf::from);
+    if let Some(most) = request.growth {
+        let threads = request.threads.iter().copied().max().unwrap_or(1);
+        let growth = growth::measure(command(), request.size, most, threads, request.rounds)?;
+        return request.out.as_ref().map_or(Ok(()), |out| save(out, &growth));
+    }
+    if let Some(kind) = &request.count {
+        let wanted = libraries.iter().find(|embree| embree.version.starts_with(&request.side));
+        if wanted.is_none() && request.side != "curitiba" {
+            return Err(format!("no Embree {} is there", request.side));
+        }
+        return count::count(kind, &request.scenes[0], folder.as_deref(), request.size, wanted);
+    }
     if libraries.is_empty() {
         println!("skipped: no Embree; install libembree-dev, or name the library in CURITIBA_EMBREE");
         return Ok(());
@@ -173,18 +201,21 @@ fn run() -> Result<(), String> {
         rounds: request.rounds,
         scenes: Vec::new(),
     };
-    let folder = std::env::var_os("CURITIBA_SCENES").map(PathBuf::from);
     for name in &request.scenes {
         match scenes::open(name, folder.as_deref(), request.size) {
             Ok(subject) => file.scenes.push(measure(&subject, &libraries, &request)?),
             Err(why) => println!("skipped: {why}"),
         }
         if let Some(out) = &request.out {
-            let text = serde_json::to_string_pretty(&file).map_err(|error| error.to_string())?;
-            write_atomically(out, (text + "\n").as_bytes()).map_err(|error| error.to_string())?;
+            save(out, &file)?;
         }
     }
     Ok(())
+}
+
+fn save(out: &Path, file: &impl Serialize) -> Result<(), String> {
+    let text = serde_json::to_string_pretty(file).map_err(|error| error.to_string())?;
+    write_atomically(out, (text + "\n").as_bytes()).map_err(|error| error.to_string())
 }
 
 /// The command line, without the folders of the machine.
@@ -259,17 +290,9 @@ fn build(
             }
             let quality = if high { "high" } else { "medium" };
             let name = format!("embree {} {quality}{}", embree.version, if robust { " robust" } else { "" });
-            let mut lists = [Vec::new(), Vec::new()];
-            let mut ids = [Vec::new(), Vec::new()];
-            for (id, triangle) in geometry.triangles.iter().enumerate() {
-                let material = geometry.material_of(id as u32) as usize;
-                let group = usize::from(transparent.get(material).copied().unwrap_or(false));
-                lists[group].push(*triangle);
-                ids[group].push(id as u32);
-            }
-            let positions = geometry.positions.iter().map(|p| [p.x, p.y, p.z, 0.0]).collect();
+            let input = tree::input(geometry, transparent);
             let start = Instant::now();
-            let scene = Scene::build(embree, positions, lists, ids, Build { high, robust, threads: all })?;
+            let scene = tree::commit(embree, input, Build { high, robust, threads: all })?;
             note(&name, start.elapsed().as_secs_f64(), scene.bytes() as f64);
             trees.push(Tree { name, scene, robust, streams: embree.streams() });
         }

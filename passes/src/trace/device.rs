@@ -72,7 +72,6 @@ pub struct DeviceTree {
 }
 
 /// The members of the leaves, one after another.
-#[derive(Default)]
 struct Members {
     members: Vec<u32>,
     /// Where each leaf ends.
@@ -88,15 +87,14 @@ impl Members {
 
 impl Leaves for Members {
     const MOST: usize = LEAF;
+    const CHILD_COST: f32 = 0.0;
 
     fn cost(triangles: usize) -> f32 {
         triangles as f32 * TRIANGLE_COST
     }
 
-    fn add(&mut self, _: &[Input], members: &[u32]) -> usize {
-        self.members.extend_from_slice(members);
-        self.ends.push(self.members.len() as u32);
-        self.ends.len() - 1
+    fn new(_: &[Input], members: Vec<u32>, ends: Vec<u32>) -> Self {
+        Self { members, ends }
     }
 }
 
@@ -144,7 +142,7 @@ impl DeviceTree {
         pending: &mut Vec<(Child, usize)>,
     ) -> DeviceNode {
         let used: Vec<usize> = (0..LANES).filter(|lane| node.children[*lane] != Child::NONE).collect();
-        let boxes: Vec<Bounds> = used.iter().map(|lane| bounds_of(node, *lane)).collect();
+        let boxes: Vec<Bounds> = used.iter().map(|lane| node.bounds(*lane)).collect();
         let whole = boxes.iter().fold(Bounds::EMPTY, |all, bounds| all.union(*bounds));
         let mut written = DeviceNode {
             corner: whole.low.to_array(),
@@ -175,11 +173,6 @@ impl DeviceTree {
         }
         written
     }
-}
-
-fn bounds_of(node: &Node, lane: usize) -> Bounds {
-    let point = |planes: &[super::lanes::F8; 3]| Vec3::from_array([0, 1, 2].map(|axis: usize| planes[axis].0[lane]));
-    Bounds { low: point(&node.planes[0]), high: point(&node.planes[1]) }
 }
 
 fn quantum(exponent: u8) -> f32 {

@@ -9,16 +9,19 @@
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 
 mod beam;
+mod binary;
 mod block;
 mod brute;
 mod build;
 mod bundle;
 mod bvh;
 mod clear;
+mod collapse;
 pub mod device;
 mod directions;
 mod dispatch;
 mod double;
+mod emit;
 mod face;
 mod facet;
 mod gather;

@@ -35,6 +35,12 @@ impl Child {
     }
 }
 
+impl Default for Child {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
 /// Eight children, structure of arrays. Unused lanes have empty bounds, which no ray meets.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
@@ -70,6 +76,12 @@ impl Node {
         let low = [simd.load(&low[0]), simd.load(&low[1]), simd.load(&low[2])];
         let high = [simd.load(&high[0]), simd.load(&high[1]), simd.load(&high[2])];
         plane.behind(simd, low, high)
+    }
+
+    /// Bounds of the child in a lane.
+    pub(super) fn bounds(&self, lane: usize) -> Bounds {
+        let [low, high] = [0, 1].map(|side: usize| [0, 1, 2].map(|axis: usize| self.planes[side][axis].0[lane]));
+        Bounds { low: low.into(), high: high.into() }
     }
 
     /// Puts a child into a lane.

@@ -1,0 +1,172 @@
+//! Which nodes of a binary tree become nodes and leaves of the wide one.
+
+use super::build::Leaves;
+use super::lanes::LANES;
+use obvhs::bvh2::Bvh2;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Cost of opening a node, one vector test of eight, in the surface area heuristic; children cost [`Leaves::CHILD_COST`] more, and
+/// leaves [`Leaves::cost`].
+const NODE_COST: f32 = 1.0;
+
+/// Subtrees that are planned side by side, about.
+const PARTS: usize = 256;
+/// Nodes below which all is planned in one go.
+const SMALL: usize = 1 << 14;
+
+/// What the collapse knows of a subtree.
+#[derive(Debug, Clone, Copy)]
+struct Summary {
+    triangles: u32,
+    /// `cost[i]`: the least cost of the subtree as at most `i + 1` children of one node.
+    cost: [f32; LANES - 1],
+}
+
+/// The decisions about one binary node.
+///
+/// Three bits for each number of children from 2 to 7: how many of them the left half gets, 0 if one child fewer is as
+/// good. Three bits: how many children, less 2, the node has if it is opened; three: how many of them the left half gets.
+/// One bit: it is a leaf.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Choice(u32);
+
+impl Choice {
+    const OPENED: u32 = 3 * (LANES as u32 - 2);
+    const LEAF: u32 = 1 << 24;
+
+    /// Whether the subtree, as one child, is a leaf.
+    pub(super) fn is_leaf(self) -> bool {
+        self.0 & Self::LEAF != 0
+    }
+
+    /// How many children each half of the subtree provides, as one child that is no leaf.
+    pub(super) fn opened(self) -> [usize; 2] {
+        let children = (self.0 >> Self::OPENED & 7) as usize + 2;
+        let left = (self.0 >> (Self::OPENED + 3) & 7) as usize;
+        [left, children - left]
+    }
+
+    /// How many of `children` children, 2 to 7, the left half gets; 0 if one child fewer is as good.
+    pub(super) fn share(self, children: usize) -> usize {
+        (self.0 >> (3 * (children - 2)) & 7) as usize
+    }
+}
+
+/// The cheapest collapse of a binary tree into nodes of eight and leaves (Ylitie, Karras and Laine, "Efficient Incoherent
+/// Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 3.1).
+pub(super) struct Plan {
+    choices: Vec<AtomicU32>,
+}
+
+impl Plan {
+    pub(super) fn new<L: Leaves>(tree: &Bvh2) -> Self {
+        let plan = Self { choices: tree.nodes.iter().map(|_| AtomicU32::new(0)).collect() };
+        if !tree.nodes.is_empty() {
+            plan.fill::<L>(tree);
+        }
+        plan
+    }
+
+    pub(super) fn choice(&self, index: usize) -> Choice {
+        Choice(self.choices[index].load(Ordering::Relaxed))
+    }
+
+    /// Plans the subtrees below the top of the tree side by side, then the top.
+    fn fill<L: Leaves>(&self, tree: &Bvh2) {
+        // Top nodes in breadth-first order; of those that are split, where their children are in the list.
+        let mut top = vec![(0_u32, None)];
+        let wanted = if tree.nodes.len() < SMALL { 1 } else { 2 * PARTS };
+        let mut next = 0;
+        while top.len() < wanted && next < top.len() {
+            let node = &tree.nodes[top[next].0 as usize];
+            if !node.is_leaf() {
+                top[next].1 = Some(top.len());
+                top.extend([(node.first_index, None), (node.first_index + 1, None)]);
+            }
+            next += 1;
+        }
+        let below = |&(index, children): &(u32, Option<usize>)| match children {
+            None => self.subtree::<L>(tree, index),
+            Some(_) => Summary { triangles: 0, cost: [0.0; LANES - 1] },
+        };
+        let mut summaries: Vec<Summary> = top.par_iter().with_max_len(1).map(below).collect();
+        for (place, &(index, children)) in top.iter().enumerate().rev() {
+            if let Some(first) = children {
+                summaries[place] = self.inner::<L>(tree, index, &summaries[first], &summaries[first + 1]);
+            }
+        }
+    }
+
+    /// Plans a subtree, of any depth.
+    fn subtree<L: Leaves>(&self, tree: &Bvh2, root: u32) -> Summary {
+        // Each node before its left half, that before its right half: backwards, both halves of a node lie on the stack
+        // when it is reached.
+        let mut order = Vec::new();
+        let mut pending = vec![root];
+        while let Some(index) = pending.pop() {
+            order.push(index);
+            let node = &tree.nodes[index as usize];
+            if !node.is_leaf() {
+                pending.extend([node.first_index + 1, node.first_index]);
+            }
+        }
+        let mut done: Vec<Summary> = Vec::new();
+        for &index in order.iter().rev() {
+            let node = &tree.nodes[index as usize];
+            let summary = if node.is_leaf() {
+                let cost = node.aabb().half_area() * L::cost(node.prim_count as usize);
+                self.choices[index as usize].store(Choice::LEAF, Ordering::Relaxed);
+                Summary { triangles: node.prim_count, cost: [cost; LANES - 1] }
+            } else {
+                let (left, right) = (done.pop(), done.pop());
+                let both = left.zip(right);
+                let (left, right) = both.expect("both halves come before their parent");
+                self.inner::<L>(tree, index, &left, &right)
+            };
+            done.push(summary);
+        }
+        done[0]
+    }
+
+    /// Plans a node with two halves.
+    #[inline]
+    fn inner<L: Leaves>(&self, tree: &Bvh2, index: u32, left: &Summary, right: &Summary) -> Summary {
+        let area = tree.nodes[index as usize].aabb().half_area();
+        let triangles = left.triangles + right.triangles;
+        let mut splits = [(f32::INFINITY, 1_u32); LANES + 1];
+        let mut opened = (f32::INFINITY, 0, 1);
+        for (children, split) in splits.iter_mut().enumerate().skip(2) {
+            let mut best = (f32::INFINITY, 1);
+            for share in 1..children {
+                let cost = left.cost[share - 1] + right.cost[children - share - 1];
+                if cost < best.0 {
+                    best = (cost, share as u32);
+                }
+            }
+            *split = best;
+            let cost = best.0 + area * (NODE_COST + L::CHILD_COST * children as f32);
+            if cost < opened.0 {
+                opened = (cost, children as u32 - 2, best.1);
+            }
+        }
+        let mut choice = (opened.2 << 3 | opened.1) << Choice::OPENED;
+        let mut cost = [opened.0; LANES - 1];
+        if triangles as usize <= L::MOST {
+            let leaf = area * L::cost(triangles as usize);
+            if leaf <= opened.0 {
+                cost[0] = leaf;
+                choice |= Choice::LEAF;
+            }
+        }
+        for children in 2..LANES {
+            cost[children - 1] = cost[children - 2];
+            if splits[children].0 < cost[children - 2] {
+                cost[children - 1] = splits[children].0;
+                choice |= splits[children].1 << (3 * (children - 2));
+            }
+        }
+        self.choices[index as usize].store(choice, Ordering::Relaxed);
+        Summary { triangles, cost }
+    }
+}
