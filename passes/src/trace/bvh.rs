@@ -118,6 +118,21 @@ impl Bvh {
     }
 }
 
+/// The walks, compiled once for whatever `accept` is: it is called for transparent triangles only.
+impl Bvh {
+    fn find_closest(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.lanes.run(Closest { bvh: self, ray, accept })
+    }
+
+    fn find_any(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> bool {
+        self.lanes.run(Occluded { bvh: self, ray, accept })
+    }
+
+    fn count_open_rays(&self, fan: &Fan<'_>, accept: &mut dyn FnMut(&Hit) -> bool) -> u32 {
+        self.lanes.run(CountOpen { bvh: self, fan, accept })
+    }
+}
+
 /// The triangles to build on: those with finite corners.
 pub(super) fn inputs(geometry: &Geometry, transparent: &[bool]) -> Vec<Input> {
     assert!(geometry.triangles.len() < TRANSPARENT as usize, "a tree holds fewer than 2^31 triangles");
@@ -142,12 +157,12 @@ pub(super) fn inputs(geometry: &Geometry, transparent: &[bool]) -> Vec<Input> {
 }
 
 impl Tracer for Bvh {
-    fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
-        self.lanes.run(Closest { bvh: self, ray, accept })
+    fn closest(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.find_closest(ray, &mut accept)
     }
 
-    fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool {
-        self.lanes.run(Occluded { bvh: self, ray, accept })
+    fn occluded(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> bool {
+        self.find_any(ray, &mut accept)
     }
 
     fn clear_above(&self, origin: Vec3, normal: Vec3, t_max: f32) -> bool {
@@ -158,8 +173,8 @@ impl Tracer for Bvh {
         self.lanes.run(Gather { bvh: self, around, nearby })
     }
 
-    fn count_open(&self, fan: &Fan<'_>, accept: impl FnMut(&Hit) -> bool) -> u32 {
-        self.lanes.run(CountOpen { bvh: self, fan, accept })
+    fn count_open(&self, fan: &Fan<'_>, mut accept: impl FnMut(&Hit) -> bool) -> u32 {
+        self.count_open_rays(fan, &mut accept)
     }
 
     fn closest_packets(

@@ -130,7 +130,12 @@ impl Nearby {
 
     /// How many of these rays from the origin last turned to meet nothing; `None` if a direction is longer than 1 by more
     /// than rounding. `accept` as in [`Tracer`](super::Tracer).
-    pub fn count_open(&self, directions: &Directions, accept: impl FnMut(&Hit) -> bool) -> Option<u32> {
+    pub fn count_open(&self, directions: &Directions, mut accept: impl FnMut(&Hit) -> bool) -> Option<u32> {
+        self.count_open_rays(directions, &mut accept)
+    }
+
+    /// Compiled once for whatever `accept` is: it is called for transparent triangles only.
+    fn count_open_rays(&self, directions: &Directions, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<u32> {
         self.lanes.run(CountOpen { nearby: self, directions, accept })
     }
 
