@@ -109,8 +109,8 @@ impl Nearby {
         self.lanes.run(Narrow { nearby: self, origins, above });
     }
 
-    /// Turns to the rays from `origin`, which lies in the neighbourhood and the part last narrowed to, that do not look against `above`, a unit vector.
-    /// Returns whether any triangle may be in their way.
+    /// Turns to the rays from `origin`, which lies in the neighbourhood and the part last narrowed to, that do not look
+    /// against `above`, a unit vector. Returns whether any triangle may be in their way.
     pub fn turn_to(&mut self, origin: Vec3, above: Option<Vec3>) -> bool {
         self.lanes.run(TurnTo { nearby: self, origin, above })
     }
