@@ -90,7 +90,7 @@ pub fn duel(set: &Rays, bvh: &Bvh, trees: &[Tree], threads: usize, count: usize)
     let robust = fastest(&first, &|tree, _| tree.robust);
 
     let our_modes = match set.question {
-        Question::Fans => vec![Mode::Near, Mode::Together, Mode::Packets { coherent: true }],
+        Question::Fans => vec![Mode::Near, Mode::Fans, Mode::Packets { coherent: true }],
         _ => vec![Mode::Packets { coherent: true }],
     };
     let mine = Keep::new(set);
@@ -100,7 +100,7 @@ pub fn duel(set: &Rays, bvh: &Bvh, trees: &[Tree], threads: usize, count: usize)
         let together = rays::ours(set, bvh, mode, &keep);
         assert_eq!(alone, together, "{}: ours find the same hits one by one and as {}", set.name, mode.name());
         assert_eq!(mine.counts(), keep.counts(), "{}: in the same packets, as {}", set.name, mode.name());
-        if !matches!(mode, Mode::Near | Mode::Together) {
+        if !matches!(mode, Mode::Near | Mode::Fans) {
             let own = mine.differences(&keep);
             assert_eq!((own.hit, own.distance, own.triangle), (0, 0, 0), "{}: and the same ones", set.name);
         }

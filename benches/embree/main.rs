@@ -10,7 +10,8 @@
 //! what is compared are medians of processor time. Embree is timed in every mode that it has (rays one by one, packets of
 //! 16, streams, each with and without the hint that rays are coherent), on trees of both qualities; the fastest of the
 //! first round goes on. `--growth` measures ours alone: against triangles, pixels and threads; `--count KIND --side
-//! curitiba|3|4` does one kind of work once, for `instructions.sh`. `--robust`'s trees, which are what ours has to be compared with for watertightness, go on beside.
+//! curitiba|3|4` does one kind of work once, for `instructions.sh`. `--robust`'s trees, which are what ours has to be compared
+//! with for watertightness, go on beside.
 
 mod api;
 mod contest;

@@ -156,8 +156,8 @@ fn directions(key: u32, normal: Vec3) -> [Vec3; PACKET] {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     Single,
-    /// Ours: the fans of a tile together.
-    Together,
+    /// Ours: fans of rays from one origin.
+    Fans,
     /// Ours: the same, with the triangles near 16 fans gathered where they are few.
     Near,
     /// Sixteen rays a call (ours: sixteen packets a call).
@@ -174,7 +174,7 @@ impl Mode {
     pub fn name(self) -> &'static str {
         match self {
             Self::Single => "single",
-            Self::Together => "fans together",
+            Self::Fans => "fans",
             Self::Near => "fans near each other",
             Self::Packets { coherent: true } => "packets, coherent",
             Self::Packets { coherent: false } => "packets",
@@ -235,13 +235,15 @@ pub fn ours(rays: &Rays, bvh: &Bvh, mode: Mode, sink: &impl Sink) -> u64 {
                     }
                 }
             }
-            (Mode::Together | Mode::Near, _) => {
+            (Mode::Fans, _) => {
+                for index in range.clone() {
+                    hits += sink.count_fan(index, PACKET as u32 - bvh.count_open(&rays.fan(index), |_| true));
+                }
+            }
+            (Mode::Near, _) => {
                 let fans: Vec<Fan<'_>> = range.clone().map(|index| rays.fan(index)).collect();
                 let mut open = vec![0; fans.len()];
-                match mode {
-                    Mode::Near => bvh.count_open_near(&fans, &mut open, nearby, |_, _| true),
-                    _ => bvh.count_open_together(&fans, &mut open, |_, _| true),
-                }
+                bvh.count_open_near(&fans, &mut open, nearby, |_, _| true);
                 for (index, open) in range.clone().zip(open) {
                     hits += sink.count_fan(index, PACKET as u32 - open);
                 }

@@ -10,6 +10,7 @@ use cudarc::driver::sys::CUevent_flags;
 use cudarc::driver::{CudaEvent, DeviceRepr};
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::constants::THROUGH_GLASS;
+use curitiba_passes::effects::open_shares;
 use curitiba_passes::sampling::{HemisphereSampler, square_root};
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
@@ -303,8 +304,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             HemisphereSampler::Sobol(points) => (0, points),
         };
         if samples > 0 {
-            let share = |open: u32| (open as f32 / samples as f32).powf(job.params.intensity);
-            let shares: Vec<f32> = (0..=samples).map(share).collect();
+            let shares = open_shares(samples, job.params.intensity);
             images.open_share.set(device, "the table of open shares", shares)?;
         }
         if !points.is_empty() {

@@ -3,8 +3,8 @@
 pub mod check;
 
 use crate::effects::{
-    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, TILE, Workspace, combined, deferred_shadows, reflection,
-    refraction, ssao,
+    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, TILE, Workspace, combined, deferred_shadows, open_shares,
+    reflection, refraction, ssao,
 };
 use crate::sampling::{HemisphereSampler, square_root};
 use crate::trace::{Bvh, Quality, Tracer};
@@ -142,8 +142,7 @@ fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result
         Fidelity::Thesis => (None, square_root(samples).map_err(wrong)?),
     };
     let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
-    let share = |open: u32| (open as f32 / samples as f32).powf(job.params.intensity);
-    let open_share = if samples == 0 { Vec::new() } else { (0..=samples).map(share).collect() };
+    let open_share = if samples == 0 { Vec::new() } else { open_shares(samples, job.params.intensity) };
     Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata, open_share })
 }
 

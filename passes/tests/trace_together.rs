@@ -2,7 +2,7 @@
 
 mod trace_scenes;
 
-use curitiba_passes::trace::{BruteForce, Bvh, Fan, Hit, Lanes, Quality, Ray, Tracer};
+use curitiba_passes::trace::{BruteForce, Bvh, Fan, Hit, Lanes, Nearby, Quality, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use std::collections::BTreeSet;
@@ -100,7 +100,7 @@ fn accepts(fan: usize, hit: &Hit) -> bool {
 #[test]
 fn fans_together_count_what_their_rays_find_one_by_one() {
     let mut random = Random::new(23);
-    let (mut rays, mut open_rays) = (0, 0);
+    let (mut rays, mut open_rays, mut nearby) = (0, 0, Nearby::default());
     for (name, geometry) in scenes() {
         let owned = fans(&geometry, &mut random);
         let fans: Vec<Fan<'_>> = owned.iter().map(Owned::fan).collect();
@@ -109,7 +109,7 @@ fn fans_together_count_what_their_rays_find_one_by_one() {
                 continue;
             };
             let mut open = vec![u32::MAX; fans.len()];
-            bvh.count_open_together(&fans, &mut open, accepts);
+            bvh.count_open_near(&fans, &mut open, &mut nearby, accepts);
             for (index, fan) in fans.iter().enumerate() {
                 let alone = fan.rays().filter(|ray| !bvh.occluded(ray, |hit| accepts(index, hit))).count();
                 assert_eq!(open[index] as usize, alone, "{name}, {lanes:?}, fan {index}: {:?}", fan.origin);
@@ -130,7 +130,7 @@ fn fans_together_show_every_transparent_hit_of_rays_that_nothing_stops() {
     let key = |hit: &Hit| (hit.triangle, hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits());
     let bvh = Bvh::build(&geometry, &[false, true], Quality::Balanced);
     let mut shown = vec![BTreeSet::new(); fans.len()];
-    bvh.count_open_together(&fans, &mut vec![0; fans.len()], |fan, hit| {
+    bvh.count_open_near(&fans, &mut vec![0; fans.len()], &mut Nearby::default(), |fan, hit| {
         shown[fan].insert(key(hit));
         false
     });
@@ -169,8 +169,9 @@ fn the_comparison_notices_a_ray_that_is_left_out() {
     let up = [Vec3::new(0.1, 0.9, 0.2).normalize(); 40];
     let fans = [fan(&down), fan(&down[..39]), fan(&up), fan(&up[..39])];
     let (mut open, mut reference) = ([7; 4], [9; 4]);
-    bvh.count_open_together(&fans, &mut open, |_, _| true);
-    brute.count_open_together(&fans, &mut reference, |_, _| true);
+    let mut nearby = Nearby::default();
+    bvh.count_open_near(&fans, &mut open, &mut nearby, |_, _| true);
+    brute.count_open_near(&fans, &mut reference, &mut nearby, |_, _| true);
     assert_eq!(open, [0, 0, 40, 39]);
     assert_eq!(reference, open);
     let blocked = fans.map(|fan| fan.directions.len() as u32);

@@ -29,7 +29,7 @@ pub struct Area {
 
 impl Area {
     /// The pixels, part by part, each with its place in the tile (row by row, [`TILE`] a row).
-    pub(super) fn pixels(self) -> impl Iterator<Item = (usize, Pixel)> {
+    fn pixels(self) -> impl Iterator<Item = (usize, Pixel)> {
         let place = |index: usize| {
             let (part, inner) = (index / (PART * PART), index % (PART * PART));
             let (left, top) = (part % (TILE / PART) * PART, part / (TILE / PART) * PART);

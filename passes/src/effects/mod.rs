@@ -46,7 +46,7 @@ mod surface;
 
 pub use lights::{Area, Lights, TILE};
 pub use material::{AlphaTested, Coverage, Opaque};
-pub use occlusion::SHADOWED;
+pub use occlusion::{SHADOWED, open_shares};
 pub use optics::{Interface, fresnel, interface, reflect, schlick};
 
 use crate::sampling::HemisphereSampler;
@@ -80,7 +80,7 @@ pub struct Pass<'a, T, C> {
     pub occlusion: Option<HemisphereSampler>,
     /// Strata a side in `thesis`; 0 switches occlusion off.
     pub strata: u32,
-    /// By the number of open samples, what occlusion leaves: their share to the power of the intensity.
+    /// See [`open_shares`]; empty where occlusion is off.
     pub open_share: Vec<f32>,
 }
 

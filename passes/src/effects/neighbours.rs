@@ -3,7 +3,7 @@
 use super::lights::{Area, Known, TILE};
 use super::{Coverage, Pass, Workspace};
 use crate::sampling::hash::pixel_key;
-use crate::trace::{Fan, Hit, Purpose, Tracer};
+use crate::trace::{Hit, Tracer};
 use glam::Vec3;
 
 /// Pixels a side of the smallest part of a tile for which triangles are gathered.
@@ -15,13 +15,11 @@ const PART: usize = 4;
 const EXTENT: f32 = 4.0;
 /// Extent above which a part is cut in four where too many triangles are near it; below, its quarters have hardly fewer.
 const CUT: f32 = 0.5;
-/// Pixels whose rays are traced together.
-const TOGETHER: usize = 64;
 /// Part of a tile: its left and top pixel, and pixels a side.
 type Square = [usize; 3];
 
 /// Finds out the occlusion of those pixels of a tile whose surfaces are known: from the triangles near them, or where these
-/// are too many, by rays that are traced together.
+/// are too many, by rays.
 pub(super) fn prepare<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     area: Area,
@@ -50,7 +48,7 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
                         let Some(part) = part(work, square) else { continue };
                         work.nearby.narrow([part.low, part.high], part.above);
                     }
-                    each(pass, area, square, work, &stops);
+                    each(pass, area, square, true, work, &stops);
                 }
             }
         } else if side > LEAST && extent > CUT {
@@ -59,70 +57,25 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
                 squares[pending] = [left + quarter[0], top + quarter[1], half];
                 pending += 1;
             }
-        }
-    }
-    trace(pass, area, work, &stops);
-}
-
-/// Traces the rays of the pixels that are left.
-fn trace<T: Tracer, C: Coverage>(
-    pass: &Pass<'_, T, C>,
-    area: Area,
-    work: &mut Workspace,
-    stops: impl Fn(&Hit) -> bool,
-) {
-    let Some(sampler) = &pass.occlusion else { return };
-    let samples = sampler.samples() as usize;
-    let mut pixels = area.pixels();
-    loop {
-        let mut traced = [(0, Vec3::ZERO, Vec3::ZERO); TOGETHER];
-        let mut count = 0;
-        work.loose.clear();
-        while count < TOGETHER {
-            let Some((place, pixel)) = pixels.next() else { break };
-            let Known { surface: Some((surface, _)), origin, occlusion: None, .. } = *work.lights.at(place) else {
-                continue;
-            };
-            if pass.tracer.clear_above(origin, surface.facing, pass.job.params.radius) {
-                work.rays.certain += samples as u64;
-                work.lights.at_mut(place).occlusion = Some(1.0);
-                continue;
-            }
-            let key = pixel_key(pixel.x, pixel.y, pass.job.seed);
-            sampler.directions(key, surface.normal, Some(surface.facing), &mut work.directions);
-            work.directions.append_to(&mut work.loose);
-            traced[count] = (place, origin, surface.facing);
-            count += 1;
-        }
-        if count == 0 {
-            return;
-        }
-        let none = Fan { origin: Vec3::ZERO, above: None, t_min: 0.0, t_max: pass.job.params.radius, directions: &[] };
-        let (mut fans, mut open) = ([none; TOGETHER], [0; TOGETHER]);
-        for ((fan, (_, origin, facing)), directions) in fans.iter_mut().zip(traced).zip(work.loose.chunks(samples)) {
-            *fan = Fan { origin, above: Some(facing), directions, ..none };
-        }
-        work.rays.occlusion += (count * samples) as u64;
-        pass.announce_visibility(Purpose::Occlusion, 1.0 / samples as f32);
-        pass.tracer.count_open_together(&fans[..count], &mut open[..count], |_, hit| stops(hit));
-        for ((place, ..), open) in traced[..count].iter().zip(open) {
-            work.lights.at_mut(*place).occlusion = Some(pass.open_share[open as usize]);
+        } else {
+            each(pass, area, square, false, work, &stops);
         }
     }
 }
 
-/// Computes the pixels of a square from what was gathered.
+/// Computes the pixels of a square, from the triangles near them if these were gathered.
 fn each<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     area: Area,
     square: Square,
+    gathered: bool,
     work: &mut Workspace,
     stops: impl Fn(&Hit) -> bool,
 ) {
     for place in places(square) {
         let Known { surface: Some((surface, _)), origin, .. } = *work.lights.at(place) else { continue };
         let key = pixel_key((area.x + place % TILE) as u32, (area.y + place / TILE) as u32, pass.job.seed);
-        let open = pass.hemisphere(true, origin, &surface, key, work, &stops);
+        let open = pass.hemisphere(gathered, origin, &surface, key, work, &stops);
         work.lights.at_mut(place).occlusion = Some(open);
     }
 }

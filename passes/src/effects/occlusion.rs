@@ -11,6 +11,12 @@ pub const SHADOWED: f32 = 0.5;
 /// What light keeps at each glass surface that it crosses.
 pub const THROUGH_GLASS: f32 = 0.9;
 
+/// By the number of open samples, what occlusion leaves: their share to the power of the intensity.
+#[must_use]
+pub fn open_shares(samples: u32, intensity: f32) -> Vec<f32> {
+    (0..=samples).map(|open| (open as f32 / samples as f32).powf(intensity)).collect()
+}
+
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// Ambient occlusion of a surface: the share of its cosine-weighted hemisphere that is open within the radius, to the
     /// power of the intensity. 1 where occlusion is off.

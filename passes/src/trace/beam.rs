@@ -2,7 +2,8 @@
 //! triangle against them: sixteen rays at a time, with the operations and so the bits of [`Block`]'s test of one ray.
 
 use super::block::Block;
-use super::face::{DOUBT, Face, LONGEST, Verdict};
+use super::face::{DOUBT, Face, LONGEST};
+use super::facet::Verdict;
 use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE};
 use super::packet::Packet;
 use super::query::{Bounds, Query, UNIT_ROUNDOFF};

@@ -5,7 +5,7 @@ use super::build::{self, Effort, Input};
 use super::bundle;
 use super::clear::{ClearAbove, Plane};
 use super::dispatch::{Detected, Lanes, Work};
-use super::gather::CountOpen;
+use super::fan::CountOpen;
 use super::lanes::{NO_LANES, Simd, first_lane, without_first};
 use super::nearby::{Gather, Nearby, Neighbourhood};
 use super::node::{Child, Node};

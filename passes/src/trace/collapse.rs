@@ -6,8 +6,8 @@ use obvhs::bvh2::Bvh2;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Cost of opening a node, one vector test of eight, in the surface area heuristic; children cost [`Leaves::CHILD_COST`] more, and
-/// leaves [`Leaves::cost`].
+/// Cost of opening a node, one vector test of eight, in the surface area heuristic; children cost [`Leaves::CHILD_COST`]
+/// more, and leaves [`Leaves::cost`].
 const NODE_COST: f32 = 1.0;
 
 /// Subtrees that are planned side by side, about.

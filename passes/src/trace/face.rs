@@ -17,7 +17,8 @@
 //! The others are put to it. `t_max` may be infinite; then `q` is `n · d`.
 
 use super::beam::Beam;
-use super::lanes::{Mask, Simd};
+use super::facet::Verdict;
+use super::lanes::Simd;
 use super::query::UNIT_ROUNDOFF;
 use glam::DVec3;
 
@@ -36,12 +37,6 @@ pub(super) struct Face {
     corner: [f32; 3],
 }
 
-/// What is certain of sixteen rays whose lines pass through the triangle.
-pub(super) struct Verdict {
-    pub(super) hit: Mask,
-    pub(super) miss: Mask,
-}
-
 impl Face {
     #[inline(always)]
     pub(super) fn new(corners: &[[f32; 3]; 3]) -> Self {
@@ -55,7 +50,7 @@ impl Face {
         Self { normal: (normal * scale).as_vec3().to_array(), corner: corners[0] }
     }
 
-    /// What is certain. Comparisons with what is not a number are false, so nothing is.
+    /// What is certain of sixteen rays whose lines pass through the triangle. Comparisons with what is not a number are false, so nothing is.
     #[inline(always)]
     pub(super) fn decide<S: Simd>(&self, simd: S, beam: &Beam) -> Verdict {
         let (origin, direction, t_min, shortness, doubt) = beam.decided_by();

@@ -168,15 +168,11 @@ impl Group {
     #[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
     pub(super) fn seen_from<S: Simd>(&self, simd: S, near: Mask, view: &View, facets: &mut Facets) -> bool {
         let zero = simd.wide_splat(0.0);
-        let corners = self.seen_from_point(simd, view.origin);
-        let mut seen = near & !outside(simd, &corners, &view.ball);
-        if let Some(plane) = view.plane {
-            seen &= !behind(simd, &corners, plane.normal);
-        }
+        let mut seen = near & self.near(simd, &view.ball, view.plane);
         if seen == NO_LANES {
             return false;
         }
-
+        let corners = self.seen_from_point(simd, view.origin);
         let moved = view.origin - view.center;
         let mut height = simd.wide_load(&self.height);
         let error = simd.wide_about_mul_add(
@@ -283,22 +279,6 @@ impl Group {
         block.set(0, [corner(a), corner(b), corner(c)], self.ids[lane] | flag);
         block
     }
-}
-
-/// The lanes whose triangles' bounds, relative to the centre of a ball, certainly lie outside.
-#[inline(always)]
-#[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
-fn outside<S: Simd>(simd: S, corners: &[[S::Wide; 3]; 3], ball: &Ball) -> Mask {
-    let zero = simd.wide_splat(0.0);
-    let mut distance = zero;
-    for axis in 0..3 {
-        let [a, b, c] = [corners[0][axis], corners[1][axis], corners[2][axis]];
-        let least = simd.wide_min_or(simd.wide_min_or(a, b), c);
-        let most = simd.wide_max_or(simd.wide_max_or(a, b), c);
-        let away = simd.wide_max_or(simd.wide_max_or(least, simd.wide_sub(zero, most)), zero);
-        distance = simd.wide_about_mul_add(away, away, distance);
-    }
-    simd.wide_at_most(simd.wide_splat(ball.square), distance)
 }
 
 /// The lanes whose triangles, relative to a point of a plane, certainly lie behind it or on it. The sum is compared with its

@@ -24,7 +24,7 @@ mod double;
 mod emit;
 mod face;
 mod facet;
-mod gather;
+mod fan;
 mod lanes;
 mod nearby;
 mod node;
@@ -158,22 +158,10 @@ pub trait Tracer: Sync {
         fan.rays().filter(|ray| !self.occluded(ray, &mut accept)).count() as u32
     }
 
-    /// How many rays of each of some fans are not blocked: all that is asked at once, as for the pixels of a tile, so that a
-    /// tracer may share work between fans of neighbouring origins.
+    /// How many rays of each of some fans are not blocked. Where the triangles near some that follow each other are few, they
+    /// are gathered; `nearby` is room for them.
     ///
     /// The result is that of asking [`Self::occluded`] for each ray; `accept` is told the ray's fan.
-    ///
-    /// # Panics
-    /// If `open` is not as long as `fans`.
-    fn count_open_together(&self, fans: &[Fan<'_>], open: &mut [u32], mut accept: impl FnMut(usize, &Hit) -> bool) {
-        assert_eq!(fans.len(), open.len(), "one count for each fan");
-        for (index, (fan, open)) in fans.iter().zip(open).enumerate() {
-            *open = self.count_open(fan, |hit| accept(index, hit));
-        }
-    }
-
-    /// As [`Self::count_open_together`]. Where the triangles near some fans that follow each other are few, they are gathered;
-    /// `nearby` is room for them.
     ///
     /// # Panics
     /// If `open` is not as long as `fans`.
@@ -185,26 +173,15 @@ pub trait Tracer: Sync {
         mut accept: impl FnMut(usize, &Hit) -> bool,
     ) {
         assert_eq!(fans.len(), open.len(), "one count for each fan");
-        // Those from `first` on that could not be gathered are traced together.
-        let (mut first, mut next) = (0, 0);
-        for run in fans.chunks(Neighbourhood::FANS) {
-            let (start, end) = (next, next + run.len());
-            next = end;
-            let around = Neighbourhood::of(run);
-            if !around.is_some_and(|around| self.gather(&around, nearby)) {
-                continue;
+        let runs = fans.chunks(Neighbourhood::FANS).zip(open.chunks_mut(Neighbourhood::FANS));
+        for (number, (fans, open)) in runs.enumerate() {
+            let gathered = Neighbourhood::of(fans).is_some_and(|around| self.gather(&around, nearby));
+            for (index, (fan, open)) in fans.iter().zip(open).enumerate() {
+                let mut accept = |hit: &Hit| accept(number * Neighbourhood::FANS + index, hit);
+                let count = if gathered { nearby.count_open_of_fan(fan, &mut accept) } else { None };
+                *open = count.unwrap_or_else(|| self.count_open(fan, accept));
             }
-            for (index, fan) in (start..end).zip(run) {
-                let count = nearby.count_open_of_fan(fan, |hit| accept(index, hit));
-                open[index] = count.unwrap_or_else(|| self.count_open(fan, |hit| accept(index, hit)));
-            }
-            let left = first..start;
-            first = end;
-            self.count_open_together(&fans[left.clone()], &mut open[left.clone()], |index, hit| {
-                accept(left.start + index, hit)
-            });
         }
-        self.count_open_together(&fans[first..], &mut open[first..], |index, hit| accept(first + index, hit));
     }
 
     /// The nearest accepted hits of the rays of some packets, those of neighbouring pixels for example.
