@@ -322,6 +322,49 @@ fn a_fan_counts_what_its_rays_count() {
 }
 
 #[test]
+fn a_fan_counts_rays_of_any_direction_on_every_instruction_set() {
+    // Along axes and in their planes, with components that are tiny, not unit vectors, not directions at all.
+    let odd = [
+        Vec3::X,
+        Vec3::NEG_Y,
+        Vec3::new(0.6, -0.0, 0.8),
+        Vec3::new(0.0, 0.6, -0.8),
+        Vec3::new(1e-30, 0.6, 0.8),
+        Vec3::new(-1e-42, 0.6, 0.8),
+        Vec3::new(0.3, 0.4, 3.0),
+        Vec3::splat(1e-20),
+        Vec3::ZERO,
+        Vec3::new(f32::NAN, 0.0, 1.0),
+        Vec3::new(f32::INFINITY, 0.0, 1.0),
+    ];
+    for (name, geometry) in scenes() {
+        let mut expected = None;
+        for lanes in [Lanes::Portable, Lanes::Avx2, Lanes::Avx512] {
+            let Some(bvh) = Bvh::build(&geometry, &[], Quality::Balanced).with_lanes(lanes) else { continue };
+            let (mut random, mut counts, mut partly) = (Random::new(17), Vec::new(), 0);
+            for round in 0..300 {
+                let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
+                let origin = (corners[0] + corners[1] + corners[2]) / 3.0 + random.cube() * 0.05;
+                // From none to more than two packets, some of them with nothing but odd directions.
+                let mut directions: Vec<Vec3> = (0..random.below(40)).map(|_| random.direction()).collect();
+                for _ in 0..random.below(20) {
+                    let at = random.below(directions.len() + 1);
+                    directions.insert(at, odd[random.below(odd.len())]);
+                }
+                let t_max = [0.3, f32::INFINITY, -1.0][if round % 25 == 0 { 2 } else { round % 2 }];
+                let fan = Fan { origin, above: None, t_min: 0.0, t_max, directions: &directions };
+                let open = bvh.count_open(&fan, NONE) as usize;
+                assert_eq!(open, open_one_by_one(&bvh, &fan, NONE), "{name} {lanes:?} {directions:?}");
+                partly += usize::from(open > 0 && open < directions.len());
+                counts.push(open);
+            }
+            assert!(partly > 100, "{name}: {partly}");
+            assert_eq!(*expected.get_or_insert_with(|| counts.clone()), counts, "{name} {lanes:?}");
+        }
+    }
+}
+
+#[test]
 fn a_fan_asks_for_hits_on_transparent_triangles() {
     let (_, mut geometry) = scenes().swap_remove(0);
     let half = geometry.triangles.len() as u32 / 2;

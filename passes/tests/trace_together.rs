@@ -86,7 +86,7 @@ fn fans(geometry: &Geometry, random: &mut Random) -> Vec<Owned> {
     // More rays than are sorted at a time, and a fan among them that has more by itself.
     let corner = low.lerp(high, 0.4);
     for count in [5000, 100, 100, 100] {
-        let directions = (0..count).map(|_| random.direction()).collect();
+        let directions = (0..count).map(|_| random.cosine(Vec3::Y)).collect();
         fans.push(Owned { origin: corner, normal: Vec3::Y, t_min: 0.0, t_max: size, directions });
     }
     fans

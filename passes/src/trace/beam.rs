@@ -1,12 +1,14 @@
 //! Up to sixteen rays with one main axis and one octant, prepared as [`Query`] prepares one, and the watertight test of a
 //! triangle against them: sixteen rays at a time, with the operations and so the bits of [`Block`]'s test of one ray.
 
+#![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
+
 use super::block::Block;
 use super::face::{DOUBT, Face, LONGEST};
 use super::facet::Verdict;
-use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE};
+use super::lanes::{F8, F16, Mask, NO_LANES, Plain, Simd, WIDE};
 use super::packet::Packet;
-use super::query::{Bounds, Query, UNIT_ROUNDOFF};
+use super::query::{Bounds, FAR, Query, UNIT_ROUNDOFF, permutation};
 use super::{Hit, PacketHits};
 use glam::DVec3;
 
@@ -22,11 +24,6 @@ impl Class {
     /// The axis along which the direction is longest.
     pub(super) fn axis(self) -> usize {
         (self.0 & 3) as usize
-    }
-
-    /// Signs and zeros: what rays of one traversal have in common.
-    pub(super) fn octant(self) -> u32 {
-        self.0 >> 2
     }
 
     /// Per axis: 1 where rays run towards lower coordinates, else 0.
@@ -100,22 +97,21 @@ impl Classes {
 /// Rays of one packet and one class. What lanes hold that are not `open` means nothing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Beam {
-    /// Which packet of the call.
-    pub(super) packet: usize,
     /// The rays that are still looking.
     pub(super) open: Mask,
-    pub(super) class: Class,
+    class: Class,
     axes: [usize; 3],
     t_min: f32,
     t_max: f32,
     origin: [F16; 3],
     direction: [F16; 3],
     shear: [F16; 2],
-    pub(super) near_origin: [F16; 3],
-    pub(super) far_origin: [F16; 3],
-    pub(super) inverse: [F16; 3],
+    near_origin: [F16; 3],
+    far_origin: [F16; 3],
+    inverse: [F16; 3],
+    far_inverse: [F16; 3],
     /// The nearest distances so far, at first `t_max`.
-    pub(super) limit: F16,
+    limit: F16,
     /// Where they are; the lanes of `hit` say where there is any.
     u: F16,
     v: F16,
@@ -127,14 +123,10 @@ pub(super) struct Beam {
     shortness: f32,
 }
 
-/// How much farther the far planes of boxes are taken to be, as in [`Query::new`].
-pub(super) const FAR: f32 = 1.0 + 8.0 * UNIT_ROUNDOFF;
-
 const ZERO: F16 = F16([0.0; WIDE]);
 
 impl Beam {
     pub(super) const EMPTY: Self = Self {
-        packet: 0,
         open: NO_LANES,
         class: Class(0),
         axes: [0; 3],
@@ -146,6 +138,7 @@ impl Beam {
         near_origin: [ZERO; 3],
         far_origin: [ZERO; 3],
         inverse: [ZERO; 3],
+        far_inverse: [ZERO; 3],
         limit: ZERO,
         u: ZERO,
         v: ZERO,
@@ -157,20 +150,9 @@ impl Beam {
 
     /// Prepares the rays of some lanes, all of one class. The operations are those of [`Query::new`].
     #[inline(always)]
-    pub(super) fn prepare<S: Simd>(
-        &mut self,
-        simd: S,
-        packet: &Packet,
-        (index, lanes, class): (usize, Mask, Class),
-        scene: &Bounds,
-    ) {
+    pub(super) fn prepare<S: Simd>(&mut self, simd: S, packet: &Packet, (lanes, class): (Mask, Class), scene: &Bounds) {
         let zero = simd.wide_splat(0.0);
-        let axes = match class.axis() {
-            0 => [1, 2, 0],
-            1 => [2, 0, 1],
-            _ => [0, 1, 2],
-        };
-        self.packet = index;
+        let axes = permutation(class.axis());
         self.open = lanes;
         self.class = class;
         self.axes = axes;
@@ -207,6 +189,7 @@ impl Beam {
             self.origin[axis] = simd.wide_store(origin[axis]);
             self.direction[axis] = simd.wide_store(direction[axis]);
             self.inverse[axis] = simd.wide_store(inverse[axis]);
+            self.far_inverse[axis] = simd.wide_store(simd.wide_mul(inverse[axis], simd.wide_splat(FAR)));
         }
         let mut longest = zero;
         let mut all = simd.wide_splat(f32::MIN_POSITIVE / UNIT_ROUNDOFF);
@@ -298,49 +281,117 @@ impl Beam {
             let near = simd.wide_sub(simd.wide_splat(near), simd.wide_load(&self.near_origin[axis]));
             let far = simd.wide_sub(simd.wide_splat(far), simd.wide_load(&self.far_origin[axis]));
             enter = simd.wide_max_or(simd.wide_mul(near, inverse), enter);
-            leave = simd.wide_min_or(simd.wide_mul(far, simd.wide_mul(inverse, simd.wide_splat(FAR))), leave);
+            leave = simd.wide_min_or(simd.wide_mul(far, simd.wide_load(&self.far_inverse[axis])), leave);
         }
         (enter, leave)
     }
 
-    /// Whether any open ray is in a box up to its limit, by [`Query::slabs`] for each.
+    /// The rays that are in the box in a lane of a node up to their limit, by [`Query::slabs`] for each.
     #[inline(always)]
-    pub(super) fn enters<S: Simd>(&self, simd: S, planes: &[[f32; 3]; 2]) -> bool {
+    pub(super) fn entering<S: Simd>(&self, simd: S, planes: &[[F8; 3]; 2], lane: usize) -> Mask {
         let mut enter = simd.wide_splat(self.t_min);
         let mut leave = simd.wide_load(&self.limit);
         let backward = self.class.backward();
         for axis in 0..3 {
             let side = backward[axis] & 1;
-            let inverse = simd.wide_load(&self.inverse[axis]);
-            let near = simd.wide_sub(simd.wide_splat(planes[side][axis]), simd.wide_load(&self.near_origin[axis]));
-            let far = simd.wide_sub(simd.wide_splat(planes[1 - side][axis]), simd.wide_load(&self.far_origin[axis]));
+            let (inverse, far_inverse) = (simd.wide_load(&self.inverse[axis]), simd.wide_load(&self.far_inverse[axis]));
+            let near =
+                simd.wide_sub(simd.wide_splat(planes[side][axis].0[lane]), simd.wide_load(&self.near_origin[axis]));
+            let far =
+                simd.wide_sub(simd.wide_splat(planes[1 - side][axis].0[lane]), simd.wide_load(&self.far_origin[axis]));
             enter = simd.wide_max_or(simd.wide_mul(near, inverse), enter);
-            leave = simd.wide_min_or(simd.wide_mul(far, simd.wide_mul(inverse, simd.wide_splat(FAR))), leave);
+            leave = simd.wide_min_or(simd.wide_mul(far, far_inverse), leave);
         }
-        simd.wide_at_most(enter, leave) & self.open != NO_LANES
+        simd.wide_at_most(enter, leave)
     }
 
-    /// Closes the rays that the triangle in a lane of a block stops. Returns whether any ray met its inside.
+    /// What [`Query::new`] makes of a ray, from what is here.
+    #[inline(always)]
+    pub(super) fn query(&self, ray: usize) -> Query {
+        let at = |values: &[F16; 3]| [values[0].0[ray], values[1].0[ray], values[2].0[ray]];
+        Query::of_beam(
+            (at(&self.origin), at(&self.direction)),
+            self.axes,
+            [self.shear[0].0[ray], self.shear[1].0[ray]],
+            (self.t_min, self.t_max),
+            self.class.backward(),
+            (at(&self.near_origin), at(&self.far_origin)),
+            (at(&self.inverse), at(&self.far_inverse)),
+        )
+    }
+
+    /// The extremes of the open rays.
+    #[inline(always)]
+    pub(super) fn extremes<S: Simd>(&self, simd: S) -> Extremes {
+        let backward = self.class.backward();
+        let mut extremes = Extremes {
+            near_origin: [0.0; 3],
+            far_origin: [0.0; 3],
+            inverse: [[0.0; 3]; 2],
+            far_inverse: [[0.0; 3]; 2],
+            backward,
+            t_min: self.t_min,
+            t_max: self.t_max,
+        };
+        for axis in 0..3 {
+            let near = self.range(simd, &self.near_origin[axis]);
+            let far = self.range(simd, &self.far_origin[axis]);
+            let inverse = self.range(simd, &self.inverse[axis]);
+            let (near, far) = if backward[axis] == 0 { (near.1, far.0) } else { (near.0, far.1) };
+            extremes.near_origin[axis] = near;
+            extremes.far_origin[axis] = far;
+            extremes.inverse[0][axis] = inverse.0;
+            extremes.inverse[1][axis] = inverse.1;
+            extremes.far_inverse[0][axis] = inverse.0 * FAR;
+            extremes.far_inverse[1][axis] = inverse.1 * FAR;
+        }
+        extremes
+    }
+
+    /// The rays that may meet something nearer than what they met, or as near, in a box that is entered from a distance on.
+    #[inline(always)]
+    pub(super) fn reaching<S: Simd>(&self, simd: S, enter: f32) -> Mask {
+        simd.wide_at_most(simd.wide_splat(enter), simd.wide_load(&self.limit))
+    }
+
+    /// The nearest hit of a ray so far.
+    #[inline(always)]
+    pub(super) fn best(&self, ray: usize) -> Option<Hit> {
+        (self.hit >> ray & 1 == 1).then_some(self.at(ray))
+    }
+
+    /// What a ray met, if it met anything.
+    #[inline(always)]
+    fn at(&self, ray: usize) -> Hit {
+        Hit { t: self.limit.0[ray], triangle: self.triangle.0[ray].to_bits(), u: self.u.0[ray], v: self.v.0[ray] }
+    }
+
+    /// Sets the nearest hit of a ray.
+    #[inline(always)]
+    pub(super) fn keep(&mut self, ray: usize, hit: &Hit) {
+        self.limit.0[ray] = hit.t;
+        self.u.0[ray] = hit.u;
+        self.v.0[ray] = hit.v;
+        self.triangle.0[ray] = f32::from_bits(hit.triangle);
+        self.hit |= 1 << ray;
+    }
+
+    /// Closes the rays that the triangle in a lane of a block stops.
     #[inline(always)]
     pub(super) fn stop<S: Simd>(
         &mut self,
         simd: S,
-        (block, lane, face): (&Block, usize, &mut Option<Face>),
-        (packets, scene): (&[Packet], &Bounds),
+        (block, lane): (&Block, usize),
         accept: &mut impl FnMut(usize, &Hit) -> bool,
-    ) -> bool {
+    ) {
         let corners = block.corners(lane);
         let Lines { mut sure, touched, edges } = self.lines(simd, &corners);
         if sure | touched == NO_LANES {
-            return false;
+            return;
         }
         let transparent = block.is_transparent(lane);
         if !transparent && sure != NO_LANES {
-            if face.is_none() {
-                *face = Some(Face::new(&corners));
-            }
-            let Some(face) = face else { return true };
-            let Verdict { hit, miss } = face.decide(simd, self);
+            let Verdict { hit, miss } = Face::new(&corners).decide(simd, self);
             self.open &= !(sure & hit);
             sure &= !(hit | miss);
         }
@@ -359,36 +410,33 @@ impl Beam {
                 let ray = asked.trailing_zeros() as usize & (WIDE - 1);
                 asked &= asked - 1;
                 let hit = Hit { t: t.0[ray], triangle, u: u.0[ray], v: v.0[ray] };
-                if !accept(self.packet * WIDE + ray, &hit) {
+                if !accept(ray, &hit) {
                     sure &= !(1 << ray);
                 }
             }
         }
         self.open &= !sure;
         if touched != NO_LANES {
-            self.one_by_one(touched, (block, lane), (packets, scene), |beam, ray, hit, transparent| {
-                if hit.t < beam.t_max && (!transparent || accept(beam.packet * WIDE + ray, hit)) {
+            self.one_by_one(touched, (block, lane), |beam, ray, hit, transparent| {
+                if hit.t < beam.t_max && (!transparent || accept(ray, hit)) {
                     beam.open &= !(1 << ray);
                 }
             });
         }
-        true
     }
 
-    /// Keeps the hits on the triangle in a lane of a block that are nearer than those so far. Returns whether any ray met
-    /// its inside, and whether any was nearer.
+    /// Keeps the hits on the triangle in a lane of a block that are nearer than those so far.
     #[inline(always)]
     pub(super) fn approach<S: Simd>(
         &mut self,
         simd: S,
         (block, lane): (&Block, usize),
-        (packets, scene): (&[Packet], &Bounds),
         accept: &mut impl FnMut(usize, &Hit) -> bool,
-    ) -> (bool, bool) {
+    ) {
         let corners = block.corners(lane);
         let Lines { mut sure, touched, edges } = self.lines(simd, &corners);
         if sure | touched == NO_LANES {
-            return (false, false);
+            return;
         }
         let mut t = simd.wide_splat(0.0);
         if sure != NO_LANES {
@@ -412,7 +460,7 @@ impl Beam {
                     let ray = asked.trailing_zeros() as usize & (WIDE - 1);
                     asked &= asked - 1;
                     let hit = Hit { t: t.0[ray], triangle, u: u.0[ray], v: v.0[ray] };
-                    if !accept(self.packet * WIDE + ray, &hit) {
+                    if !accept(ray, &hit) {
                         nearer &= !(1 << ray);
                     }
                 }
@@ -424,22 +472,15 @@ impl Beam {
             self.triangle = simd.wide_store(simd.wide_select(nearer, own, best));
             self.hit |= nearer;
         }
-        let mut changed = nearer != NO_LANES;
         if touched != NO_LANES {
-            self.one_by_one(touched, (block, lane), (packets, scene), |beam, ray, hit, transparent| {
+            self.one_by_one(touched, (block, lane), |beam, ray, hit, transparent| {
                 let (limit, best) = (beam.limit.0[ray], beam.triangle.0[ray].to_bits());
                 let nearer = hit.t < limit || hit.t == limit && hit.triangle < best;
-                if nearer && (!transparent || accept(beam.packet * WIDE + ray, hit)) {
-                    beam.limit.0[ray] = hit.t;
-                    beam.u.0[ray] = hit.u;
-                    beam.v.0[ray] = hit.v;
-                    beam.triangle.0[ray] = f32::from_bits(hit.triangle);
-                    beam.hit |= 1 << ray;
-                    changed = true;
+                if nearer && (!transparent || accept(ray, hit)) {
+                    beam.keep(ray, hit);
                 }
             });
         }
-        (true, changed)
     }
 
     /// Shows the hits of single rays on the triangle in a lane of a block up to their limits. All instruction sets give the
@@ -450,14 +491,13 @@ impl Beam {
         &mut self,
         mut rays: Mask,
         (block, lane): (&Block, usize),
-        (packets, scene): (&[Packet], &Bounds),
         mut found: impl FnMut(&mut Self, usize, &Hit, bool),
     ) {
         let triangle = block.triangle(lane);
         while rays != NO_LANES {
             let ray = rays.trailing_zeros() as usize & (WIDE - 1);
             rays &= rays - 1;
-            let Some(query) = Query::new(&packets[self.packet].ray(ray), scene) else { continue };
+            let query = self.query(ray);
             let mut limit = self.limit.0[ray];
             block.intersect(Plain, &query, &mut limit, |hit, transparent, _| {
                 if hit.triangle == triangle {
@@ -471,19 +511,13 @@ impl Beam {
     /// Writes what the rays met.
     pub(super) fn report(&self, hits: &mut PacketHits) {
         for ray in (0..WIDE).filter(|ray| self.hit >> ray & 1 == 1) {
-            let hit = Hit {
-                t: self.limit.0[ray],
-                triangle: self.triangle.0[ray].to_bits(),
-                u: self.u.0[ray],
-                v: self.v.0[ray],
-            };
-            hits.set(ray, &hit);
+            hits.set(ray, &self.at(ray));
         }
     }
 
     /// The least and the greatest of some values of the open rays.
     #[inline(always)]
-    pub(super) fn range<S: Simd>(&self, simd: S, values: &F16) -> (f32, f32) {
+    fn range<S: Simd>(&self, simd: S, values: &F16) -> (f32, f32) {
         let values = simd.wide_load(values);
         let low = simd.wide_store(simd.wide_select(self.open, values, simd.wide_splat(f32::INFINITY)));
         let high = simd.wide_store(simd.wide_select(self.open, values, simd.wide_splat(f32::NEG_INFINITY)));
@@ -514,10 +548,37 @@ impl Beam {
     pub(super) fn scale_doubt(&mut self, factor: f32) {
         self.doubt.0 = self.doubt.0.map(|doubt| doubt * factor);
     }
+}
 
-    /// Where rays begin and end.
-    pub(super) fn interval_of_rays(&self) -> (f32, f32) {
-        (self.t_min, self.t_max)
+/// Extremes of what the box test of a ray computes with, of several rays.
+pub(super) struct Extremes {
+    /// The origin that gives the least distance to a near plane, and the greatest to a far one.
+    near_origin: [f32; 3],
+    far_origin: [f32; 3],
+    /// Least and greatest reciprocals of directions, and the same for far planes.
+    inverse: [[f32; 3]; 2],
+    far_inverse: [[f32; 3]; 2],
+    backward: [usize; 3],
+    t_min: f32,
+    t_max: f32,
+}
+
+impl Extremes {
+    /// The lanes of boxes that any ray may be in, and below which distance it does not enter them.
+    #[inline(always)]
+    pub(super) fn meets<S: Simd>(&self, simd: S, planes: [[S::Vector; 3]; 2]) -> (Mask, S::Vector) {
+        let mut enter = simd.splat(self.t_min);
+        let mut leave = simd.splat(self.t_max);
+        for axis in 0..3 {
+            let side = self.backward[axis] & 1;
+            let near = simd.sub(planes[side][axis], simd.splat(self.near_origin[axis]));
+            let far = simd.sub(planes[1 - side][axis], simd.splat(self.far_origin[axis]));
+            let (low, high) = (simd.splat(self.inverse[0][axis]), simd.splat(self.inverse[1][axis]));
+            enter = simd.max_or(simd.min_or(simd.mul(near, low), simd.mul(near, high)), enter);
+            let (low, high) = (simd.splat(self.far_inverse[0][axis]), simd.splat(self.far_inverse[1][axis]));
+            leave = simd.min_or(simd.max_or(simd.mul(far, low), simd.mul(far, high)), leave);
+        }
+        (simd.at_most(enter, leave), enter)
     }
 }
 

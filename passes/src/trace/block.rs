@@ -1,7 +1,10 @@
 //! Blocks of up to eight triangles and the watertight test of one ray against all of them.
 
+#![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
+
 use super::Hit;
 use super::clear::{Ball, Plane};
+use super::facet::{EDGE_ERROR, LARGEST, SMALLEST};
 use super::lanes::{F8, LANES, Mask, NO_LANES, Simd, first_lane, without_first};
 use super::query::Query;
 use glam::Vec3;
@@ -50,8 +53,14 @@ impl Block {
         self.ids[lane] & TRANSPARENT != 0
     }
 
+    /// The lanes that are used.
+    #[inline(always)]
+    pub(super) fn used<S: Simd>(&self, simd: S) -> Mask {
+        let first = simd.load(&self.corners[0][0]);
+        simd.at_most(first, first)
+    }
+
     /// Bounds of all triangles, `[low, high][axis]`; unused lanes hold NaN.
-    #[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
     #[inline(always)]
     pub(super) fn bounds<S: Simd>(&self, simd: S) -> [[S::Vector; 3]; 2] {
         let mut bounds = [[simd.splat(0.0); 3]; 2];
@@ -180,10 +189,78 @@ impl Block {
         (t > query.t_min && t <= t_limit).then_some((t, u, v))
     }
 
+    /// The triangles as rays from one point see them. With a plane, no ray goes to its far side.
+    #[inline(always)]
+    pub(super) fn cones<S: Simd>(&self, simd: S, origin: [f32; 3], plane: Option<Plane>) -> Cones<S> {
+        let zero = simd.splat(0.0);
+        let mut corners = [[zero; 3]; 3];
+        let mut sizes = [zero; 3];
+        for corner in 0..3 {
+            for axis in 0..3 {
+                let value = simd.sub(simd.load(&self.corners[corner][axis]), simd.splat(origin[axis]));
+                corners[corner][axis] = value;
+                sizes[corner] = simd.max_or(simd.max_or(value, simd.sub(zero, value)), sizes[corner]);
+            }
+        }
+        let mut edges = [[zero; 3]; 3];
+        let mut errors = [zero; 3];
+        for (edge, (from, to)) in [(1, 2), (2, 0), (0, 1)].into_iter().enumerate() {
+            for axis in 0..3 {
+                let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+                let a = simd.mul(corners[from][next], corners[to][last]);
+                edges[edge][axis] = simd.sub(a, simd.mul(corners[from][last], corners[to][next]));
+            }
+            errors[edge] = simd.mul(simd.mul(sizes[from], sizes[to]), simd.splat(EDGE_ERROR));
+        }
+        let least = simd.min_or(simd.min_or(sizes[0], sizes[1]), sizes[2]);
+        let most = simd.max_or(simd.max_or(sizes[0], sizes[1]), sizes[2]);
+        let bounded = simd.at_most(simd.splat(SMALLEST), least) & simd.at_most(most, simd.splat(LARGEST));
+        let mut possible = self.used(simd);
+        if let Some(plane) = plane {
+            possible &= !self.behind(simd, plane);
+        }
+        Cones { edges, errors, possible, bounded }
+    }
+
     #[inline(always)]
     fn corner(&self, corner: usize, lane: usize) -> [f32; 3] {
         let [x, y, z] = &self.corners[corner];
         [x.0[lane], y.0[lane], z.0[lane]]
+    }
+}
+
+/// Triangles as rays from one point see them: each is the cone of the planes through the point and its edges.
+pub(super) struct Cones<S: Simd> {
+    /// Normals of these planes.
+    edges: [[S::Vector; 3]; 3],
+    /// How far a direction's dot products with them, and the watertight test, may be from the truth.
+    errors: [S::Vector; 3],
+    /// Triangles that any ray may meet.
+    possible: Mask,
+    /// Those for which the errors are bounded.
+    bounded: Mask,
+}
+
+impl<S: Simd> Cones<S> {
+    /// Whether certainly no ray is stopped.
+    #[inline(always)]
+    pub(super) fn are_missed(&self) -> bool {
+        self.possible == NO_LANES
+    }
+
+    /// Whether a ray may be stopped; its line certainly passes by all triangles where not.
+    #[inline(always)]
+    pub(super) fn may_stop(&self, simd: S, direction: [f32; 3]) -> bool {
+        let (x, y, z) = (simd.splat(direction[0]), simd.splat(direction[1]), simd.splat(direction[2]));
+        let (mut above, mut below) = (NO_LANES, NO_LANES);
+        let zero = simd.splat(0.0);
+        for edge in 0..3 {
+            let [a, b, c] = self.edges[edge];
+            let side = simd.about_mul_add(c, z, simd.about_mul_add(b, y, simd.mul(a, x)));
+            above |= simd.at_most(self.errors[edge], side);
+            below |= simd.at_most(side, simd.sub(zero, self.errors[edge]));
+        }
+        self.possible & !(above & below & self.bounded) != NO_LANES
     }
 }
 

@@ -118,6 +118,18 @@ impl Bvh {
     }
 }
 
+impl Bvh {
+    /// Has what will be visited later brought near.
+    #[inline(always)]
+    pub(super) fn prefetch<S: Simd>(&self, simd: S, child: Child) {
+        if child.is_block() {
+            simd.prefetch(&self.blocks[child.index()]);
+        } else {
+            simd.prefetch(&self.nodes[child.index()]);
+        }
+    }
+}
+
 /// The walks, compiled once for whatever `accept` is: it is called for transparent triangles only.
 impl Bvh {
     fn find_closest(&self, ray: &Ray, accept: &mut dyn FnMut(&Hit) -> bool) -> Option<Hit> {
@@ -202,41 +214,66 @@ pub(super) struct Closest<'a, A> {
 impl<A: FnMut(&Hit) -> bool> Work<Option<Hit>> for Closest<'_, A> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) -> Option<Hit> {
-        let bvh = self.bvh;
-        let query = Query::new(self.ray, &bvh.bounds)?;
-        let mut best: Option<Hit> = None;
-        let mut limit = query.t_max;
-        let mut stack = Stack::new();
-        let mut current = bvh.root;
-        if current == Child::NONE {
-            return None;
+        let query = Query::new(self.ray, &self.bvh.bounds)?;
+        let mut best = None;
+        closest(simd, self.bvh, self.bvh.root, &query, &mut best, &mut self.accept);
+        best
+    }
+}
+
+/// Finds the nearest hit of a prepared ray below `entry` that is nearer than `best` and that `accept` takes.
+#[inline(always)]
+pub(super) fn closest<S: Simd>(
+    simd: S,
+    bvh: &Bvh,
+    entry: Child,
+    query: &Query,
+    best: &mut Option<Hit>,
+    accept: &mut impl FnMut(&Hit) -> bool,
+) {
+    let mut limit = best.map_or(query.t_max, |best| best.t);
+    let mut stack = Stack::new();
+    let mut current = entry;
+    if current == Child::NONE {
+        return;
+    }
+    loop {
+        if current.is_block() {
+            approach(simd, &bvh.blocks[current.index()], query, (&mut limit, best), accept);
+        } else if let Some(next) = visit_ordered(simd, &bvh.nodes[current.index()], query, limit, &mut stack) {
+            current = next;
+            continue;
         }
         loop {
-            if current.is_block() {
-                bvh.blocks[current.index()].intersect(simd, &query, &mut limit, |hit, transparent, limit| {
-                    let nearer = match &best {
-                        None => hit.t < *limit,
-                        Some(best) => hit.t < best.t || hit.t == best.t && hit.triangle < best.triangle,
-                    };
-                    if nearer && (!transparent || (self.accept)(&hit)) {
-                        *limit = hit.t;
-                        best = Some(hit);
-                    }
-                    false
-                });
-            } else if let Some(next) = visit_ordered(simd, &bvh.nodes[current.index()], &query, limit, &mut stack) {
-                current = next;
-                continue;
-            }
-            loop {
-                let Some(entry) = stack.pop() else { return best };
-                if f32::from_bits((entry >> 32) as u32) <= limit {
-                    current = Child(entry as u32);
-                    break;
-                }
+            let Some(entry) = stack.pop() else { return };
+            if f32::from_bits((entry >> 32) as u32) <= limit {
+                current = Child(entry as u32);
+                break;
             }
         }
     }
+}
+
+/// Keeps the nearest hit of a block.
+#[inline(always)]
+pub(super) fn approach<S: Simd>(
+    simd: S,
+    block: &Block,
+    query: &Query,
+    (limit, best): (&mut f32, &mut Option<Hit>),
+    accept: &mut impl FnMut(&Hit) -> bool,
+) {
+    block.intersect(simd, query, limit, |hit, transparent, limit| {
+        let nearer = match &*best {
+            None => hit.t < *limit,
+            Some(best) => hit.t < best.t || hit.t == best.t && hit.triangle < best.triangle,
+        };
+        if nearer && (!transparent || accept(&hit)) {
+            *limit = hit.t;
+            *best = Some(hit);
+        }
+        false
+    });
 }
 
 /// Pushes the children that the ray meets up to `limit`, nearest on top, and returns the nearest instead of pushing it.

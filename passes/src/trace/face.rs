@@ -146,12 +146,13 @@ mod tests {
                 let lanes = left & classes.lanes(class);
                 left &= !lanes;
                 let mut beam = Beam::EMPTY;
-                beam.prepare(Plain, &packet, (0, lanes, class), &scene);
+                beam.prepare(Plain, &packet, (lanes, class), &scene);
                 beam.scale_doubt(doubt);
                 let Verdict { hit, miss } = Face::new(&block.corners(0)).decide(Plain, &beam);
                 assert_eq!(hit & miss, NO_LANES);
                 for lane in (0..WIDE).filter(|lane| beam.passing(Plain, &block.corners(0)) >> lane & 1 == 1) {
                     let query = Query::new(&packet.ray(lane), &scene).unwrap();
+                    assert_eq!(beam.query(lane), query);
                     let mut limit = t_max;
                     let met = block.intersect(Plain, &query, &mut limit, |found, _, _| found.t < t_max);
                     tally.rays += 1;

@@ -19,7 +19,7 @@ use glam::{DVec3, Vec3};
 /// coordinate relative to the origin; its products then err by 80 u M M' and their rounding by 16 u M M'. Here the normal
 /// errs by 8 u M M' along each axis (the corners relative to the origin by u each, two products and their difference), in
 /// all by 14 u M M' for a unit direction, and the dot product with it by 4 u times the sum of its terms, 24 u M M' at most.
-const EDGE_ERROR: f32 = 144.0 * UNIT_ROUNDOFF;
+pub(super) const EDGE_ERROR: f32 = 144.0 * UNIT_ROUNDOFF;
 /// Error of the dot product of a direction and a normal whose largest component is 1.
 const PLANE_ERROR: f32 = 16.0 * UNIT_ROUNDOFF;
 /// Error of the height of an origin above a plane, relative to the height of the group's centre and to how far the origin
@@ -34,8 +34,8 @@ const MARGIN: f32 = 2.0e-6;
 /// of `f64`, and so that the largest component of what is trusted is right to the last bit of `f32`.
 const SHARPEST: f64 = 1.0e-8;
 /// Coordinates between which the watertight test neither overflows nor underflows, so that its error is relative.
-const SMALLEST: f32 = 1.0e-15;
-const LARGEST: f32 = 1.0e15;
+pub(super) const SMALLEST: f32 = 1.0e-15;
+pub(super) const LARGEST: f32 = 1.0e15;
 /// Length of a direction, and so its largest component, that the bounds allow.
 pub(super) const LONGEST: f32 = 1.0 + 1.0e-5;
 

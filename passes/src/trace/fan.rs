@@ -1,16 +1,29 @@
 //! Many rays from one origin, traced.
+//!
+//! Sixteen rays go down the tree side by side, a ray a lane, until few of them are left; those go on alone. With a common
+//! origin the planes of a node's children are moved to it once for all rays, and what is left of a box test is two products,
+//! a minimum and a maximum along each axis, wherever the rays go. In a block of triangles, too, what depends on the origin
+//! alone is computed once: the planes through it and the edges ([`Cones`]).
 
-use super::bundle::OccludedPackets;
-use super::bvh::{Bvh, occluded};
+#![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
+
+use super::block::{Block, Cones};
+use super::bvh::{Bvh, blocked, occluded};
+use super::clear::Plane;
 use super::dispatch::Work;
-use super::lanes::{Simd, WIDE};
-use super::query::Query;
-use super::{Fan, Hit, PACKET, Packet, Ray};
+use super::lanes::{F8, F16, LANES, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, without_first};
+use super::node::Child;
+use super::query::{FAR, Query, Start};
+use super::stack::Stack;
+use super::{Fan, Hit, Ray};
+use glam::Vec3;
 
-/// Rays from which on they are taken down the tree together.
-const MANY: usize = 32;
-/// Rays that are taken down the tree together at most.
-const CHUNK: usize = 8 * WIDE;
+/// Rays up to which those in a part of the tree are traced one by one.
+const FEW: u32 = 3;
+/// Least component of a direction that goes down with others: of smaller ones, products with reciprocals could overflow.
+const LEAST: f32 = 1.0e-18;
+/// Length of a direction that does.
+const MOST: f32 = 1.0 + 1.0e-5;
 
 /// See [`Tracer::count_open`](super::Tracer::count_open).
 pub(super) struct CountOpen<'a, A> {
@@ -22,52 +35,229 @@ pub(super) struct CountOpen<'a, A> {
 impl<A: FnMut(&Hit) -> bool> Work<u32> for CountOpen<'_, A> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) -> u32 {
-        if self.fan.directions.len() >= MANY { self.count_together(simd) } else { self.count_one_by_one(simd) }
+        let Fan { origin, above, t_min, t_max, directions } = *self.fan;
+        let rays = directions.len() as u32;
+        let (Some(start), false) = (Start::new(origin, (t_min, t_max), &self.bvh.bounds), self.bvh.root == Child::NONE)
+        else {
+            return rays;
+        };
+        let apex = Apex { moved: start.farthest(), start, plane: above.map(|normal| Plane { origin, normal }) };
+        let mut blocked = 0;
+        for directions in directions.chunks(WIDE) {
+            let lanes = Lanes::new(simd, directions);
+            let regular = lanes.regular & (!NO_LANES >> (Mask::BITS as usize - directions.len()));
+            for (lane, &direction) in directions.iter().enumerate() {
+                if regular >> lane & 1 == 0 {
+                    blocked += u32::from(self.alone(&Ray { origin, direction, t_min, t_max }));
+                }
+            }
+            if regular != NO_LANES {
+                blocked += self.together(simd, &apex, &lanes, regular).count_ones();
+            }
+        }
+        rays - blocked
     }
 }
 
-impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
-    /// Traces the rays by themselves.
-    // A loop, not a closure: what is not inlined here is not compiled for the instruction set.
+/// What all rays of a fan have in common.
+struct Apex {
+    start: Start,
+    /// The origin as low and as high planes see it, see [`Start::farthest`].
+    moved: [[f32; 3]; 2],
+    plane: Option<Plane>,
+}
+
+/// Up to sixteen rays, a ray a lane; the operations are those of [`Query::new`].
+struct Lanes {
+    direction: [F16; 3],
+    inverse: [F16; 3],
+    shear: [F16; 2],
+    /// The rays that are longest along x, and along y but not along x.
+    longest: [Mask; 2],
+    /// Those that may go down the tree together.
+    regular: Mask,
+}
+
+impl Lanes {
     #[inline(always)]
-    fn count_one_by_one<S: Simd>(&mut self, simd: S) -> u32 {
-        let Fan { origin, t_min, t_max, directions, .. } = *self.fan;
-        let mut open = 0;
-        for &direction in directions {
-            let ray = Ray { origin, direction, t_min, t_max };
-            let stopped = match Query::new(&ray, &self.bvh.bounds) {
-                Some(query) => occluded(simd, self.bvh, self.bvh.root, &query, &mut self.accept),
-                None => false,
-            };
-            open += u32::from(!stopped);
+    fn new<S: Simd>(simd: S, directions: &[Vec3]) -> Self {
+        let mut d = [F16([1.0; WIDE]); 3];
+        for (lane, direction) in directions.iter().enumerate() {
+            for axis in 0..3 {
+                d[axis].0[lane] = direction[axis];
+            }
         }
-        open
+        let one = simd.wide_splat(1.0);
+        let mut regular = !NO_LANES;
+        let wide = [simd.wide_load(&d[0]), simd.wide_load(&d[1]), simd.wide_load(&d[2])];
+        let mut size = wide;
+        let mut inverse = wide;
+        for axis in 0..3 {
+            size[axis] = simd.wide_abs(wide[axis]);
+            regular &= simd.wide_at_most(simd.wide_splat(LEAST), size[axis]);
+            regular &= simd.wide_at_most(size[axis], simd.wide_splat(MOST));
+            inverse[axis] = simd.wide_div(one, wide[axis]);
+        }
+        let along_x = simd.wide_at_most(size[1], size[0]) & simd.wide_at_most(size[2], size[0]);
+        let along_y = simd.wide_at_most(size[2], size[1]) & !along_x;
+        let longest = [along_x, along_y];
+        let main = pick(simd, longest, wide);
+        let shear =
+            [pick(simd, longest, [wide[1], wide[2], wide[0]]), pick(simd, longest, [wide[2], wide[0], wide[1]])];
+        Self {
+            direction: d,
+            inverse: [simd.wide_store(inverse[0]), simd.wide_store(inverse[1]), simd.wide_store(inverse[2])],
+            shear: [simd.wide_store(simd.wide_div(shear[0], main)), simd.wide_store(simd.wide_div(shear[1], main))],
+            longest,
+            regular,
+        }
     }
 
-    /// Takes the rays down the tree together, those that run into one octant side by side.
+    /// The ray in a lane.
     #[inline(always)]
-    fn count_together<S: Simd>(&mut self, simd: S) -> u32 {
-        let Fan { origin, t_min, t_max, directions, .. } = *self.fan;
-        let mut packets = [const { Packet::NONE }; CHUNK / PACKET];
-        let mut open = 0;
-        for directions in directions.chunks(CHUNK) {
-            let mut blocked = [0; CHUNK / PACKET];
-            let used = directions.len().div_ceil(PACKET);
-            for (packet, directions) in packets.iter_mut().zip(directions.chunks(PACKET)) {
-                (packet.t_min, packet.t_max, packet.active) = (t_min, t_max, 0);
-                for (lane, &direction) in directions.iter().enumerate() {
-                    packet.set(lane, origin, direction);
+    fn query(&self, start: &Start, lane: usize) -> Query {
+        let at = |values: &[F16; 3]| [values[0].0[lane], values[1].0[lane], values[2].0[lane]];
+        let longest = if self.longest[0] >> lane & 1 == 1 { 0 } else { 2 - (self.longest[1] >> lane & 1) as usize };
+        start.query(at(&self.direction), at(&self.inverse), [self.shear[0].0[lane], self.shear[1].0[lane]], longest)
+    }
+}
+
+/// One of three by the axis along which each ray is longest.
+#[inline(always)]
+fn pick<S: Simd>(simd: S, [along_x, along_y]: [Mask; 2], [x, y, z]: [S::Wide; 3]) -> S::Wide {
+    simd.wide_select(along_x, x, simd.wide_select(along_y, y, z))
+}
+
+impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
+    /// Whether a ray is blocked. All instruction sets give the same bits; the portable one needs no compiling for each.
+    #[cold]
+    #[inline(never)]
+    fn alone(&mut self, ray: &Ray) -> bool {
+        match Query::new(ray, &self.bvh.bounds) {
+            Some(query) => occluded(Plain, self.bvh, self.bvh.root, &query, &mut self.accept),
+            None => false,
+        }
+    }
+
+    /// Those of some regular rays that are blocked.
+    #[inline(always)]
+    fn together<S: Simd>(&mut self, simd: S, apex: &Apex, lanes: &Lanes, regular: Mask) -> Mask {
+        let bvh = self.bvh;
+        let mut open = regular;
+        let mut stack = Stack::new();
+        let (mut current, mut mask) = (bvh.root, regular);
+        loop {
+            if current.is_block() {
+                let block = &bvh.blocks[current.index()];
+                if mask & (mask - 1) != NO_LANES {
+                    let cones = block.cones(simd, apex.start.origin(), apex.plane);
+                    open &= !self.stopped(simd, block, &cones, apex, lanes, mask);
+                } else {
+                    let ray = mask.trailing_zeros() as usize & (WIDE - 1);
+                    let query = lanes.query(&apex.start, ray);
+                    if blocked(simd, block, &query, &mut self.accept) {
+                        open &= !mask;
+                    }
+                }
+            } else if mask.count_ones() <= FEW {
+                while mask != NO_LANES {
+                    let ray = mask.trailing_zeros() as usize & (WIDE - 1);
+                    mask &= mask - 1;
+                    let query = lanes.query(&apex.start, ray);
+                    if occluded(simd, bvh, current, &query, &mut self.accept) {
+                        open &= !(1 << ray);
+                    }
+                }
+            } else {
+                self.visit(simd, apex, &lanes.inverse, (current, mask), &mut stack);
+            }
+            loop {
+                let Some(entry) = stack.pop() else { return regular & !open };
+                mask = (entry >> 32) as Mask & open;
+                if mask != NO_LANES {
+                    current = Child(entry as u32);
+                    break;
                 }
             }
-            let accept = &mut self.accept;
-            let accept = |_, hit: &Hit| accept(hit);
-            let (packets, blocked) = (&packets[..used], &mut blocked[..used]);
-            OccludedPackets { bvh: self.bvh, packets, blocked, accept }.run(simd);
-            open += directions.len() as u32;
-            for blocked in &*blocked {
-                open -= u16::count_ones(*blocked);
+        }
+    }
+
+    /// Those of some rays that a block stops.
+    #[inline(always)]
+    fn stopped<S: Simd>(
+        &mut self,
+        simd: S,
+        block: &Block,
+        cones: &Cones<S>,
+        apex: &Apex,
+        lanes: &Lanes,
+        mut mask: Mask,
+    ) -> Mask {
+        let mut stopped = NO_LANES;
+        if cones.are_missed() {
+            return stopped;
+        }
+        while mask != NO_LANES {
+            let ray = mask.trailing_zeros() as usize & (WIDE - 1);
+            mask &= mask - 1;
+            let d = &lanes.direction;
+            if cones.may_stop(simd, [d[0].0[ray], d[1].0[ray], d[2].0[ray]]) {
+                let query = lanes.query(&apex.start, ray);
+                if blocked(simd, block, &query, &mut self.accept) {
+                    stopped |= 1 << ray;
+                }
             }
         }
-        open
+        stopped
+    }
+
+    /// Pushes the children that any of the rays meets, with those that do.
+    #[inline(always)]
+    fn visit<S: Simd>(
+        &self,
+        simd: S,
+        apex: &Apex,
+        inverse: &[F16; 3],
+        (current, mask): (Child, Mask),
+        stack: &mut Stack,
+    ) {
+        let node = &self.bvh.nodes[current.index()];
+        let mut planes = [[F8([0.0; LANES]); 3]; 2];
+        let mut lanes = !NO_LANES;
+        for axis in 0..3 {
+            let low = simd.sub(simd.load(&node.planes[0][axis]), simd.splat(apex.moved[0][axis]));
+            let high = simd.sub(simd.load(&node.planes[1][axis]), simd.splat(apex.moved[1][axis]));
+            // Not those of unused lanes.
+            lanes &= simd.at_most(low, high);
+            planes[0][axis] = simd.store(low);
+            planes[1][axis] = simd.store(high);
+        }
+        if let Some(plane) = apex.plane {
+            lanes &= !node.behind(simd, plane);
+        }
+        let bottom = stack.len();
+        while lanes != NO_LANES {
+            let lane = first_lane(lanes);
+            lanes = without_first(lanes);
+            let mut enter = simd.wide_splat(apex.start.t_min);
+            let mut leave = simd.wide_splat(f32::INFINITY);
+            for axis in 0..3 {
+                let inverse = simd.wide_load(&inverse[axis]);
+                let a = simd.wide_mul(simd.wide_splat(planes[0][axis].0[lane]), inverse);
+                let b = simd.wide_mul(simd.wide_splat(planes[1][axis].0[lane]), inverse);
+                enter = simd.wide_max_or(simd.wide_min_or(a, b), enter);
+                leave = simd.wide_min_or(simd.wide_max_or(a, b), leave);
+            }
+            let leave = simd.wide_mul(leave, simd.wide_splat(FAR));
+            let leave = simd.wide_min_or(leave, simd.wide_splat(apex.start.t_max));
+            let met = simd.wide_at_most(enter, leave) & mask;
+            if met != NO_LANES {
+                let child = node.children[lane];
+                self.bvh.prefetch(simd, child);
+                stack.push(u64::from(met) << 32 | u64::from(child.0));
+            }
+        }
+        // Blocks first: what they stop need not go down the nodes.
+        stack.lower_from(bottom, |entry| !Child(entry as u32).is_block());
     }
 }

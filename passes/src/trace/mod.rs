@@ -17,6 +17,7 @@ mod bundle;
 mod bvh;
 mod clear;
 mod collapse;
+mod descent;
 pub mod device;
 mod directions;
 mod dispatch;

@@ -33,6 +33,99 @@ impl Bounds {
     }
 }
 
+/// The origin and the interval of rays that start from one point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Start {
+    origin: [f32; 3],
+    pub(super) t_min: f32,
+    pub(super) t_max: f32,
+    /// By the axis along which a direction is longest: the origin moved towards higher and towards lower coordinates, see
+    /// [`Query`].
+    moved: [[[f32; 3]; 2]; 3],
+}
+
+impl Start {
+    /// Nothing if no ray from there can hit anything.
+    #[inline(always)]
+    pub(super) fn new(origin: Vec3, (t_min, t_max): (f32, f32), scene: &Bounds) -> Option<Self> {
+        let zero_or_nan = (origin * 0.0).element_sum();
+        if !(zero_or_nan == 0.0 && t_min < t_max && t_max > 0.0) {
+            return None;
+        }
+        let reach = reach(origin, scene);
+        let moved = [0, 1, 2].map(|axis: usize| {
+            let pad = pad(origin, reach, reach[axis]);
+            [(origin + pad).to_array(), (origin - pad).to_array()]
+        });
+        Some(Self { origin: origin.to_array(), t_min: t_min.max(0.0) + 0.0, t_max, moved })
+    }
+
+    /// The point.
+    #[inline(always)]
+    pub(super) fn origin(&self) -> [f32; 3] {
+        self.origin
+    }
+
+    /// The origin, moved towards higher or towards lower coordinates by no less than for any direction.
+    #[inline(always)]
+    pub(super) fn farthest(&self) -> [[f32; 3]; 2] {
+        let [[a, b], [c, d], [e, f]] = self.moved;
+        let most = |axis: usize| a[axis].max(c[axis]).max(e[axis]);
+        let least = |axis: usize| b[axis].min(d[axis]).min(f[axis]);
+        [[most(0), most(1), most(2)], [least(0), least(1), least(2)]]
+    }
+
+    /// What [`Query::new`] prepares, of a ray that it does not refuse and whose components are not flushed; all but the
+    /// direction is what it computes of that.
+    #[inline(always)]
+    pub(super) fn query(&self, direction: [f32; 3], inverse: [f32; 3], [x, y]: [f32; 2], longest: usize) -> Query {
+        let axes = permutation(longest);
+        let backward = inverse.map(|i| usize::from(i.is_sign_negative()));
+        let moved = &self.moved[longest];
+        let side = |side: usize, axis: usize| moved[(backward[axis] ^ side) & 1][axis];
+        Query {
+            origin: self.origin,
+            direction,
+            axes,
+            shear: [x, y, inverse[longest]],
+            t_min: self.t_min,
+            t_max: self.t_max,
+            backward,
+            near_origin: [side(0, 0), side(0, 1), side(0, 2)],
+            far_origin: [side(1, 0), side(1, 1), side(1, 2)],
+            near_inverse: inverse,
+            far_inverse: inverse.map(|inverse| inverse * FAR),
+        }
+    }
+}
+
+/// How much farther the far planes of boxes are taken to be: Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013: the far
+/// distance grows by twice the error of a slab, 6 u.
+pub(super) const FAR: f32 = 1.0 + 8.0 * UNIT_ROUNDOFF;
+
+/// The two other axes and the one along which a direction is longest.
+#[inline(always)]
+pub(super) fn permutation(longest: usize) -> [usize; 3] {
+    match longest {
+        0 => [1, 2, 0],
+        1 => [2, 0, 1],
+        _ => [0, 1, 2],
+    }
+}
+
+/// The largest distances of the scene's bounds from an origin by axis. Finite, or the planes of unused lanes, which are
+/// infinite, would give NaN.
+#[inline(always)]
+fn reach(origin: Vec3, scene: &Bounds) -> Vec3 {
+    (scene.low - origin).abs().max((scene.high - origin).abs()).min(Vec3::splat(1.0e30))
+}
+
+/// By how much an origin is moved, see [`Query`].
+#[inline(always)]
+fn pad(origin: Vec3, reach: Vec3, along: f32) -> Vec3 {
+    (reach + Vec3::splat(along)) * (8.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF)
+}
+
 /// A ray prepared for the tests of nodes and triangles.
 ///
 /// The triangle test sees the corners relative to the origin, sheared so that the ray is an axis (Woop, Benthin and Wald,
@@ -40,7 +133,7 @@ impl Bounds {
 /// `5 u (|x| + |z|)`, `x` and `z` being its distances from the origin along the two axes and `u` = 2⁻²⁴. The box test
 /// must not cut away what the triangle test would hit, so the origin of its slabs is moved outward by `8 u` times the
 /// largest such distances in the scene, plus one unit in the last place of the origin itself (their section 4).
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Query {
     pub(super) origin: [f32; 3],
     direction: [f32; 3],
@@ -59,6 +152,32 @@ pub(super) struct Query {
 }
 
 impl Query {
+    /// From what a beam has prepared.
+    #[inline(always)]
+    pub(super) fn of_beam(
+        (origin, direction): ([f32; 3], [f32; 3]),
+        axes: [usize; 3],
+        [x, y]: [f32; 2],
+        (t_min, t_max): (f32, f32),
+        backward: [usize; 3],
+        (near_origin, far_origin): ([f32; 3], [f32; 3]),
+        (near_inverse, far_inverse): ([f32; 3], [f32; 3]),
+    ) -> Self {
+        Self {
+            origin,
+            direction,
+            axes,
+            shear: [x, y, near_inverse[axes[2]]],
+            t_min,
+            t_max,
+            backward,
+            near_origin,
+            far_origin,
+            near_inverse,
+            far_inverse,
+        }
+    }
+
     /// Prepares a ray; nothing if it cannot hit anything (not finite, no direction, an empty interval).
     #[inline(always)]
     pub(super) fn new(ray: &Ray, scene: &Bounds) -> Option<Self> {
@@ -74,22 +193,19 @@ impl Query {
         if longest == 0.0 {
             return None;
         }
-        let (x, y, z) = if length.x == longest {
-            (1, 2, 0)
+        let [x, y, z] = permutation(if length.x == longest {
+            0
         } else if length.y == longest {
-            (2, 0, 1)
+            1
         } else {
-            (0, 1, 2)
-        };
+            2
+        });
         let inverse = direction.recip();
         let shear = [direction[x] / direction[z], direction[y] / direction[z], inverse[z]];
 
-        // Finite, or the planes of unused lanes, which are infinite, would give NaN.
-        let reach = (scene.low - ray.origin).abs().max((scene.high - ray.origin).abs()).min(Vec3::splat(1.0e30));
-        let pad = (reach + Vec3::splat(reach[z])) * (8.0 * UNIT_ROUNDOFF) + ray.origin.abs() * (2.0 * UNIT_ROUNDOFF);
-        let toward = pad.copysign(inverse);
-        // Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013: the far distance grows by twice the error of a slab, 6 u.
-        let far_inverse = inverse * (1.0 + 8.0 * UNIT_ROUNDOFF);
+        let reach = reach(ray.origin, scene);
+        let toward = pad(ray.origin, reach, reach[z]).copysign(inverse);
+        let far_inverse = inverse * FAR;
         let backward = |i: f32| usize::from(i.is_sign_negative());
         Some(Self {
             origin: ray.origin.to_array(),
@@ -193,6 +309,34 @@ mod tests {
             }
         }
         enter <= leave
+    }
+
+    #[test]
+    fn a_common_start_prepares_what_each_ray_would() {
+        let mut state = 3;
+        for round in 0..20_000 {
+            let mut point = || Vec3::new(random(&mut state), random(&mut state), random(&mut state)) * 2.0 - 1.0;
+            let scene = Bounds::of(&[point() * 10.0, point() * 10.0]);
+            let (origin, mut direction) = (point() * 5.0, point());
+            if round % 5 == 0 {
+                // As long along two axes.
+                direction[round % 3] = direction[(round + 1) % 3];
+            }
+            let direction = direction.normalize();
+            let (t_min, t_max) = ([-1.0, 0.0, 0.5][round % 3], 2.0);
+            let start = Start::new(origin, (t_min, t_max), &scene).unwrap();
+            let expected = Query::new(&Ray { origin, direction, t_min, t_max }, &scene).unwrap();
+            let [x, y, z] = expected.axes;
+            let shear = [direction[x] / direction[z], direction[y] / direction[z]];
+            let query = start.query(direction.to_array(), direction.recip().to_array(), shear, z);
+            assert_eq!(query, expected);
+            let [higher, lower] = start.farthest().map(Vec3::from);
+            for padded in [expected.near_origin, expected.far_origin].map(Vec3::from) {
+                assert!(lower.cmple(padded).all() && padded.cmple(higher).all());
+            }
+        }
+        assert!(Start::new(Vec3::NAN, (0.0, 1.0), &Bounds::EMPTY).is_none());
+        assert!(Start::new(Vec3::ZERO, (1.0, 1.0), &Bounds::EMPTY).is_none());
     }
 
     const LANE: usize = 5;

@@ -88,6 +88,17 @@ impl Avx2 {
 /// The operations that both instruction sets spell alike.
 macro_rules! common {
     () => {
+        #[inline(always)]
+        fn prefetch<T>(self, value: &T) {
+            let start = std::ptr::from_ref(value).cast::<i8>();
+            let mut offset = 0;
+            while offset < size_of::<T>() {
+                // SAFETY: a prefetch reads nothing, whatever the address; SSE is part of x86-64.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(offset)) };
+                offset += 64;
+            }
+        }
+
         type Vector = __m256;
 
         #[inline(always)]
