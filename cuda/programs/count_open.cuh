@@ -70,7 +70,7 @@ __device__ __forceinline__ unsigned Bvh::count_open(bool wanted, const Fan &fan,
         int gathered = gather(params, zone, nearby, lane, from);
         if (gathered < 0) {
             if (member) memory.from[lane] = from;
-            if (member && is_clear(params, own, half_ball(params, own.origin, own.normal), from)) {
+            if (member && is_clear(params, own, from)) {
                 certain = true;
                 traces = false;
             }

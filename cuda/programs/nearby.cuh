@@ -89,33 +89,28 @@ DEVICE bool zone_of(const Params &params, const Fan &fan, Zone &zone) {
     return is_finite(zone.low) && is_finite(zone.high);
 }
 
-// Whether a ray of a fan may meet a triangle; then `facet` is how they see it. No point's answer depends on its neighbours.
-DEVICE bool is_seen(const Params &params, const Zone &zone, const HalfBall &ball, unsigned place, Facet &facet) {
-    Triangle triangle = load_triangle(params, place);
-    return zone.meets(triangle) && facet_of(params, triangle, place, ball, facet);
-}
+// Nodes that the search for a clear hemisphere opens at most.
+constexpr unsigned CLEAR_VISITS = 32;
 
-// Whether a fan sees no triangle, where all that meets its zone lies below a node: for points with too many of them nearby.
-DEVICE bool is_clear(const Params &params, const Zone &zone, const HalfBall &ball, unsigned node_index) {
-    Group stack[STACK];
-    int depth = 0;
-    while (true) {
-        Node node = load_node(params, node_index);
+// Whether certainly nothing is in reach of a fan, where all that is lies below a node. Giving up is never wrong.
+DEVICE bool is_clear(const Params &params, const Zone &zone, unsigned from) {
+    unsigned pending[CLEAR_VISITS];
+    unsigned count = 1;
+    pending[0] = from;
+    for (unsigned visit = 0; visit < CLEAR_VISITS; ++visit) {
+        Node node = load_node(params, pending[--count]);
         unsigned met = zone.met_slots(node);
         for (unsigned triangles = node.triangles(met); triangles != 0; triangles &= triangles - 1) {
-            Facet facet;
-            if (is_seen(params, zone, ball, node.meta.y + __ffs(triangles) - 1, facet)) return false;
+            if (zone.meets(load_triangle(params, node.meta.y + __ffs(triangles) - 1))) return false;
         }
-        Group group = {node.meta.x, (met & node.inner()) << 24 | node.inner()};
-        if (!(group.bits & 0xff000000u)) {
-            if (depth == 0) return true;
-            group = stack[--depth];
+        for (unsigned inner = met & node.inner(); inner != 0; inner &= inner - 1) {
+            if (count == CLEAR_VISITS) return false;
+            unsigned slot = __ffs(inner) - 1;
+            pending[count++] = node.meta.x + __popc(node.inner() & ((1u << slot) - 1u));
         }
-        unsigned place = 31u - __clz(group.bits);
-        node_index = group.base + __popc(group.bits & 0xffu & ((1u << (place - 24u)) - 1u));
-        group.bits &= ~(1u << place);
-        if (group.bits & 0xff000000u) stack[depth++] = group;
+        if (count == 0) return true;
     }
+    return false;
 }
 
 DEVICE float least_of_warp(float value) {
@@ -301,20 +296,18 @@ template <Accept ACCEPT>
 DEVICE unsigned open_of(const Params &params, const Fan &fan, unsigned first, unsigned count, Nearby &nearby, unsigned gathered,
                         unsigned lane) {
     HalfBall ball = half_ball(params, fan.origin, fan.facing);
-    Zone zone;
-    zone_of(params, fan, zone);
     Rays rays;
     bool seen = false, made = false;
     unsigned facets = 0;
     for (unsigned base = 0; base < gathered; base += 32) {
         Facet facet;
         unsigned place = base + lane < gathered ? nearby.list[base + lane] : 0;
-        bool met = base + lane < gathered && is_seen(params, zone, ball, place, facet);
+        Triangle triangle = load_triangle(params, place);
+        bool met = base + lane < gathered && facet_of(params, triangle, place, ball, facet);
         seen = seen || __any_sync(WHOLE_WARP, met);
         // Glass that occlusion rays pass stops none.
-        if (ACCEPT == ACCEPT_STOPS && met) {
-            unsigned id = load_triangle(params, place).id;
-            if (id & TRANSPARENT) met = !passes_light(params, id & ~TRANSPARENT);
+        if (ACCEPT == ACCEPT_STOPS && met && (triangle.id & TRANSPARENT)) {
+            met = !passes_light(params, triangle.id & ~TRANSPARENT);
         }
         unsigned mask = __ballot_sync(WHOLE_WARP, met);
         if (met) {

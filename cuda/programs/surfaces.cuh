@@ -35,7 +35,8 @@ DEVICE bool next_surfaces(const Params &params, Progress which, unsigned lane, u
 }
 DEVICE unsigned lane_of_thread() { return (threadIdx.y * BLOCK_WIDTH + threadIdx.x) % 32u; }
 
-// All threads of a warp call it. What they find together lies side by side.
+// All threads of a warp call it. What they find together has 32 places of its own, so that the same surfaces are together again
+// in a warp of the other kernels, however the warps of this one take turns.
 DEVICE void list_surfaces(Pass<Bvh> &pass) {
     const Params &params = pass.params;
     unsigned lane = lane_of_thread(), head = NO_SURFACE, last = NO_SURFACE;
@@ -50,11 +51,18 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         surfaces.here = false;
         unsigned mask = __ballot_sync(WHOLE_WARP, wanted), first = 0;
         if (mask == 0) continue;
-        if ((int)lane == __ffs(mask) - 1) first = atomicAdd(params.progress + FOUND, __popc(mask));
-        first = __shfl_sync(WHOLE_WARP, first, __ffs(mask) - 1);
-        if (!wanted) continue;
-        unsigned place = first + __popc(mask & ((1u << lane) - 1u));
-        if (place >= params.capacity) {
+        if (lane == 0) first = atomicAdd(params.progress + FOUND, 32u);
+        first = __shfl_sync(WHOLE_WARP, first, 0);
+        unsigned below = __popc(mask & ((1u << lane) - 1u));
+        bool room = first < params.capacity;
+        if (!wanted) {
+            // Black is left alone.
+            unsigned unused = first + __popc(mask) + lane - below;
+            if (room) listed(params)[unused].color = make_float4(0.0f, 0.0f, 0.0f, __uint_as_float(NO_SURFACE));
+            continue;
+        }
+        unsigned place = first + below;
+        if (!room) {
             // What was listed of it counts no more.
             for (unsigned i = head; i != NO_SURFACE; i = __float_as_uint(listed(params)[i].color.w)) {
                 listed(params)[i].color = make_float4(0.0f, 0.0f, 0.0f, listed(params)[i].color.w);

@@ -18,9 +18,12 @@ use curitiba_pipeline::scene::RenderScene;
 const LISTING: &str = "list_surfaces";
 const OF_SURFACES: [&str; 2] = ["light_surfaces", "occlude_surfaces"];
 
-/// Surfaces that the list has room for, for each pixel of a launch on average; 192 bytes. A pixel whose surfaces find no more
-/// room is computed from begin to end by one thread.
-const SURFACES_PER_PIXEL: u64 = 3;
+/// Places of the list of surfaces for each pixel of a launch on average; 256 bytes. A pixel whose surfaces find no place is computed
+/// from begin to end by one thread.
+const SURFACES_PER_PIXEL: u64 = 4;
+
+/// Places are taken by whole warps.
+const WARP: u64 = 32;
 
 /// Counters of the kernels: `Progress` in `programs/surfaces.cuh`.
 const PROGRESS: usize = 3;
@@ -61,8 +64,8 @@ pub struct BvhTracer {
 }
 
 impl BvhTracer {
-    /// Gives the list of surfaces of `final` room for so many, whatever the picture. Pictures and numbers of rays do not depend
-    /// on it: what finds no room is computed without.
+    /// Gives the list of surfaces of `final` room for so many, whatever the picture. Pictures do not depend on it: what finds no
+    /// room is computed without.
     pub fn limit_surfaces(&mut self, room: u64) {
         self.room = Some(room);
     }
@@ -71,6 +74,7 @@ impl BvhTracer {
     fn make_room(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
         let launched = u64::from(params.width) * u64::from(params.rows);
         let room = self.room.unwrap_or(SURFACES_PER_PIXEL * launched).min(u64::from(u32::MAX / 2));
+        let room = room.next_multiple_of(WARP);
         let words = room * u64::from(SURFACE_BYTES) / size_of::<f32>() as u64;
         device.reserve("the surfaces of `final`", &mut self.surfaces, words as usize)?;
         let pixels = params.width as usize * params.height as usize;

@@ -142,7 +142,7 @@ fn several_gpus_make_the_picture_and_trace_the_rays_of_one_with_optix() {
 
 /// What finds no room in the list of surfaces is computed by a kernel of its own.
 #[test]
-fn neither_picture_nor_rays_depend_on_the_length_of_the_list_of_surfaces() {
+fn the_picture_does_not_depend_on_the_length_of_the_list_of_surfaces() {
     if there(Choice::CPU.traced_by(BackendChoice::Cuda)).is_none() {
         return;
     }
@@ -155,7 +155,9 @@ fn neither_picture_nor_rays_depend_on_the_length_of_the_list_of_surfaces() {
     for room in [1, 1000, 30_000] {
         let found = with_room(Some(room));
         assert!(found.0 == expected.0, "another picture with room for {room}");
-        assert_eq!(found.1, expected.1, "other rays with room for {room}");
+        // Which points are open without a ray depends on who works together with whom.
+        let all = |rays: RayCounts| [rays.shadow, rays.reflected, rays.refracted, rays.occlusion + rays.certain];
+        assert_eq!(all(found.1), all(expected.1), "other rays with room for {room}");
     }
 }
 
