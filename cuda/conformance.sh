@@ -34,7 +34,11 @@ done
 "$binaries/conformance" xml_projects/SceneSSAO.xml --camera MainCamera --camera Vidro --set pass2.radius=20 --time-only \
     --runs 6 -o "$output/long_occlusion.json" || failed=1
 
-# The same, shared by all GPUs where there are several.
+# One occlusion ray a point.
+"$binaries/conformance" xml_projects/SceneSSAO.xml --camera MainCamera --camera Vidro --set pass2.samples=1 --fidelity corrected \
+    --time-only --runs 12 -o "$output/one_sample.json" || failed=1
+
+# The report's frame, shared by all GPUs where there are several.
 if [ "$(nvidia-smi -L | wc -l)" -gt 1 ]; then
     "$binaries/conformance" "${projects[@]}" --gpus all --time-only --runs 12 -o "$output/report_all_gpus.json" || failed=1
     "$binaries/conformance" "${projects[@]}" --gpus all --camera Vidro --time-only --runs 12 \

@@ -40,6 +40,7 @@ for tracer in bvh optix; do
             # OptiX's functions are calls that the driver resolves when it compiles a module.
             out=ptx/$tracer/$fidelity/$program.ptx
             "$nvcc" "${flags[@]}" "${extra[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" -DCURITIBA_FIDELITY="$fidelity" \
+                "-DCURITIBA_${fidelity^^}" \
                 -o "$out.new" "$tracer.cu"
             # Without the compiler's own comments and the process's number in the names of internal functions, so that the
             # same sources give the same file; the hash says what it was made from.

@@ -1,20 +1,61 @@
-// The kernel of one program in one fidelity on our own traversal; `build.sh` names both. It is called as project files call the
-// ray-generation program. Hits and misses have no kernels of their own: the traversal decides on them (`Accept`).
-#include "trace_bvh.cuh"
+// The kernels of one program in one fidelity on our own traversal; `build.sh` names both. The one that writes the picture is
+// called as project files call the ray-generation program. Hits and misses have no kernels of their own: the traversal decides on
+// them (`Accept`).
+#include "count_open.cuh"
 
 #include CURITIBA_PROGRAM
 
+#if defined(CURITIBA_FINAL) && defined(CURITIBA_CORRECTED)
+#define CURITIBA_LISTS
+#include "surfaces.cuh"
+#endif
+
 // A warp is a tile of 8 x 4 pixels: blocks have 8 threads a row. So many blocks as the program says are to fit on a
 // multiprocessor at once, which bounds the registers of a thread.
-extern "C" __global__ void __launch_bounds__(BLOCK_WIDTH *BLOCK_HEIGHT, RESIDENT_BLOCKS)
-    buffer_camera(const __grid_constant__ Params params) {
+#define KERNEL(BLOCKS) extern "C" __global__ void __launch_bounds__(BLOCK_WIDTH *BLOCK_HEIGHT, BLOCKS)
+
+DEVICE Pass<Bvh> pass_of_thread(const Params &params, const Bvh &tracer) {
     unsigned column = blockIdx.x * BLOCK_WIDTH + threadIdx.x, row = blockIdx.y * BLOCK_HEIGHT + threadIdx.y;
     bool inside = column < params.width && row < params.rows;
     unsigned x = min(column, params.width - 1), y = picture_row(params, min(row, params.rows - 1));
+    return {params, tracer, {x, y, y * params.width + x}, inside, {}};
+}
+
+KERNEL(RESIDENT_BLOCKS) buffer_camera(const __grid_constant__ Params params) {
     Bvh tracer = {params};
-    Pass<Bvh> pass = {params, tracer, {x, y, y * params.width + x}, inside, {}};
+    Pass<Bvh> pass = pass_of_thread(params, tracer);
+#ifdef CURITIBA_LISTS
+    float4 result = sum_surfaces(pass);
+#else
     float4 result = CURITIBA_FIDELITY(pass);
-    if (!inside) return;
+#endif
+    if (!pass.inside) return;
     params.output[pass.pixel.index] = result;
     count_rays(params, pass.pixel.index, pass.rays);
 }
+
+#ifdef CURITIBA_LISTS
+KERNEL(LISTING_BLOCKS) list_surfaces(const __grid_constant__ Params params) {
+    Bvh tracer = {params};
+    Pass<Bvh> pass = pass_of_thread(params, tracer);
+    list_surfaces(pass);
+    if (pass.inside) count_rays(params, pass.pixel.index, pass.rays);
+}
+
+// As many blocks as the device runs at once take surfaces from the list until none is left.
+DEVICE unsigned thread_of_grid() {
+    return blockIdx.x * (BLOCK_WIDTH * BLOCK_HEIGHT) + threadIdx.y * BLOCK_WIDTH + threadIdx.x;
+}
+KERNEL(LIGHTING_BLOCKS) light_surfaces(const __grid_constant__ Params params) {
+    Bvh tracer = {params};
+    Pass<Bvh> pass = {params, tracer, {}, true, {}};
+    light_surfaces(pass);
+    count_rays(params, thread_of_grid(), pass.rays);
+}
+KERNEL(OCCLUDING_BLOCKS) occlude_surfaces(const __grid_constant__ Params params) {
+    Bvh tracer = {params};
+    Pass<Bvh> pass = {params, tracer, {}, true, {}};
+    occlude_surfaces(pass);
+    count_rays(params, thread_of_grid(), pass.rays);
+}
+#endif

@@ -8,8 +8,33 @@ struct Fan {
     float3 origin, facing, normal;
     unsigned key;
 
-    // With Sobol points the samples are numbered as the host sorted the table, so that neighbours go the same way; how many
-    // are open does not depend on it.
+    // The sample that is `turn`th in an order in which the rays of any two fans go to the same part of their hemispheres, as
+    // far as the points are spread. How many rays are open does not depend on the order.
+    //
+    // The table has blocks of 4^m points, as `points.rs` says, which fill as many squares of the unit square. The scrambling
+    // permutes the first m digits among themselves, so the point that it takes into a square is found by its inverse.
+    DEVICE_MEMBER unsigned sample_of(const Params &params, unsigned turn) const {
+        if (params.strata != 0) return turn;
+        unsigned digits = (31u - (unsigned)__clz(params.samples)) / 2u, first = 0;
+        while (turn >= first + (1u << 2u * digits)) {
+            first += 1u << 2u * digits;
+            while (1u << 2u * digits > params.samples - first) digits -= 1;
+        }
+        if (digits == 0) return first;
+        uint2 seeds = dimensions(key, HASH_SCRAMBLE);
+        // The first digits change last from turn to turn.
+        unsigned square = __brev(turn - first) >> (32u - 2u * digits), low = (1u << digits) - 1u;
+        unsigned x = unscramble_reversed(even_bits(square), seeds.x, digits) & low;
+        unsigned y = unscramble_reversed(even_bits(square >> 1), seeds.y, digits) & low;
+        return first + (spread_bits(x) | spread_bits(y) << 1);
+    }
+    // The sample that is `turn`th in an order in which rays that follow each other go the same way: the table is followed by
+    // the numbers of its points in that order.
+    DEVICE_MEMBER unsigned neighbour(const Params &params, unsigned turn) const {
+        if (params.strata != 0) return turn;
+        return __ldg((const unsigned *)(params.sobol + params.samples) + turn);
+    }
+    // With Sobol points the samples are numbered as the host sorted the table.
     DEVICE_MEMBER bool ray(const Params &params, unsigned sample, Ray &ray) const {
         float2 point;
         if (params.strata == 0) {
@@ -35,6 +60,7 @@ struct Fan {
 struct ThesisFan {
     float3 origin, normal;
 
+    DEVICE_MEMBER unsigned sample_of(const Params &, unsigned turn) const { return turn; }
     DEVICE_MEMBER bool ray(const Params &params, unsigned sample, Ray &ray) const {
         unsigned row = sample / params.strata, column = sample - row * params.strata;
         float3 direction =

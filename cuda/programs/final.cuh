@@ -4,6 +4,9 @@
 
 // The fastest of 1, 8, 10, 12 and 16 on an H100.
 constexpr unsigned RESIDENT_BLOCKS = 8;
+// Of the kernels of `surfaces.cuh`, which our own traversal calls in corrected fidelity.
+#define CURITIBA_FINAL
+constexpr unsigned LISTING_BLOCKS = 10, LIGHTING_BLOCKS = 10, OCCLUDING_BLOCKS = 8;
 
 // A colour times the light's share and ambient occlusion. Black stays black, without a ray. All threads of a warp call it
 // together, those that have no surface with black.
@@ -36,38 +39,55 @@ struct VisibleSurface {
     }
 };
 
-template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
-    const Params &params = pass.params;
-    unsigned triangle = pass.triangle();
-    float4 stored = pass.color();
-    bool seen = triangle != NO_TRIANGLE, glass = false;
-    float3 color = xyz(stored), lit_side = splat(0.0f), sum = splat(0.0f);
+// The surfaces whose light and occlusion a pixel's colour is made of, in the order in which their colours are summed: its own,
+// or, where it shows glass, those that are seen through it.
+struct PixelSurfaces {
+    bool glass, here;
+    float3 color, lit_side;
     GlassWalk walk;
     GlassEnd end;
-    if (seen) {
+
+    template <class Tracer> DEVICE_MEMBER void begin(Pass<Tracer> &pass) {
+        const Params &params = pass.params;
+        unsigned triangle = pass.triangle();
+        here = triangle != NO_TRIANGLE;
+        glass = false;
+        color = lit_side = splat(0.0f);
+        if (!here) return;
         float3 stored_normal = pass.normal(), view;
+        color = xyz(pass.color());
         end.surface = pass.surface_at(triangle, stored_normal, view);
         end.key = pixel_key(pass.pixel.x, pass.pixel.y, params.seed);
+        end.weight = 1.0f;
         lit_side = dot(stored_normal, end.surface.facing) < 0.0f ? -end.surface.facing : end.surface.facing;
         glass = is_glass(params, triangle);
         if (glass) walk.enter(end.surface, view, end.key, 1.0f, 0);
+        here = !glass;
     }
-    // A pixel of glass looks for one surface after the other, the others have their own.
-    bool here = seen && !glass;
+    // Finds the next surface of glass; the others have one, found already.
+    template <class Tracer> DEVICE_MEMBER void advance(Pass<Tracer> &pass) {
+        if (!glass || here) return;
+        here = walk.advance(pass, end);
+        if (!here) return;
+        color = lit_color(pass.params, end.hit, end.surface.normal);
+        lit_side = end.surface.facing;
+    }
+};
+
+template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
+    float3 sum = splat(0.0f);
+    PixelSurfaces surfaces;
+    surfaces.begin(pass);
     while (true) {
-        if (glass && !here) {
-            here = walk.advance(pass, end);
-            if (here) {
-                color = lit_color(params, end.hit, end.surface.normal);
-                lit_side = end.surface.facing;
-            }
-        }
-        if (!pass.tracer.any(here)) break;
-        float3 share = visible(pass, here ? color : splat(0.0f), end.surface, lit_side, end.key);
-        if (here) sum = glass ? sum + end.weight * share : share;
-        here = false;
+        surfaces.advance(pass);
+        if (!pass.tracer.any(surfaces.here)) break;
+        bool here = surfaces.here;
+        const GlassEnd &end = surfaces.end;
+        float3 share = visible(pass, here ? surfaces.color : splat(0.0f), end.surface, surfaces.lit_side, end.key);
+        if (here) sum = surfaces.glass ? sum + end.weight * share : share;
+        surfaces.here = false;
     }
-    return seen ? opaque(sum) : stored;
+    return pass.triangle() != NO_TRIANGLE ? opaque(sum) : pass.color();
 }
 
 template <class Tracer> DEVICE float4 thesis(Pass<Tracer> &pass) {

@@ -26,7 +26,7 @@ DEVICE unsigned count_open_alone(const Tracer &tracer, const Rays &fan, unsigned
     unsigned open = 0;
     for (unsigned i = 0; i < samples; ++i) {
         Ray ray;
-        if (!fan.ray(tracer.params, i, ray)) {
+        if (!fan.ray(tracer.params, fan.sample_of(tracer.params, i), ray)) {
             open += 1;
             continue;
         }
@@ -95,9 +95,12 @@ template <class Tracer> struct Pass {
     __device__ __forceinline__ float light_share(const Surface &surface, float3 facing) {
         if (dot(facing, to_light()) <= 0.0f) return SHADOWED;
         rays.shadow += 1;
+        return light_at(spawn(surface.point, to_light()));
+    }
+    __device__ __forceinline__ float light_at(float3 origin) const {
         Crossings crossings;
         crossings.stored = crossings.beyond = 0;
-        Ray ray = {spawn(surface.point, to_light()), to_light(), 0.0f, INFINITY};
+        Ray ray = {origin, to_light(), 0.0f, INFINITY};
         if (tracer.template occluded<ACCEPT_COUNTS>(ray, &crossings)) return SHADOWED;
         return params.through_glass[min(distinct(crossings), (unsigned)THROUGH_GLASS_ENTRIES - 1)];
     }

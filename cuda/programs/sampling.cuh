@@ -38,6 +38,30 @@ DEVICE unsigned scramble_reversed(unsigned v, unsigned seed) {
     v ^= v * 0x8d22f6e6u;
     return __brev(v);
 }
+// The lowest digits, the first ones, of what `scramble_reversed` would take to these, before it reverses them.
+DEVICE unsigned unscramble_reversed(unsigned v, unsigned seed, unsigned digits) {
+    // Each step v ^= v * c with an even c leaves digits to the lower ones, and so is undone digit by digit.
+    auto undo = [&](unsigned v, unsigned c) {
+        unsigned before = v;
+        for (unsigned digit = 1; digit < digits; ++digit) before = v ^ before * c;
+        return before;
+    };
+    return undo(undo(undo(undo(v, 0x8d22f6e6u), 0xc7afe638u), 0xb82f1e52u), 0x6c50b47cu) - seed;
+}
+// Bits 0, 2, 4 and so on, side by side; and the way back.
+DEVICE unsigned even_bits(unsigned v) {
+    v &= 0x55555555u;
+    v = (v | v >> 1) & 0x33333333u;
+    v = (v | v >> 2) & 0x0f0f0f0fu;
+    v = (v | v >> 4) & 0x00ff00ffu;
+    return (v | v >> 8) & 0x0000ffffu;
+}
+DEVICE unsigned spread_bits(unsigned v) {
+    v = (v | v << 8) & 0x00ff00ffu;
+    v = (v | v << 4) & 0x0f0f0f0fu;
+    v = (v | v << 2) & 0x33333333u;
+    return (v | v << 1) & 0x55555555u;
+}
 
 struct Basis {
     float3 tangent, bitangent, normal;

@@ -1,11 +1,11 @@
 //! Our own wide tree, built by the processor and traversed by kernels.
 
 use crate::device::{Buffer, Device};
-use crate::layout::{BLOCK_HEIGHT, BLOCK_WIDTH, Params};
+use crate::layout::{BLOCK_HEIGHT, BLOCK_WIDTH, Params, SURFACE_BYTES};
 use crate::programs;
 use crate::rays::DeviceTracer;
 use crate::scene::SceneBuffers;
-use cudarc::driver::{CudaFunction, LaunchConfig, PushKernelArg as _};
+use cudarc::driver::{CudaFunction, DriverError, LaunchConfig, PushKernelArg as _};
 use cudarc::nvrtc::Ptx;
 use curitiba_passes::trace::Quality;
 use curitiba_passes::trace::device::DeviceTree;
@@ -13,12 +13,39 @@ use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 
-/// The kernel of a program in one fidelity.
+/// The kernels of `final` in corrected fidelity that run before the one that writes the picture: glass is followed to the
+/// surfaces that are seen through it, which are then lit.
+const LISTING: &str = "list_surfaces";
+const OF_SURFACES: [&str; 2] = ["light_surfaces", "occlude_surfaces"];
+
+/// Places of the list of surfaces for each pixel of a launch on average; 256 bytes. A pixel whose surfaces find no place is computed
+/// from begin to end by one thread.
+const SURFACES_PER_PIXEL: u64 = 4;
+
+/// Places are taken by whole warps.
+const WARP: u64 = 32;
+
+/// Counters of the kernels: `Progress` in `programs/surfaces.cuh`.
+const PROGRESS: usize = 3;
+
+/// Blocks of a kernel that takes surfaces from the list, for each multiprocessor: as many as one can hold.
+const BLOCKS: u32 = 32;
+
+/// The kernels of a program in one fidelity.
 #[derive(Debug)]
 struct Kernel {
     program: RayProgram,
     fidelity: Fidelity,
+    /// Writes the picture.
     function: CudaFunction,
+    lists: Option<Lists>,
+}
+
+/// The kernels that make and light a list of surfaces.
+#[derive(Debug)]
+struct Lists {
+    listing: CudaFunction,
+    of_surfaces: [CudaFunction; 2],
 }
 
 /// The tree on the device, and the kernels that were loaded so far.
@@ -29,6 +56,49 @@ pub struct BvhTracer {
     leaves: Buffer<f32>,
     node_count: u32,
     bounds: [[f32; 3]; 2],
+    surfaces: Buffer<f32>,
+    first_surface: Buffer<u32>,
+    progress: Buffer<u32>,
+    /// Room in the list, where it is not to be [`SURFACES_PER_PIXEL`].
+    room: Option<u64>,
+}
+
+impl BvhTracer {
+    /// Gives the list of surfaces of `final` room for so many, whatever the picture. Pictures do not depend on it: what finds no
+    /// room is computed without.
+    pub fn limit_surfaces(&mut self, room: u64) {
+        self.room = Some(room);
+    }
+
+    /// Makes room for the surfaces of a launch, which is kept for the next, and sets the kernels' counters to 0.
+    fn make_room(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
+        let launched = u64::from(params.width) * u64::from(params.rows);
+        let room = self.room.unwrap_or(SURFACES_PER_PIXEL * launched).min(u64::from(u32::MAX / 2));
+        let room = room.next_multiple_of(WARP);
+        let words = room * u64::from(SURFACE_BYTES) / size_of::<f32>() as u64;
+        device.reserve("the surfaces of `final`", &mut self.surfaces, words as usize)?;
+        let pixels = params.width as usize * params.height as usize;
+        device.reserve("the first surface of each pixel", &mut self.first_surface, pixels)?;
+        device.clear("the progress of the kernels", &mut self.progress, PROGRESS)?;
+        params.surfaces = self.surfaces.address(device);
+        params.first_surface = self.first_surface.address(device);
+        params.progress = self.progress.address(device);
+        params.capacity = room;
+        Ok(())
+    }
+}
+
+/// Starts a kernel that takes one [`Params`].
+#[allow(unsafe_code, reason = "launches a kernel")]
+fn start(device: &Device, kernel: &CudaFunction, grid: (u32, u32), params: &Params) -> Result<(), DriverError> {
+    let config =
+        LaunchConfig { grid_dim: (grid.0, grid.1, 1), block_dim: (BLOCK_WIDTH, BLOCK_HEIGHT, 1), shared_mem_bytes: 0 };
+    let mut launch = device.stream().launch_builder(kernel);
+    launch.arg(params);
+    // SAFETY: the kernel takes one `Params` by value, whose layout its compiler checked. Its addresses are of buffers
+    // of this backend that live until the stream was synchronised, as long as the images, tables and meshes that the
+    // job was checked to have; indices in them were checked when the scene was built.
+    unsafe { launch.launch(config) }.map(|_| ())
 }
 
 impl DeviceTracer for BvhTracer {
@@ -66,8 +136,8 @@ impl DeviceTracer for BvhTracer {
     }
 
     fn clear(&mut self) {
-        let kernels = std::mem::take(&mut self.kernels);
-        *self = Self { kernels, ..Self::default() };
+        (self.nodes, self.leaves, self.node_count) = (Buffer::default(), Buffer::default(), 0);
+        (self.surfaces, self.first_surface) = (Buffer::default(), Buffer::default());
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
@@ -75,34 +145,43 @@ impl DeviceTracer for BvhTracer {
         if self.kernels.iter().any(|kernel| (kernel.program, kernel.fidelity) == (program, fidelity)) {
             return Ok(());
         }
+        let lists = (program, fidelity) == (RayProgram::Final, Fidelity::Corrected);
         let loaded = device.context().load_module(Ptx::from_src(programs::on_bvh(program, fidelity)));
-        let function = loaded.and_then(|module| module.load_function(info.entry));
-        let function =
-            function.map_err(|error| device.fault(&format!("loading the kernel of `{}`", info.stem), &error))?;
-        self.kernels.push(Kernel { program, fidelity, function });
+        let kernel = loaded.and_then(|module| {
+            let lists = if lists {
+                let [light, occlude] = OF_SURFACES;
+                let of_surfaces = [module.load_function(light)?, module.load_function(occlude)?];
+                Some(Lists { listing: module.load_function(LISTING)?, of_surfaces })
+            } else {
+                None
+            };
+            Ok(Kernel { program, fidelity, function: module.load_function(info.entry)?, lists })
+        });
+        let failed = |error| device.fault(&format!("loading the kernels of `{}`", info.stem), &error);
+        self.kernels.push(kernel.map_err(failed)?);
         Ok(())
     }
 
-    #[allow(unsafe_code, reason = "launches a kernel")]
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         params.nodes = self.nodes.address(device);
         params.leaves = self.leaves.address(device);
         params.node_count = self.node_count;
         [params.scene_low, params.scene_high] = self.bounds;
-        let is_this = |kernel: &&Kernel| (kernel.program, kernel.fidelity) == (job.program, job.fidelity);
-        let kernel = &self.kernels.iter().find(is_this).expect("loaded before").function;
-        let config = LaunchConfig {
-            grid_dim: (params.width.div_ceil(BLOCK_WIDTH), params.rows.div_ceil(BLOCK_HEIGHT), 1),
-            block_dim: (BLOCK_WIDTH, BLOCK_HEIGHT, 1),
-            shared_mem_bytes: 0,
-        };
-        let mut launch = device.stream().launch_builder(kernel);
-        launch.arg(&*params);
-        // SAFETY: the kernel takes one `Params` by value, whose layout its compiler checked. Its addresses are of buffers
-        // of this backend that live until the stream was synchronised, as long as the images, tables and meshes that the
-        // job was checked to have; indices in them were checked when the scene was built.
-        let launched = unsafe { launch.launch(config) };
-        launched.map_err(|error| device.fault(&format!("running `{}`", job.program.info().stem), &error))?;
-        Ok(())
+        let is_this = |kernel: &Kernel| (kernel.program, kernel.fidelity) == (job.program, job.fidelity);
+        let index = self.kernels.iter().position(is_this).expect("loaded before");
+        if self.kernels[index].lists.is_some() {
+            self.make_room(device, params)?;
+        }
+        let Kernel { function, lists, .. } = &self.kernels[index];
+        let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
+        let pixels = (params.width.div_ceil(BLOCK_WIDTH), params.rows.div_ceil(BLOCK_HEIGHT));
+        if let Some(Lists { listing, of_surfaces }) = lists {
+            start(device, listing, pixels, params).map_err(failed)?;
+            let processors = device.multiprocessors().map_err(failed)?;
+            for kernel in of_surfaces {
+                start(device, kernel, (processors * BLOCKS, 1), params).map_err(failed)?;
+            }
+        }
+        start(device, function, pixels, params).map_err(failed)
     }
 }

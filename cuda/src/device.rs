@@ -133,6 +133,15 @@ impl Device {
         &self.context
     }
 
+    /// How many multiprocessors it has.
+    ///
+    /// # Errors
+    /// If the driver does not tell.
+    pub fn multiprocessors(&self) -> Result<u32, DriverError> {
+        let attribute = sys::CUdevice_attribute::CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT;
+        Ok(self.context.attribute(attribute)?.unsigned_abs())
+    }
+
     /// What a failed call means, for a message. Once the device is lost, every later one says so.
     #[must_use]
     pub fn fault(&self, doing: &str, error: &DriverError) -> BackendError {
@@ -203,9 +212,25 @@ impl Device {
         if buffer.0.as_ref().is_none_or(|slice| slice.len() < length) {
             buffer.0 = None;
             let made = self.stream.alloc_zeros(length);
-            buffer.0 = Some(made.map_err(|error| self.fault(&format!("making room for {what}"), &error))?);
+            let making = || format!("making room for {what} ({})", mebibytes(length * size_of::<T>()));
+            buffer.0 = Some(made.map_err(|error| self.fault(&making(), &error))?);
         }
         Ok(())
+    }
+
+    /// A buffer of so many zeros.
+    ///
+    /// # Errors
+    /// As [`Self::upload`].
+    pub fn clear<T: DeviceRepr + ValidAsZeroBits>(
+        &self,
+        what: &str,
+        buffer: &mut Buffer<T>,
+        length: usize,
+    ) -> Result<(), BackendError> {
+        self.reserve(what, buffer, length)?;
+        let Some(slice) = &mut buffer.0 else { return Ok(()) };
+        self.stream.memset_zeros(slice).map_err(|error| self.fault(&format!("clearing {what}"), &error))
     }
 
     /// Copies some parts of values to their places in a buffer that has room for all; what else is in it does not matter.

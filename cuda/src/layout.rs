@@ -98,7 +98,7 @@ shared_structs! {
         textures: Address = "const TextureInfo *",
         /// Texels of all textures.
         texels: Address = "const uchar4 *",
-        /// Occlusion points: both dimensions of the Sobol sequence, bits reversed.
+        /// Occlusion points: both dimensions of the Sobol sequence, bits reversed; then their numbers (`points.rs`).
         sobol: Address = "const uint2 *",
         /// By the number of open rays: their share to the power of the intensity.
         open_share: Address = "const float *",
@@ -110,6 +110,14 @@ shared_structs! {
         nodes: Address = "const uint4 *",
         /// Triangles of our tree, three vectors each.
         leaves: Address = "const float4 *",
+        /// Of `final` on our own traversal: the list of surfaces, [`SURFACE_BYTES`] each.
+        surfaces: Address = "float4 *",
+        /// By pixel: its first surface in the list.
+        first_surface: Address = "unsigned *",
+        /// How many surfaces were found, and how far the kernels have come with them.
+        progress: Address = "unsigned *",
+        /// Surfaces that the list has room for.
+        capacity: u64 = "unsigned long long",
         /// The structure that OptiX built.
         handle: Address = "unsigned long long",
         /// Number of nodes.
@@ -179,9 +187,8 @@ pub const MAX_DEPTH: u32 = 16;
 pub const MAX_CROSSINGS: u32 = 32;
 /// Length of the table of what glass leaves of light.
 pub const THROUGH_GLASS_ENTRIES: u32 = 64;
-/// Triangles around a point that its occlusion rays are tested against one by one; with more in reach, each ray is traced.
-/// Measured on an H100, 100 samples in the report's radius: `ssao` takes 7.6, 5.7 and 5.4 ms with 12, 32 and 64.
-pub const GATHERED: u32 = 64;
+/// Bytes of a surface in the list of `final`.
+pub const SURFACE_BYTES: u32 = 64;
 /// Threads of a block along x; a warp is a tile of 8 x 4 pixels.
 pub const BLOCK_WIDTH: u32 = 8;
 /// Threads of a block along y.
@@ -221,8 +228,7 @@ pub fn header() -> String {
         ("MAX_CROSSINGS", MAX_CROSSINGS),
         ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),
         ("STACK", tree::STACK as u32),
-        ("CLEAR_VISITS", tree::CLEAR_VISITS as u32),
-        ("GATHERED", GATHERED),
+        ("SURFACE_BYTES", SURFACE_BYTES),
         ("BLOCK_WIDTH", BLOCK_WIDTH),
         ("BLOCK_HEIGHT", BLOCK_HEIGHT),
         ("RAY_COUNT_SLOTS", RAY_COUNT_SLOTS),

@@ -14,6 +14,7 @@ mod join;
 pub mod layout;
 pub mod optix;
 mod peers;
+mod points;
 pub mod programs;
 pub mod rays;
 pub mod scene;

@@ -4,6 +4,7 @@ use crate::device::{Address, Buffer, Device};
 use crate::join::Joined;
 use crate::layout::{BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, Params, RAY_COUNT_KINDS, THROUGH_GLASS_ENTRIES};
 use crate::peers::{Copies, Lent, copy_parts};
+use crate::points::table;
 use crate::scene::{SceneBuffers, shades};
 use crate::staging::Staging;
 use cudarc::driver::sys::CUevent_flags;
@@ -308,17 +309,12 @@ impl<T: DeviceTracer> OneGpu<T> {
             images.open_share.set(device, "the table of open shares", shares)?;
         }
         if !points.is_empty() {
-            images.sobol.set(device, "the occlusion points", points.into_flattened())?;
+            images.sobol.set(device, "the occlusion points", table(points))?;
         }
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
         images.through_glass.set(device, "the table of glass", through)?;
         images.shades.set(device, "the materials", shades(job))?;
-        let slots = EXCEPTION_SLOT as usize + 1;
-        let zeroed = match &mut images.counts.0 {
-            Some(counts) => device.stream().memset_zeros(counts),
-            none => device.stream().alloc_zeros(slots).map(|counts| *none = Some(counts)),
-        };
-        zeroed.map_err(|error| device.fault("clearing the ray counts", &error))?;
+        device.clear("the ray counts", &mut images.counts, EXCEPTION_SLOT as usize + 1)?;
         let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
         Ok(Params {
             position,
@@ -340,6 +336,10 @@ impl<T: DeviceTracer> OneGpu<T> {
             ray_counts: images.counts.address(device),
             nodes: 0,
             leaves: 0,
+            surfaces: 0,
+            first_surface: 0,
+            progress: 0,
+            capacity: 0,
             handle: 0,
             node_count: 0,
             width: job.width,

@@ -95,6 +95,13 @@ fn deal(pixels: &mut [[f32; 4]], [width, height]: [u32; 2], gpus: usize) -> Vec<
     shares
 }
 
+impl CudaRays {
+    /// On each GPU, room for so many surfaces in the list of `final`: see [`BvhTracer::limit_surfaces`](crate::bvh::BvhTracer::limit_surfaces).
+    pub fn limit_surfaces(&mut self, room: u64) {
+        self.gpus.iter_mut().for_each(|gpu| gpu.tracer.limit_surfaces(room));
+    }
+}
+
 /// All rays, and the time of the GPU that took longest.
 fn together(parts: &[RayStats]) -> RayStats {
     let mut whole = RayStats::default();

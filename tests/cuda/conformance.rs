@@ -17,6 +17,32 @@ use std::sync::{Arc, Mutex};
 const VARIANTS: [(Fidelity, Option<&str>); 3] =
     [(Fidelity::Corrected, None), (Fidelity::Corrected, Some("pass2.fresnel=schlick")), (Fidelity::Thesis, None)];
 
+/// Runs a project's ray pass on the processor and on another backend, at 256 x 256.
+fn record(
+    backend: BackendChoice,
+    name: &str,
+    camera: &str,
+    (fidelity, set): (Fidelity, Vec<String>),
+    found: &Arc<Mutex<Found>>,
+) {
+    let project = project::load(&project(name)).expect("the project loads");
+    let settings =
+        Settings { camera: Some(camera.to_owned()), size: Some([256, 256]), fidelity, set, ..Settings::default() };
+    let beside = Beside {
+        cpu: ray_backend(Choice::CPU).expect("always there"),
+        others: vec![ray_backend(Choice::CPU.traced_by(backend)).expect("it was there before")],
+        found: Arc::clone(found),
+        project: name.to_owned(),
+        camera: Some(camera.to_owned()),
+        runs: 2,
+        compare: true,
+    };
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(beside));
+    let plan = Plan::new(project, settings).expect("the plan stands");
+    let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("ready");
+    renderer.frame(&mut Silent).expect("rendered");
+}
+
 fn matrix(backend: BackendChoice) {
     if there(Choice::CPU.traced_by(backend)).is_none() {
         return;
@@ -29,32 +55,9 @@ fn matrix(backend: BackendChoice) {
                 if weights.is_some() && !glass {
                     continue;
                 }
-                let project = project::load(&project(name)).expect("the project loads");
                 let occlusion = matches!(name, "SceneSSAO" | "SceneFinal");
-                let settings = Settings {
-                    camera: Some(camera.to_owned()),
-                    size: Some([256, 256]),
-                    fidelity,
-                    set: weights
-                        .into_iter()
-                        .chain(occlusion.then_some("pass2.samples=25"))
-                        .map(str::to_owned)
-                        .collect(),
-                    ..Settings::default()
-                };
-                let beside = Beside {
-                    cpu: ray_backend(Choice::CPU).expect("always there"),
-                    others: vec![ray_backend(Choice::CPU.traced_by(backend)).expect("it was there before")],
-                    found: Arc::clone(&found),
-                    project: name.to_owned(),
-                    camera: Some(camera.to_owned()),
-                    runs: 2,
-                    compare: true,
-                };
-                let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(beside));
-                let plan = Plan::new(project, settings).expect("the plan stands");
-                let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("ready");
-                renderer.frame(&mut Silent).expect("rendered");
+                let set = weights.into_iter().chain(occlusion.then_some("pass2.samples=25"));
+                record(backend, name, camera, (fidelity, set.map(str::to_owned).collect()), &found);
             }
         }
     }
@@ -86,6 +89,42 @@ fn every_program_on_our_own_tracer_computes_what_the_processor_does() {
 #[test]
 fn every_program_on_optix_computes_what_the_processor_does() {
     matrix(BackendChoice::Optix);
+}
+
+/// Few and many rays a point, of any length, take other ways through the kernels.
+#[test]
+fn occlusion_on_our_own_tracer_is_the_processors_whatever_the_rays() {
+    if there(Choice::CPU.traced_by(BackendChoice::Cuda)).is_none() {
+        return;
+    }
+    let found = Arc::new(Mutex::new(Found::default()));
+    let sets = [
+        "samples=1",
+        "samples=5",
+        "samples=6",
+        "samples=64",
+        "samples=300",
+        "sampler=strata,samples=49",
+        "radius=20,samples=9",
+        "radius=0.01",
+    ];
+    for set in sets {
+        for name in ["SceneSSAO", "SceneFinal"] {
+            let set = set.split(',').map(|one| format!("pass2.{one}")).collect();
+            record(BackendChoice::Cuda, name, "Vidro", (Fidelity::Corrected, set), &found);
+        }
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 2 * sets.len());
+    for (record, set) in found.records.iter().zip(sets.iter().flat_map(|set| [set; 2])) {
+        let words = format!("{set}: {}", record.in_words());
+        println!("{words}");
+        assert!(record.within_limits, "{words}");
+        let compared = record.comparison.as_ref().expect("compared");
+        assert!(record.program != "ssao" || compared.identical == compared.pixels, "not every bit: {words}");
+        let cpu = record.cpu_rays.expect("the processor ran");
+        assert_eq!(record.rays.occlusion + record.rays.certain, cpu.occlusion + cpu.certain, "{words}");
+    }
 }
 
 #[test]

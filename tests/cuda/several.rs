@@ -140,6 +140,27 @@ fn several_gpus_make_the_picture_and_trace_the_rays_of_one_with_optix() {
     is_shared(BackendChoice::Optix, |set| Ok(Box::new(OptixRays::on(set)?)));
 }
 
+/// What finds no room in the list of surfaces is computed by a kernel of its own.
+#[test]
+fn the_picture_does_not_depend_on_the_length_of_the_list_of_surfaces() {
+    if there(Choice::CPU.traced_by(BackendChoice::Cuda)).is_none() {
+        return;
+    }
+    let with_room = |room: Option<u64>| {
+        let mut rays = CudaRays::new().expect("it was there before");
+        room.into_iter().for_each(|room| rays.limit_surfaces(room));
+        frame("SceneFinal", Fidelity::Corrected, 0, Ok(Box::new(rays)))
+    };
+    let expected = with_room(None);
+    for room in [1, 1000, 30_000] {
+        let found = with_room(Some(room));
+        assert!(found.0 == expected.0, "another picture with room for {room}");
+        // Which points are open without a ray depends on who works together with whom.
+        let all = |rays: RayCounts| [rays.shadow, rays.reflected, rays.refracted, rays.occlusion + rays.certain];
+        assert_eq!(all(found.1), all(expected.1), "other rays with room for {room}");
+    }
+}
+
 #[test]
 fn more_gpus_than_there_are_are_refused_with_their_number() {
     if there(Choice::CPU.traced_by(BackendChoice::Cuda)).is_none() {

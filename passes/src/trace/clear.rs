@@ -9,7 +9,7 @@ use super::stack::Stack;
 use glam::Vec3;
 
 /// Nodes and blocks looked into at most before giving up: rays are traced instead, which is never wrong.
-pub(super) const VISITS: usize = 32;
+const VISITS: usize = 32;
 
 /// A plane through the origin of rays that all leave to the side of its normal.
 ///

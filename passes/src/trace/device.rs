@@ -8,7 +8,7 @@ use super::build::{self, Input, Leaves, MAX_DEPTH};
 use super::bvh::inputs;
 use super::node::{Child, Node};
 use super::query::Bounds;
-use super::{Quality, block, clear, lanes::LANES, offset, query};
+use super::{Quality, block, lanes::LANES, offset, query};
 use bytemuck::{Pod, Zeroable};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
@@ -25,8 +25,6 @@ pub const OFFSET_REACH: f32 = offset::REACH as f32;
 pub const OFFSET_MARGIN: f32 = offset::MARGIN as f32;
 /// Unit roundoff of `f32`.
 pub const UNIT_ROUNDOFF: f32 = query::UNIT_ROUNDOFF;
-/// Nodes that the search for a clear hemisphere opens at most.
-pub const CLEAR_VISITS: usize = clear::VISITS;
 
 /// Triangles in a leaf at most: what the three bits of a child's description count.
 const LEAF: usize = 3;

@@ -1,0 +1,161 @@
+// `final` in corrected fidelity on our own traversal, as kernels one after the other: glass is followed to the surfaces that are
+// seen through it, which go to a list with those seen directly; then one thread a surface traces its shadow ray, and one warp
+// 32 surfaces' occlusion; then each pixel sums its own. So threads do the same at the same time, whatever glass is seen, and each
+// kernel has the registers that it needs.
+//
+// A pixel whose surfaces do not fit into the list is computed by one thread from begin to end, with the same result.
+#pragma once
+#include "count_open.cuh"
+#include "final.cuh"
+
+// Four vectors a surface. Before the last kernel the first holds its weighted share of the pixel's colour.
+struct ListedSurface {
+    float4 start;  // where its rays start, but for the step off the surface; the step, negative if it is turned from the light
+    float4 facing; // and the key of its random numbers
+    float4 normal; // and its weight
+    float4 color;  // and the next surface of the pixel
+};
+static_assert(sizeof(ListedSurface) == SURFACE_BYTES, "ListedSurface");
+
+// The first surface of a pixel: none, or too many for the list.
+constexpr unsigned NO_SURFACE = ~0u, NO_ROOM = ~0u - 1u;
+
+DEVICE ListedSurface *listed(const Params &params) { return (ListedSurface *)params.surfaces; }
+// How many surfaces were found; the place of the next that is to be lit, then of the next whose occlusion is to be found.
+enum Progress { FOUND = 0, LIT = 1, OCCLUDED = 2 };
+
+// The first of the next 32 surfaces, for a warp; false when none is left.
+DEVICE bool next_surfaces(const Params &params, Progress which, unsigned lane, unsigned &index, bool &here) {
+    unsigned count = min(params.progress[FOUND], (unsigned)params.capacity), first = 0;
+    if (lane == 0) first = atomicAdd(params.progress + which, 32u);
+    first = __shfl_sync(WHOLE_WARP, first, 0);
+    index = first + lane;
+    here = index < count;
+    return first < count;
+}
+DEVICE unsigned lane_of_thread() { return (threadIdx.y * BLOCK_WIDTH + threadIdx.x) % 32u; }
+
+// All threads of a warp call it. What they find together has 32 places of its own, so that the same surfaces are together again
+// in a warp of the other kernels, however the warps of this one take turns.
+DEVICE void list_surfaces(Pass<Bvh> &pass) {
+    const Params &params = pass.params;
+    unsigned lane = lane_of_thread(), head = NO_SURFACE, last = NO_SURFACE;
+    PixelSurfaces surfaces;
+    surfaces.begin(pass);
+    while (true) {
+        surfaces.advance(pass);
+        if (!pass.tracer.any(surfaces.here)) break;
+        float3 color = surfaces.color;
+        // Black stays black, without a ray.
+        bool wanted = surfaces.here && head != NO_ROOM && !(color.x == 0.0f && color.y == 0.0f && color.z == 0.0f);
+        surfaces.here = false;
+        unsigned mask = __ballot_sync(WHOLE_WARP, wanted), first = 0;
+        if (mask == 0) continue;
+        if (lane == 0) first = atomicAdd(params.progress + FOUND, 32u);
+        first = __shfl_sync(WHOLE_WARP, first, 0);
+        unsigned below = __popc(mask & ((1u << lane) - 1u));
+        bool room = first < params.capacity;
+        if (!wanted) {
+            // Black is left alone.
+            unsigned unused = first + __popc(mask) + lane - below;
+            if (room) listed(params)[unused].color = make_float4(0.0f, 0.0f, 0.0f, __uint_as_float(NO_SURFACE));
+            continue;
+        }
+        unsigned place = first + below;
+        if (!room) {
+            // What was listed of it counts no more.
+            for (unsigned i = head; i != NO_SURFACE; i = __float_as_uint(listed(params)[i].color.w)) {
+                listed(params)[i].color = make_float4(0.0f, 0.0f, 0.0f, listed(params)[i].color.w);
+            }
+            head = NO_ROOM;
+            surfaces.glass = false;
+            continue;
+        }
+        const GlassEnd &end = surfaces.end;
+        const Surface &surface = end.surface;
+        float step = OFFSET_UNITS * surface.point.error;
+        bool turned = dot(surfaces.lit_side, pass.to_light()) <= 0.0f;
+        float3 start = surface.point.start, facing = surface.facing, normal = surface.normal;
+        listed(params)[place] = {make_float4(start.x, start.y, start.z, turned ? -step : step),
+                                 make_float4(facing.x, facing.y, facing.z, __uint_as_float(end.key)),
+                                 make_float4(normal.x, normal.y, normal.z, end.weight),
+                                 make_float4(color.x, color.y, color.z, __uint_as_float(NO_SURFACE))};
+        if (head == NO_SURFACE) {
+            head = place;
+        } else {
+            listed(params)[last].color.w = __uint_as_float(place);
+        }
+        last = place;
+    }
+    if (head == NO_ROOM) pass.rays = {};
+    if (pass.inside) params.first_surface[pass.pixel.index] = head;
+}
+
+// Multiplies the colours of listed surfaces by what reaches them of the light.
+DEVICE void light_surfaces(Pass<Bvh> &pass) {
+    const Params &params = pass.params;
+    unsigned index;
+    bool here;
+    while (next_surfaces(params, LIT, lane_of_thread(), index, here)) {
+        if (!here) continue;
+        float4 color = listed(params)[index].color;
+        float4 start = listed(params)[index].start, facing = listed(params)[index].facing;
+        if (color.x == 0.0f && color.y == 0.0f && color.z == 0.0f) continue;
+        float light = SHADOWED;
+        if (!signbit(start.w)) {
+            pass.rays.shadow += 1;
+            float3 to_light = pass.to_light();
+            float step = dot(xyz(facing), to_light) < 0.0f ? -start.w : start.w;
+            light = pass.light_at(xyz(start) + xyz(facing) * step);
+        }
+        float3 lit = xyz(color) * light;
+        listed(params)[index].color = make_float4(lit.x, lit.y, lit.z, color.w);
+    }
+}
+
+// Writes the weighted shares of listed surfaces: their light times ambient occlusion.
+DEVICE void occlude_surfaces(Pass<Bvh> &pass) {
+    const Params &params = pass.params;
+    unsigned index;
+    bool here;
+    while (next_surfaces(params, OCCLUDED, lane_of_thread(), index, here)) {
+        float3 lit = splat(0.0f);
+        bool wanted = false;
+        Fan fan;
+        if (here) {
+            ListedSurface &surface = listed(params)[index];
+            float4 start = surface.start, facing = surface.facing, color = surface.color;
+            lit = xyz(color);
+            wanted = params.samples != 0 && !(lit.x == 0.0f && lit.y == 0.0f && lit.z == 0.0f);
+            fan = {xyz(start) + xyz(facing) * fabsf(start.w), xyz(facing), xyz(surface.normal), __float_as_uint(facing.w)};
+        }
+        unsigned open = pass.tracer.count_open<ACCEPT_STOPS>(wanted, fan, params.samples, pass.rays);
+        if (!here) continue;
+        float share = wanted ? params.open_share[open] : 1.0f;
+        float3 weighted = listed(params)[index].normal.w * (lit * share);
+        listed(params)[index].start = make_float4(weighted.x, weighted.y, weighted.z, 0.0f);
+    }
+}
+
+// The sum of a pixel's surfaces.
+DEVICE float4 sum_surfaces(Pass<Bvh> &pass) {
+    const Params &params = pass.params;
+    unsigned surface = pass.inside ? params.first_surface[pass.pixel.index] : NO_SURFACE;
+    bool seen = pass.triangle() != NO_TRIANGLE, no_room = surface == NO_ROOM;
+    float4 result;
+    if (pass.tracer.any(no_room)) {
+        bool inside = pass.inside;
+        pass.inside = no_room;
+        result = corrected(pass);
+        pass.inside = inside;
+    }
+    if (no_room) return result;
+    if (!seen) return pass.color();
+    float3 sum = splat(0.0f);
+    while (surface != NO_SURFACE) {
+        const ListedSurface &listed_surface = listed(params)[surface];
+        sum = sum + xyz(listed_surface.start);
+        surface = __float_as_uint(listed_surface.color.w);
+    }
+    return opaque(sum);
+}

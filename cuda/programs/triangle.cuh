@@ -1,0 +1,108 @@
+// The watertight triangle test of `trace/block.rs`, operation by operation: what a ray hits, and at what distance, is that of the
+// processor, bit for bit.
+#pragma once
+#include "pass.cuh"
+
+// A ray prepared for the triangle test.
+struct Query {
+    float3 origin, direction, permuted_origin, shear;
+    float t_min, t_max;
+    int longest;
+};
+
+DEVICE float component(float3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+// The two other axes in order, then the longest.
+DEVICE float3 permute(float3 v, int longest) {
+    return longest == 0 ? vec3(v.y, v.z, v.x) : longest == 1 ? vec3(v.z, v.x, v.y) : v;
+}
+DEVICE float flush(float d) { return fabsf(d) < 1.17549435e-38f ? d * 0.0f : d; }
+
+// Whether the ray can hit anything; then `query` is prepared.
+DEVICE bool prepare(const Ray &ray, Query &query) {
+    float3 zero = ray.origin * 0.0f + ray.direction * 0.0f;
+    if (!(zero.x + zero.y + zero.z == 0.0f && ray.t_min < ray.t_max && ray.t_max > 0.0f)) return false;
+    query.direction = vec3(flush(ray.direction.x), flush(ray.direction.y), flush(ray.direction.z));
+    float3 length = absolute(query.direction);
+    float longest = fmaxf(fmaxf(length.x, length.y), length.z);
+    if (longest == 0.0f) return false;
+    query.longest = length.x == longest ? 0 : length.y == longest ? 1 : 2;
+    query.origin = ray.origin;
+    query.permuted_origin = permute(ray.origin, query.longest);
+    float3 d = permute(query.direction, query.longest);
+    query.shear = vec3(d.x / d.z, d.y / d.z, 1.0f / d.z);
+    query.t_min = fmaxf(ray.t_min, 0.0f) + 0.0f;
+    query.t_max = ray.t_max;
+    return true;
+}
+
+DEVICE float3 sheared(const Query &query, float3 corner) {
+    float3 p = permute(corner, query.longest) - query.permuted_origin;
+    return vec3(p.x - query.shear.x * p.z, p.y - query.shear.y * p.z, p.z);
+}
+
+// How far the origin of the slabs is moved outwards along each axis, as in `Query::new`.
+DEVICE float3 slab_padding(const Params &params, const Query &query) {
+    float3 low = vec3(params.scene_low[0], params.scene_low[1], params.scene_low[2]);
+    float3 high = vec3(params.scene_high[0], params.scene_high[1], params.scene_high[2]);
+    float3 a = absolute(low - query.origin), b = absolute(high - query.origin);
+    float3 reach = vec3(fminf(fmaxf(a.x, b.x), 1.0e30f), fminf(fmaxf(a.y, b.y), 1.0e30f), fminf(fmaxf(a.z, b.z), 1.0e30f));
+    float along = component(reach, query.longest);
+    return (reach + splat(along)) * (8.0f * UNIT_ROUNDOFF) + absolute(query.origin) * (2.0f * UNIT_ROUNDOFF);
+}
+
+// The interval in which the ray is in the bounds of a triangle, as in `Query::interval`.
+DEVICE float2 interval_axis(float2 range, float origin, float direction, float pad, float a, float b, float c) {
+    float inverse = 1.0f / direction;
+    float toward = copysignf(pad, inverse);
+    float least = fminf(fminf(a, b), c), most = fmaxf(fmaxf(a, b), c);
+    bool backward = signbit(inverse);
+    float near = ((backward ? most : least) - (origin + toward)) * inverse;
+    float far = ((backward ? least : most) - (origin - toward)) * (inverse * (1.0f + 8.0f * UNIT_ROUNDOFF));
+    return make_float2(near > range.x ? near : range.x, far < range.y ? far : range.y);
+}
+
+// Where the ray meets the triangle with t_min < t <= limit.
+DEVICE bool intersect(const Params &params, const Query &query, float3 a, float3 b, float3 c, float limit, Hit &hit) {
+    float3 sa = sheared(query, a), sb = sheared(query, b), sc = sheared(query, c);
+    float ea = sc.x * sb.y - sc.y * sb.x, eb = sa.x * sc.y - sa.y * sc.x, ec = sb.x * sa.y - sb.y * sa.x;
+    float least = fminf(fminf(ea, eb), ec), most = fmaxf(fmaxf(ea, eb), ec);
+    if (!(least >= 0.0f || most <= 0.0f)) return false;
+    double3 wa = wide(a), normal = cross(wide(b) - wa, wide(c) - wa);
+    float t = (float)(dot(normal, wa - wide(query.origin)) / dot(normal, wide(query.direction)));
+    if (!(t > query.t_min && t <= limit) && isfinite(t)) return false;
+    if (ea == 0.0f || eb == 0.0f || ec == 0.0f) {
+        double da = (double)sc.x * sb.y - (double)sc.y * sb.x;
+        double db = (double)sa.x * sc.y - (double)sa.y * sc.x;
+        double dc = (double)sb.x * sa.y - (double)sb.y * sa.x;
+        double determinant = da + db + dc;
+        bool negative = da < 0.0 || db < 0.0 || dc < 0.0, positive = da > 0.0 || db > 0.0 || dc > 0.0;
+        if ((negative && positive) || determinant == 0.0) return false;
+        hit.u = (float)(db / determinant);
+        hit.v = (float)(dc / determinant);
+    } else {
+        float determinant = ea + eb + ec;
+        hit.u = eb / determinant;
+        hit.v = ec / determinant;
+    }
+    // The distance is kept within the triangle's own bounds: seen edge-on, the plane may be met anywhere.
+    float3 pad = slab_padding(params, query);
+    float2 range = make_float2(query.t_min, INFINITY);
+    range = interval_axis(range, query.origin.x, query.direction.x, pad.x, a.x, b.x, c.x);
+    range = interval_axis(range, query.origin.y, query.direction.y, pad.y, a.y, b.y, c.y);
+    range = interval_axis(range, query.origin.z, query.direction.z, pad.z, a.z, b.z, c.z);
+    t = t < range.y ? t : range.y;
+    t = t < range.x ? range.x : t;
+    hit.t = t;
+    return t > query.t_min && t <= limit;
+}
+
+// The triangles of a leaf, three vectors of four: corners, and the id in the first one's fourth.
+struct Triangle {
+    float3 a, b, c;
+    unsigned id;
+};
+DEVICE Triangle load_triangle(const Params &params, unsigned index) {
+    const float4 *t = params.leaves + 3ull * index;
+    float4 a = __ldg(t), b = __ldg(t + 1), c = __ldg(t + 2);
+    return {xyz(a), xyz(b), xyz(c), __float_as_uint(a.w)};
+}
