@@ -21,6 +21,11 @@ impl Class {
     /// Of rays that meet nothing, see [`Query::new`].
     const NONE: u32 = u32::MAX;
 
+    /// Signs and zeros: what rays of one traversal have in common.
+    pub(super) fn octant(self) -> u32 {
+        self.0 >> 2
+    }
+
     /// The axis along which the direction is longest.
     pub(super) fn axis(self) -> usize {
         (self.0 & 3) as usize
@@ -99,7 +104,7 @@ impl Classes {
 pub(super) struct Beam {
     /// The rays that are still looking.
     pub(super) open: Mask,
-    class: Class,
+    pub(super) class: Class,
     axes: [usize; 3],
     t_min: f32,
     t_max: f32,
@@ -354,6 +359,12 @@ impl Beam {
         simd.wide_at_most(simd.wide_splat(enter), simd.wide_load(&self.limit))
     }
 
+    /// The distance up to which any open ray looks.
+    #[inline(always)]
+    pub(super) fn farthest<S: Simd>(&self, simd: S) -> f32 {
+        self.range(simd, &self.limit).1
+    }
+
     /// The nearest hit of a ray so far.
     #[inline(always)]
     pub(super) fn best(&self, ray: usize) -> Option<Hit> {
@@ -551,19 +562,53 @@ impl Beam {
 }
 
 /// Extremes of what the box test of a ray computes with, of several rays.
+#[derive(Clone, Copy)]
 pub(super) struct Extremes {
     /// The origin that gives the least distance to a near plane, and the greatest to a far one.
-    near_origin: [f32; 3],
-    far_origin: [f32; 3],
+    pub(super) near_origin: [f32; 3],
+    pub(super) far_origin: [f32; 3],
     /// Least and greatest reciprocals of directions, and the same for far planes.
-    inverse: [[f32; 3]; 2],
-    far_inverse: [[f32; 3]; 2],
+    pub(super) inverse: [[f32; 3]; 2],
+    pub(super) far_inverse: [[f32; 3]; 2],
     backward: [usize; 3],
-    t_min: f32,
-    t_max: f32,
+    pub(super) t_min: f32,
+    pub(super) t_max: f32,
 }
 
 impl Extremes {
+    pub(super) const NONE: Self = Self {
+        near_origin: [0.0; 3],
+        far_origin: [0.0; 3],
+        inverse: [[0.0; 3]; 2],
+        far_inverse: [[0.0; 3]; 2],
+        backward: [0; 3],
+        t_min: 0.0,
+        t_max: 0.0,
+    };
+
+    /// Leaves out what lies beyond a distance.
+    pub(super) fn limit_to(&mut self, t_max: f32) {
+        self.t_max = t_max;
+    }
+
+    /// Widens them to those of other rays of the octant.
+    pub(super) fn join(&mut self, other: &Self) {
+        for axis in 0..3 {
+            let (near, far) = (&mut self.near_origin[axis], &mut self.far_origin[axis]);
+            if self.backward[axis] == 0 {
+                (*near, *far) = (near.max(other.near_origin[axis]), far.min(other.far_origin[axis]));
+            } else {
+                (*near, *far) = (near.min(other.near_origin[axis]), far.max(other.far_origin[axis]));
+            }
+            self.inverse[0][axis] = self.inverse[0][axis].min(other.inverse[0][axis]);
+            self.inverse[1][axis] = self.inverse[1][axis].max(other.inverse[1][axis]);
+            self.far_inverse[0][axis] = self.far_inverse[0][axis].min(other.far_inverse[0][axis]);
+            self.far_inverse[1][axis] = self.far_inverse[1][axis].max(other.far_inverse[1][axis]);
+        }
+        self.t_min = self.t_min.min(other.t_min);
+        self.t_max = self.t_max.max(other.t_max);
+    }
+
     /// The lanes of boxes that any ray may be in, and below which distance it does not enter them.
     #[inline(always)]
     pub(super) fn meets<S: Simd>(&self, simd: S, planes: [[S::Vector; 3]; 2]) -> (Mask, S::Vector) {

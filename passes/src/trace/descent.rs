@@ -10,7 +10,7 @@ use super::Hit;
 use super::beam::{Beam, Extremes};
 use super::block::Block;
 use super::bvh::{Bvh, approach, blocked, closest, occluded};
-use super::lanes::{F8, Mask, NO_LANES, Simd, WIDE, first_lane, without_first};
+use super::lanes::{Mask, NO_LANES, Simd, WIDE, first_lane, without_first};
 use super::node::{Child, Node};
 use super::stack::Stack;
 
@@ -28,19 +28,24 @@ pub(super) struct Descent<'a, A> {
 }
 
 impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
-    /// Finds the nearest hits of all open rays, or closes those that anything stops.
+    /// Finds the nearest hits of all open rays below `entry`, or closes those that anything stops.
     #[inline(always)]
-    pub(super) fn descend<S: Simd, const NEAREST: bool>(&mut self, simd: S, beam: &mut Beam) {
-        let extremes = beam.extremes(simd);
+    pub(super) fn descend<S: Simd, const NEAREST: bool>(
+        &mut self,
+        simd: S,
+        beam: &mut Beam,
+        extremes: &Extremes,
+        entry: Child,
+    ) {
         let mut stack = Stack::<Entry>::new();
-        let (mut current, mut mask) = (self.bvh.root, beam.open);
+        let (mut current, mut mask) = (entry, beam.open);
         loop {
             if mask.count_ones() <= FEW {
                 self.one_by_one::<S, NEAREST>(simd, beam, current, mask);
             } else if current.is_block() {
-                self.test::<S, NEAREST>(simd, beam, (current, mask), &extremes);
+                self.test::<S, NEAREST>(simd, beam, (current, mask), extremes);
             } else {
-                self.visit::<S, NEAREST>(simd, beam, (current, mask), &extremes, &mut stack);
+                self.visit::<S, NEAREST>(simd, beam, (current, mask), extremes, &mut stack);
             }
             loop {
                 let Some((enter, child, met)) = stack.pop() else { return };
@@ -125,7 +130,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
         stack: &mut Stack<Entry>,
     ) {
         let node: &Node = &self.bvh.nodes[current.index()];
-        let (mut lanes, enter) = extremes.meets(simd, load(simd, &node.planes));
+        let (mut lanes, enter) = extremes.meets(simd, node.load(simd));
         let enter = simd.store(enter);
         let bottom = stack.len();
         while lanes != NO_LANES {
@@ -145,10 +150,4 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
             stack.lower_from(bottom, |(_, child, _)| !Child(child).is_block());
         }
     }
-}
-
-#[inline(always)]
-fn load<S: Simd>(simd: S, planes: &[[F8; 3]; 2]) -> [[S::Vector; 3]; 2] {
-    let [[a, b, c], [d, e, f]] = planes;
-    [[simd.load(a), simd.load(b), simd.load(c)], [simd.load(d), simd.load(e), simd.load(f)]]
 }

@@ -56,6 +56,13 @@ impl Node {
         children: [Child::NONE; LANES],
     };
 
+    /// The planes in registers.
+    #[inline(always)]
+    pub(super) fn load<S: Simd>(&self, simd: S) -> [[S::Vector; 3]; 2] {
+        let [[a, b, c], [d, e, f]] = &self.planes;
+        [[simd.load(a), simd.load(b), simd.load(c)], [simd.load(d), simd.load(e), simd.load(f)]]
+    }
+
     /// The children whose bounds meet a box.
     #[inline(always)]
     pub(super) fn overlapping<S: Simd>(&self, simd: S, low: &[f32; 3], high: &[f32; 3]) -> Mask {
@@ -72,9 +79,7 @@ impl Node {
     /// The children of which certainly nothing is met by rays that leave to the near side of a plane.
     #[inline(always)]
     pub(super) fn behind<S: Simd>(&self, simd: S, plane: Plane) -> Mask {
-        let [low, high] = &self.planes;
-        let low = [simd.load(&low[0]), simd.load(&low[1]), simd.load(&low[2])];
-        let high = [simd.load(&high[0]), simd.load(&high[1]), simd.load(&high[2])];
+        let [low, high] = self.load(simd);
         plane.behind(simd, low, high)
     }
 
