@@ -101,7 +101,10 @@ pub fn generate(subject: &Subject, bvh: &Bvh, size: u32) -> Vec<Rays> {
         let mut shadows = Packet::new(0.0, f32::INFINITY);
         let mut filled = 0;
         for block in 0..(TILE / BLOCK) * (TILE / BLOCK) {
-            let (x, y) = (left + block % (TILE / BLOCK) * BLOCK, top + block / (TILE / BLOCK) * BLOCK);
+            // Four blocks that follow each other are a square, too.
+            let (square, part) = (block / 4, block % 4);
+            let (x, y) = (square % 2 * 2 + part % 2, square / 2 * 2 + part / 2);
+            let (x, y) = (left + x * BLOCK, top + y * BLOCK);
             let mut packet = Packet::new(0.0, f32::INFINITY);
             for lane in 0..PACKET as u32 {
                 let direction = view.direction(x + lane % BLOCK, y + lane / BLOCK, size);

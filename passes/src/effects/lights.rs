@@ -28,12 +28,13 @@ pub struct Area {
 }
 
 impl Area {
-    /// The pixels, part by part, each with its place in the tile (row by row, [`TILE`] a row).
+    /// The pixels, part by part, each with its place in the tile (row by row, [`TILE`] a row). Four parts that follow each
+    /// other are a square, too.
     fn pixels(self) -> impl Iterator<Item = (usize, Pixel)> {
         let place = |index: usize| {
-            let (part, inner) = (index / (PART * PART), index % (PART * PART));
-            let (left, top) = (part % (TILE / PART) * PART, part / (TILE / PART) * PART);
-            (left + inner % PART, top + inner / PART)
+            let (square, part, inner) = (index / 64, index / 16 % 4, index % 16);
+            let (left, top) = (square % 2 * 2 + part % 2, square / 2 * 2 + part / 2);
+            (left * PART + inner % PART, top * PART + inner / PART)
         };
         let places = (0..TILE * TILE).map(place);
         places.filter(move |&(x, y)| x < self.width && y < self.height).map(move |(right, down)| {
@@ -50,14 +51,17 @@ pub(super) struct Known {
     pub(super) light: Option<f32>,
     /// Its surface and the direction in which it is seen, where the program needs them again.
     pub(super) surface: Option<(Surface, Vec3)>,
-    /// Where rays to the viewer's side of that surface start.
+    /// Where rays to the viewer's side of that surface start; of the shadow program, its ray.
     pub(super) origin: Vec3,
+    /// Whether the shadow program has to trace that.
+    pub(super) is_asked: bool,
     /// Its ambient occlusion; `None` where it has not been found out.
     pub(super) occlusion: Option<f32>,
 }
 
 impl Known {
-    pub(super) const NOTHING: Self = Self { light: None, surface: None, origin: Vec3::ZERO, occlusion: None };
+    pub(super) const NOTHING: Self =
+        Self { light: None, surface: None, origin: Vec3::ZERO, is_asked: false, occlusion: None };
 }
 
 /// What is known of a tile's pixels, and the buffers that it takes to find out.
@@ -106,6 +110,22 @@ impl Lights {
         area: Area,
         wanted: impl Fn(Pixel, u32) -> bool,
     ) {
+        self.locate(pass, area, wanted, |known, pixel, _, point| {
+            let (surface, view) = pass.surface_of(point, pass.normal(pixel));
+            known.surface = Some((surface, view));
+            known.origin = surface.origin(surface.facing);
+        });
+    }
+
+    /// Finds the points of the triangles that the pixels of a tile show, where they are wanted; nothing but what `found` makes
+    /// of them is known then.
+    pub(super) fn locate<T: Tracer, C: Coverage>(
+        &mut self,
+        pass: &Pass<'_, T, C>,
+        area: Area,
+        wanted: impl Fn(Pixel, u32) -> bool,
+        mut found: impl FnMut(&mut Known, Pixel, u32, SurfacePoint),
+    ) {
         self.clear();
         let Self { known, shown, stored, .. } = self;
         shown.clear();
@@ -118,9 +138,7 @@ impl Lights {
         }
         SurfacePoint::snap_all(&pass.job.scene.geometry, stored, |index, point| {
             let (place, pixel) = shown[index];
-            let (surface, view) = pass.surface_of(point, pass.normal(pixel));
-            known[place].surface = Some((surface, view));
-            known[place].origin = surface.origin(surface.facing);
+            found(&mut known[place], pixel, stored[index].0, point);
         });
     }
 
@@ -156,6 +174,14 @@ impl Lights {
     /// Notes the light's share at the place of every ray.
     fn note_answers(&mut self) {
         let Self { known, places, blocked, crossings, distances, .. } = self;
+        if crossings.is_empty() {
+            for (rays, blocked) in places.chunks(PACKET).zip(blocked) {
+                for (lane, place) in rays.iter().enumerate() {
+                    known[*place as usize].light = Some(share_of_light(*blocked >> lane & 1 == 1, &mut []));
+                }
+            }
+            return;
+        }
         crossings.sort_unstable_by_key(|(ray, _)| *ray);
         let mut crossings = crossings.iter().peekable();
         for (ray, place) in places.iter().enumerate() {

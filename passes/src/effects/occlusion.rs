@@ -158,7 +158,13 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
 /// What is left of light that is blocked, or else crosses glass at these distances, in any order.
 pub(super) fn share_of_light(blocked: bool, crossings: &mut [f32]) -> f32 {
-    if blocked { SHADOWED } else { THROUGH_GLASS.powi(distinct(crossings) as i32) }
+    if blocked {
+        SHADOWED
+    } else if crossings.is_empty() {
+        1.0
+    } else {
+        THROUGH_GLASS.powi(distinct(crossings) as i32)
+    }
 }
 
 /// How many surfaces these hit distances belong to. A tracer may show a hit twice, and a ray through the edge between two

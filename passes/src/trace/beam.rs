@@ -530,16 +530,9 @@ impl Beam {
     #[inline(always)]
     fn range<S: Simd>(&self, simd: S, values: &F16) -> (f32, f32) {
         let values = simd.wide_load(values);
-        let low = simd.wide_store(simd.wide_select(self.open, values, simd.wide_splat(f32::INFINITY)));
-        let high = simd.wide_store(simd.wide_select(self.open, values, simd.wide_splat(f32::NEG_INFINITY)));
-        let (mut least, mut most) = (low.0, high.0);
-        for step in [8, 4, 2, 1] {
-            for lane in 0..step {
-                least[lane] = if least[lane + step] < least[lane] { least[lane + step] } else { least[lane] };
-                most[lane] = if most[lane + step] > most[lane] { most[lane + step] } else { most[lane] };
-            }
-        }
-        (least[0], most[0])
+        let low = simd.wide_select(self.open, values, simd.wide_splat(f32::INFINITY));
+        let high = simd.wide_select(self.open, values, simd.wide_splat(f32::NEG_INFINITY));
+        (simd.wide_least(low), simd.wide_most(high))
     }
 
     /// What [`Face::decide`] asks of rays: origins, directions, `t_min`, `1 / t_max`, and how far numerators may be off.

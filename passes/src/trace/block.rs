@@ -41,6 +41,13 @@ impl Block {
         [self.corner(0, lane), self.corner(1, lane), self.corner(2, lane)]
     }
 
+    /// The coordinates of the three corners of all triangles along an axis; unused lanes hold NaN.
+    #[inline(always)]
+    pub(super) fn coordinates<S: Simd>(&self, simd: S, axis: usize) -> [S::Vector; 3] {
+        let [a, b, c] = &self.corners;
+        [simd.load(&a[axis]), simd.load(&b[axis]), simd.load(&c[axis])]
+    }
+
     /// The id of the triangle in a lane.
     #[inline(always)]
     pub(super) fn triangle(&self, lane: usize) -> u32 {

@@ -13,7 +13,8 @@ use super::node::Child;
 use super::packet::{Packet, PacketHits};
 use super::query::Query;
 use super::stack::Stack;
-use super::{Hit, PACKET};
+use super::{Hit, PACKET, parallel};
+use std::ops::Range;
 
 /// Beams that go down the tree together, and packets that are sorted together.
 const BEAMS: usize = WIDE;
@@ -60,7 +61,8 @@ impl<A: FnMut(usize, &Hit) -> bool> Work<()> for ClosestPackets<'_, A> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         self.hits.fill(PacketHits::NONE);
-        (Sorted { bvh: self.bvh, packets: self.packets }).each(simd, &mut self);
+        let some = 0..self.packets.len();
+        (Sorted { bvh: self.bvh, packets: self.packets, some }).each(simd, &mut self);
     }
 }
 
@@ -68,7 +70,15 @@ impl<A: FnMut(usize, &Hit) -> bool> Work<()> for OccludedPackets<'_, A> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         self.blocked.fill(0);
-        (Sorted { bvh: self.bvh, packets: self.packets }).each(simd, &mut self);
+        for first in (0..self.packets.len()).step_by(BEAMS) {
+            let some = first..self.packets.len().min(first + BEAMS);
+            let (packets, blocked) = (&self.packets[some.clone()], &mut self.blocked[some.clone()]);
+            let accept = &mut self.accept;
+            let mut accept = |ray: usize, hit: &Hit| accept(first * PACKET + ray, hit);
+            if !parallel::occluded(simd, self.bvh, packets, blocked, &mut accept) {
+                (Sorted { bvh: self.bvh, packets: self.packets, some }).each(simd, &mut self);
+            }
+        }
     }
 }
 
@@ -122,10 +132,11 @@ impl<A: FnMut(usize, &Hit) -> bool> Part for OccludedPackets<'_, A> {
     }
 }
 
-/// Packets, sorted into beams.
+/// Some of the packets, sorted into beams.
 struct Sorted<'a> {
     bvh: &'a Bvh,
     packets: &'a [Packet],
+    some: Range<usize>,
 }
 
 impl Sorted<'_> {
@@ -137,7 +148,7 @@ impl Sorted<'_> {
         }
         let mut beams = [Beam::EMPTY; BEAMS];
         let mut packet_of = [0; BEAMS];
-        for (chunk, packets) in self.packets.chunks(BEAMS).enumerate() {
+        for (chunk, packets) in self.packets[self.some.clone()].chunks(BEAMS).enumerate() {
             let mut classes = [Classes::NONE; BEAMS];
             let mut left = [NO_LANES; BEAMS];
             for (index, packet) in packets.iter().enumerate() {
@@ -159,7 +170,7 @@ impl Sorted<'_> {
                             continue;
                         }
                         left[index] &= !lanes;
-                        let packet = chunk * BEAMS + index;
+                        let packet = self.some.start + chunk * BEAMS + index;
                         if lanes.count_ones() < FEW {
                             let mut lanes = lanes;
                             while lanes != NO_LANES {

@@ -79,6 +79,10 @@ pub(crate) trait Simd: Copy {
     fn wide_below(self, a: Self::Wide, b: Self::Wide) -> Mask;
     /// `a` in the lanes of the mask, `b` in the others.
     fn wide_select(self, mask: Mask, a: Self::Wide, b: Self::Wide) -> Self::Wide;
+    /// The least of sixteen numbers.
+    fn wide_least(self, a: Self::Wide) -> f32;
+    /// The greatest of sixteen numbers.
+    fn wide_most(self, a: Self::Wide) -> f32;
     /// `normal · (corner - origin) / normal · direction` in `f64`, summed from x to z, then rounded to `f32`.
     fn wide_plane(
         self,
@@ -232,6 +236,16 @@ impl Simd for Plain {
             *value = if mask >> lane & 1 == 1 { a.0[lane] } else { *value };
         }
         F16(result)
+    }
+
+    #[inline(always)]
+    fn wide_least(self, a: F16) -> f32 {
+        a.0.into_iter().fold(f32::INFINITY, |least, a| if a < least { a } else { least })
+    }
+
+    #[inline(always)]
+    fn wide_most(self, a: F16) -> f32 {
+        a.0.into_iter().fold(f32::NEG_INFINITY, |most, a| if a > most { a } else { most })
     }
 
     #[inline(always)]

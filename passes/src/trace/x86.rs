@@ -259,6 +259,28 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn wide_least(self, [a, b]: [__m256; 2]) -> f32 {
+        // SAFETY: AVX is present, since `self` exists.
+        unsafe {
+            let eight = _mm256_min_ps(a, b);
+            let four = _mm_min_ps(_mm256_castps256_ps128(eight), _mm256_extractf128_ps::<1>(eight));
+            let two = _mm_min_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_min_ps(two, _mm_shuffle_ps::<1>(two, two)))
+        }
+    }
+
+    #[inline(always)]
+    fn wide_most(self, [a, b]: [__m256; 2]) -> f32 {
+        // SAFETY: AVX is present, since `self` exists.
+        unsafe {
+            let eight = _mm256_max_ps(a, b);
+            let four = _mm_max_ps(_mm256_castps256_ps128(eight), _mm256_extractf128_ps::<1>(eight));
+            let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_max_ps(two, _mm_shuffle_ps::<1>(two, two)))
+        }
+    }
+
+    #[inline(always)]
     fn wide_plane(
         self,
         normal: DVec3,
@@ -373,6 +395,18 @@ impl Simd for Avx512 {
     fn wide_select(self, mask: Mask, a: __m512, b: __m512) -> __m512 {
         // SAFETY: AVX-512 F is present, since `self` exists.
         unsafe { _mm512_mask_blend_ps(mask as __mmask16, b, a) }
+    }
+
+    #[inline(always)]
+    fn wide_least(self, a: __m512) -> f32 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_reduce_min_ps(a) }
+    }
+
+    #[inline(always)]
+    fn wide_most(self, a: __m512) -> f32 {
+        // SAFETY: AVX-512 F is present, since `self` exists.
+        unsafe { _mm512_reduce_max_ps(a) }
     }
 
     #[inline(always)]

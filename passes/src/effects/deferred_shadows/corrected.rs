@@ -3,8 +3,11 @@
 use crate::effects::lights::{Known, prepare as prepare_lights};
 use crate::effects::occlusion::SHADOWED;
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, material, opaque};
-use crate::trace::Tracer;
+use crate::trace::{SurfacePoint, Tracer};
 use glam::Vec3;
+
+/// Cosine between a triangle's normal and a corner's from which on their side is not doubted.
+const CLEARLY: f32 = 1.0e-2;
 
 /// The light's share, alpha 1.
 ///
@@ -26,10 +29,14 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
 
 /// Traces the rays of a tile together, before its pixels ask.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
-    work.lights.clear();
-    let origin = |pixel, _: &Known| match light(pass, pixel) {
-        Light::Certain(share) => (Some(share), None),
-        Light::Ray(origin) => (None, Some(origin)),
+    let wanted = |pixel, _| is_lit(pass, pixel);
+    work.lights.locate(pass, area, wanted, |known, _, triangle, point| match light_at(pass, triangle, &point) {
+        Light::Certain(share) => known.light = Some(share),
+        Light::Ray(origin) => (known.origin, known.is_asked) = (origin, true),
+    });
+    let origin = |_, known: &Known| match known.is_asked {
+        true => (None, Some(known.origin)),
+        false => (Some(known.light.unwrap_or(1.0)), None),
     };
     work.rays.shadow += prepare_lights(pass, area, &mut work.lights, origin, |_, hit, _| pass.coverage.covers(hit));
 }
@@ -42,19 +49,40 @@ enum Light {
     Ray(Vec3),
 }
 
+/// Whether light falls on what a pixel shows, by its shading normal; else it is dark already.
+fn is_lit<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> bool {
+    pass.position(pixel).w > 0.0
+}
+
 fn light<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> Light {
-    let Some(triangle) = pass.triangle(pixel) else { return Light::Certain(1.0) };
-    let position = pass.position(pixel);
-    if position.w <= 0.0 || position.w.is_nan() {
-        return Light::Certain(1.0);
+    match pass.triangle(pixel).filter(|_| is_lit(pass, pixel)) {
+        Some(triangle) => light_at(pass, triangle, &pass.point_at(pixel, triangle)),
+        None => Light::Certain(1.0),
     }
-    let point = pass.point_at(pixel, triangle);
-    let geometry = &pass.job.scene.geometry;
-    let side = if geometry.normals.is_empty() {
-        pass.job.eye - point.position
-    } else {
-        material::interpolate(geometry, &geometry.normals, &material::locate(geometry, triangle, point.position))
-    };
-    let towards = point.normal.dot(pass.to_light) * 1f32.copysign(point.normal.dot(side));
+}
+
+fn light_at<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
+    let towards = point.normal.dot(pass.to_light) * side(pass, triangle, point);
     if towards <= 0.0 { Light::Certain(SHADOWED) } else { Light::Ray(point.spawn(pass.to_light)) }
+}
+
+/// 1 where the triangle's normal is on the side that is shaded, else -1.
+fn side<T, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> f32 {
+    let geometry = &pass.job.scene.geometry;
+    if geometry.normals.is_empty() {
+        return 1f32.copysign(point.normal.dot(pass.job.eye - point.position));
+    }
+    // Where the normals at all three corners are clearly on one side, so is what lies between them.
+    let of_corners = geometry.triangles[triangle as usize].map(|corner| {
+        let normal = geometry.normals[corner as usize];
+        (point.normal.dot(normal), CLEARLY * normal.length_squared().max(1.0))
+    });
+    if of_corners.iter().all(|(cosine, least)| cosine > least) {
+        1.0
+    } else if of_corners.iter().all(|(cosine, least)| -cosine > *least) {
+        -1.0
+    } else {
+        let hit = material::locate(geometry, triangle, point.position);
+        1f32.copysign(point.normal.dot(material::interpolate(geometry, &geometry.normals, &hit)))
+    }
 }
