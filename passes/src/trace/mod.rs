@@ -34,6 +34,7 @@ mod packet;
 mod query;
 mod record;
 mod stack;
+mod wave;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
