@@ -19,8 +19,6 @@ use super::wave::Wave;
 use super::{Fan, Hit, Ray};
 use glam::Vec3;
 
-/// Rays up to which those in a part of the tree go on by themselves.
-const FEW: u32 = 6;
 /// Least component of a direction that goes down with others: of smaller ones, products with reciprocals could overflow.
 const LEAST: f32 = 1.0e-18;
 /// Length of a direction that does.
@@ -182,7 +180,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                 } else if wave.leave(current, mask) {
                     open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
                 }
-            } else if mask.count_ones() <= FEW {
+            } else if mask.count_ones() <= wave.few() {
                 if wave.leave(current, mask) {
                     open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
                 }

@@ -16,6 +16,8 @@ use super::stack::{List, STACKED, Stacks};
 /// since what a ray has no more to visit costs nothing; and where fewer do.
 const EARLY: u32 = 8;
 const LATE: u32 = 32;
+const FEW_EARLY: u32 = 3;
+const FEW_LATE: u32 = 6;
 /// Blocks that may wait besides those of a round.
 const WAITING: usize = 64;
 
@@ -35,6 +37,12 @@ impl Wave {
     #[inline(always)]
     pub(super) fn new() -> Self {
         Self { stacks: Stacks::new(), busy: NO_LANES, blocks: List::new(), parts: 0, limit: EARLY }
+    }
+
+    /// Rays up to which those in a part of the tree are to be left to it.
+    #[inline(always)]
+    pub(super) fn few(&self) -> u32 {
+        if self.limit == EARLY { FEW_EARLY } else { FEW_LATE }
     }
 
     /// Whether anything is left to be visited.
