@@ -258,4 +258,43 @@ mod tests {
         assert!(popped[..3].iter().all(|entry| entry % 2 == 1), "{popped:?}");
         assert!(popped[3..5].contains(&2) && popped[3..5].contains(&4) && popped[5] == 0, "{popped:?}");
     }
+
+    #[test]
+    fn entries_whose_condition_does_not_hold_are_not_pushed() {
+        let mut stack = of(&[5]);
+        stack.push_if(false, 6);
+        stack.push_if(true, 7);
+        stack.push_if(false, 8);
+        assert_eq!(popped(stack), [7, 5]);
+    }
+
+    #[test]
+    fn each_ray_has_its_own_stack() {
+        let mut stacks = Stacks::new();
+        assert_eq!(stacks.push(3, 30), 1);
+        assert_eq!(stacks.append(3, [31, 32, 33, 0, 0, 0, 0, 0], 2), 3);
+        assert_eq!(stacks.append(15, [50; LANES], LANES as u32), LANES);
+        assert_eq!([stacks.pop(3), stacks.pop(3), stacks.pop(3)], [32, 31, 30]);
+        assert_eq!((stacks.len(3), stacks.len(15), stacks.pop(15)), (0, LANES, 50));
+        stacks.clear();
+        assert_eq!(stacks.len(15), 0);
+    }
+
+    #[test]
+    fn a_list_keeps_the_order_and_the_rays() {
+        let mut list = List::<20>::new();
+        list.push(7, 2);
+        list.append([8, 9, 0, 0, 0, 0, 0, 0], 4, 2);
+        list.push(10, 1);
+        let all: Vec<_> = (0..list.len()).map(|index| list.get(index)).collect();
+        assert_eq!(all, [(7, 2), (8, 4), (9, 4), (10, 1)]);
+        list.clear();
+        assert_eq!(list.len(), 0);
+    }
+
+    #[test]
+    #[should_panic(expected = "an entry of the list")]
+    fn what_was_not_added_to_a_list_is_not_read() {
+        List::<20>::new().get(0);
+    }
 }

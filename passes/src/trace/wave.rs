@@ -150,3 +150,33 @@ impl Wave {
         false
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::dispatch::{Detected, Work};
+
+    struct Chosen<'a>(&'a [u32; LANES], Mask);
+
+    impl Work<(Mask, [u32; LANES])> for Chosen<'_> {
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> (Mask, [u32; LANES]) {
+            (simd.negative(self.0), simd.compress(self.0, self.1))
+        }
+    }
+
+    #[test]
+    fn children_are_chosen_alike_on_every_instruction_set() {
+        use crate::trace::Lanes::{Avx2, Avx512, Portable};
+        let children = [5, 1 << 31, 7, 8 | 1 << 31, 9, 10, u32::MAX, 0];
+        for detected in [Avx512, Avx2, Portable].into_iter().filter_map(Detected::new) {
+            for mask in 0..1 << LANES {
+                let (negative, chosen) = detected.run(Chosen(&children, mask));
+                assert_eq!(negative, 0b0100_1010);
+                let expected: Vec<u32> =
+                    (0..LANES).filter(|lane| mask >> lane & 1 == 1).map(|lane| children[lane]).collect();
+                assert_eq!(chosen[..expected.len()], expected, "{mask:b}");
+            }
+        }
+    }
+}
