@@ -1,9 +1,9 @@
 //! Many rays from one origin, traced.
 //!
-//! Sixteen rays go down the tree side by side, a ray a lane, until few of them are left; those go on alone. With a common
-//! origin the planes of a node's children are moved to it once for all rays, and what is left of a box test is two products,
-//! a minimum and a maximum along each axis, wherever the rays go. In a block of triangles, too, what depends on the origin
-//! alone is computed once: the planes through it and the edges ([`Cones`]).
+//! Sixteen rays go down the tree side by side, a ray a lane, until few of them are left; those take turns ([`Wave`]). With a
+//! common origin its part of a box test is computed once for all nodes, and what is left is two fused products, a minimum and
+//! a maximum along each axis, wherever the rays go. In a block of triangles, too, what depends on the origin alone is computed
+//! once: the planes through it and the edges ([`Cones`]).
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
