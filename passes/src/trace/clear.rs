@@ -33,18 +33,17 @@ impl Plane {
     /// The sum is compared with its own rounding error: four operations deep, each off by at most half an ulp of a term.
     #[inline(always)]
     pub(super) fn behind<S: Simd>(&self, simd: S, low: [S::Vector; 3], high: [S::Vector; 3]) -> Mask {
-        let mut least = simd.splat(0.0);
+        let zero = simd.splat(0.0);
+        let (mut height, mut size) = (zero, zero);
         for axis in 0..3 {
-            let (origin, normal) = (simd.splat(self.origin[axis]), simd.splat(self.normal[axis]));
-            let a = simd.mul(simd.sub(low[axis], origin), normal);
-            let b = simd.mul(simd.sub(high[axis], origin), normal);
-            let most = simd.max_or(a, b);
-            let size = simd.max_or(simd.max_or(a, b), simd.sub(simd.splat(0.0), simd.min_or(a, b)));
-            let bound = simd.sub(simd.mul(size, simd.splat(-8.0 * UNIT_ROUNDOFF)), most);
-            // `least` gathers minus the upper bound: subtracting its negative adds.
-            least = simd.sub(least, simd.sub(simd.splat(0.0), bound));
+            // The corner that is farthest along the normal.
+            let corner = if self.normal[axis] >= 0.0 { high[axis] } else { low[axis] };
+            let part = simd.mul(simd.sub(corner, simd.splat(self.origin[axis])), simd.splat(self.normal[axis]));
+            let minus = simd.sub(zero, part);
+            height = simd.sub(height, minus);
+            size = simd.sub(size, simd.min_or(part, minus));
         }
-        simd.at_most(simd.splat(0.0), least)
+        simd.at_most(simd.about_mul_add(size, simd.splat(8.0 * UNIT_ROUNDOFF), height), zero)
     }
 }
 

@@ -1,9 +1,9 @@
 //! Many rays from one origin, traced.
 //!
-//! Sixteen rays go down the tree side by side, a ray a lane, until few of them are left; those go on alone. With a common
-//! origin the planes of a node's children are moved to it once for all rays, and what is left of a box test is two products,
-//! a minimum and a maximum along each axis, wherever the rays go. In a block of triangles, too, what depends on the origin
-//! alone is computed once: the planes through it and the edges ([`Cones`]).
+//! Sixteen rays go down the tree side by side, a ray a lane, until few of them are left; those take turns ([`Wave`]). With a
+//! common origin its part of a box test is computed once for all nodes, and what is left is two fused products, a minimum and
+//! a maximum along each axis, wherever the rays go. In a block of triangles, too, what depends on the origin alone is computed
+//! once: the planes through it and the edges ([`Cones`]).
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -11,15 +11,14 @@ use super::block::{Block, Cones};
 use super::bvh::{Bvh, blocked, occluded};
 use super::clear::Plane;
 use super::dispatch::Work;
-use super::lanes::{F8, F16, LANES, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, without_first};
-use super::node::Child;
-use super::query::{FAR, Query, Start};
+use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, without_first};
+use super::node::{Child, Node};
+use super::query::{Query, Start};
 use super::stack::Stack;
+use super::wave::Wave;
 use super::{Fan, Hit, Ray};
 use glam::Vec3;
 
-/// Rays up to which those in a part of the tree are traced one by one.
-const FEW: u32 = 3;
 /// Least component of a direction that goes down with others: of smaller ones, products with reciprocals could overflow.
 const LEAST: f32 = 1.0e-18;
 /// Length of a direction that does.
@@ -41,10 +40,10 @@ impl<A: FnMut(&Hit) -> bool> Work<u32> for CountOpen<'_, A> {
         else {
             return rays;
         };
-        let apex = Apex { moved: start.farthest(), start, plane: above.map(|normal| Plane { origin, normal }) };
+        let apex = Apex { start, plane: above.map(|normal| Plane { origin, normal }) };
         let mut blocked = 0;
         for directions in directions.chunks(WIDE) {
-            let lanes = Lanes::new(simd, directions);
+            let lanes = Lanes::new(simd, &apex.start, directions);
             let regular = lanes.regular & (!NO_LANES >> (Mask::BITS as usize - directions.len()));
             for (lane, &direction) in directions.iter().enumerate() {
                 if regular >> lane & 1 == 0 {
@@ -60,17 +59,17 @@ impl<A: FnMut(&Hit) -> bool> Work<u32> for CountOpen<'_, A> {
 }
 
 /// What all rays of a fan have in common.
-struct Apex {
-    start: Start,
-    /// The origin as low and as high planes see it, see [`Start::farthest`].
-    moved: [[f32; 3]; 2],
+pub(super) struct Apex {
+    pub(super) start: Start,
     plane: Option<Plane>,
 }
 
 /// Up to sixteen rays, a ray a lane; the operations are those of [`Query::new`].
-struct Lanes {
+pub(super) struct Lanes {
     direction: [F16; 3],
     inverse: [F16; 3],
+    /// Minus the origin as low and as high planes see it ([`Start::farthest`]), times the inverses.
+    offset: [[F16; 3]; 2],
     shear: [F16; 2],
     /// The rays that are longest along x, and along y but not along x.
     longest: [Mask; 2],
@@ -80,7 +79,7 @@ struct Lanes {
 
 impl Lanes {
     #[inline(always)]
-    fn new<S: Simd>(simd: S, directions: &[Vec3]) -> Self {
+    fn new<S: Simd>(simd: S, start: &Start, directions: &[Vec3]) -> Self {
         let mut d = [F16([1.0; WIDE]); 3];
         for (lane, direction) in directions.iter().enumerate() {
             for axis in 0..3 {
@@ -98,6 +97,14 @@ impl Lanes {
             regular &= simd.wide_at_most(size[axis], simd.wide_splat(MOST));
             inverse[axis] = simd.wide_div(one, wide[axis]);
         }
+        let mut offset = [[F16([0.0; WIDE]); 3]; 2];
+        for (offset, origin) in offset.iter_mut().zip(start.farthest()) {
+            for axis in 0..3 {
+                let product = simd.wide_mul(simd.wide_splat(-origin[axis]), inverse[axis]);
+                regular &= simd.wide_at_most(simd.wide_abs(product), simd.wide_splat(f32::MAX));
+                offset[axis] = simd.wide_store(product);
+            }
+        }
         let along_x = simd.wide_at_most(size[1], size[0]) & simd.wide_at_most(size[2], size[0]);
         let along_y = simd.wide_at_most(size[2], size[1]) & !along_x;
         let longest = [along_x, along_y];
@@ -106,6 +113,7 @@ impl Lanes {
             [pick(simd, longest, [wide[1], wide[2], wide[0]]), pick(simd, longest, [wide[2], wide[0], wide[1]])];
         Self {
             direction: d,
+            offset,
             inverse: [simd.wide_store(inverse[0]), simd.wide_store(inverse[1]), simd.wide_store(inverse[2])],
             shear: [simd.wide_store(simd.wide_div(shear[0], main)), simd.wide_store(simd.wide_div(shear[1], main))],
             longest,
@@ -113,9 +121,25 @@ impl Lanes {
         }
     }
 
+    /// The children of a node that the ray in a lane meets.
+    #[inline(always)]
+    pub(super) fn meeting<S: Simd>(&self, simd: S, node: &Node, apex: &Apex, ray: usize) -> Mask {
+        let mut enter = simd.splat(apex.start.t_min);
+        let mut leave = simd.splat(apex.start.t_max);
+        for axis in 0..3 {
+            let inverse = simd.splat(self.inverse[axis].0[ray]);
+            let (low, high) = (simd.load(&node.planes[0][axis]), simd.load(&node.planes[1][axis]));
+            let a = simd.about_mul_add(low, inverse, simd.splat(self.offset[0][axis].0[ray]));
+            let b = simd.about_mul_add(high, inverse, simd.splat(self.offset[1][axis].0[ray]));
+            enter = simd.max_or(simd.min_or(a, b), enter);
+            leave = simd.min_or(simd.max_or(a, b), leave);
+        }
+        simd.at_most(enter, leave) & node.used(simd)
+    }
+
     /// The ray in a lane.
     #[inline(always)]
-    fn query(&self, start: &Start, lane: usize) -> Query {
+    pub(super) fn query(&self, start: &Start, lane: usize) -> Query {
         let at = |values: &[F16; 3]| [values[0].0[lane], values[1].0[lane], values[2].0[lane]];
         let longest = if self.longest[0] >> lane & 1 == 1 { 0 } else { 2 - (self.longest[1] >> lane & 1) as usize };
         start.query(at(&self.direction), at(&self.inverse), [self.shear[0].0[lane], self.shear[1].0[lane]], longest)
@@ -145,6 +169,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         let bvh = self.bvh;
         let mut open = regular;
         let mut stack = Stack::new();
+        let mut wave = Wave::new();
         let (mut current, mut mask) = (bvh.root, regular);
         loop {
             if current.is_block() {
@@ -152,27 +177,23 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                 if mask & (mask - 1) != NO_LANES {
                     let cones = block.cones(simd, apex.start.origin(), apex.plane);
                     open &= !self.stopped(simd, block, &cones, apex, lanes, mask);
-                } else {
-                    let ray = mask.trailing_zeros() as usize & (WIDE - 1);
-                    let query = lanes.query(&apex.start, ray);
-                    if blocked(simd, block, &query, &mut self.accept) {
-                        open &= !mask;
-                    }
+                } else if wave.leave(current, mask) {
+                    open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
                 }
-            } else if mask.count_ones() <= FEW {
-                while mask != NO_LANES {
-                    let ray = mask.trailing_zeros() as usize & (WIDE - 1);
-                    mask &= mask - 1;
-                    let query = lanes.query(&apex.start, ray);
-                    if occluded(simd, bvh, current, &query, &mut self.accept) {
-                        open &= !(1 << ray);
-                    }
+            } else if mask.count_ones() <= wave.few() {
+                if wave.leave(current, mask) {
+                    open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
                 }
             } else {
-                self.visit(simd, apex, &lanes.inverse, (current, mask), &mut stack);
+                self.visit(simd, apex, lanes, (current, mask), &mut stack);
             }
             loop {
-                let Some(entry) = stack.pop() else { return regular & !open };
+                let Some(entry) = stack.pop() else {
+                    if wave.is_waiting() {
+                        open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
+                    }
+                    return regular & !open;
+                };
                 mask = (entry >> 32) as Mask & open;
                 if mask != NO_LANES {
                     current = Child(entry as u32);
@@ -213,25 +234,9 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
 
     /// Pushes the children that any of the rays meets, with those that do.
     #[inline(always)]
-    fn visit<S: Simd>(
-        &self,
-        simd: S,
-        apex: &Apex,
-        inverse: &[F16; 3],
-        (current, mask): (Child, Mask),
-        stack: &mut Stack,
-    ) {
+    fn visit<S: Simd>(&self, simd: S, apex: &Apex, rays: &Lanes, (current, mask): (Child, Mask), stack: &mut Stack) {
         let node = &self.bvh.nodes[current.index()];
-        let mut planes = [[F8([0.0; LANES]); 3]; 2];
-        let mut lanes = !NO_LANES;
-        for axis in 0..3 {
-            let low = simd.sub(simd.load(&node.planes[0][axis]), simd.splat(apex.moved[0][axis]));
-            let high = simd.sub(simd.load(&node.planes[1][axis]), simd.splat(apex.moved[1][axis]));
-            // Not those of unused lanes.
-            lanes &= simd.at_most(low, high);
-            planes[0][axis] = simd.store(low);
-            planes[1][axis] = simd.store(high);
-        }
+        let mut lanes = node.used(simd);
         if let Some(plane) = apex.plane {
             lanes &= !node.behind(simd, plane);
         }
@@ -240,22 +245,17 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
             let lane = first_lane(lanes);
             lanes = without_first(lanes);
             let mut enter = simd.wide_splat(apex.start.t_min);
-            let mut leave = simd.wide_splat(f32::INFINITY);
+            let mut leave = simd.wide_splat(apex.start.t_max);
             for axis in 0..3 {
-                let inverse = simd.wide_load(&inverse[axis]);
-                let a = simd.wide_mul(simd.wide_splat(planes[0][axis].0[lane]), inverse);
-                let b = simd.wide_mul(simd.wide_splat(planes[1][axis].0[lane]), inverse);
+                let inverse = simd.wide_load(&rays.inverse[axis]);
+                let (low, high) = (node.planes[0][axis].0[lane], node.planes[1][axis].0[lane]);
+                let a = simd.wide_about_mul_add(simd.wide_splat(low), inverse, simd.wide_load(&rays.offset[0][axis]));
+                let b = simd.wide_about_mul_add(simd.wide_splat(high), inverse, simd.wide_load(&rays.offset[1][axis]));
                 enter = simd.wide_max_or(simd.wide_min_or(a, b), enter);
                 leave = simd.wide_min_or(simd.wide_max_or(a, b), leave);
             }
-            let leave = simd.wide_mul(leave, simd.wide_splat(FAR));
-            let leave = simd.wide_min_or(leave, simd.wide_splat(apex.start.t_max));
             let met = simd.wide_at_most(enter, leave) & mask;
-            if met != NO_LANES {
-                let child = node.children[lane];
-                self.bvh.prefetch(simd, child);
-                stack.push(u64::from(met) << 32 | u64::from(child.0));
-            }
+            stack.push_if(met != NO_LANES, u64::from(met) << 32 | u64::from(node.children[lane].0));
         }
         // Blocks first: what they stop need not go down the nodes.
         stack.lower_from(bottom, |entry| !Child(entry as u32).is_block());

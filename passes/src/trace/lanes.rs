@@ -57,6 +57,11 @@ pub(crate) trait Simd: Copy {
     /// Where `a <= b`; not where either is NaN.
     fn at_most(self, a: Self::Vector, b: Self::Vector) -> Mask;
 
+    /// The lanes of numbers with the top bit.
+    fn negative(self, values: &[u32; LANES]) -> Mask;
+    /// The numbers in the lanes of a mask, one after the other; what follows them has no meaning.
+    fn compress(self, values: &[u32; LANES], mask: Mask) -> [u32; LANES];
+
     /// Sixteen floats in registers.
     type Wide: Copy;
     fn wide_load(self, values: &F16) -> Self::Wide;
@@ -160,6 +165,28 @@ impl Simd for Plain {
             mask |= Mask::from(a.0[lane] <= b.0[lane]) << lane;
         }
         mask
+    }
+
+    #[inline(always)]
+    fn negative(self, values: &[u32; LANES]) -> Mask {
+        let mut mask = NO_LANES;
+        for (lane, value) in values.iter().enumerate() {
+            mask |= (value >> 31) << lane;
+        }
+        mask
+    }
+
+    #[inline(always)]
+    fn compress(self, values: &[u32; LANES], mut mask: Mask) -> [u32; LANES] {
+        let mut compressed = [0; LANES];
+        for value in &mut compressed {
+            if mask == NO_LANES {
+                break;
+            }
+            *value = values[first_lane(mask)];
+            mask = without_first(mask);
+        }
+        compressed
     }
 
     type Wide = F16;

@@ -36,6 +36,7 @@ mod parallel;
 mod query;
 mod record;
 mod stack;
+mod wave;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 

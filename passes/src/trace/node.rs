@@ -5,7 +5,7 @@ use super::lanes::{F8, LANES, Mask, Simd};
 use super::query::Bounds;
 
 /// Where a child is: a node index, or with the top bit a block index, or [`Child::NONE`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub(super) struct Child(pub(super) u32);
 
@@ -74,6 +74,18 @@ impl Node {
             outside = simd.max_or(simd.max_or(above, below), outside);
         }
         simd.at_most(outside, zero)
+    }
+
+    /// The lanes that are used.
+    #[inline(always)]
+    pub(super) fn used<S: Simd>(&self, simd: S) -> Mask {
+        simd.at_most(simd.load(&self.planes[0][0]), simd.load(&self.planes[1][0]))
+    }
+
+    /// The children as numbers, of which those of blocks have the top bit.
+    #[inline(always)]
+    pub(super) fn numbers(&self) -> &[u32; LANES] {
+        bytemuck::cast_ref(&self.children)
     }
 
     /// The children of which certainly nothing is met by rays that leave to the near side of a plane.

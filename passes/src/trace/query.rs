@@ -42,6 +42,8 @@ pub(super) struct Start {
     /// By the axis along which a direction is longest: the origin moved towards higher and towards lower coordinates, see
     /// [`Query`].
     moved: [[[f32; 3]; 2]; 3],
+    /// By how much farther it is moved for the fused test, see [`Self::farthest`].
+    fused: [f32; 3],
 }
 
 impl Start {
@@ -57,7 +59,8 @@ impl Start {
             let pad = pad(origin, reach, reach[axis]);
             [(origin + pad).to_array(), (origin - pad).to_array()]
         });
-        Some(Self { origin: origin.to_array(), t_min: t_min.max(0.0) + 0.0, t_max, moved })
+        let fused = ((reach + origin.abs()) * (16.0 * UNIT_ROUNDOFF)).to_array();
+        Some(Self { origin: origin.to_array(), t_min: t_min.max(0.0) + 0.0, t_max, moved, fused })
     }
 
     /// The point.
@@ -66,12 +69,18 @@ impl Start {
         self.origin
     }
 
-    /// The origin, moved towards higher or towards lower coordinates by no less than for any direction.
+    /// The origin, moved towards higher or towards lower coordinates by more than for any direction: for the test of boxes as
+    /// `plane * inverse - origin * inverse` in any order of rounding.
+    ///
+    /// With an inverse `i`, that test errs by `u |plane i|` where the product is rounded, `u |origin i|`, and `u` of the
+    /// result, which is `u |(plane - origin) i|`: as if the origin were off by `2 u reach + 2 u |origin|`. The test of
+    /// [`Query::slabs`] errs by 3 u of the distance, its far side by 8 u more: `11 u reach`. By more than both together this
+    /// origin is farther, so that no box is left out that the other test enters.
     #[inline(always)]
     pub(super) fn farthest(&self) -> [[f32; 3]; 2] {
         let [[a, b], [c, d], [e, f]] = self.moved;
-        let most = |axis: usize| a[axis].max(c[axis]).max(e[axis]);
-        let least = |axis: usize| b[axis].min(d[axis]).min(f[axis]);
+        let most = |axis: usize| a[axis].max(c[axis]).max(e[axis]) + self.fused[axis];
+        let least = |axis: usize| b[axis].min(d[axis]).min(f[axis]) - self.fused[axis];
         [[most(0), most(1), most(2)], [least(0), least(1), least(2)]]
     }
 
@@ -103,14 +112,24 @@ impl Start {
 /// distance grows by twice the error of a slab, 6 u.
 pub(super) const FAR: f32 = 1.0 + 8.0 * UNIT_ROUNDOFF;
 
+/// The lower of two numbers, in one instruction; `f32::min` takes jumps, for what is not a number.
+#[inline(always)]
+fn lower(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The higher of two numbers.
+#[inline(always)]
+fn higher(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
 /// The two other axes and the one along which a direction is longest.
 #[inline(always)]
 pub(super) fn permutation(longest: usize) -> [usize; 3] {
-    match longest {
-        0 => [1, 2, 0],
-        1 => [2, 0, 1],
-        _ => [0, 1, 2],
-    }
+    // A table: a jump would be guessed wrongly most of the time.
+    const AXES: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
+    AXES[longest & 3]
 }
 
 /// The largest distances of the scene's bounds from an origin by axis. Finite, or the planes of unused lanes, which are
@@ -260,8 +279,8 @@ impl Query {
     pub(super) fn interval(&self, [a, b, c]: &[[f32; 3]; 3]) -> (f32, f32) {
         let (mut enter, mut leave) = (self.t_min, f32::INFINITY);
         for axis in 0..3 {
-            let least = a[axis].min(b[axis]).min(c[axis]);
-            let most = a[axis].max(b[axis]).max(c[axis]);
+            let least = lower(lower(a[axis], b[axis]), c[axis]);
+            let most = higher(higher(a[axis], b[axis]), c[axis]);
             let (near, far) = if self.backward[axis] == 0 { (least, most) } else { (most, least) };
             let near = (near - self.near_origin[axis]) * self.near_inverse[axis];
             let far = (far - self.far_origin[axis]) * self.far_inverse[axis];

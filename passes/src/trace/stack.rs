@@ -1,6 +1,7 @@
 //! The traversal stack.
 #![allow(unsafe_code, reason = "entries that were not pushed are not initialised")]
 
+use super::lanes::{LANES, WIDE};
 use std::mem::MaybeUninit;
 
 /// Entries of a traversal stack. The builder bounds the depth of the tree so that no ray needs more
@@ -29,6 +30,16 @@ impl<T: Copy + PartialOrd> Stack<T> {
     pub(super) fn push(&mut self, entry: T) {
         self.entries[self.len].write(entry);
         self.len += 1;
+    }
+
+    /// Adds an entry where a condition holds, without a jump.
+    ///
+    /// # Panics
+    /// If the stack is full.
+    #[inline(always)]
+    pub(super) fn push_if(&mut self, condition: bool, entry: T) {
+        self.entries[self.len].write(entry);
+        self.len += usize::from(condition);
     }
 
     /// Takes the entry that was added last.
@@ -82,6 +93,140 @@ impl<T: Copy + PartialOrd> Stack<T> {
     }
 }
 
+/// Entries of each of [`Stacks`].
+pub(super) const STACKED: usize = 48;
+
+/// A short stack for each of sixteen rays, not cleared either.
+///
+/// Invariant: the entries of a ray below its `len` are initialised.
+pub(super) struct Stacks {
+    entries: [[MaybeUninit<u32>; STACKED]; WIDE],
+    len: [u32; WIDE],
+}
+
+impl Stacks {
+    #[inline(always)]
+    pub(super) fn new() -> Self {
+        Self { entries: [const { [const { MaybeUninit::uninit() }; STACKED] }; WIDE], len: [0; WIDE] }
+    }
+
+    #[inline(always)]
+    pub(super) fn len(&self, ray: usize) -> usize {
+        self.len[ray] as usize
+    }
+
+    /// Empties all.
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        self.len = [0; WIDE];
+    }
+
+    /// Adds an entry to a ray's, and returns how many these are now.
+    ///
+    /// # Panics
+    /// If they are [`STACKED`].
+    #[inline(always)]
+    pub(super) fn push(&mut self, ray: usize, entry: u32) -> usize {
+        let len = self.len(ray);
+        self.entries[ray][len].write(entry);
+        self.len[ray] += 1;
+        len + 1
+    }
+
+    /// Adds the first of eight entries to a ray's, and returns how many these are now.
+    ///
+    /// # Panics
+    /// If there is no room for eight, or they are said to be more.
+    #[inline(always)]
+    pub(super) fn append(&mut self, ray: usize, entries: [u32; LANES], count: u32) -> usize {
+        let len = self.len(ray);
+        let room: &mut [MaybeUninit<u32>] = &mut self.entries[ray][len..len + LANES];
+        for (room, entry) in room.iter_mut().zip(entries) {
+            room.write(entry);
+        }
+        assert!(count as usize <= LANES, "the first of eight");
+        self.len[ray] += count;
+        self.len(ray)
+    }
+
+    /// Takes the entry that was added last to a ray's.
+    ///
+    /// # Panics
+    /// If there is none.
+    #[inline(always)]
+    pub(super) fn pop(&mut self, ray: usize) -> u32 {
+        let last = self.len(ray).checked_sub(1).expect("an entry");
+        self.len[ray] = last as u32;
+        // SAFETY: the index is the last one below the old length.
+        unsafe { self.entries[ray][last].assume_init() }
+    }
+}
+
+/// Up to `N` entries with the ray of each, not cleared either.
+///
+/// Invariant: the entries and rays below `len` are initialised.
+pub(super) struct List<const N: usize> {
+    entries: [MaybeUninit<u32>; N],
+    rays: [MaybeUninit<u8>; N],
+    len: usize,
+}
+
+impl<const N: usize> List<N> {
+    #[inline(always)]
+    pub(super) fn new() -> Self {
+        Self { entries: [const { MaybeUninit::uninit() }; N], rays: [const { MaybeUninit::uninit() }; N], len: 0 }
+    }
+
+    #[inline(always)]
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    #[inline(always)]
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    /// Adds an entry.
+    ///
+    /// # Panics
+    /// If there is no room.
+    #[inline(always)]
+    pub(super) fn push(&mut self, entry: u32, ray: u32) {
+        self.entries[self.len].write(entry);
+        self.rays[self.len].write(ray as u8);
+        self.len += 1;
+    }
+
+    /// Adds the first of eight entries, all of one ray.
+    ///
+    /// # Panics
+    /// If there is no room for eight, or they are said to be more.
+    #[inline(always)]
+    pub(super) fn append(&mut self, entries: [u32; LANES], ray: u8, count: u32) {
+        let range = self.len..self.len + LANES;
+        for (room, entry) in self.entries[range.clone()].iter_mut().zip(entries) {
+            room.write(entry);
+        }
+        for room in &mut self.rays[range] {
+            room.write(ray);
+        }
+        assert!(count as usize <= LANES, "the first of eight");
+        self.len += count as usize;
+    }
+
+    /// An entry and its ray.
+    ///
+    /// # Panics
+    /// If there is no such entry.
+    #[inline(always)]
+    pub(super) fn get(&self, index: usize) -> (u32, usize) {
+        assert!(index < self.len, "an entry of the list");
+        // SAFETY: the index is below `len`.
+        unsafe { (self.entries[index].assume_init(), self.rays[index].assume_init().into()) }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -112,5 +257,44 @@ mod tests {
         let popped = popped(stack);
         assert!(popped[..3].iter().all(|entry| entry % 2 == 1), "{popped:?}");
         assert!(popped[3..5].contains(&2) && popped[3..5].contains(&4) && popped[5] == 0, "{popped:?}");
+    }
+
+    #[test]
+    fn entries_whose_condition_does_not_hold_are_not_pushed() {
+        let mut stack = of(&[5]);
+        stack.push_if(false, 6);
+        stack.push_if(true, 7);
+        stack.push_if(false, 8);
+        assert_eq!(popped(stack), [7, 5]);
+    }
+
+    #[test]
+    fn each_ray_has_its_own_stack() {
+        let mut stacks = Stacks::new();
+        assert_eq!(stacks.push(3, 30), 1);
+        assert_eq!(stacks.append(3, [31, 32, 33, 0, 0, 0, 0, 0], 2), 3);
+        assert_eq!(stacks.append(15, [50; LANES], LANES as u32), LANES);
+        assert_eq!([stacks.pop(3), stacks.pop(3), stacks.pop(3)], [32, 31, 30]);
+        assert_eq!((stacks.len(3), stacks.len(15), stacks.pop(15)), (0, LANES, 50));
+        stacks.clear();
+        assert_eq!(stacks.len(15), 0);
+    }
+
+    #[test]
+    fn a_list_keeps_the_order_and_the_rays() {
+        let mut list = List::<20>::new();
+        list.push(7, 2);
+        list.append([8, 9, 0, 0, 0, 0, 0, 0], 4, 2);
+        list.push(10, 1);
+        let all: Vec<_> = (0..list.len()).map(|index| list.get(index)).collect();
+        assert_eq!(all, [(7, 2), (8, 4), (9, 4), (10, 1)]);
+        list.clear();
+        assert_eq!(list.len(), 0);
+    }
+
+    #[test]
+    #[should_panic(expected = "an entry of the list")]
+    fn what_was_not_added_to_a_list_is_not_read() {
+        List::<20>::new().get(0);
     }
 }

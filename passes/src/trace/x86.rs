@@ -157,6 +157,27 @@ impl Simd for Avx2 {
     common!();
 
     #[inline(always)]
+    fn negative(self, values: &[u32; 8]) -> Mask {
+        // SAFETY: AVX is present, since `self` exists; eight numbers are 32 bytes.
+        unsafe { _mm256_movemask_ps(_mm256_loadu_ps(values.as_ptr().cast())) as Mask }
+    }
+
+    #[inline(always)]
+    fn compress(self, values: &[u32; 8], mask: Mask) -> [u32; 8] {
+        let mut compressed = [0; 8];
+        // SAFETY: AVX2 and BMI2 are present, since `self` exists; eight numbers are 32 bytes.
+        unsafe {
+            // The numbers of the lanes of the mask, a byte each.
+            let chosen = _pdep_u64(mask.into(), 0x0101_0101_0101_0101).wrapping_mul(0xff);
+            let lanes = _pext_u64(0x0706_0504_0302_0100, chosen);
+            let lanes = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(lanes as i64));
+            let values = _mm256_loadu_si256(values.as_ptr().cast());
+            _mm256_storeu_si256(compressed.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(values, lanes));
+        }
+        compressed
+    }
+
+    #[inline(always)]
     fn at_most(self, a: __m256, b: __m256) -> Mask {
         // SAFETY: AVX is present, since `self` exists.
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as Mask }
@@ -302,6 +323,24 @@ impl Simd for Avx2 {
 
 impl Simd for Avx512 {
     common!();
+
+    #[inline(always)]
+    fn negative(self, values: &[u32; 8]) -> Mask {
+        // SAFETY: AVX-512 DQ and VL are present, since `self` exists; eight numbers are 32 bytes.
+        Mask::from(unsafe { _mm256_movepi32_mask(_mm256_loadu_si256(values.as_ptr().cast())) })
+    }
+
+    #[inline(always)]
+    fn compress(self, values: &[u32; 8], mask: Mask) -> [u32; 8] {
+        let mut compressed = [0; 8];
+        // SAFETY: AVX-512 F and VL are present, since `self` exists; eight numbers are 32 bytes.
+        unsafe {
+            let values = _mm256_loadu_si256(values.as_ptr().cast());
+            let chosen = _mm256_maskz_compress_epi32(mask as __mmask8, values);
+            _mm256_storeu_si256(compressed.as_mut_ptr().cast(), chosen);
+        }
+        compressed
+    }
 
     #[inline(always)]
     fn at_most(self, a: __m256, b: __m256) -> Mask {
