@@ -8,6 +8,7 @@ use crate::layout::{
 use curitiba::passes::trace::{Hit, PACKET, Packet};
 use libloading::Library;
 use std::ffi::{CString, c_char, c_int, c_void};
+use std::mem::ManuallyDrop;
 use std::path::Path;
 use std::ptr::{null, null_mut};
 use std::sync::Arc;
@@ -77,7 +78,8 @@ pub struct Embree {
     trace: Trace,
     /// `3.13.5`.
     pub version: String,
-    _library: Library,
+    /// Never unloaded: with two versions in one process, their threads may still run code of it at the end.
+    _library: ManuallyDrop<Library>,
 }
 
 impl Embree {
@@ -124,7 +126,12 @@ impl Embree {
         if !(3..=4).contains(&major) {
             return Err(format!("{name} is Embree {major}; the bench knows 3 and 4"));
         }
-        Ok(Arc::new(Self { functions, trace, version: format!("{major}.{minor}.{patch}"), _library: library }))
+        Ok(Arc::new(Self {
+            functions,
+            trace,
+            version: format!("{major}.{minor}.{patch}"),
+            _library: ManuallyDrop::new(library),
+        }))
     }
 
     /// Whether there are streams of rays.
