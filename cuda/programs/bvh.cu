@@ -8,6 +8,9 @@
 #if defined(CURITIBA_FINAL) && defined(CURITIBA_CORRECTED)
 #define CURITIBA_LISTS
 #include "surfaces.cuh"
+#elif defined(CURITIBA_SSAO) && defined(CURITIBA_CORRECTED)
+#define CURITIBA_SETTLES
+#include "occlusion.cuh"
 #endif
 
 // A warp is a tile of 8 x 4 pixels: blocks have 8 threads a row. So many blocks as the program says are to fit on a
@@ -26,6 +29,8 @@ KERNEL(RESIDENT_BLOCKS) buffer_camera(const __grid_constant__ Params params) {
     Pass<Bvh> pass = pass_of_thread(params, tracer);
 #ifdef CURITIBA_LISTS
     float4 result = sum_surfaces(pass);
+#elif defined(CURITIBA_SETTLES)
+    float4 result = traced_occlusion(pass);
 #else
     float4 result = CURITIBA_FIDELITY(pass);
 #endif
@@ -33,6 +38,15 @@ KERNEL(RESIDENT_BLOCKS) buffer_camera(const __grid_constant__ Params params) {
     params.output[pass.pixel.index] = result;
     count_rays(params, pass.pixel.index, pass.rays);
 }
+
+#ifdef CURITIBA_SETTLES
+KERNEL(SETTLING_BLOCKS) settle_occlusion(const __grid_constant__ Params params) {
+    Bvh tracer = {params};
+    Pass<Bvh> pass = pass_of_thread(params, tracer);
+    settle_occlusion(pass);
+    if (pass.inside) count_rays(params, pass.pixel.index, pass.rays);
+}
+#endif
 
 #ifdef CURITIBA_LISTS
 KERNEL(LISTING_BLOCKS) list_surfaces(const __grid_constant__ Params params) {
@@ -50,6 +64,12 @@ KERNEL(LIGHTING_BLOCKS) light_surfaces(const __grid_constant__ Params params) {
     Bvh tracer = {params};
     Pass<Bvh> pass = {params, tracer, {}, true, {}};
     light_surfaces(pass);
+    count_rays(params, thread_of_grid(), pass.rays);
+}
+KERNEL(SETTLING_BLOCKS) settle_surfaces(const __grid_constant__ Params params) {
+    Bvh tracer = {params};
+    Pass<Bvh> pass = {params, tracer, {}, true, {}};
+    settle_surfaces(pass);
     count_rays(params, thread_of_grid(), pass.rays);
 }
 KERNEL(OCCLUDING_BLOCKS) occlude_surfaces(const __grid_constant__ Params params) {

@@ -39,9 +39,10 @@ DEVICE float3 slack_around(const Params &params, float3 origin) {
     float most = fmaxf(fmaxf(reach.x, reach.y), reach.z);
     return (reach + splat(most)) * (8.0f * UNIT_ROUNDOFF) + absolute(origin) * (2.0f * UNIT_ROUNDOFF);
 }
-DEVICE HalfBall half_ball(const Params &params, float3 origin, float3 facing) {
+// `radius` may be a part of that of the rays: then triangles beyond it are left out.
+DEVICE HalfBall half_ball(const Params &params, float3 origin, float3 facing, float radius) {
     float3 slack = slack_around(params, origin);
-    float grown = params.radius * LONGEST * (1.0f + 1.0e-4f) + 2.0f * sqrtf(dot(slack, slack));
+    float grown = radius * LONGEST * (1.0f + 1.0e-4f) + 2.0f * sqrtf(dot(slack, slack));
     return {origin, facing, grown * grown, 1.0f / params.radius};
 }
 

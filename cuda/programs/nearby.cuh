@@ -14,8 +14,6 @@ constexpr unsigned ROUNDS = 48;
 constexpr unsigned FACETS = 32;
 // Points farther apart than this part of the radius have lists of their own. With half of it `ssao` takes 2.8 ms instead of 2.3.
 constexpr float NEIGHBOURS = 1.0f;
-// Below so many rays a point the search costs more than the rays.
-constexpr unsigned FEW_SAMPLES = 6;
 
 // The contribution of one axis to an upper bound of the height of a box above a plane (`trace/clear.rs`).
 DEVICE float height_bound(float low, float high, float origin, float normal) {
@@ -47,30 +45,33 @@ struct Zone {
         return !has_plane || !(is_behind(a - origin, normal) && is_behind(b - origin, normal) && is_behind(c - origin, normal));
     }
     // Slots of the children of a node; empty ones are not among them.
-    DEVICE_MEMBER unsigned met_slots(const Node &node) const {
+    DEVICE_MEMBER unsigned met_slots(const Node &node, const uint4 *at) const {
         float3 corner = vec3(__uint_as_float(node.head.x), __uint_as_float(node.head.y), __uint_as_float(node.head.z));
         float3 scale = vec3(scale_of(node.head.w, 0), scale_of(node.head.w, 1), scale_of(node.head.w, 2));
         unsigned met = 0;
 #pragma unroll 1
         for (unsigned slot = 0; slot < 8; ++slot) {
             if (byte_of(node.meta.z, node.meta.w, slot) == 0) continue;
-            auto plane = [&](unsigned word0, unsigned word1) { return (float)byte_of(word0, word1, slot); };
+            auto plane = [&](int index) {
+                const unsigned short *planes = (const unsigned short *)planes_of(at, 0);
+                float quantum;
+                asm("cvt.f32.f16 %0, %1;" : "=f"(quantum) : "h"(__ldg(planes + 8 * index + slot)));
+                return quantum;
+            };
             // Rounded to nearest, as when the boxes were written: the planes are where they were found to be.
-            float3 least = vec3(__fmaf_rn(plane(node.low_xy.x, node.low_xy.y), scale.x, corner.x),
-                                __fmaf_rn(plane(node.low_xy.z, node.low_xy.w), scale.y, corner.y),
-                                __fmaf_rn(plane(node.low_z_high_x.x, node.low_z_high_x.y), scale.z, corner.z));
-            float3 most = vec3(__fmaf_rn(plane(node.low_z_high_x.z, node.low_z_high_x.w), scale.x, corner.x),
-                               __fmaf_rn(plane(node.high_yz.x, node.high_yz.y), scale.y, corner.y),
-                               __fmaf_rn(plane(node.high_yz.z, node.high_yz.w), scale.z, corner.z));
+            float3 least = vec3(__fmaf_rn(plane(0), scale.x, corner.x), __fmaf_rn(plane(2), scale.y, corner.y),
+                                __fmaf_rn(plane(4), scale.z, corner.z));
+            float3 most = vec3(__fmaf_rn(plane(1), scale.x, corner.x), __fmaf_rn(plane(3), scale.y, corner.y),
+                               __fmaf_rn(plane(5), scale.z, corner.z));
             if (meets(least, most)) met |= 1u << slot;
         }
         return met;
     }
 };
 
-// What contains all rays of a fan; false where it overflows.
-DEVICE bool zone_of(const Params &params, const Fan &fan, Zone &zone) {
-    float radius = params.radius * LONGEST;
+// What contains all rays of a fan up to a distance; false where it overflows.
+DEVICE bool zone_of(const Params &params, const Fan &fan, float distance, Zone &zone) {
+    float radius = distance * LONGEST;
     float3 slack = slack_around(params, fan.origin);
     auto side = [&](float o, float n, float slack, float &least, float &most) {
         // The farthest point of the half ball against the normal lies on its rim.
@@ -98,8 +99,9 @@ DEVICE bool is_clear(const Params &params, const Zone &zone, unsigned from) {
     unsigned count = 1;
     pending[0] = from;
     for (unsigned visit = 0; visit < CLEAR_VISITS; ++visit) {
-        Node node = load_node(params, pending[--count]);
-        unsigned met = zone.met_slots(node);
+        const uint4 *at = node_at(params, pending[--count]);
+        Node node = load_node(at);
+        unsigned met = zone.met_slots(node, at);
         for (unsigned triangles = node.triangles(met); triangles != 0; triangles &= triangles - 1) {
             if (zone.meets(load_triangle(params, node.meta.y + __ffs(triangles) - 1))) return false;
         }
@@ -146,21 +148,21 @@ DEVICE Zone zone_of_members(bool member, unsigned members, const Zone &own, floa
 }
 
 // Lists the triangles that meet a zone; below 0 if they are too many or too hard to find. Each thread of the warp opens a
-// node at a time. What is found, and whether it is, does not depend on the order in which threads run. `from` becomes the node
-// below which everything lies that meets the zone.
-DEVICE int gather(const Params &params, const Zone &zone, Nearby &nearby, unsigned lane, unsigned &from) {
+// node at a time. What is found, and whether it is, does not depend on the order in which threads run. Begins at node `from`,
+// which becomes the one below which everything lies that meets the zone.
+DEVICE int gather(const Params &params, const Zone &zone, Nearby &nearby, unsigned most, unsigned lane, unsigned &from) {
     unsigned waiting = 1, found = 0;
     bool alone = true;
-    from = 0;
-    if (lane == 0) nearby.waiting[0] = 0;
+    if (lane == 0) nearby.waiting[0] = from;
     __syncwarp();
     for (unsigned round = 0; waiting > 0; ++round) {
         if (round == ROUNDS) return -1;
         unsigned opened = min(waiting, 32u), inner = 0, triangles = 0, children = 0, first = 0, slots = 0;
         waiting -= opened;
         if (lane < opened) {
-            Node node = load_node(params, nearby.waiting[waiting + lane]);
-            unsigned met = zone.met_slots(node);
+            const uint4 *at = node_at(params, nearby.waiting[waiting + lane]);
+            Node node = load_node(at);
+            unsigned met = zone.met_slots(node, at);
             slots = node.inner();
             inner = met & slots;
             triangles = node.triangles(met);
@@ -174,7 +176,7 @@ DEVICE int gather(const Params &params, const Zone &zone, Nearby &nearby, unsign
             if (lane >= step) sum += below;
         }
         unsigned all = __shfl_sync(WHOLE_WARP, sum, 31), before = sum - own;
-        if (waiting + (all & 0xffffu) > WAITING || found + (all >> 16) > NEARBY) return -1;
+        if (waiting + (all & 0xffffu) > WAITING || found + (all >> 16) > most) return -1;
         unsigned place = waiting + (before & 0xffffu);
         for (; inner != 0; inner &= inner - 1) {
             unsigned slot = __ffs(inner) - 1;
@@ -291,11 +293,12 @@ DEVICE unsigned count_of(const Rays &rays) {
 
 constexpr unsigned TOO_LONG = ~0u - 1u, NOTHING_SEEN = ~0u;
 
-// How many rays of a fan, from `first` on, none of the gathered triangles stops; or that nothing is in their way.
+// How many rays of a fan, from `first` on, none of the gathered triangles stops; or that nothing is in their way. `open` has a bit
+// for each that is not stopped.
 template <Accept ACCEPT>
-DEVICE unsigned open_of(const Params &params, const Fan &fan, unsigned first, unsigned count, Nearby &nearby, unsigned gathered,
-                        unsigned lane) {
-    HalfBall ball = half_ball(params, fan.origin, fan.facing);
+DEVICE unsigned open_of(const Params &params, const Fan &fan, float radius, unsigned first, unsigned count, Nearby &nearby,
+                        unsigned gathered, unsigned lane, uint4 &open) {
+    HalfBall ball = half_ball(params, fan.origin, fan.facing, radius);
     Rays rays;
     bool seen = false, made = false;
     unsigned facets = 0;
@@ -332,5 +335,12 @@ DEVICE unsigned open_of(const Params &params, const Fan &fan, unsigned first, un
             if (count_of(rays) == 0) return 0;
         }
     }
-    return made ? count_of(rays) : seen ? count : NOTHING_SEEN;
+    open = make_uint4(~0u, ~0u, ~0u, ~0u);
+    if (!made) return seen ? count : NOTHING_SEEN;
+    unsigned rest = open_rays(rays, 3);
+    open.x = rays.whole > 0 ? open_rays(rays, 0) : rest;
+    open.y = rays.whole > 1 ? open_rays(rays, 1) : rest;
+    open.z = rays.whole > 2 ? open_rays(rays, 2) : rest;
+    open.w = rest;
+    return count_of(rays);
 }

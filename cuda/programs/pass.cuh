@@ -36,6 +36,11 @@ DEVICE unsigned count_open_alone(const Tracer &tracer, const Rays &fan, unsigned
     return open;
 }
 
+// The occlusion rays of a surface.
+DEVICE Fan fan_of(const Surface &surface, unsigned key) {
+    return {spawn(surface.point, surface.facing), surface.facing, surface.normal, key};
+}
+
 template <class Tracer> struct Pass {
     const Params &params;
     const Tracer &tracer;
@@ -79,7 +84,7 @@ template <class Tracer> struct Pass {
         unsigned samples = params.samples;
         if (samples == 0) return 1.0f;
         Fan fan;
-        if (wanted) fan = {spawn(surface.point, surface.facing), surface.facing, surface.normal, key};
+        if (wanted) fan = fan_of(surface, key);
         unsigned open = tracer.template count_open<ACCEPT>(wanted, fan, samples, rays);
         return wanted ? params.open_share[open] : 1.0f;
     }

@@ -1,6 +1,6 @@
 // `final` in corrected fidelity on our own traversal, as kernels one after the other: glass is followed to the surfaces that are
-// seen through it, which go to a list with those seen directly; then one thread a surface traces its shadow ray, and one warp
-// 32 surfaces' occlusion; then each pixel sums its own. So threads do the same at the same time, whatever glass is seen, and each
+// seen through it, which go to a list with those seen directly; then one thread a surface traces its shadow ray, one warp
+// looks at what is near 32 surfaces, then traces the rays that are left of their occlusion; then each pixel sums its own. So threads do the same at the same time, whatever glass is seen, and each
 // kernel has the registers that it needs.
 //
 // A pixel whose surfaces do not fit into the list is computed by one thread from begin to end, with the same result.
@@ -21,8 +21,10 @@ static_assert(sizeof(ListedSurface) == SURFACE_BYTES, "ListedSurface");
 constexpr unsigned NO_SURFACE = ~0u, NO_ROOM = ~0u - 1u;
 
 DEVICE ListedSurface *listed(const Params &params) { return (ListedSurface *)params.surfaces; }
-// How many surfaces were found; the place of the next that is to be lit, then of the next whose occlusion is to be found.
-enum Progress { FOUND = 0, LIT = 1, OCCLUDED = 2 };
+DEVICE Settled *settled(const Params &params) { return (Settled *)params.settled; }
+// How many surfaces were found; the place of the next that is to be lit, then of the next of which is asked what is near, then of
+// the next whose occlusion is to be found.
+enum Progress { FOUND = 0, LIT = 1, NEAR = 2, OCCLUDED = 3 };
 
 // The first of the next 32 surfaces, for a warp; false when none is left.
 DEVICE bool next_surfaces(const Params &params, Progress which, unsigned lane, unsigned &index, bool &here) {
@@ -33,7 +35,6 @@ DEVICE bool next_surfaces(const Params &params, Progress which, unsigned lane, u
     here = index < count;
     return first < count;
 }
-DEVICE unsigned lane_of_thread() { return (threadIdx.y * BLOCK_WIDTH + threadIdx.x) % 32u; }
 
 // All threads of a warp call it. What they find together has 32 places of its own, so that the same surfaces are together again
 // in a warp of the other kernels, however the warps of this one take turns.
@@ -113,23 +114,51 @@ DEVICE void light_surfaces(Pass<Bvh> &pass) {
     }
 }
 
+// The occlusion rays of a listed surface; false where there are none.
+DEVICE bool listed_fan(const Params &params, unsigned index, bool here, Fan &fan, float3 &lit) {
+    lit = splat(0.0f);
+    if (!here) return false;
+    const ListedSurface &surface = listed(params)[index];
+    float4 start = surface.start, facing = surface.facing;
+    lit = xyz(surface.color);
+    fan = {xyz(start) + xyz(facing) * fabsf(start.w), xyz(facing), xyz(surface.normal), __float_as_uint(facing.w)};
+    return params.samples != 0 && !(lit.x == 0.0f && lit.y == 0.0f && lit.z == 0.0f);
+}
+
+// Writes what is near listed surfaces.
+DEVICE void settle_surfaces(Pass<Bvh> &pass) {
+    __shared__ SettlingMemory memories[BLOCK_WIDTH * BLOCK_HEIGHT / 32];
+    const Params &params = pass.params;
+    unsigned index;
+    bool here;
+    while (next_surfaces(params, NEAR, lane_of_thread(), index, here)) {
+        Fan fan;
+        float3 lit;
+        bool wanted = listed_fan(params, index, here, fan, lit);
+        Settled found = settle<ACCEPT_STOPS>(params, wanted, fan, params.samples, memories[warp_of_thread()], lane_of_thread(),
+                                             pass.rays);
+        if (here) settled(params)[index] = found;
+    }
+}
+
 // Writes the weighted shares of listed surfaces: their light times ambient occlusion.
 DEVICE void occlude_surfaces(Pass<Bvh> &pass) {
+    __shared__ TracingMemory memories[BLOCK_WIDTH * BLOCK_HEIGHT / 32];
     const Params &params = pass.params;
     unsigned index;
     bool here;
     while (next_surfaces(params, OCCLUDED, lane_of_thread(), index, here)) {
-        float3 lit = splat(0.0f);
-        bool wanted = false;
         Fan fan;
-        if (here) {
-            ListedSurface &surface = listed(params)[index];
-            float4 start = surface.start, facing = surface.facing, color = surface.color;
-            lit = xyz(color);
-            wanted = params.samples != 0 && !(lit.x == 0.0f && lit.y == 0.0f && lit.z == 0.0f);
-            fan = {xyz(start) + xyz(facing) * fabsf(start.w), xyz(facing), xyz(surface.normal), __float_as_uint(facing.w)};
+        float3 lit;
+        bool wanted = listed_fan(params, index, here, fan, lit);
+        Settled found = {make_uint4(0u, 0u, 0u, 0u), 0u, 0u, 0.0f, 0u};
+        if (params.settled == nullptr) {
+            if (wanted) pass.rays.occlusion += params.samples;
+        } else if (wanted) {
+            found = settled(params)[index];
         }
-        unsigned open = pass.tracer.count_open<ACCEPT_STOPS>(wanted, fan, params.samples, pass.rays);
+        unsigned open = count_traced<ACCEPT_STOPS>(pass.tracer, wanted, fan, found, params.samples, memories[warp_of_thread()],
+                                                   lane_of_thread());
         if (!here) continue;
         float share = wanted ? params.open_share[open] : 1.0f;
         float3 weighted = listed(params)[index].normal.w * (lit * share);

@@ -9,6 +9,8 @@
 #include "triangle.cuh"
 
 constexpr unsigned WHOLE_WARP = ~0u;
+DEVICE unsigned lane_of_thread() { return (threadIdx.y * BLOCK_WIDTH + threadIdx.x) % 32u; }
+DEVICE unsigned warp_of_thread() { return (threadIdx.y * BLOCK_WIDTH + threadIdx.x) / 32u; }
 
 // Between the smallest reciprocal that does not overflow and the largest slope that matters: a ray that runs along an axis
 // is treated as one that leaves it by this share, which no coordinate of the scene notices.
@@ -18,16 +20,9 @@ constexpr float LEAST_DIRECTION = 1.0e-25f;
 DEVICE unsigned byte_of(unsigned low, unsigned high, unsigned index) { return __byte_perm(low, high, index) & 0xffu; }
 DEVICE float scale_of(unsigned word, int index) { return __uint_as_float(__byte_perm(word, 0u, 0x4440u + (unsigned)index) << 23); }
 
-// A byte q as 1 + q / 2^15: one permutation puts it into the fraction of 1, where a conversion takes a pipe of half the width
-// besides.
-constexpr float BYTE_STEPS = 32768.0f;
-DEVICE float byte_above_one(unsigned word, int index) {
-    return __uint_as_float(__byte_perm(word, 0x3f800000u, 0x7604u + 0x10u * (unsigned)index));
-}
-
-// A node as it is stored: 80 bytes.
+// A node as `src/nodes.rs` writes it, 128 bytes, without its planes.
 struct Node {
-    uint4 head, meta, low_xy, low_z_high_x, high_yz;
+    uint4 head, meta;
 
     // Slots of inner children, one bit each.
     DEVICE_MEMBER unsigned inner() const { return head.w >> 24; }
@@ -41,35 +36,35 @@ struct Node {
         return found;
     }
 };
-DEVICE Node load_node(const Params &params, unsigned index) {
-    const uint4 *n = params.nodes + 5ull * index;
-    return {__ldg(n), __ldg(n + 1), __ldg(n + 2), __ldg(n + 3), __ldg(n + 4)};
+DEVICE const uint4 *node_at(const Params &params, unsigned index) { return params.nodes + 8ull * index; }
+DEVICE Node load_node(const uint4 *node) { return {__ldg(node), __ldg(node + 1)}; }
+// Where its low planes of an axis are; the high ones follow.
+DEVICE const uint4 *planes_of(const uint4 *node, int axis) { return node + 2 + 2 * axis; }
+
+// Two halves as numbers: one conversion each, on a pipe that is not the one that bounds traversal.
+DEVICE float2 halves(unsigned word) {
+    float2 numbers;
+    asm("{.reg .b16 low, high; mov.b32 {low, high}, %2; cvt.f32.f16 %0, low; cvt.f32.f16 %1, high;}"
+        : "=f"(numbers.x), "=f"(numbers.y)
+        : "r"(word));
+    return numbers;
 }
 
-// One axis of the box test: distance = (1 + quantum / 2^15) * step + base, with the padding of the slabs in the bases.
-//
-// 2^15 steps are subtracted from a base. The rounding of that, below u times (base + 2^15 steps), comes on top of the
-// others': the part of the base is in the padding (`start`), and for the other bases are moved outwards by 4 u times the
-// 2^15 steps, which is 1/128 of a quantum.
+// One axis of the box test: distance = quantum * step + base, with the padding of the slabs in the bases.
 struct Slab {
     float near_base, far_base, near_step, far_step;
-    unsigned near0, near1, far0, far1;
+    uint4 near, far;
 };
-DEVICE Slab slab_of(float corner, float scale, float near_origin, float far_origin, float inverse, unsigned low0, unsigned low1,
-                    unsigned high0, unsigned high1) {
+DEVICE Slab slab_of(float corner, float scale, float near_origin, float far_origin, float inverse, const uint4 *planes) {
     float far_inverse = inverse * (1.0f + 8.0f * UNIT_ROUNDOFF);
-    bool backward = inverse < 0.0f;
-    float more = backward ? 1.0f - 4.0f * UNIT_ROUNDOFF : 1.0f + 4.0f * UNIT_ROUNDOFF;
-    float less = backward ? 1.0f + 4.0f * UNIT_ROUNDOFF : 1.0f - 4.0f * UNIT_ROUNDOFF;
-    float steps = scale * BYTE_STEPS, near_step = steps * inverse, far_step = steps * far_inverse;
-    return {__fmaf_rn(-near_step, more, (corner - near_origin) * inverse),
-            __fmaf_rn(-far_step, less, (corner - far_origin) * far_inverse),
-            near_step,
-            far_step,
-            backward ? high0 : low0,
-            backward ? high1 : low1,
-            backward ? low0 : high0,
-            backward ? low1 : high1};
+    // Chosen by the address: no instruction for each word.
+    unsigned backward = inverse < 0.0f ? 1u : 0u;
+    return {(corner - near_origin) * inverse,
+            (corner - far_origin) * far_inverse,
+            scale * inverse,
+            scale * far_inverse,
+            __ldg(planes + backward),
+            __ldg(planes + (1u - backward))};
 }
 
 struct Traversal {
@@ -79,7 +74,8 @@ struct Traversal {
 
 DEVICE Traversal start(const Params &params, const Query &query) {
     // The padding of the reference, and as much again as the roundings of the quantised boxes and of their fused test may
-    // add: below 32 u times the reach, which bounds every difference of coordinates.
+    // add: below 32 u times the reach, which bounds every difference of coordinates. More than they add, so that a ray enters
+    // the box of what it hits before it leaves it.
     float3 low = vec3(params.scene_low[0], params.scene_low[1], params.scene_low[2]);
     float3 high = vec3(params.scene_high[0], params.scene_high[1], params.scene_high[2]);
     float3 a = absolute(low - query.origin), b = absolute(high - query.origin);
@@ -97,28 +93,36 @@ DEVICE Traversal start(const Params &params, const Query &query) {
 }
 
 // The slots of children that the ray meets up to `limit`; empty ones may be among them.
-DEVICE unsigned met_slots(const Node &node, const Traversal &walk, float t_min, float limit) {
+DEVICE unsigned met_slots(const Node &node, const uint4 *at, const Traversal &walk, float t_min, float limit) {
     float3 corner = vec3(__uint_as_float(node.head.x), __uint_as_float(node.head.y), __uint_as_float(node.head.z));
-    Slab x = slab_of(corner.x, scale_of(node.head.w, 0), walk.near_origin.x, walk.far_origin.x, walk.inverse.x, node.low_xy.x,
-                     node.low_xy.y, node.low_z_high_x.z, node.low_z_high_x.w);
-    Slab y = slab_of(corner.y, scale_of(node.head.w, 1), walk.near_origin.y, walk.far_origin.y, walk.inverse.y, node.low_xy.z,
-                     node.low_xy.w, node.high_yz.x, node.high_yz.y);
-    Slab z = slab_of(corner.z, scale_of(node.head.w, 2), walk.near_origin.z, walk.far_origin.z, walk.inverse.z,
-                     node.low_z_high_x.x, node.low_z_high_x.y, node.high_yz.z, node.high_yz.w);
+    auto slab = [&](int axis, float corner, float near_origin, float far_origin, float inverse) {
+        return slab_of(corner, scale_of(node.head.w, axis), near_origin, far_origin, inverse, planes_of(at, axis));
+    };
+    Slab x = slab(0, corner.x, walk.near_origin.x, walk.far_origin.x, walk.inverse.x);
+    Slab y = slab(1, corner.y, walk.near_origin.y, walk.far_origin.y, walk.inverse.y);
+    Slab z = slab(2, corner.z, walk.near_origin.z, walk.far_origin.z, walk.inverse.z);
     unsigned met = 0;
+    // The last child first: each shifts its bit in.
 #pragma unroll
-    for (int child = 0; child < 8; ++child) {
-        int byte = child & 3;
-        auto near = [&](const Slab &s) {
-            return __fmaf_rn(byte_above_one(child < 4 ? s.near0 : s.near1, byte), s.near_step, s.near_base);
+    for (int pair = 3; pair >= 0; --pair) {
+        auto word = [&](const uint4 &v) { return halves(pair == 0 ? v.x : pair == 1 ? v.y : pair == 2 ? v.z : v.w); };
+        float2 near_x = word(x.near), near_y = word(y.near), near_z = word(z.near);
+        float2 far_x = word(x.far), far_y = word(y.far), far_z = word(z.far);
+        auto test = [&](float nx, float ny, float nz, float fx, float fy, float fz) {
+            nx = __fmaf_rn(nx, x.near_step, x.near_base);
+            ny = __fmaf_rn(ny, y.near_step, y.near_base);
+            nz = __fmaf_rn(nz, z.near_step, z.near_base);
+            fx = __fmaf_rn(fx, x.far_step, x.far_base);
+            fy = __fmaf_rn(fy, y.far_step, y.far_base);
+            fz = __fmaf_rn(fz, z.far_step, z.far_base);
+            // A distance that is not a number restricts nothing: fmaxf and fminf drop it.
+            float enter = fmaxf(fmaxf(nx, ny), fmaxf(nz, t_min));
+            float leave = fminf(fminf(fx, fy), fminf(fz, limit));
+            // Whether it is negative: one instruction instead of a comparison and another.
+            met = __funnelshift_l(__float_as_uint(enter - leave), met, 1);
         };
-        auto far = [&](const Slab &s) {
-            return __fmaf_rn(byte_above_one(child < 4 ? s.far0 : s.far1, byte), s.far_step, s.far_base);
-        };
-        // A distance that is not a number restricts nothing: fmaxf and fminf drop it.
-        float enter = fmaxf(fmaxf(near(x), near(y)), fmaxf(near(z), t_min));
-        float leave = fminf(fminf(far(x), far(y)), fminf(far(z), limit));
-        if (enter <= leave) met |= 1u << child;
+        test(near_x.y, near_y.y, near_z.y, far_x.y, far_y.y, far_z.y);
+        test(near_x.x, near_y.x, near_z.x, far_x.x, far_y.x, far_z.x);
     }
     return met;
 }
@@ -137,47 +141,61 @@ struct Group {
     unsigned bits; // inner children by order in 24..31; which slots are inner children in 0..7
 };
 
+// The way of a ray down the tree.
+struct Descent {
+    Traversal walk;
+    float t_min;
+    Group stack[STACK];
+    int depth;
+    Group group;
+    // The triangles that were found last: one bit each, counted from the first.
+    unsigned triangles, first;
+
+    // Begins at node `from`. Boxes that the ray leaves before `beyond` are passed over.
+    DEVICE_MEMBER void begin(const Params &params, const Query &query, unsigned from, float beyond) {
+        walk = start(params, query);
+        t_min = fmaxf(query.t_min, beyond);
+        depth = 0;
+        // One child, and no inner one before it.
+        group = {from, 0x80000000u};
+    }
+    // Opens the next node. False where none is left after it.
+    DEVICE_MEMBER bool advance(const Params &params, float limit) {
+        unsigned place = 31u - __clz(group.bits), slot = (place - 24u) ^ walk.octant;
+        unsigned index = group.base + __popc(group.bits & 0xffu & ((1u << slot) - 1u));
+        group.bits &= ~(1u << place);
+        if (group.bits & 0xff000000u) stack[depth++] = group;
+        const uint4 *at = node_at(params, index);
+        Node node = load_node(at);
+        unsigned met = met_slots(node, at, walk, t_min, limit);
+        group.base = node.meta.x;
+        group.bits = in_order(met & node.inner(), walk.octant) << 24 | node.inner();
+        triangles = node.triangles(met);
+        first = node.meta.y;
+        if (group.bits & 0xff000000u) return true;
+        if (depth == 0) return false;
+        group = stack[--depth];
+        return true;
+    }
+};
+
 struct Bvh {
     const Params &params;
 
-    // Begins at node `from`, the root or one below which everything lies that the ray may hit.
-    template <class Found>
-    __device__ __forceinline__ void walk(const Query &query, unsigned from, float &limit, Found &&found) const {
+    template <class Found> __device__ __forceinline__ void walk(const Query &query, float &limit, Found &&found) const {
         if (params.node_count == 0) return;
-        Traversal walk = start(params, query);
-        Group stack[STACK];
-        int depth = 0;
-        Group group = {0u, 0x80000000u};
-        bool root = true;
-        while (true) {
-            unsigned place = 31u - __clz(group.bits);
-            unsigned index;
-            if (root) {
-                index = from;
-                group.bits = 0;
-                root = false;
-            } else {
-                unsigned slot = (place - 24u) ^ walk.octant;
-                index = group.base + __popc(group.bits & 0xffu & ((1u << slot) - 1u));
-                group.bits &= ~(1u << place);
-            }
-            if (group.bits & 0xff000000u) stack[depth++] = group;
-            Node node = load_node(params, index);
-            unsigned met = met_slots(node, walk, query.t_min, limit);
-            group.base = node.meta.x;
-            group.bits = in_order(met & node.inner(), walk.octant) << 24 | node.inner();
-            for (unsigned triangles = node.triangles(met); triangles != 0; triangles &= triangles - 1) {
-                unsigned offset = __ffs(triangles) - 1;
-                Triangle triangle = load_triangle(params, node.meta.y + offset);
+        Descent descent;
+        descent.begin(params, query, 0u, 0.0f);
+        bool more = true;
+        while (more) {
+            more = descent.advance(params, limit);
+            for (unsigned triangles = descent.triangles; triangles != 0; triangles &= triangles - 1) {
+                Triangle triangle = load_triangle(params, descent.first + __ffs(triangles) - 1);
                 Hit hit;
                 if (intersect(params, query, triangle.a, triangle.b, triangle.c, limit, hit)) {
                     hit.triangle = triangle.id & ~TRANSPARENT;
                     if (found(hit, (triangle.id & TRANSPARENT) != 0)) return;
                 }
-            }
-            if (!(group.bits & 0xff000000u)) {
-                if (depth == 0) return;
-                group = stack[--depth];
             }
         }
     }
@@ -187,7 +205,7 @@ struct Bvh {
         if (!prepare(ray, query)) return false;
         float limit = query.t_max;
         bool any = false;
-        walk(query, 0u, limit, [&](const Hit &hit, bool transparent) {
+        walk(query, limit, [&](const Hit &hit, bool transparent) {
             bool nearer = any ? hit.t < best.t || (hit.t == best.t && hit.triangle < best.triangle) : hit.t < limit;
             if (nearer && (!transparent || accepts(params, ACCEPT, hit, nullptr))) {
                 limit = hit.t;
@@ -199,13 +217,13 @@ struct Bvh {
         return any;
     }
 
-    template <Accept ACCEPT> __device__ __forceinline__ bool occluded(const Ray &ray, Crossings *crossings,
-                                                                              unsigned from = 0) const {
+    template <Accept ACCEPT>
+    __device__ __forceinline__ bool occluded(const Ray &ray, Crossings *crossings) const {
         Query query;
         if (!prepare(ray, query)) return false;
         float limit = query.t_max;
         bool blocked = false;
-        walk(query, from, limit, [&](const Hit &hit, bool transparent) {
+        walk(query, limit, [&](const Hit &hit, bool transparent) {
             blocked = hit.t < query.t_max && (!transparent || accepts(params, ACCEPT, hit, crossings));
             return blocked;
         });

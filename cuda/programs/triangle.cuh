@@ -3,18 +3,32 @@
 #pragma once
 #include "pass.cuh"
 
+// Which axis is the longest of a ray, as two choices of four bytes. Conditions would become branches, which rays of a warp take
+// differently.
+struct Turn {
+    unsigned x, y; // SECOND where that axis is it
+
+    static constexpr unsigned FIRST = 0x3210u, SECOND = 0x7654u;
+    static DEVICE_MEMBER Turn to(int longest) { return {longest == 0 ? SECOND : FIRST, longest == 1 ? SECOND : FIRST}; }
+    static DEVICE_MEMBER float choose(float first, float second, unsigned which) {
+        return __uint_as_float(__byte_perm(__float_as_uint(first), __float_as_uint(second), which));
+    }
+    // The two other axes in order, then the longest.
+    DEVICE_MEMBER float3 operator()(float3 v) const {
+        return vec3(choose(choose(v.x, v.y, x), v.z, y), choose(choose(v.y, v.z, x), v.x, y),
+                    choose(choose(v.z, v.x, x), v.y, y));
+    }
+};
+
 // A ray prepared for the triangle test.
 struct Query {
     float3 origin, direction, permuted_origin, shear;
     float t_min, t_max;
     int longest;
+    Turn turn;
 };
 
 DEVICE float component(float3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
-// The two other axes in order, then the longest.
-DEVICE float3 permute(float3 v, int longest) {
-    return longest == 0 ? vec3(v.y, v.z, v.x) : longest == 1 ? vec3(v.z, v.x, v.y) : v;
-}
 DEVICE float flush(float d) { return fabsf(d) < 1.17549435e-38f ? d * 0.0f : d; }
 
 // Whether the ray can hit anything; then `query` is prepared.
@@ -27,8 +41,9 @@ DEVICE bool prepare(const Ray &ray, Query &query) {
     if (longest == 0.0f) return false;
     query.longest = length.x == longest ? 0 : length.y == longest ? 1 : 2;
     query.origin = ray.origin;
-    query.permuted_origin = permute(ray.origin, query.longest);
-    float3 d = permute(query.direction, query.longest);
+    query.turn = Turn::to(query.longest);
+    query.permuted_origin = query.turn(ray.origin);
+    float3 d = query.turn(query.direction);
     query.shear = vec3(d.x / d.z, d.y / d.z, 1.0f / d.z);
     query.t_min = fmaxf(ray.t_min, 0.0f) + 0.0f;
     query.t_max = ray.t_max;
@@ -36,7 +51,7 @@ DEVICE bool prepare(const Ray &ray, Query &query) {
 }
 
 DEVICE float3 sheared(const Query &query, float3 corner) {
-    float3 p = permute(corner, query.longest) - query.permuted_origin;
+    float3 p = query.turn(corner) - query.permuted_origin;
     return vec3(p.x - query.shear.x * p.z, p.y - query.shear.y * p.z, p.z);
 }
 

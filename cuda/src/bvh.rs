@@ -1,7 +1,8 @@
 //! Our own wide tree, built by the processor and traversed by kernels.
 
 use crate::device::{Buffer, Device};
-use crate::layout::{BLOCK_HEIGHT, BLOCK_WIDTH, Params, SURFACE_BYTES};
+use crate::layout::{BLOCK_HEIGHT, BLOCK_WIDTH, Params, SETTLED_BYTES, SURFACE_BYTES};
+use crate::nodes::WideNode;
 use crate::programs;
 use crate::rays::DeviceTracer;
 use crate::scene::SceneBuffers;
@@ -13,10 +14,45 @@ use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 
-/// The kernels of `final` in corrected fidelity that run before the one that writes the picture: glass is followed to the
-/// surfaces that are seen through it, which are then lit.
-const LISTING: &str = "list_surfaces";
-const OF_SURFACES: [&str; 2] = ["light_surfaces", "occlude_surfaces"];
+/// How the threads of a kernel are dealt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Dealt {
+    /// One a pixel.
+    ToPixels,
+    /// As many as the device runs at once take surfaces from the list until none is left.
+    ToSurfaces,
+}
+
+/// A kernel that runs before the one that writes the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Stage {
+    entry: &'static str,
+    dealt: Dealt,
+    /// Asks what is near the points of occlusion rays: left out where they are few.
+    settles: bool,
+}
+
+/// The stages of `ssao` in corrected fidelity.
+const OF_OCCLUSION: [Stage; 1] = [Stage { entry: "settle_occlusion", dealt: Dealt::ToPixels, settles: true }];
+
+/// Those of `final`: glass is followed to the surfaces that are seen through it, which are then lit.
+const OF_FINAL: [Stage; 4] = [
+    Stage { entry: "list_surfaces", dealt: Dealt::ToPixels, settles: false },
+    Stage { entry: "light_surfaces", dealt: Dealt::ToSurfaces, settles: false },
+    Stage { entry: "settle_surfaces", dealt: Dealt::ToSurfaces, settles: true },
+    Stage { entry: "occlude_surfaces", dealt: Dealt::ToSurfaces, settles: false },
+];
+
+fn stages(program: RayProgram, fidelity: Fidelity) -> &'static [Stage] {
+    match (program, fidelity) {
+        (RayProgram::Ssao, Fidelity::Corrected) => &OF_OCCLUSION,
+        (RayProgram::Final, Fidelity::Corrected) => &OF_FINAL,
+        _ => &[],
+    }
+}
+
+/// Below so many rays a point, asking what is near costs more than the rays.
+const FEW_SAMPLES: u32 = 6;
 
 /// Places of the list of surfaces for each pixel of a launch on average; 256 bytes. A pixel whose surfaces find no place is computed
 /// from begin to end by one thread.
@@ -26,7 +62,7 @@ const SURFACES_PER_PIXEL: u64 = 4;
 const WARP: u64 = 32;
 
 /// Counters of the kernels: `Progress` in `programs/surfaces.cuh`.
-const PROGRESS: usize = 3;
+const PROGRESS: usize = 4;
 
 /// Blocks of a kernel that takes surfaces from the list, for each multiprocessor: as many as one can hold.
 const BLOCKS: u32 = 32;
@@ -36,16 +72,10 @@ const BLOCKS: u32 = 32;
 struct Kernel {
     program: RayProgram,
     fidelity: Fidelity,
+    /// What runs before.
+    stages: Vec<(Stage, CudaFunction)>,
     /// Writes the picture.
     function: CudaFunction,
-    lists: Option<Lists>,
-}
-
-/// The kernels that make and light a list of surfaces.
-#[derive(Debug)]
-struct Lists {
-    listing: CudaFunction,
-    of_surfaces: [CudaFunction; 2],
 }
 
 /// The tree on the device, and the kernels that were loaded so far.
@@ -59,6 +89,7 @@ pub struct BvhTracer {
     surfaces: Buffer<f32>,
     first_surface: Buffer<u32>,
     progress: Buffer<u32>,
+    settled: Buffer<u32>,
     /// Room in the list, where it is not to be [`SURFACES_PER_PIXEL`].
     room: Option<u64>,
 }
@@ -70,8 +101,24 @@ impl BvhTracer {
         self.room = Some(room);
     }
 
-    /// Makes room for the surfaces of a launch, which is kept for the next, and sets the kernels' counters to 0.
-    fn make_room(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
+    /// Makes room for what the kernels of a program tell each other, which is kept for the next launch.
+    fn make_room(&mut self, device: &Device, program: RayProgram, params: &mut Params) -> Result<(), BackendError> {
+        let pixels = params.width as usize * params.height as usize;
+        let mut points = pixels;
+        if program == RayProgram::Final {
+            self.make_room_for_surfaces(device, params)?;
+            points = params.capacity as usize;
+        }
+        if params.samples >= FEW_SAMPLES {
+            let words = points * SETTLED_BYTES as usize / size_of::<u32>();
+            device.reserve("what is near the points of occlusion rays", &mut self.settled, words)?;
+            params.settled = self.settled.address(device);
+        }
+        Ok(())
+    }
+
+    /// Makes room for the surfaces of a launch, and sets the kernels' counters to 0.
+    fn make_room_for_surfaces(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
         let launched = u64::from(params.width) * u64::from(params.rows);
         let room = self.room.unwrap_or(SURFACES_PER_PIXEL * launched).min(u64::from(u32::MAX / 2));
         let room = room.next_multiple_of(WARP);
@@ -103,7 +150,7 @@ fn start(device: &Device, kernel: &CudaFunction, grid: (u32, u32), params: &Para
 
 impl DeviceTracer for BvhTracer {
     const NAME: &'static str = "cuda";
-    /// About 110 on the device; while it is built, about 500 on the host for obvhs's tree, its collapse and the copy.
+    /// About 115 on the device; while it is built, about 500 on the host for obvhs's tree, its collapse and the copy.
     const BYTES_PER_TRIANGLE: u64 = 610;
 
     type Prepared = DeviceTree;
@@ -128,7 +175,8 @@ impl DeviceTracer for BvhTracer {
         tree: &DeviceTree,
         _: &SceneBuffers,
     ) -> Result<BuildStats, BackendError> {
-        self.nodes = device.upload("the nodes of the tree", bytemuck::cast_slice(&tree.nodes))?;
+        let nodes: Vec<WideNode> = tree.nodes.iter().map(WideNode::from).collect();
+        self.nodes = device.upload("the nodes of the tree", bytemuck::cast_slice(&nodes))?;
         self.leaves = device.upload("the triangles of the tree", tree.triangles.as_flattened().as_flattened())?;
         self.node_count = tree.nodes.len() as u32;
         self.bounds = tree.bounds;
@@ -138,6 +186,12 @@ impl DeviceTracer for BvhTracer {
     fn clear(&mut self) {
         (self.nodes, self.leaves, self.node_count) = (Buffer::default(), Buffer::default(), 0);
         (self.surfaces, self.first_surface) = (Buffer::default(), Buffer::default());
+        self.settled = Buffer::default();
+    }
+
+    fn held_bytes(&self) -> u64 {
+        let lists = [&self.first_surface, &self.progress, &self.settled].map(Buffer::bytes);
+        self.surfaces.bytes() + lists.iter().sum::<u64>()
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
@@ -145,17 +199,11 @@ impl DeviceTracer for BvhTracer {
         if self.kernels.iter().any(|kernel| (kernel.program, kernel.fidelity) == (program, fidelity)) {
             return Ok(());
         }
-        let lists = (program, fidelity) == (RayProgram::Final, Fidelity::Corrected);
         let loaded = device.context().load_module(Ptx::from_src(programs::on_bvh(program, fidelity)));
         let kernel = loaded.and_then(|module| {
-            let lists = if lists {
-                let [light, occlude] = OF_SURFACES;
-                let of_surfaces = [module.load_function(light)?, module.load_function(occlude)?];
-                Some(Lists { listing: module.load_function(LISTING)?, of_surfaces })
-            } else {
-                None
-            };
-            Ok(Kernel { program, fidelity, function: module.load_function(info.entry)?, lists })
+            let load = |stage: &Stage| Ok((*stage, module.load_function(stage.entry)?));
+            let stages = stages(program, fidelity).iter().map(load).collect::<Result<_, DriverError>>()?;
+            Ok(Kernel { program, fidelity, stages, function: module.load_function(info.entry)? })
         });
         let failed = |error| device.fault(&format!("loading the kernels of `{}`", info.stem), &error);
         self.kernels.push(kernel.map_err(failed)?);
@@ -169,18 +217,18 @@ impl DeviceTracer for BvhTracer {
         [params.scene_low, params.scene_high] = self.bounds;
         let is_this = |kernel: &Kernel| (kernel.program, kernel.fidelity) == (job.program, job.fidelity);
         let index = self.kernels.iter().position(is_this).expect("loaded before");
-        if self.kernels[index].lists.is_some() {
-            self.make_room(device, params)?;
+        if !self.kernels[index].stages.is_empty() {
+            self.make_room(device, job.program, params)?;
         }
-        let Kernel { function, lists, .. } = &self.kernels[index];
+        let Kernel { stages, function, .. } = &self.kernels[index];
         let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
         let pixels = (params.width.div_ceil(BLOCK_WIDTH), params.rows.div_ceil(BLOCK_HEIGHT));
-        if let Some(Lists { listing, of_surfaces }) = lists {
-            start(device, listing, pixels, params).map_err(failed)?;
-            let processors = device.multiprocessors().map_err(failed)?;
-            for kernel in of_surfaces {
-                start(device, kernel, (processors * BLOCKS, 1), params).map_err(failed)?;
-            }
+        for (stage, kernel) in stages.iter().filter(|(stage, _)| !stage.settles || params.settled != 0) {
+            let grid = match stage.dealt {
+                Dealt::ToPixels => pixels,
+                Dealt::ToSurfaces => (device.multiprocessors().map_err(failed)? * BLOCKS, 1),
+            };
+            start(device, kernel, grid, params).map_err(failed)?;
         }
         start(device, function, pixels, params).map_err(failed)
     }

@@ -106,7 +106,7 @@ shared_structs! {
         through_glass: Address = "const float *",
         /// Sums of rays: [`RAY_COUNT_SLOTS`] times [`RAY_COUNT_KINDS`], then [`EXCEPTION_SLOT`].
         ray_counts: Address = "unsigned long long *",
-        /// Nodes of our tree, five vectors each.
+        /// Nodes of our tree, eight vectors each.
         nodes: Address = "const uint4 *",
         /// Triangles of our tree, three vectors each.
         leaves: Address = "const float4 *",
@@ -116,6 +116,8 @@ shared_structs! {
         first_surface: Address = "unsigned *",
         /// How many surfaces were found, and how far the kernels have come with them.
         progress: Address = "unsigned *",
+        /// By pixel, in `final` by surface of the list: what is near, [`SETTLED_BYTES`] each; 0 where that is not asked.
+        settled: Address = "uint4 *",
         /// Surfaces that the list has room for.
         capacity: u64 = "unsigned long long",
         /// The structure that OptiX built.
@@ -189,6 +191,8 @@ pub const MAX_CROSSINGS: u32 = 32;
 pub const THROUGH_GLASS_ENTRIES: u32 = 64;
 /// Bytes of a surface in the list of `final`.
 pub const SURFACE_BYTES: u32 = 64;
+/// Bytes of what is known of a point's occlusion rays before any is traced.
+pub const SETTLED_BYTES: u32 = 32;
 /// Threads of a block along x; a warp is a tile of 8 x 4 pixels.
 pub const BLOCK_WIDTH: u32 = 8;
 /// Threads of a block along y.
@@ -229,6 +233,7 @@ pub fn header() -> String {
         ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),
         ("STACK", tree::STACK as u32),
         ("SURFACE_BYTES", SURFACE_BYTES),
+        ("SETTLED_BYTES", SETTLED_BYTES),
         ("BLOCK_WIDTH", BLOCK_WIDTH),
         ("BLOCK_HEIGHT", BLOCK_HEIGHT),
         ("RAY_COUNT_SLOTS", RAY_COUNT_SLOTS),

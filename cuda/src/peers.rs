@@ -4,7 +4,7 @@
 #![allow(unsafe_code, reason = "copies between the memories of two GPUs; each block says why that is sound")]
 
 use crate::device::{Address, Buffer, Device};
-use cudarc::driver::result::memcpy_peer_async;
+use cudarc::driver::result::{memcpy_dtod_async, memcpy_peer_async};
 use cudarc::driver::sys::{self, CUevent_flags, CUresult};
 use cudarc::driver::{CudaContext, CudaEvent, DevicePtr as _, DeviceRepr, DriverError, ValidAsZeroBits};
 use curitiba_pipeline::backend::BackendError;
@@ -30,11 +30,61 @@ pub(crate) fn connect(device: &Device, other: &Device) -> Result<(), BackendErro
         return Ok(());
     }
     device.bind()?;
+    let failed = |code| device.fault("opening the memory of another GPU", &DriverError(code));
     // SAFETY: the other context lives as long as `other`; this thread's is that of `device`.
     match unsafe { sys::cuCtxEnablePeerAccess(other.context().cu_ctx(), 0) } {
-        CUresult::CUDA_SUCCESS | CUresult::CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED => Ok(()),
-        code => Err(device.fault("opening the memory of another GPU", &DriverError(code))),
+        CUresult::CUDA_SUCCESS | CUresult::CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED => {}
+        code => return Err(failed(code)),
     }
+    if !other.context().has_async_alloc() {
+        return Ok(());
+    }
+    // What was allocated in the order of a stream comes from a pool, which contexts do not open: the driver would copy through
+    // the host.
+    let reader = sys::CUmemAccessDesc {
+        location: sys::CUmemLocation {
+            type_: sys::CUmemLocationType::CU_MEM_LOCATION_TYPE_DEVICE,
+            id: device.context().cu_device(),
+        },
+        flags: sys::CUmemAccess_flags::CU_MEM_ACCESS_FLAGS_PROT_READWRITE,
+    };
+    let mut pool = std::ptr::null_mut();
+    // SAFETY: writes one handle, of a pool that lives as long as the device.
+    let found = unsafe { sys::cuDeviceGetDefaultMemPool(&raw mut pool, other.context().cu_device()) };
+    if found != CUresult::CUDA_SUCCESS {
+        return Err(failed(found));
+    }
+    // SAFETY: the pool is there, and one description, which lives during the call.
+    match unsafe { sys::cuMemPoolSetAccess(pool, &raw const reader, 1) } {
+        CUresult::CUDA_SUCCESS => Ok(()),
+        code => Err(failed(code)),
+    }
+}
+
+/// Starts copying `length` values of the same GPU's memory to a buffer, which is made larger if it must be. Nothing for an address
+/// of 0.
+///
+/// # Safety
+/// At `from` in the device's memory are `length` values, until its stream has come to the end of the copy.
+pub(crate) unsafe fn copy_here<T: DeviceRepr + ValidAsZeroBits>(
+    device: &Device,
+    what: &str,
+    buffer: &mut Buffer<T>,
+    from: Address,
+    length: usize,
+) -> Result<Address, BackendError> {
+    if from == 0 {
+        return Ok(0);
+    }
+    device.reserve(what, buffer, length)?;
+    let to = buffer.address(device);
+    if to != 0 {
+        // SAFETY: by the contract and the line above, both ranges are inside their memories; the buffer lives until the stream
+        // was synchronised, as every pass ends.
+        let copied = unsafe { memcpy_dtod_async(to, from, length * size_of::<T>(), device.stream().cu_stream()) };
+        copied.map_err(|error| device.fault(&format!("copying {what} for another GPU"), &error))?;
+    }
+    Ok(to)
 }
 
 /// A G-buffer in the memory of a GPU. It stays as it is as long as this lives.

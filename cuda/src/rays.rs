@@ -3,7 +3,7 @@
 use crate::device::{Address, Buffer, Device};
 use crate::join::Joined;
 use crate::layout::{BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, Params, RAY_COUNT_KINDS, THROUGH_GLASS_ENTRIES};
-use crate::peers::{Copies, Lent, copy_parts};
+use crate::peers::{Copies, Lent, copy_here, copy_parts};
 use crate::points::table;
 use crate::scene::{SceneBuffers, shades};
 use crate::staging::Staging;
@@ -55,6 +55,8 @@ pub trait DeviceTracer: Sized + Send {
     ) -> Result<BuildStats, BackendError>;
     /// Releases the structure: until the next build there is nothing to hit.
     fn clear(&mut self);
+    /// Bytes of device memory that passes hold besides the structure, from one to the next.
+    fn held_bytes(&self) -> u64;
     /// Makes the job's program ready to launch; compiled once for each fidelity.
     ///
     /// # Errors
@@ -153,6 +155,16 @@ struct Images {
     shades: Table<crate::layout::Shade>,
 }
 
+impl Images {
+    /// Bytes of device memory.
+    fn bytes(&self) -> u64 {
+        let attachments = [&self.position, &self.normal, &self.color, &self.output].map(Buffer::bytes);
+        let tables = [self.open_share.buffer.bytes(), self.through_glass.buffer.bytes(), self.sobol.buffer.bytes()];
+        let others = [self.triangle.bytes(), self.counts.bytes(), self.shades.buffer.bytes()];
+        [&attachments[..], &tables, &others].concat().iter().sum()
+    }
+}
+
 /// Values that seldom change from pass to pass: they are copied to the device when they do.
 #[derive(Debug)]
 pub(crate) struct Table<T> {
@@ -237,16 +249,34 @@ impl<T: DeviceTracer> OneGpu<T> {
         Ok(start.elapsed())
     }
 
-    /// Lends the shared G-buffer of a job to other GPUs.
-    pub fn lend(&self, job: &RayJob<'_>) -> Result<Lent, BackendError> {
+    /// Lends the shared G-buffer of a job to other GPUs: a copy, since the rasteriser's own memory is read by other GPUs as slowly
+    /// as that of the host.
+    #[allow(unsafe_code, reason = "copies from the memory of the rasteriser")]
+    pub fn lend(&mut self, job: &RayJob<'_>) -> Result<Lent, BackendError> {
         self.device.bind()?;
         let Some((joined, value)) = self.shared(job)? else {
             return Err(check::missing(T::NAME, job, "no shared G-buffer was handed over"));
         };
         joined.wait(&self.device, value)?;
-        let ready = self.device.stream().record_event(None);
-        let ready = ready.map_err(|error| self.device.fault("waiting for the rasteriser", &error))?;
-        Ok(Lent { context: Arc::clone(self.device.context()), attachments: joined.attachments(&self.device), ready })
+        let [position, normal, color, triangle] = joined.attachments(&self.device);
+        let (device, images) = (&self.device, &mut self.images);
+        let pixels = job.width as usize * job.height as usize;
+        let floats = [
+            ("the positions", &mut images.position, position),
+            ("the normals", &mut images.normal, normal),
+            ("the colours", &mut images.color, color),
+        ];
+        let mut attachments = [0; 4];
+        for ((what, buffer, from), attachment) in floats.into_iter().zip(&mut attachments) {
+            // SAFETY: attachments have a pixel of four numbers for each of the picture, whose size was compared, and stay until
+            // the pass has ended.
+            *attachment = unsafe { copy_here(device, what, buffer, from, 4 * pixels) }?;
+        }
+        // SAFETY: as above, with one number a pixel.
+        attachments[3] = unsafe { copy_here(device, "the triangle ids", &mut images.triangle, triangle, pixels) }?;
+        let ready = device.stream().record_event(None);
+        let ready = ready.map_err(|error| device.fault("waiting for the rasteriser", &error))?;
+        Ok(Lent { context: Arc::clone(device.context()), attachments, ready })
     }
 
     /// Starts copying the rows of a lent G-buffer that are computed here.
@@ -339,6 +369,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             surfaces: 0,
             first_surface: 0,
             progress: 0,
+            settled: 0,
             capacity: 0,
             handle: 0,
             node_count: 0,
@@ -491,7 +522,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         }
         let read_back = Some(start.elapsed());
         let rays = self.read_counts(job)?;
-        Ok(RayStats { rays, upload, read_back, device_time: Some(device_time) })
+        let held_bytes = self.images.bytes() + self.tracer.held_bytes();
+        Ok(RayStats { rays, upload, read_back, device_time: Some(device_time), held_bytes })
     }
 }
 

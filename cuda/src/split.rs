@@ -102,7 +102,7 @@ impl CudaRays {
     }
 }
 
-/// All rays, and the time of the GPU that took longest.
+/// All rays and memory, and the time of the GPU that took longest.
 fn together(parts: &[RayStats]) -> RayStats {
     let mut whole = RayStats::default();
     for part in parts {
@@ -110,6 +110,7 @@ fn together(parts: &[RayStats]) -> RayStats {
         whole.device_time = whole.device_time.max(part.device_time);
         whole.upload = whole.upload.max(part.upload);
         whole.read_back = whole.read_back.max(part.read_back);
+        whole.held_bytes += part.held_bytes;
     }
     whole
 }
@@ -233,9 +234,11 @@ mod tests {
         let part = |shadow, ms| RayStats {
             rays: RayCounts { shadow, ..RayCounts::default() },
             device_time: Some(Duration::from_millis(ms)),
+            held_bytes: 100 * shadow,
             ..RayStats::default()
         };
         let whole = together(&[part(3, 7), part(4, 9), RayStats::default()]);
-        assert_eq!((whole.rays.shadow, whole.device_time), (7, Some(Duration::from_millis(9))));
+        assert_eq!((whole.rays.shadow, whole.held_bytes), (7, 700));
+        assert_eq!(whole.device_time, Some(Duration::from_millis(9)));
     }
 }

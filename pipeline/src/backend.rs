@@ -405,6 +405,9 @@ pub struct RayStats {
     pub read_back: Option<Duration>,
     /// Time on the device's own clock, where it has one.
     pub device_time: Option<Duration>,
+    /// Bytes of device memory that the backend's passes hold from one to the next, besides what building gave: pictures,
+    /// tables, lists. 0 for the processor.
+    pub held_bytes: u64,
 }
 
 /// What building an acceleration structure gave.

@@ -95,7 +95,7 @@ pub struct BenchRow {
     pub ray_share: Option<f64>,
     /// Most memory that the process has held so far, bytes; rows measured before count too.
     pub peak_memory_bytes: Option<u64>,
-    /// Bytes of targets, acceleration structure and maps.
+    /// Bytes of targets, acceleration structure, maps, and what ray passes hold on their device.
     pub held_bytes: u64,
     /// The picture's error.
     pub error: RowError,

@@ -151,6 +151,10 @@ impl DeviceTracer for OptixTracer {
         (self.handle, self.materials) = (0, 0);
     }
 
+    fn held_bytes(&self) -> u64 {
+        0
+    }
+
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
         let (program, fidelity, info) = (job.program, job.fidelity, job.program.info());
         let is_this = |loaded: &Loaded| (loaded.program, loaded.fidelity) == (program, fidelity);

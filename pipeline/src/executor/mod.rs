@@ -375,9 +375,12 @@ impl Renderer {
             self.timeline.record(StepKind::Join, name, upload).note = from.to_owned();
         }
         let copies = stats.upload.unwrap_or_default() + stats.read_back.unwrap_or_default();
+        // What the backend holds is one number for all of its passes: it stands in the row of the last.
+        self.timeline.rows.iter_mut().filter(|row| row.kind == StepKind::Rays).for_each(|row| row.bytes = 0);
         let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
         row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
         row.rays = Some(stats.rays);
+        row.bytes = stats.held_bytes;
         row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(stats.rays));
         // Times of two backends stand in one row.
         for fallback in &self.engines.fallbacks {

@@ -74,7 +74,7 @@ pub struct Row {
     pub device_ms: Vec<f64>,
     /// Rays of one run.
     pub rays: Option<RayCounts>,
-    /// Bytes that what the step made takes while it is kept: an acceleration structure, maps.
+    /// Bytes that what the step made takes while it is kept: an acceleration structure, maps, the lists of a ray pass.
     pub bytes: u64,
     /// What was done: triangles, bytes.
     pub note: String,
