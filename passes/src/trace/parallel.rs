@@ -24,6 +24,8 @@ use std::ops::Range;
 const PACKETS: usize = 16;
 /// How many packets share a list, and its longest length; where it is longer, fewer share one, and in the end none is made.
 const LEVELS: [(usize, usize); 3] = [(PACKETS, 256), (4, 160), (1, 96)];
+/// Lists of one length that were too long, one after the other, after which no more of that length are tried in a tile.
+const ENOUGH: u32 = 2;
 /// Triangles in a list.
 const MOST: usize = 256;
 /// Rays below which a list is not worth it.
@@ -230,21 +232,30 @@ impl Tile<'_> {
         // By level, the packet up to which it has been tried in vain; and how large the last such zone was.
         let mut tried = [0; LEVELS.len()];
         let mut too_large = [f32::INFINITY; LEVELS.len()];
+        // How many lists of a level in a row were too long.
+        let mut in_vain = [0; LEVELS.len()];
         while !todo.is_empty() {
             let level = (0..LEVELS.len()).find(|&level| tried[level] <= todo.start);
             let (together, most) = level.map_or((1, 0), |level| LEVELS[level]);
             let some = todo.start..todo.end.min(todo.start - todo.start % together + together);
             if let Some(zone) = self.zone(some.clone()) {
                 match level {
-                    // What is nearly as large as what it is a part of would hold as much.
+                    // What is nearly as large as what it is a part of would hold as much, and so would what is like others.
                     Some(level)
-                        if level > 0 && zone.area() > 0.5 * too_large[level - 1]
-                            || !list.gather(simd, self, &zone, most) =>
+                        if level > 0 && zone.area() > 0.5 * too_large[level - 1] || in_vain[level] >= ENOUGH =>
                     {
                         (tried[level], too_large[level]) = (some.end, zone.area());
                         continue;
                     }
-                    Some(_) => self.test(simd, some.clone(), list, blocked, accept),
+                    Some(level) if !list.gather(simd, self, &zone, most) => {
+                        (tried[level], too_large[level]) = (some.end, zone.area());
+                        in_vain[level] += 1;
+                        continue;
+                    }
+                    Some(level) => {
+                        in_vain[level] = 0;
+                        self.test(simd, some.clone(), list, blocked, accept);
+                    }
                     None => self.descend(simd, todo.start, blocked, accept),
                 }
             }
