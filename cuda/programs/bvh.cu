@@ -39,43 +39,30 @@ KERNEL(RESIDENT_BLOCKS) buffer_camera(const __grid_constant__ Params params) {
     count_rays(params, pass.pixel.index, pass.rays);
 }
 
-#ifdef CURITIBA_SETTLES
-KERNEL(SETTLING_BLOCKS) settle_occlusion(const __grid_constant__ Params params) {
+// A stage before it, of the pixel of each thread.
+template <void (*STAGE)(Pass<Bvh> &)> DEVICE void of_pixel(const Params &params) {
     Bvh tracer = {params};
     Pass<Bvh> pass = pass_of_thread(params, tracer);
-    settle_occlusion(pass);
+    STAGE(pass);
     if (pass.inside) count_rays(params, pass.pixel.index, pass.rays);
 }
+
+// A stage of listed surfaces: as many blocks as the device runs at once take surfaces from the list until none is left.
+template <void (*STAGE)(Pass<Bvh> &)> DEVICE void of_surfaces(const Params &params) {
+    Bvh tracer = {params};
+    Pass<Bvh> pass = {params, tracer, {}, true, {}};
+    STAGE(pass);
+    unsigned thread = blockIdx.x * (BLOCK_WIDTH * BLOCK_HEIGHT) + threadIdx.y * BLOCK_WIDTH + threadIdx.x;
+    count_rays(params, thread, pass.rays);
+}
+
+#ifdef CURITIBA_SETTLES
+KERNEL(SETTLING_BLOCKS) settle_occlusion(const __grid_constant__ Params params) { of_pixel<settle_occlusion>(params); }
 #endif
 
 #ifdef CURITIBA_LISTS
-KERNEL(LISTING_BLOCKS) list_surfaces(const __grid_constant__ Params params) {
-    Bvh tracer = {params};
-    Pass<Bvh> pass = pass_of_thread(params, tracer);
-    list_surfaces(pass);
-    if (pass.inside) count_rays(params, pass.pixel.index, pass.rays);
-}
-
-// As many blocks as the device runs at once take surfaces from the list until none is left.
-DEVICE unsigned thread_of_grid() {
-    return blockIdx.x * (BLOCK_WIDTH * BLOCK_HEIGHT) + threadIdx.y * BLOCK_WIDTH + threadIdx.x;
-}
-KERNEL(LIGHTING_BLOCKS) light_surfaces(const __grid_constant__ Params params) {
-    Bvh tracer = {params};
-    Pass<Bvh> pass = {params, tracer, {}, true, {}};
-    light_surfaces(pass);
-    count_rays(params, thread_of_grid(), pass.rays);
-}
-KERNEL(SETTLING_BLOCKS) settle_surfaces(const __grid_constant__ Params params) {
-    Bvh tracer = {params};
-    Pass<Bvh> pass = {params, tracer, {}, true, {}};
-    settle_surfaces(pass);
-    count_rays(params, thread_of_grid(), pass.rays);
-}
-KERNEL(OCCLUDING_BLOCKS) occlude_surfaces(const __grid_constant__ Params params) {
-    Bvh tracer = {params};
-    Pass<Bvh> pass = {params, tracer, {}, true, {}};
-    occlude_surfaces(pass);
-    count_rays(params, thread_of_grid(), pass.rays);
-}
+KERNEL(LISTING_BLOCKS) list_surfaces(const __grid_constant__ Params params) { of_pixel<list_surfaces>(params); }
+KERNEL(LIGHTING_BLOCKS) light_surfaces(const __grid_constant__ Params params) { of_surfaces<light_surfaces>(params); }
+KERNEL(SETTLING_BLOCKS) settle_surfaces(const __grid_constant__ Params params) { of_surfaces<settle_surfaces>(params); }
+KERNEL(OCCLUDING_BLOCKS) occlude_surfaces(const __grid_constant__ Params params) { of_surfaces<occlude_surfaces>(params); }
 #endif

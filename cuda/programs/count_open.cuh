@@ -15,6 +15,21 @@ struct Settled {
 static_assert(sizeof(Settled) == SETTLED_BYTES, "Settled");
 constexpr unsigned SETTLED = ~0u;
 
+// Of a point of which nothing is known: all its rays are to be traced, from the root.
+DEVICE Settled nothing_settled() { return {make_uint4(0u, 0u, 0u, 0u), 0u, 0u, 0.0f, 0u}; }
+// Where what is known of points is kept, for kernels that take the two steps apart.
+DEVICE Settled *settled(const Params &params) { return (Settled *)params.settled; }
+// What is kept of a point, if it is `wanted`. Where nobody looked at what is near, counts its rays, as that would have.
+DEVICE Settled settled_at(const Params &params, bool wanted, unsigned index, RayCounts &rays) {
+    Settled found = nothing_settled();
+    if (params.settled == nullptr) {
+        if (wanted) rays.occlusion += params.samples;
+    } else if (wanted) {
+        found = settled(params)[index];
+    }
+    return found;
+}
+
 // What a warp has in shared memory while it looks at what is near.
 struct SettlingMemory {
     Fan fans[32];
@@ -40,7 +55,7 @@ DEVICE Settled settle(const Params &params, bool wanted, const Fan &fan, unsigne
     // In shared memory, where all threads read a fan, and no registers are held.
     if (wanted) memory.fans[lane] = fan;
     __syncwarp();
-    Settled settled = {make_uint4(0u, 0u, 0u, 0u), 0u, 0u, 0.0f, 0u};
+    Settled settled = nothing_settled();
     bool certain = wanted && params.node_count == 0, traces = wanted && !certain;
     // Whether too much was found around a point, but nothing that it sees.
     bool asks = false;

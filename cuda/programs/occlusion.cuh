@@ -4,8 +4,6 @@
 #include "count_open.cuh"
 #include "ssao.cuh"
 
-DEVICE Settled *settled(const Params &params) { return (Settled *)params.settled; }
-
 DEVICE bool occlusion_fan(Pass<Bvh> &pass, Fan &fan) {
     Surface surface;
     unsigned key;
@@ -28,13 +26,8 @@ DEVICE float4 traced_occlusion(Pass<Bvh> &pass) {
     __shared__ TracingMemory memories[BLOCK_WIDTH * BLOCK_HEIGHT / 32];
     const Params &params = pass.params;
     if (params.samples == 0) return opaque(splat(1.0f));
-    Settled found = {make_uint4(0u, 0u, 0u, 0u), 0u, 0u, 0.0f, 0u};
     bool seen = pass.triangle() != NO_TRIANGLE;
-    if (params.settled == nullptr) {
-        if (seen) pass.rays.occlusion += params.samples;
-    } else if (seen) {
-        found = settled(params)[pass.pixel.index];
-    }
+    Settled found = settled_at(params, seen, pass.pixel.index, pass.rays);
     Fan fan;
     if (seen && found.from != SETTLED) occlusion_fan(pass, fan);
     unsigned open = count_traced<ACCEPT_COVERED>(pass.tracer, seen, fan, found, params.samples, memories[warp_of_thread()],

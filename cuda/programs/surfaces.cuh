@@ -1,7 +1,7 @@
 // `final` in corrected fidelity on our own traversal, as kernels one after the other: glass is followed to the surfaces that are
 // seen through it, which go to a list with those seen directly; then one thread a surface traces its shadow ray, one warp
-// looks at what is near 32 surfaces, then traces the rays that are left of their occlusion; then each pixel sums its own. So threads do the same at the same time, whatever glass is seen, and each
-// kernel has the registers that it needs.
+// looks at what is near 32 surfaces, then traces the rays that are left of their occlusion; then each pixel sums its own. So
+// threads do the same at the same time, whatever glass is seen, and each kernel has the registers that it needs.
 //
 // A pixel whose surfaces do not fit into the list is computed by one thread from begin to end, with the same result.
 #pragma once
@@ -21,7 +21,6 @@ static_assert(sizeof(ListedSurface) == SURFACE_BYTES, "ListedSurface");
 constexpr unsigned NO_SURFACE = ~0u, NO_ROOM = ~0u - 1u;
 
 DEVICE ListedSurface *listed(const Params &params) { return (ListedSurface *)params.surfaces; }
-DEVICE Settled *settled(const Params &params) { return (Settled *)params.settled; }
 // How many surfaces were found; the place of the next that is to be lit, then of the next of which is asked what is near, then of
 // the next whose occlusion is to be found.
 enum Progress { FOUND = 0, LIT = 1, NEAR = 2, OCCLUDED = 3 };
@@ -151,12 +150,7 @@ DEVICE void occlude_surfaces(Pass<Bvh> &pass) {
         Fan fan;
         float3 lit;
         bool wanted = listed_fan(params, index, here, fan, lit);
-        Settled found = {make_uint4(0u, 0u, 0u, 0u), 0u, 0u, 0.0f, 0u};
-        if (params.settled == nullptr) {
-            if (wanted) pass.rays.occlusion += params.samples;
-        } else if (wanted) {
-            found = settled(params)[index];
-        }
+        Settled found = settled_at(params, wanted, index, pass.rays);
         unsigned open = count_traced<ACCEPT_STOPS>(pass.tracer, wanted, fan, found, params.samples, memories[warp_of_thread()],
                                                    lane_of_thread());
         if (!here) continue;

@@ -12,7 +12,7 @@ pub mod device;
 pub mod fault;
 mod join;
 pub mod layout;
-pub mod nodes;
+mod nodes;
 pub mod optix;
 mod peers;
 mod points;

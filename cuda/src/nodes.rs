@@ -13,7 +13,7 @@ const CHILDREN: usize = 8;
 /// bounds traversal. All 256 values are exact.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(16))]
-pub struct WideNode {
+pub(crate) struct WideNode {
     /// Corner, exponents, inner slots, first child, first triangle and children: what comes before the planes.
     head: [u32; 8],
     /// Low and high planes of the children by axis, as halves.
