@@ -4,15 +4,12 @@ use crate::api::Scene;
 use crate::flush::Flush;
 use crate::layout::StreamBuffer;
 use crate::scenes::Subject;
+use curitiba::passes::effects::{Area, Pixel, TILE};
 use curitiba::passes::sampling::hash::{self, pixel_key};
 use curitiba::passes::sampling::hemisphere::{Basis, cosine};
 use curitiba::passes::trace::{Bvh, Fan, Hit, Nearby, PACKET, Packet, PacketHits, SurfacePoint, Tracer};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-
-/// Pixels a side of a tile, and of the 4 x 4 block of pixels that is a packet.
-const TILE: u32 = 16;
-const BLOCK: u32 = 4;
 
 /// What is asked of the rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,22 +93,20 @@ pub fn generate(subject: &Subject, bvh: &Bvh, size: u32) -> Vec<Rays> {
     let low = geometry.positions.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
     let high = geometry.positions.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
     let diagonal = (high - low).length();
-    for tile in 0..(size / TILE) * (size / TILE) {
-        let (left, top) = (tile % (size / TILE) * TILE, tile / (size / TILE) * TILE);
+    let side = size as usize / TILE;
+    for tile in 0..side * side {
+        let (x, y) = (tile % side * TILE, tile / side * TILE);
+        let area = Area { x, y, width: TILE, height: TILE, stride: size as usize };
+        let pixels: Vec<Pixel> = area.pixels().map(|(_, pixel)| pixel).collect();
         let mut shadows = Packet::new(0.0, f32::INFINITY);
         let mut filled = 0;
-        for block in 0..(TILE / BLOCK) * (TILE / BLOCK) {
-            // Four blocks that follow each other are a square, too.
-            let (square, part) = (block / 4, block % 4);
-            let (x, y) = (square % 2 * 2 + part % 2, square / 2 * 2 + part / 2);
-            let (x, y) = (left + x * BLOCK, top + y * BLOCK);
+        for pixels in pixels.chunks(PACKET) {
             let mut packet = Packet::new(0.0, f32::INFINITY);
-            for lane in 0..PACKET as u32 {
-                let direction = view.direction(x + lane % BLOCK, y + lane / BLOCK, size);
-                packet.set(lane as usize, view.eye, direction);
+            for (lane, pixel) in pixels.iter().enumerate() {
+                packet.set(lane, view.eye, view.direction(pixel.x, pixel.y, size));
             }
             primary.push(packet);
-            for lane in 0..PACKET {
+            for (lane, pixel) in pixels.iter().enumerate() {
                 let ray = packet.ray(lane);
                 let Some(hit) = bvh.closest(&ray, |_| true) else { continue };
                 let point = SurfacePoint::from_hit(geometry, &hit);
@@ -125,7 +120,7 @@ pub fn generate(subject: &Subject, bvh: &Bvh, size: u32) -> Vec<Rays> {
                     }
                 }
                 if tile % 8 == 0 {
-                    let key = pixel_key(x + lane as u32 % BLOCK, y + lane as u32 / BLOCK, 0);
+                    let key = pixel_key(pixel.x, pixel.y, 0);
                     let origin = point.spawn(facing);
                     let mut fan = Packet::new(0.0, view.radius);
                     for (sample, direction) in directions(key, facing).into_iter().enumerate() {

@@ -7,7 +7,7 @@ use curitiba_passes::trace::{
 };
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::{DVec3, Vec3};
-use trace_scenes::{Random, geometry, quads, ray, soup, terrain};
+use trace_scenes::{Random, SETS, bounds, geometry, quads, ray, soup, terrain};
 
 const NONE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted without asking");
 
@@ -27,8 +27,7 @@ fn scenes() -> Vec<(&'static str, Geometry)> {
 }
 
 fn rays(geometry: &Geometry, count: usize, random: &mut Random) -> Vec<Ray> {
-    let (low, high) =
-        geometry.positions.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), &p| (l.min(p), h.max(p)));
+    let (low, high) = bounds(geometry);
     let (center, half) = ((low + high) / 2.0, (high - low) / 2.0);
     (0..count)
         .map(|index| {
@@ -129,7 +128,7 @@ fn results_do_not_depend_on_the_tree_or_the_instruction_set() {
         };
         let expected = results(Bvh::build(&geometry, &[], Quality::Balanced).with_lanes(Lanes::Portable).unwrap());
         for quality in [Quality::Fast, Quality::Balanced, Quality::Slow] {
-            for lanes in [Lanes::Portable, Lanes::Avx2, Lanes::Avx512] {
+            for lanes in SETS {
                 match Bvh::build(&geometry, &[], quality).with_lanes(lanes) {
                     Some(bvh) => assert!(results(bvh) == expected, "{name}, {quality:?}, {lanes:?}"),
                     None => println!("skipped: this processor lacks {lanes:?}"),
@@ -222,7 +221,7 @@ fn open_gathered(bvh: &Bvh, fan: &Fan<'_>, nearby: &mut Nearby, accept: impl Fn(
 
 #[test]
 fn rays_of_a_neighbourhood_count_what_they_count_one_by_one() {
-    for lanes in [Lanes::Avx512, Lanes::Avx2, Lanes::Portable] {
+    for lanes in SETS {
         for (name, mut geometry) in scenes() {
             let half = geometry.triangles.len() as u32 / 2;
             let rest = geometry.triangles.len() as u32 - half;
@@ -339,7 +338,7 @@ fn a_fan_counts_rays_of_any_direction_on_every_instruction_set() {
     ];
     for (name, geometry) in scenes() {
         let mut expected = None;
-        for lanes in [Lanes::Portable, Lanes::Avx2, Lanes::Avx512] {
+        for lanes in SETS {
             let Some(bvh) = Bvh::build(&geometry, &[], Quality::Balanced).with_lanes(lanes) else { continue };
             let (mut random, mut counts, mut partly) = (Random::new(17), Vec::new(), 0);
             for round in 0..300 {

@@ -2,13 +2,11 @@
 
 mod trace_scenes;
 
-use curitiba_passes::trace::{Bvh, Hit, Lanes, PACKET, Packet, PacketHits, Quality, Tracer};
+use curitiba_passes::trace::{Bvh, PACKET, Packet, PacketHits, Quality, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use std::collections::BTreeSet;
-use trace_scenes::{Random, geometry, quads, soup, terrain};
-
-const SETS: [Lanes; 3] = [Lanes::Avx512, Lanes::Avx2, Lanes::Portable];
+use trace_scenes::{Random, SETS, accepts, bits, bounds, geometry, quads, soup, terrain};
 
 fn scenes() -> Vec<(&'static str, Geometry)> {
     let mut random = Random::new(31);
@@ -29,10 +27,10 @@ fn scenes() -> Vec<(&'static str, Geometry)> {
     ]
 }
 
+/// The middle of a scene, and half its size.
 fn extent(geometry: &Geometry) -> (Vec3, Vec3) {
-    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = geometry.positions.iter().fold(start, |(l, h), &p| (l.min(p), h.max(p)));
-    if geometry.positions.is_empty() { (Vec3::ZERO, Vec3::ONE) } else { ((low + high) / 2.0, (high - low) / 2.0) }
+    let (low, high) = bounds(geometry);
+    ((low + high) / 2.0, (high - low) / 2.0)
 }
 
 /// Rays from one point through a grid; a wide one meets every octant.
@@ -116,11 +114,6 @@ fn all_packets(geometry: &Geometry) -> Vec<Packet> {
     packets
 }
 
-/// A rule about transparent triangles that depends on nothing but the hit.
-fn accepts(hit: &Hit) -> bool {
-    hit.u > 0.4 || hit.triangle.is_multiple_of(3)
-}
-
 #[test]
 fn packets_find_what_their_rays_find_one_by_one() {
     let (mut rays, mut met) = (0, 0);
@@ -159,7 +152,7 @@ fn packets_show_every_transparent_hit_of_rays_that_nothing_stops() {
     let mut blocked = vec![0; packets.len()];
     let mut shown = vec![BTreeSet::new(); packets.len() * PACKET];
     bvh.occluded_packets(&packets, &mut blocked, |ray, hit| {
-        shown[ray].insert((hit.triangle, hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits()));
+        shown[ray].insert(bits(hit));
         false
     });
     let mut crossings = 0;
@@ -167,7 +160,7 @@ fn packets_show_every_transparent_hit_of_rays_that_nothing_stops() {
         for lane in packet.lanes().filter(|lane| blocked[index] >> lane & 1 == 0) {
             let mut alone = BTreeSet::new();
             let stopped = bvh.occluded(&packet.ray(lane), |hit| {
-                alone.insert((hit.triangle, hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits()));
+                alone.insert(bits(hit));
                 false
             });
             assert!(!stopped);

@@ -3,13 +3,12 @@
 
 mod trace_scenes;
 
-use curitiba_passes::trace::{Bvh, Hit, Lanes, PACKET, Packet, Quality, Ray, SurfacePoint, Tracer};
+use curitiba_passes::trace::{Bvh, PACKET, Packet, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use std::collections::BTreeSet;
-use trace_scenes::{Random, geometry, quads, soup, terrain};
+use trace_scenes::{Random, SETS, accepts, bits, bounds, geometry, quads, soup, terrain};
 
-const SETS: [Lanes; 3] = [Lanes::Avx512, Lanes::Avx2, Lanes::Portable];
 /// Packets of a tile.
 const TILE: usize = 16;
 
@@ -56,9 +55,7 @@ fn needles(count: usize, random: &mut Random) -> Triangles {
 
 /// Tiles of rays from a scene's surfaces, from corners of triangles, and from anywhere, within patches of several sizes.
 fn tiles(geometry: &Geometry, bvh: &Bvh, direction: Vec3, random: &mut Random) -> Vec<Packet> {
-    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = geometry.positions.iter().fold(start, |(l, h), &p| (l.min(p), h.max(p)));
-    let (low, high) = if geometry.positions.is_empty() { (Vec3::ZERO, Vec3::ONE) } else { (low, high) };
+    let (low, high) = bounds(geometry);
     let (center, half) = ((low + high) / 2.0, (high - low) / 2.0);
     let mut packets = Vec::new();
     for patch in [1.0, 0.2, 0.03, 0.003] {
@@ -100,15 +97,6 @@ fn directions() -> [Vec3; 6] {
         Vec3::new(0.6, -0.0, 0.8),
         Vec3::new(1.0, 1.0, 1.0).normalize(),
     ]
-}
-
-/// A rule about transparent triangles that depends on nothing but the hit.
-fn accepts(hit: &Hit) -> bool {
-    hit.u > 0.4 || hit.triangle.is_multiple_of(3)
-}
-
-fn bits(hit: &Hit) -> (u32, u32, u32, u32) {
-    (hit.triangle, hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits())
 }
 
 #[test]

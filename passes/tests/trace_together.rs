@@ -2,13 +2,11 @@
 
 mod trace_scenes;
 
-use curitiba_passes::trace::{BruteForce, Bvh, Fan, Hit, Lanes, Nearby, Quality, Ray, Tracer};
+use curitiba_passes::trace::{BruteForce, Bvh, Fan, Hit, Nearby, Quality, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use std::collections::BTreeSet;
-use trace_scenes::{Random, geometry, quads, soup, terrain};
-
-const SETS: [Lanes; 3] = [Lanes::Avx512, Lanes::Avx2, Lanes::Portable];
+use trace_scenes::{Random, SETS, bits, bounds, geometry, quads, soup, terrain};
 
 fn scenes() -> Vec<(&'static str, Geometry)> {
     let mut random = Random::new(17);
@@ -44,9 +42,7 @@ impl Owned {
 
 /// Fans of neighbouring origins, long and short ones, with few and many rays, and such as meet nothing.
 fn fans(geometry: &Geometry, random: &mut Random) -> Vec<Owned> {
-    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = geometry.positions.iter().fold(start, |(l, h), &p| (l.min(p), h.max(p)));
-    let (low, high) = if low.is_finite() { (low, high) } else { (Vec3::ZERO, Vec3::ONE) };
+    let (low, high) = bounds(geometry);
     let size = (high - low).length();
     let mut fans = Vec::new();
     for group in 0..6 {
@@ -127,11 +123,10 @@ fn fans_together_show_every_transparent_hit_of_rays_that_nothing_stops() {
     let geometry = geometry(&[(1, soup(1500, 0.2, &mut random)), (0, soup(60, 0.2, &mut random))]);
     let owned = fans(&geometry, &mut random);
     let fans: Vec<Fan<'_>> = owned.iter().map(Owned::fan).collect();
-    let key = |hit: &Hit| (hit.triangle, hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits());
     let bvh = Bvh::build(&geometry, &[false, true], Quality::Balanced);
     let mut shown = vec![BTreeSet::new(); fans.len()];
     bvh.count_open_near(&fans, &mut vec![0; fans.len()], &mut Nearby::default(), |fan, hit| {
-        shown[fan].insert(key(hit));
+        shown[fan].insert(bits(hit));
         false
     });
     let mut crossings = 0;
@@ -140,7 +135,7 @@ fn fans_together_show_every_transparent_hit_of_rays_that_nothing_stops() {
         for ray in fan.rays() {
             let mut alone = BTreeSet::new();
             let stopped = bvh.occluded(&ray, |hit| {
-                alone.insert(key(hit));
+                alone.insert(bits(hit));
                 false
             });
             if !stopped {

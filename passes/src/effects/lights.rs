@@ -11,6 +11,8 @@ use glam::Vec3;
 pub const TILE: usize = 16;
 /// Pixels a side of the part of a tile whose rays share packets.
 const PART: usize = 4;
+/// Parts a side of a square of parts.
+const SQUARE: usize = 2;
 
 /// A tile, cut off at the image's border.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,12 +30,14 @@ pub struct Area {
 }
 
 impl Area {
-    /// The pixels, part by part, each with its place in the tile (row by row, [`TILE`] a row). Four parts that follow each
-    /// other are a square, too.
-    fn pixels(self) -> impl Iterator<Item = (usize, Pixel)> {
+    /// The pixels, in parts of 4 x 4, each with its place in the tile (row by row, [`TILE`] a row). Four parts that follow
+    /// each other are a square, too.
+    pub fn pixels(self) -> impl Iterator<Item = (usize, Pixel)> {
+        const SQUARES: usize = TILE / PART / SQUARE;
         let place = |index: usize| {
-            let (square, part, inner) = (index / 64, index / 16 % 4, index % 16);
-            let (left, top) = (square % 2 * 2 + part % 2, square / 2 * 2 + part / 2);
+            let (part, inner) = (index / (PART * PART), index % (PART * PART));
+            let (square, part) = (part / (SQUARE * SQUARE), part % (SQUARE * SQUARE));
+            let (left, top) = (square % SQUARES * SQUARE + part % SQUARE, square / SQUARES * SQUARE + part / SQUARE);
             (left * PART + inner % PART, top * PART + inner / PART)
         };
         let places = (0..TILE * TILE).map(place);
@@ -51,17 +55,17 @@ pub(super) struct Known {
     pub(super) light: Option<f32>,
     /// Its surface and the direction in which it is seen, where the program needs them again.
     pub(super) surface: Option<(Surface, Vec3)>,
-    /// Where rays to the viewer's side of that surface start; of the shadow program, its ray.
+    /// Where rays to the viewer's side of that surface start.
     pub(super) origin: Vec3,
-    /// Whether the shadow program has to trace that.
-    pub(super) is_asked: bool,
+    /// Where the ray of the shadow program starts, where it needs one.
+    pub(super) ray: Option<Vec3>,
     /// Its ambient occlusion; `None` where it has not been found out.
     pub(super) occlusion: Option<f32>,
 }
 
 impl Known {
     pub(super) const NOTHING: Self =
-        Self { light: None, surface: None, origin: Vec3::ZERO, is_asked: false, occlusion: None };
+        Self { light: None, surface: None, origin: Vec3::ZERO, ray: None, occlusion: None };
 }
 
 /// What is known of a tile's pixels, and the buffers that it takes to find out.
@@ -174,14 +178,6 @@ impl Lights {
     /// Notes the light's share at the place of every ray.
     fn note_answers(&mut self) {
         let Self { known, places, blocked, crossings, distances, .. } = self;
-        if crossings.is_empty() {
-            for (rays, blocked) in places.chunks(PACKET).zip(blocked) {
-                for (lane, place) in rays.iter().enumerate() {
-                    known[*place as usize].light = Some(share_of_light(*blocked >> lane & 1 == 1, &mut []));
-                }
-            }
-            return;
-        }
         crossings.sort_unstable_by_key(|(ray, _)| *ray);
         let mut crossings = crossings.iter().peekable();
         for (ray, place) in places.iter().enumerate() {

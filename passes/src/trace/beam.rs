@@ -4,9 +4,10 @@
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
 use super::block::Block;
+use super::extremes::Extremes;
 use super::face::{DOUBT, Face, LONGEST};
 use super::facet::Verdict;
-use super::lanes::{F8, F16, Mask, NO_LANES, Plain, Simd, WIDE};
+use super::lanes::{F8, F16, Mask, NO_LANES, Plain, Simd, WIDE, first_wide_lane, without_first};
 use super::packet::Packet;
 use super::query::{Bounds, FAR, Query, UNIT_ROUNDOFF, permutation};
 use super::{Hit, PacketHits};
@@ -128,8 +129,6 @@ pub(super) struct Beam {
     shortness: f32,
 }
 
-const ZERO: F16 = F16([0.0; WIDE]);
-
 impl Beam {
     pub(super) const EMPTY: Self = Self {
         open: NO_LANES,
@@ -137,19 +136,19 @@ impl Beam {
         axes: [0; 3],
         t_min: 0.0,
         t_max: 0.0,
-        origin: [ZERO; 3],
-        direction: [ZERO; 3],
-        shear: [ZERO; 2],
-        near_origin: [ZERO; 3],
-        far_origin: [ZERO; 3],
-        inverse: [ZERO; 3],
-        far_inverse: [ZERO; 3],
-        limit: ZERO,
-        u: ZERO,
-        v: ZERO,
-        triangle: ZERO,
+        origin: [F16::ZERO; 3],
+        direction: [F16::ZERO; 3],
+        shear: [F16::ZERO; 2],
+        near_origin: [F16::ZERO; 3],
+        far_origin: [F16::ZERO; 3],
+        inverse: [F16::ZERO; 3],
+        far_inverse: [F16::ZERO; 3],
+        limit: F16::ZERO,
+        u: F16::ZERO,
+        v: F16::ZERO,
+        triangle: F16::ZERO,
         hit: NO_LANES,
-        doubt: ZERO,
+        doubt: F16::ZERO,
         shortness: 0.0,
     };
 
@@ -211,7 +210,7 @@ impl Beam {
         self.doubt = simd.wide_store(simd.wide_select(unit, doubt, simd.wide_splat(f32::INFINITY)));
         self.shortness = 1.0 / packet.t_max;
         self.limit = F16([packet.t_max; WIDE]);
-        self.triangle = ZERO;
+        self.triangle = F16::ZERO;
         self.hit = NO_LANES;
     }
 
@@ -418,8 +417,8 @@ impl Beam {
             let triangle = block.triangle(lane);
             let mut asked = sure;
             while asked != NO_LANES {
-                let ray = asked.trailing_zeros() as usize & (WIDE - 1);
-                asked &= asked - 1;
+                let ray = first_wide_lane(asked);
+                asked = without_first(asked);
                 let hit = Hit { t: t.0[ray], triangle, u: u.0[ray], v: v.0[ray] };
                 if !accept(ray, &hit) {
                     sure &= !(1 << ray);
@@ -468,8 +467,8 @@ impl Beam {
                 let (t, u, v) = (simd.wide_store(t), simd.wide_store(u), simd.wide_store(v));
                 let mut asked = nearer;
                 while asked != NO_LANES {
-                    let ray = asked.trailing_zeros() as usize & (WIDE - 1);
-                    asked &= asked - 1;
+                    let ray = first_wide_lane(asked);
+                    asked = without_first(asked);
                     let hit = Hit { t: t.0[ray], triangle, u: u.0[ray], v: v.0[ray] };
                     if !accept(ray, &hit) {
                         nearer &= !(1 << ray);
@@ -506,8 +505,8 @@ impl Beam {
     ) {
         let triangle = block.triangle(lane);
         while rays != NO_LANES {
-            let ray = rays.trailing_zeros() as usize & (WIDE - 1);
-            rays &= rays - 1;
+            let ray = first_wide_lane(rays);
+            rays = without_first(rays);
             let query = self.query(ray);
             let mut limit = self.limit.0[ray];
             block.intersect(Plain, &query, &mut limit, |hit, transparent, _| {
@@ -551,72 +550,6 @@ impl Beam {
     #[cfg(test)]
     pub(super) fn scale_doubt(&mut self, factor: f32) {
         self.doubt.0 = self.doubt.0.map(|doubt| doubt * factor);
-    }
-}
-
-/// Extremes of what the box test of a ray computes with, of several rays.
-#[derive(Clone, Copy)]
-pub(super) struct Extremes {
-    /// The origin that gives the least distance to a near plane, and the greatest to a far one.
-    pub(super) near_origin: [f32; 3],
-    pub(super) far_origin: [f32; 3],
-    /// Least and greatest reciprocals of directions, and the same for far planes.
-    pub(super) inverse: [[f32; 3]; 2],
-    pub(super) far_inverse: [[f32; 3]; 2],
-    backward: [usize; 3],
-    pub(super) t_min: f32,
-    pub(super) t_max: f32,
-}
-
-impl Extremes {
-    pub(super) const NONE: Self = Self {
-        near_origin: [0.0; 3],
-        far_origin: [0.0; 3],
-        inverse: [[0.0; 3]; 2],
-        far_inverse: [[0.0; 3]; 2],
-        backward: [0; 3],
-        t_min: 0.0,
-        t_max: 0.0,
-    };
-
-    /// Leaves out what lies beyond a distance.
-    pub(super) fn limit_to(&mut self, t_max: f32) {
-        self.t_max = t_max;
-    }
-
-    /// Widens them to those of other rays of the octant.
-    pub(super) fn join(&mut self, other: &Self) {
-        for axis in 0..3 {
-            let (near, far) = (&mut self.near_origin[axis], &mut self.far_origin[axis]);
-            if self.backward[axis] == 0 {
-                (*near, *far) = (near.max(other.near_origin[axis]), far.min(other.far_origin[axis]));
-            } else {
-                (*near, *far) = (near.min(other.near_origin[axis]), far.max(other.far_origin[axis]));
-            }
-            self.inverse[0][axis] = self.inverse[0][axis].min(other.inverse[0][axis]);
-            self.inverse[1][axis] = self.inverse[1][axis].max(other.inverse[1][axis]);
-            self.far_inverse[0][axis] = self.far_inverse[0][axis].min(other.far_inverse[0][axis]);
-            self.far_inverse[1][axis] = self.far_inverse[1][axis].max(other.far_inverse[1][axis]);
-        }
-        self.t_min = self.t_min.min(other.t_min);
-        self.t_max = self.t_max.max(other.t_max);
-    }
-
-    /// The lanes of boxes that any ray may be in, and below which distance it does not enter them.
-    #[inline(always)]
-    pub(super) fn meets<S: Simd>(&self, simd: S, planes: [[S::Vector; 3]; 2]) -> (Mask, S::Vector) {
-        let mut enter = simd.splat(self.t_min);
-        let mut leave = simd.splat(self.t_max);
-        for axis in 0..3 {
-            let side = self.backward[axis] & 1;
-            let near = simd.sub(planes[side][axis], simd.splat(self.near_origin[axis]));
-            let far = simd.sub(planes[1 - side][axis], simd.splat(self.far_origin[axis]));
-            let (low, high) = (simd.splat(self.inverse[0][axis]), simd.splat(self.inverse[1][axis]));
-            enter = simd.max_or(simd.min_or(simd.mul(near, low), simd.mul(near, high)), enter);
-            let (low, high) = (simd.splat(self.far_inverse[0][axis]), simd.splat(self.far_inverse[1][axis]));
-            leave = simd.min_or(simd.max_or(simd.mul(far, low), simd.mul(far, high)), leave);
-        }
-        (simd.at_most(enter, leave), enter)
     }
 }
 

@@ -4,19 +4,19 @@
 //! node's eight children are tested against the interval of all of them, and a child that is met against the intervals of the
 //! sixteen beams, a beam a lane; from where few of them are left each goes on by itself ([`Descent`]).
 
-use super::beam::{Beam, Class, Classes, Extremes};
+use super::beam::{Beam, Class, Classes};
 use super::bvh::{Bvh, Closest, occluded};
 use super::descent::Descent;
 use super::dispatch::Work;
-use super::lanes::{F8, F16, LANES, Mask, NO_LANES, Simd, WIDE, first_lane, without_first};
+use super::extremes::{BeamLanes, Extremes};
+use super::lanes::{Mask, NO_LANES, Simd, WIDE, first_lane, first_wide_lane, without_first};
 use super::node::Child;
-use super::packet::{Packet, PacketHits};
+use super::packet::{Packet, PacketHits, TOGETHER};
 use super::query::Query;
 use super::stack::Stack;
 use super::{Hit, PACKET, parallel};
-use std::ops::Range;
 
-/// Beams that go down the tree together, and packets that are sorted together.
+/// Beams that go down the tree together, a beam a lane.
 const BEAMS: usize = WIDE;
 /// Beams up to which each goes on by itself, where nearest hits are looked for.
 const ALONE: u32 = 6;
@@ -61,8 +61,9 @@ impl<A: FnMut(usize, &Hit) -> bool> Work<()> for ClosestPackets<'_, A> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         self.hits.fill(PacketHits::NONE);
-        let some = 0..self.packets.len();
-        (Sorted { bvh: self.bvh, packets: self.packets, some }).each(simd, &mut self);
+        for (chunk, packets) in self.packets.chunks(TOGETHER).enumerate() {
+            (Sorted { bvh: self.bvh, packets, first: chunk * TOGETHER }).each(simd, &mut self);
+        }
     }
 }
 
@@ -70,13 +71,12 @@ impl<A: FnMut(usize, &Hit) -> bool> Work<()> for OccludedPackets<'_, A> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         self.blocked.fill(0);
-        for first in (0..self.packets.len()).step_by(BEAMS) {
-            let some = first..self.packets.len().min(first + BEAMS);
-            let (packets, blocked) = (&self.packets[some.clone()], &mut self.blocked[some.clone()]);
-            let accept = &mut self.accept;
+        for (chunk, packets) in self.packets.chunks(TOGETHER).enumerate() {
+            let first = chunk * TOGETHER;
+            let (blocked, accept) = (&mut self.blocked[first..][..packets.len()], &mut self.accept);
             let mut accept = |ray: usize, hit: &Hit| accept(first * PACKET + ray, hit);
             if !parallel::occluded(simd, self.bvh, packets, blocked, &mut accept) {
-                (Sorted { bvh: self.bvh, packets: self.packets, some }).each(simd, &mut self);
+                (Sorted { bvh: self.bvh, packets, first }).each(simd, &mut self);
             }
         }
     }
@@ -114,10 +114,9 @@ impl<A: FnMut(usize, &Hit) -> bool> Part for OccludedPackets<'_, A> {
     #[inline(always)]
     fn beams<S: Simd>(&mut self, simd: S, beams: &mut [Beam], packet_of: &[usize; BEAMS]) {
         for (beam, &packet) in beams.iter_mut().zip(packet_of) {
-            let (before, extremes, accept) = (beam.open, beam.extremes(simd), &mut self.accept);
+            let accept = &mut self.accept;
             let accept = |lane: usize, hit: &Hit| accept(packet * PACKET + lane, hit);
-            (Descent { bvh: self.bvh, accept }).descend::<S, false>(simd, beam, &extremes, self.bvh.root);
-            self.blocked[packet] |= (before & !beam.open) as u16;
+            self.blocked[packet] |= (Descent { bvh: self.bvh, accept }).stopped(simd, beam) as u16;
         }
     }
 
@@ -132,11 +131,12 @@ impl<A: FnMut(usize, &Hit) -> bool> Part for OccludedPackets<'_, A> {
     }
 }
 
-/// Some of the packets, sorted into beams.
+/// Up to [`TOGETHER`] packets, sorted into beams.
 struct Sorted<'a> {
     bvh: &'a Bvh,
     packets: &'a [Packet],
-    some: Range<usize>,
+    /// The number of the first packet.
+    first: usize,
 }
 
 impl Sorted<'_> {
@@ -148,49 +148,46 @@ impl Sorted<'_> {
         }
         let mut beams = [Beam::EMPTY; BEAMS];
         let mut packet_of = [0; BEAMS];
-        for (chunk, packets) in self.packets[self.some.clone()].chunks(BEAMS).enumerate() {
-            let mut classes = [Classes::NONE; BEAMS];
-            let mut left = [NO_LANES; BEAMS];
-            for (index, packet) in packets.iter().enumerate() {
-                classes[index] = Classes::of(packet);
-                left[index] = classes[index].valid() & Mask::from(packet.active);
-            }
-            let mut from = 0;
-            while let Some(first) = (from..packets.len()).find(|&index| left[index] != NO_LANES) {
-                from = first;
-                let octant = class_of(&classes[first], left[first]).octant();
-                let mut len = 0;
-                for index in first..packets.len() {
-                    let mut others = left[index];
-                    while others != NO_LANES {
-                        let class = class_of(&classes[index], others);
-                        let lanes = others & classes[index].lanes(class);
-                        others &= !lanes;
-                        if class.octant() != octant {
-                            continue;
+        let mut classes = [Classes::NONE; TOGETHER];
+        let mut left = [NO_LANES; TOGETHER];
+        for (index, packet) in self.packets.iter().enumerate() {
+            classes[index] = Classes::of(packet);
+            left[index] = classes[index].valid() & Mask::from(packet.active);
+        }
+        let mut from = 0;
+        while let Some(first) = (from..self.packets.len()).find(|&index| left[index] != NO_LANES) {
+            from = first;
+            let octant = class_of(&classes[first], left[first]).octant();
+            let mut len = 0;
+            for index in first..self.packets.len() {
+                let mut others = left[index];
+                while others != NO_LANES {
+                    let class = class_of(&classes[index], others);
+                    let mut lanes = others & classes[index].lanes(class);
+                    others &= !lanes;
+                    if class.octant() != octant {
+                        continue;
+                    }
+                    left[index] &= !lanes;
+                    let packet = self.first + index;
+                    if lanes.count_ones() < FEW {
+                        while lanes != NO_LANES {
+                            part.ray(simd, packet, first_wide_lane(lanes));
+                            lanes = without_first(lanes);
                         }
-                        left[index] &= !lanes;
-                        let packet = self.some.start + chunk * BEAMS + index;
-                        if lanes.count_ones() < FEW {
-                            let mut lanes = lanes;
-                            while lanes != NO_LANES {
-                                part.ray(simd, packet, lanes.trailing_zeros() as usize & (WIDE - 1));
-                                lanes &= lanes - 1;
-                            }
-                            continue;
-                        }
-                        beams[len].prepare(simd, &packets[index], (lanes, class), &self.bvh.bounds);
-                        packet_of[len] = packet;
-                        len += 1;
-                        if len == BEAMS {
-                            part.beams(simd, &mut beams, &packet_of);
-                            len = 0;
-                        }
+                        continue;
+                    }
+                    beams[len].prepare(simd, &self.packets[index], (lanes, class), &self.bvh.bounds);
+                    packet_of[len] = packet;
+                    len += 1;
+                    if len == BEAMS {
+                        part.beams(simd, &mut beams, &packet_of);
+                        len = 0;
                     }
                 }
-                if len > 0 {
-                    part.beams(simd, &mut beams[..len], &packet_of);
-                }
+            }
+            if len > 0 {
+                part.beams(simd, &mut beams[..len], &packet_of);
             }
         }
     }
@@ -198,7 +195,7 @@ impl Sorted<'_> {
 
 #[inline(always)]
 fn class_of(classes: &Classes, lanes: Mask) -> Class {
-    classes.get(lanes.trailing_zeros() as usize & (WIDE - 1))
+    classes.get(first_wide_lane(lanes))
 }
 
 /// Finds the nearest hits of beams of one octant.
@@ -224,14 +221,14 @@ fn share<S: Simd>(
     loop {
         if current.is_block() || mask.count_ones() <= ALONE {
             while mask != NO_LANES {
-                let index = mask.trailing_zeros() as usize & (BEAMS - 1);
-                mask &= mask - 1;
+                let index = first_wide_lane(mask);
+                mask = without_first(mask);
                 let accept = |lane: usize, hit: &Hit| accept(packet_of[index] * PACKET + lane, hit);
                 let beam = &mut beams[index];
                 (Descent { bvh, accept }).descend::<S, true>(simd, beam, &extremes[index], current);
                 lanes_of_beams.limit.0[index] = beam.farthest(simd);
             }
-            all.limit_to(lanes_of_beams.limit.0[..beams.len()].iter().fold(f32::NEG_INFINITY, |most, t| most.max(*t)));
+            all.t_max = lanes_of_beams.limit.0[..beams.len()].iter().fold(f32::NEG_INFINITY, |most, t| most.max(*t));
         } else {
             let node = &bvh.nodes[current.index()];
             let (mut lanes, enter) = all.meets(simd, node.load(simd));
@@ -256,64 +253,5 @@ fn share<S: Simd>(
                 break;
             }
         }
-    }
-}
-
-/// The extremes of sixteen beams, a beam a lane.
-struct BeamLanes {
-    near_origin: [F16; 3],
-    far_origin: [F16; 3],
-    inverse: [[F16; 3]; 2],
-    far_inverse: [[F16; 3]; 2],
-    t_min: F16,
-    /// The distances up to which beams look; lanes without a beam meet nothing.
-    limit: F16,
-}
-
-const ZERO: F16 = F16([0.0; WIDE]);
-
-impl BeamLanes {
-    const NONE: Self = Self {
-        near_origin: [ZERO; 3],
-        far_origin: [ZERO; 3],
-        inverse: [[ZERO; 3]; 2],
-        far_inverse: [[ZERO; 3]; 2],
-        t_min: ZERO,
-        limit: F16([f32::NEG_INFINITY; WIDE]),
-    };
-
-    fn set(&mut self, lane: usize, extremes: &Extremes) {
-        for axis in 0..3 {
-            self.near_origin[axis].0[lane] = extremes.near_origin[axis];
-            self.far_origin[axis].0[lane] = extremes.far_origin[axis];
-            for side in 0..2 {
-                self.inverse[side][axis].0[lane] = extremes.inverse[side][axis];
-                self.far_inverse[side][axis].0[lane] = extremes.far_inverse[side][axis];
-            }
-        }
-        self.t_min.0[lane] = extremes.t_min;
-        self.limit.0[lane] = extremes.t_max;
-    }
-
-    /// The beams of which any ray may be in a box, by the operations of [`Extremes::meets`].
-    #[inline(always)]
-    fn meets<S: Simd>(&self, simd: S, planes: &[[F8; 3]; 2], box_lane: usize, class: Class) -> Mask {
-        let lane = box_lane & (LANES - 1);
-        let backward = class.backward();
-        let mut enter = simd.wide_load(&self.t_min);
-        let mut leave = simd.wide_load(&self.limit);
-        for axis in 0..3 {
-            let side = backward[axis] & 1;
-            let (near, far) = (planes[side][axis].0[lane], planes[1 - side][axis].0[lane]);
-            let near = simd.wide_sub(simd.wide_splat(near), simd.wide_load(&self.near_origin[axis]));
-            let far = simd.wide_sub(simd.wide_splat(far), simd.wide_load(&self.far_origin[axis]));
-            let (low, high) = (simd.wide_load(&self.inverse[0][axis]), simd.wide_load(&self.inverse[1][axis]));
-            let least = simd.wide_min_or(simd.wide_mul(near, low), simd.wide_mul(near, high));
-            enter = simd.wide_max_or(least, enter);
-            let (low, high) = (simd.wide_load(&self.far_inverse[0][axis]), simd.wide_load(&self.far_inverse[1][axis]));
-            let most = simd.wide_max_or(simd.wide_mul(far, low), simd.wide_mul(far, high));
-            leave = simd.wide_min_or(most, leave);
-        }
-        simd.wide_at_most(enter, leave)
     }
 }

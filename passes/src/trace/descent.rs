@@ -7,10 +7,11 @@
 //! would enter. What is hit, and where, has the bits that it has ray by ray.
 
 use super::Hit;
-use super::beam::{Beam, Extremes};
+use super::beam::Beam;
 use super::block::Block;
 use super::bvh::{Bvh, approach, blocked, closest, occluded};
-use super::lanes::{Mask, NO_LANES, Simd, WIDE, first_lane, without_first};
+use super::extremes::Extremes;
+use super::lanes::{Mask, NO_LANES, Simd, first_lane, first_wide_lane, without_first};
 use super::node::{Child, Node};
 use super::stack::Stack;
 
@@ -28,6 +29,14 @@ pub(super) struct Descent<'a, A> {
 }
 
 impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
+    /// Closes the open rays of a beam that anything stops, and says which they are.
+    #[inline(always)]
+    pub(super) fn stopped<S: Simd>(&mut self, simd: S, beam: &mut Beam) -> Mask {
+        let (asked, extremes) = (beam.open, beam.extremes(simd));
+        self.descend::<S, false>(simd, beam, &extremes, self.bvh.root);
+        asked & !beam.open
+    }
+
     /// Finds the nearest hits of all open rays below `entry`, or closes those that anything stops.
     #[inline(always)]
     pub(super) fn descend<S: Simd, const NEAREST: bool>(
@@ -66,8 +75,8 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
     fn one_by_one<S: Simd, const NEAREST: bool>(&mut self, simd: S, beam: &mut Beam, current: Child, mut mask: Mask) {
         let Self { bvh, accept } = self;
         while mask != NO_LANES {
-            let ray = mask.trailing_zeros() as usize & (WIDE - 1);
-            mask &= mask - 1;
+            let ray = first_wide_lane(mask);
+            mask = without_first(mask);
             let query = beam.query(ray);
             let mut accept = |hit: &Hit| accept(ray, hit);
             if NEAREST {

@@ -34,7 +34,7 @@ impl Directions {
     pub fn push(&mut self, direction: Vec3) {
         let lane = self.len % WIDE;
         if lane == 0 {
-            self.vectors.push([F16([0.0; WIDE]); 3]);
+            self.vectors.push([F16::ZERO; 3]);
         }
         if let Some(vector) = self.vectors.last_mut() {
             for axis in 0..3 {
@@ -48,7 +48,7 @@ impl Directions {
     /// 0 by [`Self::end`].
     pub(crate) fn begin(&mut self, len: usize) -> &mut [[F16; 3]] {
         self.len = len;
-        self.vectors.resize(len.div_ceil(WIDE), [F16([0.0; WIDE]); 3]);
+        self.vectors.resize(len.div_ceil(WIDE), [F16::ZERO; 3]);
         &mut self.vectors
     }
 

@@ -100,10 +100,10 @@ pub(super) struct Verdict {
 
 impl Group {
     pub(super) const EMPTY: Self = Self {
-        corners: [[F16([0.0; WIDE]); 3]; 3],
-        normal: [F16([0.0; WIDE]); 3],
-        length: F16([0.0; WIDE]),
-        height: F16([0.0; WIDE]),
+        corners: [[F16::ZERO; 3]; 3],
+        normal: [F16::ZERO; 3],
+        length: F16::ZERO,
+        height: F16::ZERO,
         ids: [0; WIDE],
         used: NO_LANES,
         transparent: NO_LANES,
@@ -363,11 +363,11 @@ impl<S: Simd> Facet<S> {
 
 impl Facets {
     pub(super) const EMPTY: Self = Self {
-        edges: [[F16([0.0; WIDE]); 3]; 3],
-        normal: [F16([0.0; WIDE]); 3],
-        miss: F16([0.0; WIDE]),
-        hit: F16([0.0; WIDE]),
-        after: F16([0.0; WIDE]),
+        edges: [[F16::ZERO; 3]; 3],
+        normal: [F16::ZERO; 3],
+        miss: F16::ZERO,
+        hit: F16::ZERO,
+        after: F16::ZERO,
         seen: NO_LANES,
         sided: NO_LANES,
         group: 0,

@@ -11,7 +11,7 @@ use super::block::{Block, Cones};
 use super::bvh::{Bvh, blocked, occluded};
 use super::clear::Plane;
 use super::dispatch::Work;
-use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, without_first};
+use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, first_wide_lane, without_first};
 use super::node::{Child, Node};
 use super::query::{Query, Start};
 use super::stack::Stack;
@@ -97,7 +97,7 @@ impl Lanes {
             regular &= simd.wide_at_most(size[axis], simd.wide_splat(MOST));
             inverse[axis] = simd.wide_div(one, wide[axis]);
         }
-        let mut offset = [[F16([0.0; WIDE]); 3]; 2];
+        let mut offset = [[F16::ZERO; 3]; 2];
         for (offset, origin) in offset.iter_mut().zip(start.farthest()) {
             for axis in 0..3 {
                 let product = simd.wide_mul(simd.wide_splat(-origin[axis]), inverse[axis]);
@@ -219,8 +219,8 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
             return stopped;
         }
         while mask != NO_LANES {
-            let ray = mask.trailing_zeros() as usize & (WIDE - 1);
-            mask &= mask - 1;
+            let ray = first_wide_lane(mask);
+            mask = without_first(mask);
             let d = &lanes.direction;
             if cones.may_stop(simd, [d[0].0[ray], d[1].0[ray], d[2].0[ray]]) {
                 let query = lanes.query(&apex.start, ray);

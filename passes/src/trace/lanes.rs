@@ -19,6 +19,10 @@ pub(crate) const WIDE: usize = 2 * LANES;
 #[repr(C, align(64))]
 pub(crate) struct F16(pub(crate) [f32; WIDE]);
 
+impl F16 {
+    pub(crate) const ZERO: Self = Self([0.0; WIDE]);
+}
+
 /// One bit a lane, lane 0 lowest.
 pub(crate) type Mask = u32;
 
@@ -31,10 +35,28 @@ pub(super) fn first_lane(mask: Mask) -> usize {
     mask.trailing_zeros() as usize & (LANES - 1)
 }
 
+/// The lowest lane of sixteen, of a mask that is not empty.
+#[inline(always)]
+pub(super) fn first_wide_lane(mask: Mask) -> usize {
+    mask.trailing_zeros() as usize & (WIDE - 1)
+}
+
 /// The mask without its lowest lane.
 #[inline(always)]
 pub(super) fn without_first(mask: Mask) -> Mask {
     mask & mask.wrapping_sub(1)
+}
+
+/// The lower of two numbers, in one instruction; `f32::min` takes jumps, for what is not a number.
+#[inline(always)]
+pub(crate) fn lower(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The higher of two numbers.
+#[inline(always)]
+pub(crate) fn higher(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 /// Eight floats in registers, and what an instruction set does with them.

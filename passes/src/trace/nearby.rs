@@ -5,7 +5,7 @@ use super::clear::{Ball, Plane, half_balls, slack};
 use super::directions::Directions;
 use super::dispatch::{Detected, Work};
 use super::facet::{Facet, Facets, Group, LONGEST, Verdict, View};
-use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, without_first};
+use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, first_wide_lane, without_first};
 use super::node::Child;
 use super::query::{Bounds, Query, UNIT_ROUNDOFF};
 use super::stack::Stack;
@@ -367,7 +367,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         for facets in &nearby.facets[..nearby.facing] {
             let mut seen = facets.seen;
             while seen != NO_LANES {
-                let lane = seen.trailing_zeros() as usize & (WIDE - 1);
+                let lane = first_wide_lane(seen);
                 seen = without_first(seen);
                 let facet = Facet::new(simd, facets, lane);
                 let mut left = NO_LANES;
@@ -398,7 +398,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         let block = nearby.groups[group as usize].block(lane);
         let mut stopped = NO_LANES;
         while rays != NO_LANES {
-            let index = rays.trailing_zeros() as usize & (WIDE - 1);
+            let index = first_wide_lane(rays);
             rays = without_first(rays);
             let direction = Vec3::new(vector[0].0[index], vector[1].0[index], vector[2].0[index]);
             let ray = Ray { origin: nearby.origin, direction, t_min: nearby.t_min, t_max: nearby.t_max };

@@ -17,7 +17,7 @@
 use super::beam::Class;
 use super::block::Block;
 use super::face::DOUBT;
-use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE};
+use super::lanes::{F16, Mask, NO_LANES, Simd};
 use super::node::Node;
 use super::packet::Packet;
 use super::query::{Bounds, UNIT_ROUNDOFF, permutation};
@@ -57,10 +57,9 @@ pub(super) struct Seen {
     pub(super) size: [f32; 3],
 }
 
-pub(super) const ZERO: F16 = F16([0.0; WIDE]);
-
 impl Seen {
-    pub(super) const NONE: Self = Self { origin: [ZERO; 3], across: [ZERO; 2], zone: Zone::EMPTY, size: [0.0; 3] };
+    pub(super) const NONE: Self =
+        Self { origin: [F16::ZERO; 3], across: [F16::ZERO; 2], zone: Zone::EMPTY, size: [0.0; 3] };
 }
 
 /// A rectangle across the direction, and where along it the first ray starts.
@@ -136,7 +135,7 @@ impl View {
             size[axis] = simd.wide_most(simd.wide_abs(origin[axis]));
         }
         let [x, y, z] = self.axes;
-        let (mut zone, mut stored) = (Zone::EMPTY, [ZERO; 2]);
+        let (mut zone, mut stored) = (Zone::EMPTY, [F16::ZERO; 2]);
         let (most, least) = (simd.wide_splat(f32::INFINITY), simd.wide_splat(f32::NEG_INFINITY));
         for (side, axis) in [x, y].into_iter().enumerate() {
             let moved = simd.wide_mul(origin[z], simd.wide_splat(self.shear[side]));
@@ -225,14 +224,14 @@ pub(super) struct Outlines {
 
 impl Outlines {
     pub(super) const EMPTY: Self = Self {
-        low: [ZERO; 2],
-        high: [ZERO; 2],
-        edge: [[ZERO; 2]; 3],
-        outside: [ZERO; 3],
-        inside: [ZERO; 3],
-        normal: [ZERO; 3],
-        beyond: ZERO,
-        before: ZERO,
+        low: [F16::ZERO; 2],
+        high: [F16::ZERO; 2],
+        edge: [[F16::ZERO; 2]; 3],
+        outside: [F16::ZERO; 3],
+        inside: [F16::ZERO; 3],
+        normal: [F16::ZERO; 3],
+        beyond: F16::ZERO,
+        before: F16::ZERO,
     };
 
     /// From the corners, `[corner][axis]`; `opaque` says which triangles stop every ray.

@@ -5,6 +5,8 @@ use glam::Vec3;
 
 /// Rays in a packet.
 pub const PACKET: usize = 16;
+/// Packets that are traced together, at most: those of a tile.
+pub(super) const TOGETHER: usize = 16;
 
 /// Up to sixteen rays, structure of arrays. It pays where they start near each other and run alike, as those of 4 x 4
 /// neighbouring pixels do.

@@ -13,25 +13,23 @@ use super::Hit;
 use super::beam::{Beam, Class, Classes};
 use super::bvh::Bvh;
 use super::descent::Descent;
-use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, without_first};
+use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, first_wide_lane, without_first};
 use super::node::Child;
-use super::outline::{Outlines, Seen, View, ZERO, Zone};
-use super::packet::{PACKET, Packet};
+use super::outline::{Outlines, Seen, View, Zone};
+use super::packet::{PACKET, Packet, TOGETHER};
 use super::stack::Stack;
 use std::ops::Range;
 
-/// Packets that are answered together, at most.
-const PACKETS: usize = 16;
+/// Triangles in a list, at most.
+const MOST: usize = 256;
 /// How many packets share a list, and its longest length; where it is longer, fewer share one, and in the end none is made.
-const LEVELS: [(usize, usize); 3] = [(PACKETS, 256), (4, 160), (1, 96)];
+const LEVELS: [(usize, usize); 3] = [(TOGETHER, MOST), (4, 160), (1, 96)];
 /// Lists of one length that were too long, one after the other, after which no more of that length are tried in a tile.
 const ENOUGH: u32 = 2;
-/// Triangles in a list.
-const MOST: usize = 256;
 /// Rays below which a list is not worth it.
 const FEW: u32 = 16;
 
-/// Answers for the rays of up to [`PACKETS`] packets, one bit a ray, where they have one direction; else does nothing and
+/// Answers for the rays of up to [`TOGETHER`] packets, one bit a ray, where they have one direction; else does nothing and
 /// returns false. `accept` is told the ray as 16 times its packet plus its lane.
 #[inline(always)]
 pub(super) fn occluded<S: Simd>(
@@ -41,12 +39,12 @@ pub(super) fn occluded<S: Simd>(
     blocked: &mut [u16],
     accept: &mut impl FnMut(usize, &Hit) -> bool,
 ) -> bool {
-    if bvh.root == Child::NONE || packets.len() > PACKETS {
+    if bvh.root == Child::NONE {
         return false;
     }
     let Some((rays, center, direction)) = Rays::of(simd, packets) else { return false };
     let mut view = View::new(rays.class, center, direction);
-    let mut seen = [Seen::NONE; PACKETS];
+    let mut seen = [Seen::NONE; TOGETHER];
     for (index, packet) in packets.iter().enumerate() {
         if rays.valid[index] != NO_LANES {
             seen[index] = view.packet(simd, packet, rays.valid[index]);
@@ -67,7 +65,7 @@ struct Rays<'a> {
     packets: &'a [Packet],
     class: Class,
     /// The rays of each packet that can meet anything.
-    valid: [Mask; PACKETS],
+    valid: [Mask; TOGETHER],
 }
 
 impl<'a> Rays<'a> {
@@ -76,9 +74,13 @@ impl<'a> Rays<'a> {
     fn of<S: Simd>(simd: S, packets: &'a [Packet]) -> Option<(Self, [f32; 3], [f32; 3])> {
         let model = packets.iter().find(|packet| packet.active != 0)?;
         let classes = Classes::of(model);
-        let lane = first_of(classes.valid() & Mask::from(model.active))?;
+        let valid = classes.valid() & Mask::from(model.active);
+        if valid == NO_LANES {
+            return None;
+        }
+        let lane = first_wide_lane(valid);
         let [origin, direction] = [&model.origin, &model.direction].map(|v| [v[0][lane], v[1][lane], v[2][lane]]);
-        let mut rays = Self { packets, class: classes.get(lane), valid: [NO_LANES; PACKETS] };
+        let mut rays = Self { packets, class: classes.get(lane), valid: [NO_LANES; TOGETHER] };
         let mut count = 0;
         for (index, packet) in packets.iter().enumerate() {
             if packet.t_min.to_bits() != model.t_min.to_bits() || packet.t_max.to_bits() != model.t_max.to_bits() {
@@ -137,7 +139,7 @@ impl List {
             if current.is_block() {
                 let lanes = view.triangles(simd, &bvh.blocks[current.index()], zone);
                 triangles += lanes.count_ones() as usize;
-                if triangles > most.min(MOST) {
+                if triangles > most {
                     return false;
                 }
                 if lanes != NO_LANES {
@@ -167,7 +169,7 @@ impl List {
     #[inline(always)]
     fn prepare<S: Simd>(&mut self, simd: S, tile: &Tile<'_>, zone: &Zone, blocks: usize) {
         self.len = 0;
-        let mut triangles = [[ZERO; 3]; 3];
+        let mut triangles = [[F16::ZERO; 3]; 3];
         let mut opaque = NO_LANES;
         for &(index, mut lanes) in &self.found[..blocks] {
             let block = &tile.bvh.blocks[index as usize];
@@ -201,7 +203,7 @@ struct Tile<'a> {
     bvh: &'a Bvh,
     rays: &'a Rays<'a>,
     view: &'a View,
-    seen: &'a [Seen; PACKETS],
+    seen: &'a [Seen; TOGETHER],
     /// Whether a ray that meets an opaque triangle ahead is stopped, however far it is.
     hits_are_certain: bool,
 }
@@ -286,7 +288,7 @@ impl Tile<'_> {
                 let used = ((1_u64 << WIDE.min(list.len - first)) - 1) as Mask;
                 let mut lanes = outlines.meeting(simd, &seen.zone) & used;
                 while lanes != NO_LANES && open != NO_LANES {
-                    let lane = lanes.trailing_zeros() as usize & (WIDE - 1);
+                    let lane = first_wide_lane(lanes);
                     lanes = without_first(lanes);
                     let (stopped, possible) = outlines.stops(simd, lane, seen, open);
                     open &= !stopped;
@@ -320,15 +322,7 @@ impl Tile<'_> {
         let valid = self.rays.valid[index];
         let mut beam = Beam::EMPTY;
         beam.prepare(simd, &self.rays.packets[index], (valid, self.rays.class), &self.bvh.bounds);
-        let extremes = beam.extremes(simd);
         let accept = |lane: usize, hit: &Hit| accept(index * PACKET + lane, hit);
-        (Descent { bvh: self.bvh, accept }).descend::<S, false>(simd, &mut beam, &extremes, self.bvh.root);
-        blocked[index] = (valid & !beam.open) as u16;
+        blocked[index] = (Descent { bvh: self.bvh, accept }).stopped(simd, &mut beam) as u16;
     }
-}
-
-/// The lowest lane of sixteen, if there is any.
-#[inline(always)]
-fn first_of(lanes: Mask) -> Option<usize> {
-    (lanes != NO_LANES).then(|| lanes.trailing_zeros() as usize & (WIDE - 1))
 }

@@ -1,7 +1,7 @@
 //! What is computed once per ray: the shear of the triangle test and the padded slabs of the box test.
 
 use super::Ray;
-use super::lanes::{F8, Mask, Simd};
+use super::lanes::{F8, Mask, Simd, higher, lower};
 use glam::{DVec3, Vec3};
 
 /// Unit roundoff of `f32`.
@@ -111,18 +111,6 @@ impl Start {
 /// How much farther the far planes of boxes are taken to be: Ize, "Robust BVH Ray Traversal", JCGT 2(2), 2013: the far
 /// distance grows by twice the error of a slab, 6 u.
 pub(super) const FAR: f32 = 1.0 + 8.0 * UNIT_ROUNDOFF;
-
-/// The lower of two numbers, in one instruction; `f32::min` takes jumps, for what is not a number.
-#[inline(always)]
-fn lower(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-/// The higher of two numbers.
-#[inline(always)]
-fn higher(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
-}
 
 /// The two other axes and the one along which a direction is longest.
 #[inline(always)]

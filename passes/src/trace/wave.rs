@@ -8,7 +8,7 @@
 use super::Hit;
 use super::bvh::{Bvh, blocked, occluded};
 use super::fan::{Apex, Lanes};
-use super::lanes::{LANES, Mask, NO_LANES, Simd, WIDE};
+use super::lanes::{LANES, Mask, NO_LANES, Simd, WIDE, first_wide_lane, without_first};
 use super::node::Child;
 use super::stack::{List, STACKED, Stacks};
 
@@ -59,14 +59,14 @@ impl Wave {
         if part.is_block() {
             while rays != NO_LANES {
                 self.blocks.push(part.0, rays.trailing_zeros());
-                rays &= rays - 1;
+                rays = without_first(rays);
             }
             room = self.blocks.len() + WIDE <= WAITING;
         } else {
             self.busy |= rays;
             while rays != NO_LANES {
-                room &= self.stacks.push(rays.trailing_zeros() as usize & (WIDE - 1), part.0) + LANES < STACKED;
-                rays &= rays - 1;
+                room &= self.stacks.push(first_wide_lane(rays), part.0) + LANES < STACKED;
+                rays = without_first(rays);
             }
         }
         self.parts >= self.limit || !room
@@ -99,8 +99,8 @@ impl Wave {
                 break;
             }
             while rays != NO_LANES {
-                let ray = rays.trailing_zeros() as usize & (WIDE - 1);
-                rays &= rays - 1;
+                let ray = first_wide_lane(rays);
+                rays = without_first(rays);
                 if self.stacks.len(ray) + LANES < STACKED {
                     self.step(simd, bvh, (apex, lanes), ray);
                 } else if self.goes_on_alone(simd, bvh, (apex, lanes), ray, accept) {

@@ -193,7 +193,7 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn wide_store(self, [low, high]: [__m256; 2]) -> F16 {
-        let mut values = F16([0.0; 16]);
+        let mut values = F16::ZERO;
         // SAFETY: AVX is present, since `self` exists; `F16` is 64 bytes, aligned to 64.
         unsafe {
             _mm256_store_ps(values.0.as_mut_ptr(), low);
@@ -358,7 +358,7 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     fn wide_store(self, vector: __m512) -> F16 {
-        let mut values = F16([0.0; 16]);
+        let mut values = F16::ZERO;
         // SAFETY: AVX-512 F is present, since `self` exists; `F16` is 64 bytes, aligned to 64.
         unsafe { _mm512_store_ps(values.0.as_mut_ptr(), vector) };
         values

@@ -1,10 +1,30 @@
 //! Generated scenes and rays for the tracer's tests and benches.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use curitiba_passes::trace::Ray;
+use curitiba_passes::trace::{Hit, Lanes, Ray};
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::Vec3;
 use std::collections::HashMap;
+
+/// The instruction sets to try; a processor need not have all.
+pub const SETS: [Lanes; 3] = [Lanes::Avx512, Lanes::Avx2, Lanes::Portable];
+
+/// A rule about transparent triangles that depends on nothing but the hit.
+pub fn accepts(hit: &Hit) -> bool {
+    hit.u > 0.4 || hit.triangle.is_multiple_of(3)
+}
+
+/// A hit, to compare bit by bit.
+pub fn bits(hit: &Hit) -> (u32, u32, u32, u32) {
+    (hit.triangle, hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits())
+}
+
+/// The least and the greatest coordinates of all vertices; the unit cube if there are none.
+pub fn bounds(geometry: &Geometry) -> (Vec3, Vec3) {
+    let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (low, high) = geometry.positions.iter().fold(start, |(l, h), &p| (l.min(p), h.max(p)));
+    if geometry.positions.is_empty() { (Vec3::ZERO, Vec3::ONE) } else { (low, high) }
+}
 
 /// A small generator (PCG, O'Neill 2014), so that every run sees the same numbers.
 pub struct Random(u64);

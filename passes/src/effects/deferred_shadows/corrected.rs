@@ -32,11 +32,11 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     let wanted = |pixel, _| is_lit(pass, pixel);
     work.lights.locate(pass, area, wanted, |known, _, triangle, point| match light_at(pass, triangle, &point) {
         Light::Certain(share) => known.light = Some(share),
-        Light::Ray(origin) => (known.origin, known.is_asked) = (origin, true),
+        Light::Ray(origin) => known.ray = Some(origin),
     });
-    let origin = |_, known: &Known| match known.is_asked {
-        true => (None, Some(known.origin)),
-        false => (Some(known.light.unwrap_or(1.0)), None),
+    let origin = |_, known: &Known| match known.ray {
+        Some(origin) => (None, Some(origin)),
+        None => (Some(known.light.unwrap_or(1.0)), None),
     };
     work.rays.shadow += prepare_lights(pass, area, &mut work.lights, origin, |_, hit, _| pass.coverage.covers(hit));
 }

@@ -4,6 +4,7 @@ use super::bins::{Bins, Bounds, doubled_area};
 use super::frame::{Corners, Frame, Part};
 use super::surface::{TILE, TileSurface};
 use super::vertex::{ScreenVertex, UNITS};
+use crate::trace::{higher, lower};
 
 /// Lanes of a vector.
 pub(super) const LANES: usize = 8;
@@ -101,8 +102,8 @@ impl Depth {
             dx: (across * f64::from(UNITS)) as f32,
             dy: (down * f64::from(UNITS)) as f32,
             // Not -0, whose bits do not compare.
-            low: maximum(minimum(minimum(v0.z, v1.z), v2.z), 0.0),
-            high: maximum(maximum(v0.z, v1.z), v2.z),
+            low: higher(lower(lower(v0.z, v1.z), v2.z), 0.0),
+            high: higher(higher(v0.z, v1.z), v2.z),
         }
     }
 
@@ -114,7 +115,7 @@ impl Depth {
 
     #[inline(always)]
     fn clamp(&self, z: f32) -> f32 {
-        maximum(minimum(z, self.high), self.low)
+        higher(lower(z, self.high), self.low)
     }
 
     /// The largest depth of a block.
@@ -122,19 +123,8 @@ impl Depth {
     fn highest(&self, column: i32, row: i32) -> f32 {
         let last = BLOCK as i32 - 1;
         let left = self.at(column, if self.dy > 0.0 { row + last } else { row });
-        self.clamp(left + maximum(self.dx * last as f32, 0.0))
+        self.clamp(left + higher(self.dx * last as f32, 0.0))
     }
-}
-
-/// Without the care for NaN of `f32::min`, as the vector instructions are.
-#[inline(always)]
-fn minimum(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn maximum(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }
 
 impl Tile {
