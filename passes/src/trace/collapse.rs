@@ -4,7 +4,7 @@ use super::build::Leaves;
 use super::lanes::LANES;
 use obvhs::bvh2::Bvh2;
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Cost of opening a node, one vector test of eight, in the surface area heuristic; children cost [`Leaves::CHILD_COST`]
 /// more, and leaves [`Leaves::cost`].
@@ -56,12 +56,13 @@ impl Choice {
 /// The cheapest collapse of a binary tree into nodes of eight and leaves (Ylitie, Karras and Laine, "Efficient Incoherent
 /// Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 3.1).
 pub(super) struct Plan {
-    choices: Vec<AtomicU32>,
+    /// By binary node: the choice in the lower half, the bits of the cost in the upper.
+    nodes: Vec<AtomicU64>,
 }
 
 impl Plan {
     pub(super) fn new<L: Leaves>(tree: &Bvh2) -> Self {
-        let plan = Self { choices: tree.nodes.iter().map(|_| AtomicU32::new(0)).collect() };
+        let plan = Self { nodes: tree.nodes.iter().map(|_| AtomicU64::new(0)).collect() };
         if !tree.nodes.is_empty() {
             plan.fill::<L>(tree);
         }
@@ -69,7 +70,16 @@ impl Plan {
     }
 
     pub(super) fn choice(&self, index: usize) -> Choice {
-        Choice(self.choices[index].load(Ordering::Relaxed))
+        Choice(self.nodes[index].load(Ordering::Relaxed) as u32)
+    }
+
+    /// What a ray that meets the bounds of a subtree costs there, as one child.
+    pub(super) fn cost(&self, index: usize) -> f32 {
+        f32::from_bits((self.nodes[index].load(Ordering::Relaxed) >> 32) as u32)
+    }
+
+    fn set(&self, index: u32, choice: u32, cost: f32) {
+        self.nodes[index as usize].store(u64::from(cost.to_bits()) << 32 | u64::from(choice), Ordering::Relaxed);
     }
 
     /// Plans the subtrees below the top of the tree side by side, then the top.
@@ -115,9 +125,9 @@ impl Plan {
         for &index in order.iter().rev() {
             let node = &tree.nodes[index as usize];
             let summary = if node.is_leaf() {
-                let cost = node.aabb().half_area() * L::cost(node.prim_count as usize);
-                self.choices[index as usize].store(Choice::LEAF, Ordering::Relaxed);
-                Summary { triangles: node.prim_count, cost: [cost; LANES - 1] }
+                let cost = L::cost(node.prim_count as usize);
+                self.set(index, Choice::LEAF, cost);
+                Summary { triangles: node.prim_count, cost: [node.aabb().half_area() * cost; LANES - 1] }
             } else {
                 let (left, right) = (done.pop(), done.pop());
                 let both = left.zip(right);
@@ -166,7 +176,7 @@ impl Plan {
                 choice |= splits[children].1 << (3 * (children - 2));
             }
         }
-        self.choices[index as usize].store(choice, Ordering::Relaxed);
+        self.set(index, choice, cost[0] / area);
         Summary { triangles, cost }
     }
 }

@@ -154,9 +154,6 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
         }
         if NEAREST {
             stack.sort_from(bottom);
-        } else {
-            // Blocks first: what they stop need not go down the nodes.
-            stack.lower_from(bottom, |(_, child, _)| !Child(child).is_block());
         }
     }
 }

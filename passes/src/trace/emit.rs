@@ -79,13 +79,16 @@ impl Source<'_> {
         }
     }
 
-    /// The binary nodes that become the children of one wide node.
+    /// The binary nodes that become the children of one wide node. Rays that ask only whether anything is in their way visit
+    /// the last child first: so leaves come last, and before them the subtrees that cost less to look through.
     fn children(&self, index: usize) -> Children {
         let mut found = Children { count: 0, nodes: [0; LANES] };
         let [left, right] = self.plan.choice(index).opened();
         let first = self.tree.nodes[index].first_index as usize;
         self.add(first, left, &mut found);
         self.add(first + 1, right, &mut found);
+        let (a_leaf, cost) = (|node: &usize| self.plan.choice(*node).is_leaf(), |node: &usize| self.plan.cost(*node));
+        found.nodes[..found.count].sort_by(|a, b| a_leaf(a).cmp(&a_leaf(b)).then(cost(b).total_cmp(&cost(a))));
         found
     }
 

@@ -240,7 +240,6 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         if let Some(plane) = apex.plane {
             lanes &= !node.behind(simd, plane);
         }
-        let bottom = stack.len();
         while lanes != NO_LANES {
             let lane = first_lane(lanes);
             lanes = without_first(lanes);
@@ -257,7 +256,5 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
             let met = simd.wide_at_most(enter, leave) & mask;
             stack.push_if(met != NO_LANES, u64::from(met) << 32 | u64::from(node.children[lane].0));
         }
-        // Blocks first: what they stop need not go down the nodes.
-        stack.lower_from(bottom, |entry| !Child(entry as u32).is_block());
     }
 }

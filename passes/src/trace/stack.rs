@@ -74,23 +74,6 @@ impl<T: Copy + PartialOrd> Stack<T> {
             self.entries[slot].write(entry);
         }
     }
-
-    /// Moves the entries from `start` on that are told below the others, which are then popped first.
-    #[inline(always)]
-    pub(super) fn lower_from(&mut self, start: usize, is_low: impl Fn(T) -> bool) {
-        let mut low = start;
-        for next in start..self.len {
-            // SAFETY: `next` is below `len`.
-            let entry = unsafe { self.entries[next].assume_init() };
-            if is_low(entry) {
-                // SAFETY: `low` is at most `next`, which is below `len`.
-                let other = unsafe { self.entries[low].assume_init() };
-                self.entries[low].write(entry);
-                self.entries[next].write(other);
-                low += 1;
-            }
-        }
-    }
 }
 
 /// Entries of each of [`Stacks`].
@@ -248,15 +231,6 @@ mod tests {
         let mut stack = of(&[0, 7, 3, 9, 3, 1]);
         stack.sort_from(2);
         assert_eq!(popped(stack), [1, 3, 3, 9, 7, 0]);
-    }
-
-    #[test]
-    fn lowered_entries_are_popped_after_the_others_and_before_the_old() {
-        let mut stack = of(&[0, 7, 2, 9, 4, 1]);
-        stack.lower_from(1, |entry| entry % 2 == 0);
-        let popped = popped(stack);
-        assert!(popped[..3].iter().all(|entry| entry % 2 == 1), "{popped:?}");
-        assert!(popped[3..5].contains(&2) && popped[3..5].contains(&4) && popped[5] == 0, "{popped:?}");
     }
 
     #[test]
