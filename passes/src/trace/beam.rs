@@ -9,7 +9,7 @@ use super::face::{DOUBT, Face, LONGEST};
 use super::facet::Verdict;
 use super::lanes::{F8, F16, Mask, NO_LANES, Plain, Simd, WIDE, first_wide_lane, without_first};
 use super::packet::Packet;
-use super::query::{Bounds, FAR, Query, UNIT_ROUNDOFF, permutation};
+use super::query::{Bounds, FAR, Line, Query, UNIT_ROUNDOFF, permutation};
 use super::{Hit, PacketHits};
 use glam::DVec3;
 
@@ -313,11 +313,19 @@ impl Beam {
     #[inline(always)]
     pub(super) fn query(&self, ray: usize) -> Query {
         let at = |values: &[F16; 3]| [values[0].0[ray], values[1].0[ray], values[2].0[ray]];
+        let line = Line {
+            origin: at(&self.origin),
+            direction: at(&self.direction),
+            axes: self.axes,
+            shear: [self.shear[0].0[ray], self.shear[1].0[ray]],
+            t_min: self.t_min,
+            t_max: self.t_max,
+            shortness: self.shortness,
+            // No edge of a normal's largest component 1 is counted there, but their squares, of which it is at most half.
+            doubt: 0.5 * self.doubt.0[ray],
+        };
         Query::of_beam(
-            (at(&self.origin), at(&self.direction)),
-            self.axes,
-            [self.shear[0].0[ray], self.shear[1].0[ray]],
-            (self.t_min, self.t_max),
+            line,
             self.class.backward(),
             (at(&self.near_origin), at(&self.far_origin)),
             (at(&self.inverse), at(&self.far_inverse)),

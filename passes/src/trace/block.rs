@@ -4,9 +4,10 @@
 
 use super::Hit;
 use super::clear::{Ball, Plane};
-use super::facet::{EDGE_ERROR, LARGEST, SMALLEST};
+use super::face::decide;
+use super::facet::{EDGE_ERROR, LARGEST, SMALLEST, Verdict};
 use super::lanes::{F8, LANES, Mask, NO_LANES, Simd, first_lane, without_first};
-use super::query::Query;
+use super::query::{Line, Query};
 use glam::Vec3;
 
 /// Marks a triangle whose hits need the accept closure; the other bits are its id.
@@ -116,18 +117,17 @@ impl Block {
         ball.misses(simd, low, high)
     }
 
-    /// One corner of all triangles as the ray sees it: sheared, and the distance along the main axis.
+    /// One corner of all triangles as the ray sees it: sheared. Where it lies along the main axis is not needed.
     #[inline(always)]
-    fn shear<S: Simd>(&self, simd: S, query: &Query, corner: usize) -> [S::Vector; 3] {
-        let [x, y, z] = query.axes;
+    fn shear<S: Simd>(&self, simd: S, line: &Line, corner: usize) -> [S::Vector; 2] {
+        let [x, y, z] = line.axes;
         let position = &self.corners[corner];
-        let along = simd.sub(simd.load(&position[z]), simd.splat(query.origin[z]));
-        let across_x = simd.sub(simd.load(&position[x]), simd.splat(query.origin[x]));
-        let across_y = simd.sub(simd.load(&position[y]), simd.splat(query.origin[y]));
+        let along = simd.sub(simd.load(&position[z]), simd.splat(line.origin[z]));
+        let across_x = simd.sub(simd.load(&position[x]), simd.splat(line.origin[x]));
+        let across_y = simd.sub(simd.load(&position[y]), simd.splat(line.origin[y]));
         [
-            simd.sub(across_x, simd.mul(simd.splat(query.shear[0]), along)),
-            simd.sub(across_y, simd.mul(simd.splat(query.shear[1]), along)),
-            along,
+            simd.sub(across_x, simd.mul(simd.splat(line.shear[0]), along)),
+            simd.sub(across_y, simd.mul(simd.splat(line.shear[1]), along)),
         ]
     }
 
@@ -141,23 +141,78 @@ impl Block {
         simd: S,
         query: &Query,
         t_limit: &mut f32,
-        mut found: impl FnMut(Hit, bool, &mut f32) -> bool,
+        found: impl FnMut(Hit, bool, &mut f32) -> bool,
     ) -> bool {
-        let a = self.shear(simd, query, 0);
-        let b = self.shear(simd, query, 1);
-        let c = self.shear(simd, query, 2);
+        let Some(Passed { lanes, edges, .. }) = self.passed(simd, &query.line) else { return false };
+        let edges = [simd.store(edges[0]), simd.store(edges[1]), simd.store(edges[2])];
+        self.solve_all(query, lanes, &edges, t_limit, found)
+    }
+
+    /// Whether anything stops a ray, as [`Self::intersect`] has it, but without distances where bounds on their errors tell
+    /// ([`decide`]). `query` is asked for the rest of what is prepared of the ray if it is needed.
+    #[inline(always)]
+    pub(super) fn stops<S: Simd>(
+        &self,
+        simd: S,
+        line: &Line,
+        query: impl FnOnce() -> Query,
+        accept: &mut impl FnMut(&Hit) -> bool,
+    ) -> bool {
+        let Some(Passed { lanes, inside, edges }) = self.passed(simd, line) else { return false };
+        let Verdict { hit, miss } = self.decided(simd, line);
+        if hit & inside & !simd.negative(&self.ids) != NO_LANES {
+            return true;
+        }
+        let lanes = lanes & !miss;
+        let edges = [simd.store(edges[0]), simd.store(edges[1]), simd.store(edges[2])];
+        lanes != NO_LANES && self.stops_surely(&query(), lanes, &edges, accept)
+    }
+
+    /// What is certain of a ray whose line passes through triangles.
+    #[inline(always)]
+    pub(super) fn decided<S: Simd>(&self, simd: S, line: &Line) -> Verdict {
+        decide(simd, &self.corners, line)
+    }
+
+    /// Whether one of some triangles that a ray's line passes through stops it.
+    #[inline(never)]
+    fn stops_surely(&self, query: &Query, lanes: Mask, edges: &[F8; 3], accept: &mut impl FnMut(&Hit) -> bool) -> bool {
+        let t_max = query.line.t_max;
+        self.solve_all(query, lanes, edges, &mut { t_max }, |hit, transparent, _| {
+            hit.t < t_max && (!transparent || accept(&hit))
+        })
+    }
+
+    /// The triangles that a ray's line passes through, if there are any.
+    #[inline(always)]
+    fn passed<S: Simd>(&self, simd: S, line: &Line) -> Option<Passed<S>> {
+        let a = self.shear(simd, line, 0);
+        let b = self.shear(simd, line, 1);
+        let c = self.shear(simd, line, 2);
         let edge_a = simd.sub(simd.mul(c[0], b[1]), simd.mul(c[1], b[0]));
         let edge_b = simd.sub(simd.mul(a[0], c[1]), simd.mul(a[1], c[0]));
         let edge_c = simd.sub(simd.mul(b[0], a[1]), simd.mul(b[1], a[0]));
         let least = simd.min_or(simd.min_or(edge_a, edge_b), edge_c);
         let most = simd.max_or(simd.max_or(edge_a, edge_b), edge_c);
         let zero = simd.splat(0.0);
-        // Where all have one sign, the line meets the triangle, or zeros have to be looked at more closely.
-        let mut lanes = simd.at_most(zero, least) | simd.at_most(most, zero);
+        let lanes = simd.at_most(zero, least) | simd.at_most(most, zero);
         if lanes == NO_LANES {
-            return false;
+            return None;
         }
-        let edges = [simd.store(edge_a), simd.store(edge_b), simd.store(edge_c)];
+        let inside = !(simd.at_most(least, zero) & simd.at_most(zero, most));
+        Some(Passed { lanes, inside, edges: [edge_a, edge_b, edge_c] })
+    }
+
+    /// Shows `found` what is hit of the triangles in some lanes, see [`Self::intersect`].
+    #[inline(always)]
+    fn solve_all(
+        &self,
+        query: &Query,
+        mut lanes: Mask,
+        edges: &[F8; 3],
+        t_limit: &mut f32,
+        mut found: impl FnMut(Hit, bool, &mut f32) -> bool,
+    ) -> bool {
         while lanes != NO_LANES {
             let lane = first_lane(lanes);
             lanes = without_first(lanes);
@@ -179,11 +234,12 @@ impl Block {
     fn solve(&self, query: &Query, lane: usize, [a, b, c]: [f32; 3], t_limit: f32) -> Option<(f32, f32, f32)> {
         let corners = self.corners(lane);
         let t = query.plane_distance(&corners);
-        if !(t > query.t_min && t <= t_limit) && t.is_finite() {
+        let t_min = query.line.t_min;
+        if !(t > t_min && t <= t_limit) && t.is_finite() {
             return None;
         }
         let (u, v) = if a == 0.0 || b == 0.0 || c == 0.0 {
-            solve_exactly(query, &corners)?
+            solve_exactly(&query.line, &corners)?
         } else {
             let determinant = a + b + c;
             (b / determinant, c / determinant)
@@ -193,7 +249,7 @@ impl Block {
         let (enter, leave) = query.interval(&corners);
         let t = if t < leave { t } else { leave };
         let t = if t < enter { enter } else { t };
-        (t > query.t_min && t <= t_limit).then_some((t, u, v))
+        (t > t_min && t <= t_limit).then_some((t, u, v))
     }
 
     /// The triangles as rays from one point see them. With a plane, no ray goes to its far side.
@@ -236,6 +292,15 @@ impl Block {
     }
 }
 
+/// Triangles that a ray's line passes through.
+struct Passed<S: Simd> {
+    /// All of them: where the edge functions have one sign, or are 0 and have to be looked at more closely.
+    lanes: Mask,
+    /// Those where none is 0, if it is one of them.
+    inside: Mask,
+    edges: [S::Vector; 3],
+}
+
 /// Triangles as rays from one point see them: each is the cone of the planes through the point and its edges.
 pub(super) struct Cones<S: Simd> {
     /// Normals of these planes.
@@ -276,13 +341,13 @@ impl<S: Simd> Cones<S> {
 /// rounded products has the right sign unless it is zero.
 #[cold]
 #[inline(never)]
-fn solve_exactly(query: &Query, corners: &[[f32; 3]; 3]) -> Option<(f32, f32)> {
-    let [x, y, z] = query.axes;
+fn solve_exactly(line: &Line, corners: &[[f32; 3]; 3]) -> Option<(f32, f32)> {
+    let [x, y, z] = line.axes;
     // The operations of `Block::shear`, with the same results.
     let [[ax, ay], [bx, by], [cx, cy]] = corners.map(|position| {
-        let along = position[z] - query.origin[z];
-        let across_x = position[x] - query.origin[x] - query.shear[0] * along;
-        let across_y = position[y] - query.origin[y] - query.shear[1] * along;
+        let along = position[z] - line.origin[z];
+        let across_x = position[x] - line.origin[x] - line.shear[0] * along;
+        let across_y = position[y] - line.origin[y] - line.shear[1] * along;
         [f64::from(across_x), f64::from(across_y)]
     });
     let [a, b, c] = [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax];

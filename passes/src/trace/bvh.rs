@@ -231,7 +231,7 @@ pub(super) fn closest<S: Simd>(
     best: &mut Option<Hit>,
     accept: &mut impl FnMut(&Hit) -> bool,
 ) {
-    let mut limit = best.map_or(query.t_max, |best| best.t);
+    let mut limit = best.map_or(query.line.t_max, |best| best.t);
     let mut stack = Stack::new();
     let mut current = entry;
     if current == Child::NONE {
@@ -355,15 +355,13 @@ pub(super) fn occluded<S: Simd>(
 /// Whether a triangle of the block stops the ray.
 #[inline(always)]
 pub(super) fn blocked<S: Simd>(simd: S, block: &Block, query: &Query, accept: &mut impl FnMut(&Hit) -> bool) -> bool {
-    let mut limit = query.t_max;
-    block
-        .intersect(simd, query, &mut limit, |hit, transparent, _| hit.t < query.t_max && (!transparent || accept(&hit)))
+    block.stops(simd, &query.line, || *query, accept)
 }
 
 /// Pushes the children that the ray meets, and returns one of them instead of pushing it.
 #[inline(always)]
 fn visit<S: Simd>(simd: S, node: &Node, query: &Query, stack: &mut Stack) -> Option<Child> {
-    let (mut lanes, _) = query.slabs(simd, &node.planes, query.t_max);
+    let (mut lanes, _) = query.slabs(simd, &node.planes, query.line.t_max);
     if lanes == NO_LANES {
         return None;
     }

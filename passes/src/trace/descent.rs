@@ -82,7 +82,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
             if NEAREST {
                 let mut best = beam.best(ray);
                 if current.is_block() {
-                    let mut limit = best.map_or(query.t_max, |best| best.t);
+                    let mut limit = best.map_or(query.line.t_max, |best| best.t);
                     let block = &bvh.blocks[current.index()];
                     approach(simd, block, &query, (&mut limit, &mut best), &mut accept);
                 } else {

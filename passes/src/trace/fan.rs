@@ -8,12 +8,12 @@
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
 use super::block::{Block, Cones};
-use super::bvh::{Bvh, blocked, occluded};
+use super::bvh::{Bvh, occluded};
 use super::clear::Plane;
 use super::dispatch::Work;
 use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, first_wide_lane, without_first};
 use super::node::{Child, Node};
-use super::query::{Query, Start};
+use super::query::{Line, Query, Start};
 use super::stack::Stack;
 use super::wave::Wave;
 use super::{Fan, Hit, Ray};
@@ -137,13 +137,38 @@ impl Lanes {
         simd.at_most(enter, leave) & node.used(simd)
     }
 
+    /// The ray in a lane, as triangles are tested with it.
+    #[inline(always)]
+    fn line(&self, start: &Start, lane: usize) -> Line {
+        let longest = if self.longest[0] >> lane & 1 == 1 { 0 } else { 2 - (self.longest[1] >> lane & 1) as usize };
+        start.line(at(&self.direction, lane), [self.shear[0].0[lane], self.shear[1].0[lane]], longest)
+    }
+
     /// The ray in a lane.
     #[inline(always)]
     pub(super) fn query(&self, start: &Start, lane: usize) -> Query {
-        let at = |values: &[F16; 3]| [values[0].0[lane], values[1].0[lane], values[2].0[lane]];
-        let longest = if self.longest[0] >> lane & 1 == 1 { 0 } else { 2 - (self.longest[1] >> lane & 1) as usize };
-        start.query(at(&self.direction), at(&self.inverse), [self.shear[0].0[lane], self.shear[1].0[lane]], longest)
+        start.query(self.line(start, lane), at(&self.inverse, lane))
     }
+
+    /// Whether a block stops the ray in a lane.
+    #[inline(always)]
+    pub(super) fn is_stopped<S: Simd>(
+        &self,
+        simd: S,
+        start: &Start,
+        lane: usize,
+        block: &Block,
+        accept: &mut impl FnMut(&Hit) -> bool,
+    ) -> bool {
+        let line = self.line(start, lane);
+        block.stops(simd, &line, || start.query(line, at(&self.inverse, lane)), accept)
+    }
+}
+
+/// A vector of three in a lane.
+#[inline(always)]
+fn at(values: &[F16; 3], lane: usize) -> [f32; 3] {
+    [values[0].0[lane], values[1].0[lane], values[2].0[lane]]
 }
 
 /// One of three by the axis along which each ray is longest.
@@ -221,12 +246,10 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         while mask != NO_LANES {
             let ray = first_wide_lane(mask);
             mask = without_first(mask);
-            let d = &lanes.direction;
-            if cones.may_stop(simd, [d[0].0[ray], d[1].0[ray], d[2].0[ray]]) {
-                let query = lanes.query(&apex.start, ray);
-                if blocked(simd, block, &query, &mut self.accept) {
-                    stopped |= 1 << ray;
-                }
+            if cones.may_stop(simd, at(&lanes.direction, ray))
+                && lanes.is_stopped(simd, &apex.start, ray, block, &mut self.accept)
+            {
+                stopped |= 1 << ray;
             }
         }
         stopped

@@ -1,6 +1,6 @@
 //! The triangles near a point, or near several, gathered once: short rays from there are tested against them alone.
 
-use super::bvh::Bvh;
+use super::bvh::{Bvh, blocked};
 use super::clear::{Ball, Plane, half_balls, slack};
 use super::directions::Directions;
 use super::dispatch::{Detected, Work};
@@ -403,12 +403,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
             let direction = Vec3::new(vector[0].0[index], vector[1].0[index], vector[2].0[index]);
             let ray = Ray { origin: nearby.origin, direction, t_min: nearby.t_min, t_max: nearby.t_max };
             let Some(query) = Query::new(&ray, &nearby.bounds) else { continue };
-            let accept = &mut self.accept;
-            let mut limit = query.t_max;
-            let hit = block.intersect(simd, &query, &mut limit, |hit, transparent, _| {
-                hit.t < query.t_max && (!transparent || accept(&hit))
-            });
-            stopped |= Mask::from(hit) << index;
+            stopped |= Mask::from(blocked(simd, &block, &query, &mut self.accept)) << index;
         }
         stopped
     }

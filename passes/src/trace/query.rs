@@ -1,6 +1,7 @@
 //! What is computed once per ray: the shear of the triangle test and the padded slabs of the box test.
 
 use super::Ray;
+use super::face::{DOUBT, LONGEST};
 use super::lanes::{F8, Mask, Simd, higher, lower};
 use glam::{DVec3, Vec3};
 
@@ -44,6 +45,9 @@ pub(super) struct Start {
     moved: [[[f32; 3]; 2]; 3],
     /// By how much farther it is moved for the fused test, see [`Self::farthest`].
     fused: [f32; 3],
+    /// See [`Line`].
+    shortness: f32,
+    doubt: f32,
 }
 
 impl Start {
@@ -60,7 +64,8 @@ impl Start {
             [(origin + pad).to_array(), (origin - pad).to_array()]
         });
         let fused = ((reach + origin.abs()) * (16.0 * UNIT_ROUNDOFF)).to_array();
-        Some(Self { origin: origin.to_array(), t_min: t_min.max(0.0) + 0.0, t_max, moved, fused })
+        let (t_min, shortness) = (t_min.max(0.0) + 0.0, 1.0 / t_max);
+        Some(Self { origin: origin.to_array(), t_min, t_max, moved, fused, shortness, doubt: doubt(reach, t_min) })
     }
 
     /// The point.
@@ -84,21 +89,29 @@ impl Start {
         [[most(0), most(1), most(2)], [least(0), least(1), least(2)]]
     }
 
-    /// What [`Query::new`] prepares, of a ray that it does not refuse and whose components are not flushed; all but the
-    /// direction is what it computes of that.
+    /// What [`Query::new`] prepares for triangles, of a ray that it does not refuse and whose components are not flushed.
     #[inline(always)]
-    pub(super) fn query(&self, direction: [f32; 3], inverse: [f32; 3], [x, y]: [f32; 2], longest: usize) -> Query {
-        let axes = permutation(longest);
-        let backward = inverse.map(|i| usize::from(i.is_sign_negative()));
-        let moved = &self.moved[longest];
-        let side = |side: usize, axis: usize| moved[(backward[axis] ^ side) & 1][axis];
-        Query {
+    pub(super) fn line(&self, direction: [f32; 3], shear: [f32; 2], longest: usize) -> Line {
+        Line {
             origin: self.origin,
             direction,
-            axes,
-            shear: [x, y, inverse[longest]],
+            axes: permutation(longest),
+            shear,
             t_min: self.t_min,
             t_max: self.t_max,
+            shortness: self.shortness,
+            doubt: self.doubt,
+        }
+    }
+
+    /// All that it prepares, with the reciprocals of the direction.
+    #[inline(always)]
+    pub(super) fn query(&self, line: Line, inverse: [f32; 3]) -> Query {
+        let backward = inverse.map(|i| usize::from(i.is_sign_negative()));
+        let moved = &self.moved[line.axes[2]];
+        let side = |side: usize, axis: usize| moved[(backward[axis] ^ side) & 1][axis];
+        Query {
+            line,
             backward,
             near_origin: [side(0, 0), side(0, 1), side(0, 2)],
             far_origin: [side(1, 0), side(1, 1), side(1, 2)],
@@ -133,6 +146,30 @@ fn pad(origin: Vec3, reach: Vec3, along: f32) -> Vec3 {
     (reach + Vec3::splat(along)) * (8.0 * UNIT_ROUNDOFF) + origin.abs() * (2.0 * UNIT_ROUNDOFF)
 }
 
+/// See [`Line::doubt`]; `t_min` is 0 or more.
+#[inline(always)]
+fn doubt(reach: Vec3, t_min: f32) -> f32 {
+    0.5 * DOUBT * UNIT_ROUNDOFF * (reach.element_sum() + t_min)
+}
+
+/// What the tests of triangles ask of a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Line {
+    pub(super) origin: [f32; 3],
+    pub(super) direction: [f32; 3],
+    /// The two other axes and the axis along which the direction is longest.
+    pub(super) axes: [usize; 3],
+    /// `d.x/d.z` and `d.y/d.z` in permuted axes.
+    pub(super) shear: [f32; 2],
+    pub(super) t_min: f32,
+    pub(super) t_max: f32,
+    /// `1 / t_max`.
+    pub(super) shortness: f32,
+    /// For [`decide`](super::face::decide): the error of `p`, in units of the edges' squared lengths. Infinite where the direction
+    /// is so long that the bound does not hold.
+    pub(super) doubt: f32,
+}
+
 /// A ray prepared for the tests of nodes and triangles.
 ///
 /// The triangle test sees the corners relative to the origin, sheared so that the ray is an axis (Woop, Benthin and Wald,
@@ -142,14 +179,7 @@ fn pad(origin: Vec3, reach: Vec3, along: f32) -> Vec3 {
 /// largest such distances in the scene, plus one unit in the last place of the origin itself (their section 4).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Query {
-    pub(super) origin: [f32; 3],
-    direction: [f32; 3],
-    /// The two other axes and the axis along which the direction is longest.
-    pub(super) axes: [usize; 3],
-    /// `d.x/d.z`, `d.y/d.z` and `1/d.z` in permuted axes.
-    pub(super) shear: [f32; 3],
-    pub(super) t_min: f32,
-    pub(super) t_max: f32,
+    pub(super) line: Line,
     /// Per axis: 1 where the ray runs towards lower coordinates, else 0.
     pub(super) backward: [usize; 3],
     near_origin: [f32; 3],
@@ -162,27 +192,12 @@ impl Query {
     /// From what a beam has prepared.
     #[inline(always)]
     pub(super) fn of_beam(
-        (origin, direction): ([f32; 3], [f32; 3]),
-        axes: [usize; 3],
-        [x, y]: [f32; 2],
-        (t_min, t_max): (f32, f32),
+        line: Line,
         backward: [usize; 3],
         (near_origin, far_origin): ([f32; 3], [f32; 3]),
         (near_inverse, far_inverse): ([f32; 3], [f32; 3]),
     ) -> Self {
-        Self {
-            origin,
-            direction,
-            axes,
-            shear: [x, y, near_inverse[axes[2]]],
-            t_min,
-            t_max,
-            backward,
-            near_origin,
-            far_origin,
-            near_inverse,
-            far_inverse,
-        }
+        Self { line, backward, near_origin, far_origin, near_inverse, far_inverse }
     }
 
     /// Prepares a ray; nothing if it cannot hit anything (not finite, no direction, an empty interval).
@@ -208,20 +223,24 @@ impl Query {
             2
         });
         let inverse = direction.recip();
-        let shear = [direction[x] / direction[z], direction[y] / direction[z], inverse[z]];
-
         let reach = reach(ray.origin, scene);
         let toward = pad(ray.origin, reach, reach[z]).copysign(inverse);
         let far_inverse = inverse * FAR;
         let backward = |i: f32| usize::from(i.is_sign_negative());
-        Some(Self {
+        // Adding zero turns -0 into 0: entry distances are compared by their bits.
+        let t_min = ray.t_min.max(0.0) + 0.0;
+        let line = Line {
             origin: ray.origin.to_array(),
             direction: direction.to_array(),
             axes: [x, y, z],
-            shear,
-            // Adding zero turns -0 into 0: entry distances are compared by their bits.
-            t_min: ray.t_min.max(0.0) + 0.0,
+            shear: [direction[x] / direction[z], direction[y] / direction[z]],
+            t_min,
             t_max: ray.t_max,
+            shortness: 1.0 / ray.t_max,
+            doubt: if longest <= LONGEST { doubt(reach, t_min) } else { f32::INFINITY },
+        };
+        Some(Self {
+            line,
             backward: [backward(inverse.x), backward(inverse.y), backward(inverse.z)],
             near_origin: (ray.origin + toward).to_array(),
             far_origin: (ray.origin - toward).to_array(),
@@ -238,7 +257,7 @@ impl Query {
     #[inline(always)]
     pub(super) fn slabs<S: Simd>(&self, simd: S, planes: &[[F8; 3]; 2], t_limit: f32) -> (Mask, S::Vector) {
         let [near_x, near_y, near_z] = [self.backward[0] & 1, self.backward[1] & 1, self.backward[2] & 1];
-        let mut enter = simd.splat(self.t_min);
+        let mut enter = simd.splat(self.line.t_min);
         enter = simd.max_or(self.near(simd, 0, &planes[near_x][0]), enter);
         enter = simd.max_or(self.near(simd, 1, &planes[near_y][1]), enter);
         enter = simd.max_or(self.near(simd, 2, &planes[near_z][2]), enter);
@@ -265,7 +284,7 @@ impl Query {
     /// that the interval of a box around those bounds contains it.
     #[inline(always)]
     pub(super) fn interval(&self, [a, b, c]: &[[f32; 3]; 3]) -> (f32, f32) {
-        let (mut enter, mut leave) = (self.t_min, f32::INFINITY);
+        let (mut enter, mut leave) = (self.line.t_min, f32::INFINITY);
         for axis in 0..3 {
             let least = lower(lower(a[axis], b[axis]), c[axis]);
             let most = higher(higher(a[axis], b[axis]), c[axis]);
@@ -284,7 +303,7 @@ impl Query {
         let point = |p: &[f32; 3]| DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
         let a = point(a);
         let normal = (point(b) - a).cross(point(c) - a);
-        (normal.dot(a - point(&self.origin)) / normal.dot(point(&self.direction))) as f32
+        (normal.dot(a - point(&self.line.origin)) / normal.dot(point(&self.line.direction))) as f32
     }
 }
 
@@ -333,9 +352,9 @@ mod tests {
             let (t_min, t_max) = ([-1.0, 0.0, 0.5][round % 3], 2.0);
             let start = Start::new(origin, (t_min, t_max), &scene).unwrap();
             let expected = Query::new(&Ray { origin, direction, t_min, t_max }, &scene).unwrap();
-            let [x, y, z] = expected.axes;
+            let [x, y, z] = expected.line.axes;
             let shear = [direction[x] / direction[z], direction[y] / direction[z]];
-            let query = start.query(direction.to_array(), direction.recip().to_array(), shear, z);
+            let query = start.query(start.line(direction.to_array(), shear, z), direction.recip().to_array());
             assert_eq!(query, expected);
             let [higher, lower] = start.farthest().map(Vec3::from);
             for padded in [expected.near_origin, expected.far_origin].map(Vec3::from) {

@@ -6,7 +6,7 @@
 //! aside and tested after each round.
 
 use super::Hit;
-use super::bvh::{Bvh, blocked, occluded};
+use super::bvh::{Bvh, occluded};
 use super::fan::{Apex, Lanes};
 use super::lanes::{LANES, Mask, NO_LANES, Simd, WIDE, first_wide_lane, without_first};
 use super::node::Child;
@@ -88,8 +88,8 @@ impl Wave {
                 let (block, ray) = self.blocks.get(index);
                 let ray = ray & (WIDE - 1);
                 if open >> ray & 1 == 1 {
-                    let query = lanes.query(&apex.start, ray);
-                    let stopped = blocked(simd, &bvh.blocks[Child(block).index()], &query, accept);
+                    let block = &bvh.blocks[Child(block).index()];
+                    let stopped = lanes.is_stopped(simd, &apex.start, ray, block, accept);
                     open &= !(Mask::from(stopped) << ray);
                 }
             }
