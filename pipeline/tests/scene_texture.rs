@@ -184,3 +184,43 @@ fn lossy_and_block_compressed_images_are_read() {
     assert!(decoded[0].levels[0].texels.iter().all(|texel| texel[0].abs_diff(200) <= 2 && texel[3] == 255));
     assert_eq!(decoded[1].levels[0].texels, [[255, 0, 0, 255]; 16]);
 }
+
+/// The filter by its definition: whole texels repeat, whatever the coordinate.
+fn by_definition(level: &Level, uv: Vec2) -> Vec4 {
+    let (width, height) = (level.width as f32, level.height as f32);
+    let (x, y) = ((uv.x - uv.x.floor()) * width - 0.5, (1.0 - (uv.y - uv.y.floor())) * height - 0.5);
+    let texel = |right: f32, down: f32| {
+        let column = (x.floor() + right).rem_euclid(width) as usize;
+        let row = (y.floor() + down).rem_euclid(height) as usize;
+        Vec4::from_array(level.texels[row * level.width as usize + column].map(f32::from)) / 255.0
+    };
+    let (fx, fy) = (x - x.floor(), y - y.floor());
+    texel(0.0, 0.0).lerp(texel(1.0, 0.0), fx).lerp(texel(0.0, 1.0).lerp(texel(1.0, 1.0), fx), fy)
+}
+
+#[test]
+fn the_filter_is_its_definition_to_the_bit() {
+    let mut state = 3_u32;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        state >> 8
+    };
+    for (width, height) in [(1, 1), (2, 1), (3, 5), (64, 16), (100, 7)] {
+        let texels = (0..width * height).map(|_| random().to_le_bytes()).collect();
+        let level = Level { width, height, texels };
+        let special =
+            [0.0, -0.0, 1.0, -1.0, 1e-9, -1e-9, 0.5, 8_388_607.5, -8_388_607.5, 8_388_608.0, -3e9, 1e30, -1e30];
+        let mut coordinates = Vec::from(special);
+        for _ in 0..300 {
+            let unit = random() as f32 / 16_777_216.0;
+            coordinates.extend([unit, unit * 20.0 - 10.0, (unit - 0.5) * 1e6, 1.0 - unit * 1e-6, unit * 1e-6 - 3.0]);
+            coordinates.push((random() % 40) as f32 / width as f32 - 3.0);
+        }
+        for (index, &u) in coordinates.iter().enumerate() {
+            let uv = Vec2::new(u, coordinates[(index * 7 + 5) % coordinates.len()]);
+            let (found, expected) = (level.sample(uv), by_definition(&level, uv));
+            let bits = |color: Vec4| color.to_array().map(f32::to_bits);
+            assert_eq!(bits(found), bits(expected), "{width} x {height} at {uv}");
+        }
+    }
+}

@@ -17,11 +17,9 @@ pub struct Level {
 }
 
 impl Level {
-    /// A texel with repeating coordinates, in 0..=1.
+    /// A texel, in 0..=1.
     #[inline]
-    fn texel(&self, x: i64, y: i64) -> Vec4 {
-        let x = x.rem_euclid(i64::from(self.width)) as usize;
-        let y = y.rem_euclid(i64::from(self.height)) as usize;
+    fn texel(&self, x: usize, y: usize) -> Vec4 {
         let texel = self.texels[y * self.width as usize + x];
         Vec4::from_array(texel.map(f32::from)) / 255.0
     }
@@ -34,15 +32,36 @@ impl Level {
             return self.texel(0, 0);
         }
         // The fractional part first: large coordinates would lose the sub-texel position otherwise.
-        let x = (uv.x - uv.x.floor()) * self.width as f32 - 0.5;
-        let y = (1.0 - (uv.y - uv.y.floor())) * self.height as f32 - 0.5;
-        let (left, top) = (x.floor(), y.floor());
-        let (fx, fy) = (x - left, y - top);
-        let (left, top) = (left as i64, top as i64);
-        let upper = self.texel(left, top).lerp(self.texel(left + 1, top), fx);
-        let lower = self.texel(left, top + 1).lerp(self.texel(left + 1, top + 1), fx);
+        let ([left, right], fx) = around(fraction(uv.x) * self.width as f32 - 0.5, self.width);
+        let ([top, bottom], fy) = around((1.0 - fraction(uv.y)) * self.height as f32 - 0.5, self.height);
+        let upper = self.texel(left, top).lerp(self.texel(right, top), fx);
+        let lower = self.texel(left, bottom).lerp(self.texel(right, bottom), fx);
         upper.lerp(lower, fy)
     }
+}
+
+/// `value - value.floor()`, in 0..=1. Where the processor cannot be assumed to round down, `floor` is a call.
+#[inline]
+fn fraction(value: f32) -> f32 {
+    // From there on all numbers are whole.
+    const WHOLE: f32 = 8_388_608.0;
+    if value.abs() >= WHOLE {
+        return 0.0;
+    }
+    let truncated = value as i32 as f32;
+    value - if truncated > value { truncated - 1.0 } else { truncated }
+}
+
+/// The texels of a row or column of `count` before and after a place of -0.5 to `count - 0.5`, the first one again after the last, and how
+/// far it is from the one before.
+#[inline]
+fn around(place: f32, count: u32) -> ([usize; 2], f32) {
+    let last = count as usize - 1;
+    if place < 0.0 {
+        return ([last, 0], place + 1.0);
+    }
+    let before = (place as usize).min(last);
+    ([before, if before == last { 0 } else { before + 1 }], place - before as f32)
 }
 
 /// A texture and its mip levels.
