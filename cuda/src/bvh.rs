@@ -15,15 +15,15 @@ use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use glam::Vec3;
 
-/// How the threads of a kernel are dealt. A warp is 8 x 4 threads.
+/// What the threads of a kernel are dealt to. A warp is 8 x 4 threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Dealt {
     /// One a pixel, in blocks of 8 x 8.
-    ToPixels,
+    Pixels,
     /// One a pixel, in blocks of a warp.
-    ToTiles,
-    /// As many blocks of so many warps as the device runs at once take work from a list until none is left.
-    ToList { warps: u32 },
+    Tiles,
+    /// Work of a list: as many blocks of so many warps as the device runs at once take some until none is left.
+    List { warps: u32 },
 }
 
 /// A kernel that runs before the one that writes the picture.
@@ -37,16 +37,16 @@ struct Stage {
 
 /// The stages of `ssao` in corrected fidelity.
 const OF_OCCLUSION: [Stage; 2] = [
-    Stage { entry: "settle_occlusion", dealt: Dealt::ToTiles, settles: true },
-    Stage { entry: "trace_occlusion", dealt: Dealt::ToList { warps: TRACING_WARPS }, settles: true },
+    Stage { entry: "settle_occlusion", dealt: Dealt::Tiles, settles: true },
+    Stage { entry: "trace_occlusion", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true },
 ];
 
 /// Those of `final`: glass is followed to the surfaces that are seen through it, which are then lit.
 const OF_FINAL: [Stage; 4] = [
-    Stage { entry: "list_surfaces", dealt: Dealt::ToPixels, settles: false },
-    Stage { entry: "light_surfaces", dealt: Dealt::ToList { warps: 2 }, settles: false },
-    Stage { entry: "settle_surfaces", dealt: Dealt::ToList { warps: 1 }, settles: true },
-    Stage { entry: "trace_surfaces", dealt: Dealt::ToList { warps: TRACING_WARPS }, settles: true },
+    Stage { entry: "list_surfaces", dealt: Dealt::Pixels, settles: false },
+    Stage { entry: "light_surfaces", dealt: Dealt::List { warps: 2 }, settles: false },
+    Stage { entry: "settle_surfaces", dealt: Dealt::List { warps: 1 }, settles: true },
+    Stage { entry: "trace_surfaces", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true },
 ];
 
 fn stages(program: RayProgram, fidelity: Fidelity) -> &'static [Stage] {
@@ -163,9 +163,9 @@ fn start(device: &Device, kernel: &CudaFunction, dealt: Dealt, params: &Params) 
     let tile = (BLOCK_WIDTH, WARP / BLOCK_WIDTH);
     let pixels = |(width, height)| (params.width.div_ceil(width), params.rows.div_ceil(height), 1);
     let (grid_dim, block_dim) = match dealt {
-        Dealt::ToPixels => (pixels((BLOCK_WIDTH, BLOCK_HEIGHT)), (BLOCK_WIDTH, BLOCK_HEIGHT, 1)),
-        Dealt::ToTiles => (pixels(tile), (tile.0, tile.1, 1)),
-        Dealt::ToList { warps } => ((device.multiprocessors()? * BLOCKS, 1, 1), (tile.0, tile.1, warps)),
+        Dealt::Pixels => (pixels((BLOCK_WIDTH, BLOCK_HEIGHT)), (BLOCK_WIDTH, BLOCK_HEIGHT, 1)),
+        Dealt::Tiles => (pixels(tile), (tile.0, tile.1, 1)),
+        Dealt::List { warps } => ((device.multiprocessors()? * BLOCKS, 1, 1), (tile.0, tile.1, warps)),
     };
     let mut launch = device.stream().launch_builder(kernel);
     launch.arg(params);
@@ -253,6 +253,6 @@ impl DeviceTracer for BvhTracer {
         for (stage, kernel) in stages.iter().filter(|(stage, _)| !stage.settles || params.settled != 0) {
             start(device, kernel, stage.dealt, params).map_err(failed)?;
         }
-        start(device, function, Dealt::ToPixels, params).map_err(failed)
+        start(device, function, Dealt::Pixels, params).map_err(failed)
     }
 }
