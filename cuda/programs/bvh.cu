@@ -1,68 +1,77 @@
 // The kernels of one program in one fidelity on our own traversal; `build.sh` names both. The one that writes the picture is
 // called as project files call the ray-generation program. Hits and misses have no kernels of their own: the traversal decides on
 // them (`Accept`).
-#include "count_open.cuh"
+#include "trace_bvh.cuh"
 
 #include CURITIBA_PROGRAM
 
-#if defined(CURITIBA_FINAL) && defined(CURITIBA_CORRECTED)
-#define CURITIBA_LISTS
-#include "surfaces.cuh"
-#elif defined(CURITIBA_SSAO) && defined(CURITIBA_CORRECTED)
-#define CURITIBA_SETTLES
-#include "occlusion.cuh"
-#endif
-
-// A warp is a tile of 8 x 4 pixels: blocks have 8 threads a row. So many blocks as the program says are to fit on a
-// multiprocessor at once, which bounds the registers of a thread.
-#define KERNEL(BLOCKS) extern "C" __global__ void __launch_bounds__(BLOCK_WIDTH *BLOCK_HEIGHT, BLOCKS)
-
-DEVICE Pass<Bvh> pass_of_thread(const Params &params, const Bvh &tracer) {
-    unsigned column = blockIdx.x * BLOCK_WIDTH + threadIdx.x, row = blockIdx.y * BLOCK_HEIGHT + threadIdx.y;
+// The pass of a thread that has the pixel of a column and a row of the launch.
+DEVICE Pass<Bvh> pass_at(const Params &params, const Bvh &tracer, unsigned column, unsigned row) {
     bool inside = column < params.width && row < params.rows;
     unsigned x = min(column, params.width - 1), y = picture_row(params, min(row, params.rows - 1));
     return {params, tracer, {x, y, y * params.width + x}, inside, {}};
 }
 
-KERNEL(RESIDENT_BLOCKS) buffer_camera(const __grid_constant__ Params params) {
-    Bvh tracer = {params};
-    Pass<Bvh> pass = pass_of_thread(params, tracer);
-#ifdef CURITIBA_LISTS
-    float4 result = sum_surfaces(pass);
-#elif defined(CURITIBA_SETTLES)
-    float4 result = traced_occlusion(pass);
+// What is called for the picture.
+#if defined(CURITIBA_FINAL) && defined(CURITIBA_CORRECTED)
+#include "surfaces.cuh"
+#define CURITIBA_LISTS
+#define CURITIBA_PICTURE sum_surfaces
+#elif defined(CURITIBA_SSAO) && defined(CURITIBA_CORRECTED)
+#include "occlusion.cuh"
+#define CURITIBA_SETTLES
+#define CURITIBA_PICTURE occlusion
 #else
-    float4 result = CURITIBA_FIDELITY(pass);
+#define CURITIBA_PICTURE CURITIBA_FIDELITY
 #endif
-    if (!pass.inside) return;
-    params.output[pass.pixel.index] = result;
-    count_rays(params, pass.pixel.index, pass.rays);
-}
 
-// A stage before it, of the pixel of each thread.
-template <void (*STAGE)(Pass<Bvh> &)> DEVICE void of_pixel(const Params &params) {
+// A warp is a tile of 8 x 4 pixels: blocks have 8 threads a row. So many blocks as the program says are to fit on a
+// multiprocessor at once, which bounds the registers of a thread.
+#define KERNEL_OF(WARPS, BLOCKS) extern "C" __global__ void __launch_bounds__(32 * WARPS, BLOCKS)
+#define KERNEL(BLOCKS) KERNEL_OF(BLOCK_WIDTH *BLOCK_HEIGHT / 32, BLOCKS)
+
+// Of the pixel of each thread.
+template <class Stage> DEVICE void of_pixel(const Params &params, Stage &&stage) {
     Bvh tracer = {params};
-    Pass<Bvh> pass = pass_of_thread(params, tracer);
-    STAGE(pass);
+    Pass<Bvh> pass = pass_at(params, tracer, blockIdx.x * blockDim.x + threadIdx.x, blockIdx.y * blockDim.y + threadIdx.y);
+    stage(pass);
     if (pass.inside) count_rays(params, pass.pixel.index, pass.rays);
 }
 
-// A stage of listed surfaces: as many blocks as the device runs at once take surfaces from the list until none is left.
-template <void (*STAGE)(Pass<Bvh> &)> DEVICE void of_surfaces(const Params &params) {
+KERNEL(RESIDENT_BLOCKS) buffer_camera(const __grid_constant__ Params params) {
+    of_pixel(params, [&](Pass<Bvh> &pass) {
+        float4 result = CURITIBA_PICTURE(pass);
+        if (pass.inside) params.output[pass.pixel.index] = result;
+    });
+}
+
+// Of listed surfaces: as many blocks as the device runs at once take surfaces from the list until none is left.
+template <class Stage> DEVICE void of_surfaces(const Params &params, Stage &&stage) {
     Bvh tracer = {params};
     Pass<Bvh> pass = {params, tracer, {}, true, {}};
-    STAGE(pass);
-    unsigned thread = blockIdx.x * (BLOCK_WIDTH * BLOCK_HEIGHT) + threadIdx.y * BLOCK_WIDTH + threadIdx.x;
-    count_rays(params, thread, pass.rays);
+    stage(pass);
+    unsigned warp = blockIdx.x * blockDim.z + threadIdx.z;
+    count_rays(params, 32 * warp + lane_of_thread(), pass.rays);
 }
 
 #ifdef CURITIBA_SETTLES
-KERNEL(SETTLING_BLOCKS) settle_occlusion(const __grid_constant__ Params params) { of_pixel<settle_occlusion>(params); }
+KERNEL_OF(1, SETTLING_WARPS) settle_occlusion(const __grid_constant__ Params params) {
+    of_pixel(params, [](Pass<Bvh> &pass) { settle_occlusion(pass); });
+}
+KERNEL_OF(TRACING_WARPS, TRACING_BLOCKS) trace_occlusion(const __grid_constant__ Params params) {
+    trace_pixels(params, Bvh{params});
+}
 #endif
 
 #ifdef CURITIBA_LISTS
-KERNEL(LISTING_BLOCKS) list_surfaces(const __grid_constant__ Params params) { of_pixel<list_surfaces>(params); }
-KERNEL(LIGHTING_BLOCKS) light_surfaces(const __grid_constant__ Params params) { of_surfaces<light_surfaces>(params); }
-KERNEL(SETTLING_BLOCKS) settle_surfaces(const __grid_constant__ Params params) { of_surfaces<settle_surfaces>(params); }
-KERNEL(OCCLUDING_BLOCKS) occlude_surfaces(const __grid_constant__ Params params) { of_surfaces<occlude_surfaces>(params); }
+KERNEL(LISTING_BLOCKS) list_surfaces(const __grid_constant__ Params params) {
+    of_pixel(params, [](Pass<Bvh> &pass) { list_surfaces(pass); });
+}
+KERNEL(LIGHTING_BLOCKS) light_surfaces(const __grid_constant__ Params params) {
+    of_surfaces(params, [](Pass<Bvh> &pass) { light_surfaces(pass); });
+}
+KERNEL_OF(1, SETTLING_WARPS) settle_surfaces(const __grid_constant__ Params params) {
+    of_surfaces(params, [](Pass<Bvh> &pass) { settle_surfaces(pass); });
+}
+KERNEL_OF(TRACING_WARPS, TRACING_BLOCKS) trace_surfaces(const __grid_constant__ Params params) { trace_listed(params); }
 #endif

@@ -28,6 +28,9 @@ struct Facet {
 struct HalfBall {
     float3 origin, facing;
     float square, nearness; // of the radius, with a margin; 1 / radius
+
+    // Whether a ray may come near a triangle.
+    DEVICE_MEMBER bool meets(const Triangle &triangle) const;
 };
 
 // By how much, along each axis, a box may be missed by a ray that its triangle's test accepts (`slack` of `trace/clear.rs`).
@@ -64,16 +67,19 @@ DEVICE float4 edge_plane(float3 from, float3 to, float unit, float fourth) {
     return make_float4(normal.x, normal.y, normal.z, fourth);
 }
 
-// The triangle at a place of the tree as an origin sees it; false if no ray of the half ball meets it.
-DEVICE bool facet_of(const Params &params, const Triangle &triangle, unsigned place, const HalfBall &ball, Facet &facet) {
-    float3 a = triangle.a - ball.origin, b = triangle.b - ball.origin, c = triangle.c - ball.origin;
+DEVICE_MEMBER bool HalfBall::meets(const Triangle &triangle) const {
+    float3 a = triangle.a - origin, b = triangle.b - origin, c = triangle.c - origin;
     auto away = [](float least, float most) { return fmaxf(fmaxf(least, -most), 0.0f); };
     float x = away(least_of(a.x, b.x, c.x), most_of(a.x, b.x, c.x));
     float y = away(least_of(a.y, b.y, c.y), most_of(a.y, b.y, c.y));
     float z = away(least_of(a.z, b.z, c.z), most_of(a.z, b.z, c.z));
-    if (ball.square <= __fmaf_rn(z, z, __fmaf_rn(y, y, x * x))) return false;
-    if (is_behind(a, ball.facing) && is_behind(b, ball.facing) && is_behind(c, ball.facing)) return false;
+    if (square <= __fmaf_rn(z, z, __fmaf_rn(y, y, x * x))) return false;
+    return !(is_behind(a, facing) && is_behind(b, facing) && is_behind(c, facing));
+}
 
+// The triangle at a place of the tree, which meets the half ball, as its origin sees it; false if its plane is beyond.
+DEVICE bool facet_of(const Params &params, const Triangle &triangle, unsigned place, const HalfBall &ball, Facet &facet) {
+    float3 a = triangle.a - ball.origin, b = triangle.b - ball.origin, c = triangle.c - ball.origin;
     double3 wa = wide(triangle.a), ab = wide(triangle.b) - wa, ac = wide(triangle.c) - wa, cross_product = cross(ab, ac);
     double size = largest(cross_product);
     bool trusted = size > SHARPEST * largest(ab) * largest(ac);

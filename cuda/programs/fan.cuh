@@ -3,56 +3,81 @@
 #pragma once
 #include "surface.cuh"
 
+// The points of a fan in the unit square. With Sobol points the samples are numbered as the host sorted the table.
+DEVICE uint2 scrambling_of(unsigned key) { return dimensions(key, HASH_SCRAMBLE); }
+DEVICE float2 scrambled_point(const Params &params, unsigned sample, uint2 seeds) {
+    uint2 sobol = __ldg(params.sobol + sample);
+    return make_float2(unit_of(scramble_reversed(sobol.x, seeds.x)), unit_of(scramble_reversed(sobol.y, seeds.y)));
+}
+DEVICE float2 jittered_point(const Params &params, unsigned sample, unsigned key) {
+    constexpr float ONE_BELOW = 1.0f - UNIT_ROUNDOFF;
+    uint2 jitter = dimensions(key, sample);
+    float width = 1.0f / (float)params.strata;
+    unsigned row = sample / params.strata, column = sample - row * params.strata;
+    return make_float2(fminf(((float)row + unit_of(jitter.x)) * width, ONE_BELOW),
+                       fminf(((float)column + unit_of(jitter.y)) * width, ONE_BELOW));
+}
+// The sample that is `turn`th in an order in which the rays of any two fans go to the same part of their hemispheres, as far as
+// the points are spread. How many rays are open does not depend on the order.
+//
+// The table has blocks of 4^m points, as `points.rs` says, which fill as many squares of the unit square. The scrambling
+// permutes the first m digits among themselves, so the point that it takes into a square is found by its inverse.
+DEVICE unsigned sample_of_turn(const Params &params, unsigned turn, uint2 seeds) {
+    unsigned digits = (31u - (unsigned)__clz(params.samples)) / 2u, first = 0;
+    while (turn >= first + (1u << 2u * digits)) {
+        first += 1u << 2u * digits;
+        while (1u << 2u * digits > params.samples - first) digits -= 1;
+    }
+    if (digits == 0) return first;
+    // The first digits change last from turn to turn.
+    unsigned square = __brev(turn - first) >> (32u - 2u * digits), low = (1u << digits) - 1u;
+    unsigned x = unscramble_reversed(even_bits(square), seeds.x, digits) & low;
+    unsigned y = unscramble_reversed(even_bits(square >> 1), seeds.y, digits) & low;
+    return first + (spread_bits(x) | spread_bits(y) << 1);
+}
+// The ray of a point of the unit square.
+DEVICE Ray ray_of_point(const Params &params, float2 point, float3 origin, float3 facing, const Basis &basis) {
+    float3 direction = to_world(basis, cosine_direction(point));
+    float below = fminf(dot(direction, facing), 0.0f);
+    return {origin, direction - 2.0f * below * facing, 0.0f, params.radius};
+}
+
 // Into the cosine-weighted hemisphere of a surface.
 struct Fan {
     float3 origin, facing, normal;
     unsigned key;
 
-    // The sample that is `turn`th in an order in which the rays of any two fans go to the same part of their hemispheres, as
-    // far as the points are spread. How many rays are open does not depend on the order.
-    //
-    // The table has blocks of 4^m points, as `points.rs` says, which fill as many squares of the unit square. The scrambling
-    // permutes the first m digits among themselves, so the point that it takes into a square is found by its inverse.
     DEVICE_MEMBER unsigned sample_of(const Params &params, unsigned turn) const {
-        if (params.strata != 0) return turn;
-        unsigned digits = (31u - (unsigned)__clz(params.samples)) / 2u, first = 0;
-        while (turn >= first + (1u << 2u * digits)) {
-            first += 1u << 2u * digits;
-            while (1u << 2u * digits > params.samples - first) digits -= 1;
-        }
-        if (digits == 0) return first;
-        uint2 seeds = dimensions(key, HASH_SCRAMBLE);
-        // The first digits change last from turn to turn.
-        unsigned square = __brev(turn - first) >> (32u - 2u * digits), low = (1u << digits) - 1u;
-        unsigned x = unscramble_reversed(even_bits(square), seeds.x, digits) & low;
-        unsigned y = unscramble_reversed(even_bits(square >> 1), seeds.y, digits) & low;
-        return first + (spread_bits(x) | spread_bits(y) << 1);
+        return params.strata != 0 ? turn : sample_of_turn(params, turn, scrambling_of(key));
+    }
+    DEVICE_MEMBER bool ray(const Params &params, unsigned sample, Ray &ray) const {
+        float2 point = params.strata == 0 ? scrambled_point(params, sample, scrambling_of(key)) : jittered_point(params, sample, key);
+        ray = ray_of_point(params, point, origin, facing, basis_around(normal));
+        return true;
+    }
+};
+
+// The same with what its rays have in common, for threads that share fans: the same rays, bit for bit.
+struct SharedFan {
+    float3 origin, facing;
+    Basis basis;
+    uint2 seeds;
+    unsigned key;
+
+    static DEVICE_MEMBER SharedFan of(const Fan &fan) {
+        return {fan.origin, fan.facing, basis_around(fan.normal), scrambling_of(fan.key), fan.key};
+    }
+    DEVICE_MEMBER unsigned sample_of(const Params &params, unsigned turn) const {
+        return params.strata != 0 ? turn : sample_of_turn(params, turn, seeds);
     }
     // The sample that is `turn`th in an order in which rays that follow each other go the same way: the table is followed by
     // the numbers of its points in that order.
     DEVICE_MEMBER unsigned neighbour(const Params &params, unsigned turn) const {
-        if (params.strata != 0) return turn;
-        return __ldg((const unsigned *)(params.sobol + params.samples) + turn);
+        return params.strata != 0 ? turn : __ldg((const unsigned *)(params.sobol + params.samples) + turn);
     }
-    // With Sobol points the samples are numbered as the host sorted the table.
-    DEVICE_MEMBER bool ray(const Params &params, unsigned sample, Ray &ray) const {
-        float2 point;
-        if (params.strata == 0) {
-            uint2 sobol = __ldg(params.sobol + sample), seeds = dimensions(key, HASH_SCRAMBLE);
-            point.x = unit_of(scramble_reversed(sobol.x, seeds.x));
-            point.y = unit_of(scramble_reversed(sobol.y, seeds.y));
-        } else {
-            constexpr float ONE_BELOW = 1.0f - UNIT_ROUNDOFF;
-            uint2 jitter = dimensions(key, sample);
-            float width = 1.0f / (float)params.strata;
-            unsigned row = sample / params.strata, column = sample - row * params.strata;
-            point.x = fminf(((float)row + unit_of(jitter.x)) * width, ONE_BELOW);
-            point.y = fminf(((float)column + unit_of(jitter.y)) * width, ONE_BELOW);
-        }
-        float3 direction = to_world(basis_around(normal), cosine_direction(point));
-        float below = fminf(dot(direction, facing), 0.0f);
-        ray = {origin, direction - 2.0f * below * facing, 0.0f, params.radius};
-        return true;
+    DEVICE_MEMBER Ray ray(const Params &params, unsigned sample) const {
+        float2 point = params.strata == 0 ? scrambled_point(params, sample, seeds) : jittered_point(params, sample, key);
+        return ray_of_point(params, point, origin, facing, basis);
     }
 };
 

@@ -6,7 +6,7 @@
 constexpr unsigned RESIDENT_BLOCKS = 8;
 // Of the kernels of `surfaces.cuh`, which our own traversal calls in corrected fidelity.
 #define CURITIBA_FINAL
-constexpr unsigned LISTING_BLOCKS = 8, LIGHTING_BLOCKS = 10, SETTLING_BLOCKS = 8, OCCLUDING_BLOCKS = 14;
+constexpr unsigned LISTING_BLOCKS = 8, LIGHTING_BLOCKS = 10;
 
 // A colour times the light's share and ambient occlusion. Black stays black, without a ray. All threads of a warp call it
 // together, those that have no surface with black.

@@ -4,10 +4,8 @@
 #include "facet.cuh"
 #include "trace_bvh.cuh"
 
-// Triangles gathered at most, and nodes that wait to be opened. Measured on an H100 (100 samples in the report's radius): with
-// 512, 768 and 1024 triangles `ssao` takes 2.8, 2.3 and 2.3 ms; in 10 million triangles and on a scanned mesh, where nearly no
-// list suffices, it takes as long with each.
-constexpr unsigned NEARBY = 768, WAITING = 128;
+// Nodes that wait to be opened, at most.
+constexpr unsigned WAITING = 128;
 // Rounds of opening up to 32 nodes.
 constexpr unsigned ROUNDS = 48;
 // Facets that are tested together, one bit each; as many again may wait for the next time.
@@ -70,7 +68,7 @@ struct Zone {
 };
 
 // What contains all rays of a fan up to a distance; false where it overflows.
-DEVICE bool zone_of(const Params &params, const Fan &fan, float distance, Zone &zone) {
+DEVICE bool zone_of(const Params &params, const SharedFan &fan, float distance, Zone &zone) {
     float radius = distance * LONGEST;
     float3 slack = slack_around(params, fan.origin);
     auto side = [&](float o, float n, float slack, float &least, float &most) {
@@ -122,10 +120,13 @@ DEVICE float least_of_warp(float value) {
 DEVICE float3 least_of_warp(float3 v) { return vec3(least_of_warp(v.x), least_of_warp(v.y), least_of_warp(v.z)); }
 DEVICE float3 most_of_warp(float3 v) { return -least_of_warp(-v); }
 
+// Triangles that one point sees within the radius, or within a part of it, at most: beyond, tracing its rays takes less time.
+constexpr unsigned SEEN = 128, SEEN_NEARER = 96;
+
 // What a warp has in shared memory while it counts open rays.
 struct Nearby {
-    unsigned list[NEARBY];     // triangles, by their places in the tree
-    unsigned waiting[WAITING]; // nodes
+    unsigned list[LISTED]; // triangles, by their places in the tree
+    unsigned waiting[SEEN > WAITING ? SEEN : WAITING]; // nodes; then triangles that one point sees
     float4 facets[4][2 * FACETS];
 };
 
@@ -213,7 +214,7 @@ struct Rays {
 };
 
 // The rays from `first` on; false if one is longer than the facets' bounds allow, or not made of numbers.
-DEVICE bool make_rays(const Params &params, const Fan &fan, unsigned first, unsigned count, unsigned lane, Rays &rays) {
+DEVICE bool make_rays(const Params &params, const SharedFan &fan, unsigned first, unsigned count, unsigned lane, Rays &rays) {
     rays.whole = min(count / 32u, 3u);
     rays.rest = count - 32u * rays.whole;
     rays.parts = rays.rest == 0 ? 0 : min((unsigned)__clz(rays.rest - 1u), 32u) - 27u;
@@ -226,9 +227,7 @@ DEVICE bool make_rays(const Params &params, const Fan &fan, unsigned first, unsi
     for (unsigned slot = rays.whole > 0 ? 0 : 3; slot < 4; slot = slot + 1 < rays.whole ? slot + 1 : slot < 3 ? 3 : 4) {
         unsigned within = slot < 3 ? 32u * slot + lane : 32u * rays.whole + (lane & (32u >> rays.parts) - 1u);
         if (slot == 3 && rays.rest == 0) break;
-        Ray ray;
-        fan.ray(params, first + min(within, count - 1u), ray);
-        float3 d = ray.direction;
+        float3 d = fan.ray(params, first + min(within, count - 1u)).direction;
         longer = longer || !(__fmaf_rn(d.z, d.z, __fmaf_rn(d.y, d.y, d.x * d.x)) <= LONGEST);
         if (slot == 0) rays.direction[0] = d;
         if (slot == 1) rays.direction[1] = d;
@@ -240,7 +239,7 @@ DEVICE bool make_rays(const Params &params, const Fan &fan, unsigned first, unsi
 
 // Tests the rays against facets `begin` to `begin + count`, at most 32.
 template <Accept ACCEPT>
-DEVICE void test_rays(const Params &params, const Fan &fan, const Nearby &nearby, unsigned begin, unsigned count, unsigned lane,
+DEVICE void test_rays(const Params &params, const SharedFan &fan, const Nearby &nearby, unsigned begin, unsigned count, unsigned lane,
                       Rays &rays) {
     unsigned undecided[4] = {0, 0, 0, 0};
     auto facet_at = [&](unsigned f) -> Facet {
@@ -291,22 +290,34 @@ DEVICE unsigned count_of(const Rays &rays) {
     return __popc(open_rays(rays, 0)) + __popc(open_rays(rays, 1)) + __popc(open_rays(rays, 2)) + __popc(open_rays(rays, 3));
 }
 
-constexpr unsigned TOO_LONG = ~0u - 1u, NOTHING_SEEN = ~0u;
+// What is found instead of a number: triangles to look at, a ray that is too long, or nothing in the way of any.
+constexpr unsigned TOO_MANY = ~0u - 2u, TOO_LONG = ~0u - 1u, NOTHING_SEEN = ~0u;
 
-// How many rays of a fan, from `first` on, none of the gathered triangles stops; or that nothing is in their way. `open` has a bit
+// How many rays of a fan, from `first` on, none of the gathered triangles stops within a radius. `open` has a bit
 // for each that is not stopped.
 template <Accept ACCEPT>
-DEVICE unsigned open_of(const Params &params, const Fan &fan, float radius, unsigned first, unsigned count, Nearby &nearby,
+DEVICE unsigned open_of(const Params &params, const SharedFan &fan, float radius, unsigned first, unsigned count, Nearby &nearby,
                         unsigned gathered, unsigned lane, uint4 &open) {
     HalfBall ball = half_ball(params, fan.origin, fan.facing, radius);
+    // Few of those near some points are near this one.
+    unsigned near = 0, most = radius == params.radius ? SEEN : SEEN_NEARER;
+    for (unsigned base = 0; base < gathered; base += 32) {
+        unsigned place = base + lane < gathered ? nearby.list[base + lane] : 0;
+        bool meets = base + lane < gathered && ball.meets(load_triangle(params, place));
+        unsigned mask = __ballot_sync(WHOLE_WARP, meets), at = near + __popc(mask & ((1u << lane) - 1u));
+        near += __popc(mask);
+        if (near > most) return TOO_MANY;
+        if (meets) nearby.waiting[at] = place;
+    }
+    __syncwarp();
     Rays rays;
     bool seen = false, made = false;
     unsigned facets = 0;
-    for (unsigned base = 0; base < gathered; base += 32) {
+    for (unsigned base = 0; base < near; base += 32) {
         Facet facet;
-        unsigned place = base + lane < gathered ? nearby.list[base + lane] : 0;
+        unsigned place = base + lane < near ? nearby.waiting[base + lane] : 0;
         Triangle triangle = load_triangle(params, place);
-        bool met = base + lane < gathered && facet_of(params, triangle, place, ball, facet);
+        bool met = base + lane < near && facet_of(params, triangle, place, ball, facet);
         seen = seen || __any_sync(WHOLE_WARP, met);
         // Glass that occlusion rays pass stops none.
         if (ACCEPT == ACCEPT_STOPS && met && (triangle.id & TRANSPARENT)) {
@@ -322,7 +333,7 @@ DEVICE unsigned open_of(const Params &params, const Fan &fan, float radius, unsi
         }
         facets += __popc(mask);
         __syncwarp();
-        if (facets > FACETS || (facets > 0 && base + 32 >= gathered)) {
+        if (facets > FACETS || (facets > 0 && base + 32 >= near)) {
             if (!made && !make_rays(params, fan, first, count, lane, rays)) return TOO_LONG;
             made = true;
             // Once whole and once what is left: the same instructions.

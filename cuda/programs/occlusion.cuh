@@ -1,10 +1,11 @@
-// `ssao` in corrected fidelity on our own traversal, as two kernels one after the other: what the triangles near the pixels say of
-// their rays, then the rays of which these do not. The second has the fewer registers, so that more warps wait beside each other.
+// `ssao` in corrected fidelity on our own traversal, as kernels one after the other: what the triangles near the pixels say of their
+// rays, one warp a tile of 8 x 4 pixels; the rays of which these do not, several warps a tile, so that tiles with many rays do
+// not keep the others waiting; then the picture.
 #pragma once
 #include "count_open.cuh"
 #include "ssao.cuh"
 
-DEVICE bool occlusion_fan(Pass<Bvh> &pass, Fan &fan) {
+static __device__ __noinline__ bool occlusion_fan(Pass<Bvh> &pass, Fan &fan) {
     Surface surface;
     unsigned key;
     bool seen = seen_surface(pass, surface, key);
@@ -13,24 +14,29 @@ DEVICE bool occlusion_fan(Pass<Bvh> &pass, Fan &fan) {
 }
 
 DEVICE void settle_occlusion(Pass<Bvh> &pass) {
-    __shared__ SettlingMemory memories[BLOCK_WIDTH * BLOCK_HEIGHT / 32];
+    __shared__ SettlingMemory memory;
     const Params &params = pass.params;
+    unsigned lane = lane_of_thread();
     Fan fan;
     bool wanted = occlusion_fan(pass, fan);
-    Settled found = settle<ACCEPT_COVERED>(params, wanted, fan, params.samples, memories[warp_of_thread()], lane_of_thread(),
-                                           pass.rays);
-    if (pass.inside) settled(params)[pass.pixel.index] = found;
+    Settled found = settle<ACCEPT_COVERED>(params, wanted, fan, params.samples, memory, lane, pass.rays);
+    keep(params, pass.inside, pass.pixel.index, found, blockIdx.y * gridDim.x + blockIdx.x, lane);
 }
 
-DEVICE float4 traced_occlusion(Pass<Bvh> &pass) {
-    __shared__ TracingMemory memories[BLOCK_WIDTH * BLOCK_HEIGHT / 32];
+DEVICE void trace_pixels(const Params &params, const Bvh &tracer) {
+    trace_unsettled<ACCEPT_COVERED>(params, [&](unsigned tile, unsigned &index, Fan &fan) {
+        unsigned tiles = (params.width + BLOCK_WIDTH - 1) / BLOCK_WIDTH;
+        Pass<Bvh> pass = pass_at(params, tracer, tile % tiles * BLOCK_WIDTH + threadIdx.x,
+                                 tile / tiles * (32 / BLOCK_WIDTH) + threadIdx.y);
+        index = pass.pixel.index;
+        return pass.inside && occlusion_fan(pass, fan);
+    });
+}
+
+// Where rays are few, nobody looked at what is near them: each thread traces those of its pixel.
+DEVICE float4 occlusion(Pass<Bvh> &pass) {
     const Params &params = pass.params;
-    if (params.samples == 0) return opaque(splat(1.0f));
+    if (params.settled == nullptr) return corrected(pass);
     bool seen = pass.triangle() != NO_TRIANGLE;
-    Settled found = settled_at(params, seen, pass.pixel.index, pass.rays);
-    Fan fan;
-    if (seen && found.from != SETTLED) occlusion_fan(pass, fan);
-    unsigned open = count_traced<ACCEPT_COVERED>(pass.tracer, seen, fan, found, params.samples, memories[warp_of_thread()],
-                                                 lane_of_thread());
-    return opaque(splat(seen ? params.open_share[open] : 1.0f));
+    return opaque(splat(seen ? params.open_share[settled(params)[pass.pixel.index].open] : 1.0f));
 }

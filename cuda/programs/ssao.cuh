@@ -2,17 +2,9 @@
 #pragma once
 #include "pass.cuh"
 
-// Of the kernels of our own traversal in corrected fidelity: what is near, then the rays (`occlusion.cuh`). The fastest of 8, 10, 12,
-// 14 and 16 on an H100, and of 8, 9 and 10.
 #define CURITIBA_SSAO
-constexpr unsigned TRACING_BLOCKS = 14, SETTLING_BLOCKS = 8;
-// Where one thread a pixel does all.
-constexpr unsigned ALONE_BLOCKS = 8;
-#ifdef CURITIBA_CORRECTED
-constexpr unsigned RESIDENT_BLOCKS = TRACING_BLOCKS;
-#else
-constexpr unsigned RESIDENT_BLOCKS = ALONE_BLOCKS;
-#endif
+// Where one thread a pixel does all. In corrected fidelity our own traversal has kernels instead (`occlusion.cuh`).
+constexpr unsigned RESIDENT_BLOCKS = 8;
 
 // The surface that a pixel sees, and its rays.
 template <class Tracer> DEVICE bool seen_surface(Pass<Tracer> &pass, Surface &surface, unsigned &key) {

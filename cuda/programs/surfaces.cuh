@@ -1,6 +1,6 @@
 // `final` in corrected fidelity on our own traversal, as kernels one after the other: glass is followed to the surfaces that are
 // seen through it, which go to a list with those seen directly; then one thread a surface traces its shadow ray, one warp
-// looks at what is near 32 surfaces, then traces the rays that are left of their occlusion; then each pixel sums its own. So
+// looks at what is near 32 surfaces, several trace the rays that are left of their occlusion; then each pixel sums its own. So
 // threads do the same at the same time, whatever glass is seen, and each kernel has the registers that it needs.
 //
 // A pixel whose surfaces do not fit into the list is computed by one thread from begin to end, with the same result.
@@ -8,7 +8,7 @@
 #include "count_open.cuh"
 #include "final.cuh"
 
-// Four vectors a surface. Before the last kernel the first holds its weighted share of the pixel's colour.
+// Four vectors a surface.
 struct ListedSurface {
     float4 start;  // where its rays start, but for the step off the surface; the step, negative if it is turned from the light
     float4 facing; // and the key of its random numbers
@@ -21,10 +21,6 @@ static_assert(sizeof(ListedSurface) == SURFACE_BYTES, "ListedSurface");
 constexpr unsigned NO_SURFACE = ~0u, NO_ROOM = ~0u - 1u;
 
 DEVICE ListedSurface *listed(const Params &params) { return (ListedSurface *)params.surfaces; }
-// How many surfaces were found; the place of the next that is to be lit, then of the next of which is asked what is near, then of
-// the next whose occlusion is to be found.
-enum Progress { FOUND = 0, LIT = 1, NEAR = 2, OCCLUDED = 3 };
-
 // The first of the next 32 surfaces, for a warp; false when none is left.
 DEVICE bool next_surfaces(const Params &params, Progress which, unsigned lane, unsigned &index, bool &here) {
     unsigned count = min(params.progress[FOUND], (unsigned)params.capacity), first = 0;
@@ -126,38 +122,26 @@ DEVICE bool listed_fan(const Params &params, unsigned index, bool here, Fan &fan
 
 // Writes what is near listed surfaces.
 DEVICE void settle_surfaces(Pass<Bvh> &pass) {
-    __shared__ SettlingMemory memories[BLOCK_WIDTH * BLOCK_HEIGHT / 32];
+    __shared__ SettlingMemory memory;
     const Params &params = pass.params;
-    unsigned index;
+    unsigned index, lane = lane_of_thread();
     bool here;
-    while (next_surfaces(params, NEAR, lane_of_thread(), index, here)) {
+    while (next_surfaces(params, NEAR, lane, index, here)) {
         Fan fan;
         float3 lit;
         bool wanted = listed_fan(params, index, here, fan, lit);
-        Settled found = settle<ACCEPT_STOPS>(params, wanted, fan, params.samples, memories[warp_of_thread()], lane_of_thread(),
-                                             pass.rays);
-        if (here) settled(params)[index] = found;
+        Settled found = settle<ACCEPT_STOPS>(params, wanted, fan, params.samples, memory, lane, pass.rays);
+        keep(params, here, index, found, index / 32, lane);
     }
 }
 
-// Writes the weighted shares of listed surfaces: their light times ambient occlusion.
-DEVICE void occlude_surfaces(Pass<Bvh> &pass) {
-    __shared__ TracingMemory memories[BLOCK_WIDTH * BLOCK_HEIGHT / 32];
-    const Params &params = pass.params;
-    unsigned index;
-    bool here;
-    while (next_surfaces(params, OCCLUDED, lane_of_thread(), index, here)) {
-        Fan fan;
+// Traces the rays of listed surfaces of which what is near does not tell.
+DEVICE void trace_listed(const Params &params) {
+    trace_unsettled<ACCEPT_STOPS>(params, [&](unsigned group, unsigned &index, Fan &fan) {
+        index = 32 * group + lane_of_thread();
         float3 lit;
-        bool wanted = listed_fan(params, index, here, fan, lit);
-        Settled found = settled_at(params, wanted, index, pass.rays);
-        unsigned open = count_traced<ACCEPT_STOPS>(pass.tracer, wanted, fan, found, params.samples, memories[warp_of_thread()],
-                                                   lane_of_thread());
-        if (!here) continue;
-        float share = wanted ? params.open_share[open] : 1.0f;
-        float3 weighted = listed(params)[index].normal.w * (lit * share);
-        listed(params)[index].start = make_float4(weighted.x, weighted.y, weighted.z, 0.0f);
-    }
+        return listed_fan(params, index, index < min(params.progress[FOUND], (unsigned)params.capacity), fan, lit);
+    });
 }
 
 // The sum of a pixel's surfaces.
@@ -176,9 +160,18 @@ DEVICE float4 sum_surfaces(Pass<Bvh> &pass) {
     if (!seen) return pass.color();
     float3 sum = splat(0.0f);
     while (surface != NO_SURFACE) {
-        const ListedSurface &listed_surface = listed(params)[surface];
-        sum = sum + xyz(listed_surface.start);
-        surface = __float_as_uint(listed_surface.color.w);
+        Fan fan;
+        float3 lit;
+        float share = 1.0f;
+        if (listed_fan(params, surface, true, fan, lit)) {
+            // Where rays are few, nobody looked at what is near them.
+            unsigned open = params.settled != nullptr
+                                ? settled(params)[surface].open
+                                : count_open_alone<ACCEPT_STOPS>(pass.tracer, fan, params.samples, pass.rays);
+            share = params.open_share[open];
+        }
+        sum = sum + listed(params)[surface].normal.w * (lit * share);
+        surface = __float_as_uint(listed(params)[surface].color.w);
     }
     return opaque(sum);
 }

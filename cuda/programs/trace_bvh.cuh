@@ -10,7 +10,6 @@
 
 constexpr unsigned WHOLE_WARP = ~0u;
 DEVICE unsigned lane_of_thread() { return (threadIdx.y * BLOCK_WIDTH + threadIdx.x) % 32u; }
-DEVICE unsigned warp_of_thread() { return (threadIdx.y * BLOCK_WIDTH + threadIdx.x) / 32u; }
 
 // Between the smallest reciprocal that does not overflow and the largest slope that matters: a ray that runs along an axis
 // is treated as one that leaves it by this share, which no coordinate of the scene notices.
@@ -50,57 +49,49 @@ DEVICE float2 halves(unsigned word) {
     return numbers;
 }
 
-// One axis of the box test: distance = quantum * step + base, with the padding of the slabs in the bases.
+// The way of a ray through boxes, which are widened by `pad` along each axis.
+struct Way {
+    float3 origin, inverse, pad;
+};
+
+// How much that is for a ray from an origin: the padding of the reference (`slab_padding`), and as much again as the roundings of the
+// quantised boxes and of their fused test may add: below 32 u times the reach, which bounds every difference of coordinates.
+// More than they add, so that a ray enters the box of what it hits before it leaves it.
+DEVICE float3 box_padding(const Params &params, float3 origin) {
+    float3 low = vec3(params.scene_low[0], params.scene_low[1], params.scene_low[2]);
+    float3 high = vec3(params.scene_high[0], params.scene_high[1], params.scene_high[2]);
+    float3 a = absolute(low - origin), b = absolute(high - origin);
+    float3 reach = vec3(fmaxf(a.x, b.x), fmaxf(a.y, b.y), fmaxf(a.z, b.z));
+    float most = fmaxf(fmaxf(reach.x, reach.y), reach.z);
+    return (reach * 40.0f + splat(most * 8.0f) + absolute(origin) * 34.0f) * UNIT_ROUNDOFF;
+}
+
+DEVICE float steered(float d) { return fabsf(d) < LEAST_DIRECTION ? copysignf(LEAST_DIRECTION, d) : d; }
+
+// One axis of the box test: distance = quantum * step + base.
 struct Slab {
-    float near_base, far_base, near_step, far_step;
+    float near_base, far_base, step;
     uint4 near, far;
 };
-DEVICE Slab slab_of(float corner, float scale, float near_origin, float far_origin, float inverse, const uint4 *planes) {
-    float far_inverse = inverse * (1.0f + 8.0f * UNIT_ROUNDOFF);
+DEVICE Slab slab_of(float corner, float scale, float origin, float inverse, float pad, const uint4 *planes) {
     // Chosen by the address: no instruction for each word.
     unsigned backward = inverse < 0.0f ? 1u : 0u;
-    return {(corner - near_origin) * inverse,
-            (corner - far_origin) * far_inverse,
+    float base = (corner - origin) * inverse;
+    return {__fmaf_rn(-pad, fabsf(inverse), base),
+            __fmaf_rn(pad, fabsf(inverse), base),
             scale * inverse,
-            scale * far_inverse,
             __ldg(planes + backward),
             __ldg(planes + (1u - backward))};
 }
 
-struct Traversal {
-    float3 inverse, near_origin, far_origin;
-    unsigned octant; // 7 minus the ray's octant: children on the near side come first
-};
-
-DEVICE Traversal start(const Params &params, const Query &query) {
-    // The padding of the reference, and as much again as the roundings of the quantised boxes and of their fused test may
-    // add: below 32 u times the reach, which bounds every difference of coordinates. More than they add, so that a ray enters
-    // the box of what it hits before it leaves it.
-    float3 low = vec3(params.scene_low[0], params.scene_low[1], params.scene_low[2]);
-    float3 high = vec3(params.scene_high[0], params.scene_high[1], params.scene_high[2]);
-    float3 a = absolute(low - query.origin), b = absolute(high - query.origin);
-    float3 reach = vec3(fmaxf(a.x, b.x), fmaxf(a.y, b.y), fmaxf(a.z, b.z));
-    float3 pad = slab_padding(params, query) + (reach + absolute(query.origin)) * (32.0f * UNIT_ROUNDOFF);
-    auto steer = [](float d) { return fabsf(d) < LEAST_DIRECTION ? copysignf(LEAST_DIRECTION, d) : d; };
-    float3 d = vec3(steer(query.direction.x), steer(query.direction.y), steer(query.direction.z));
-    Traversal walk;
-    walk.inverse = vec3(1.0f / d.x, 1.0f / d.y, 1.0f / d.z);
-    float3 toward = vec3(copysignf(pad.x, d.x), copysignf(pad.y, d.y), copysignf(pad.z, d.z));
-    walk.near_origin = query.origin + toward;
-    walk.far_origin = query.origin - toward;
-    walk.octant = (d.x < 0.0f ? 0u : 1u) | (d.y < 0.0f ? 0u : 2u) | (d.z < 0.0f ? 0u : 4u);
-    return walk;
-}
-
-// The slots of children that the ray meets up to `limit`; empty ones may be among them.
-DEVICE unsigned met_slots(const Node &node, const uint4 *at, const Traversal &walk, float t_min, float limit) {
-    float3 corner = vec3(__uint_as_float(node.head.x), __uint_as_float(node.head.y), __uint_as_float(node.head.z));
-    auto slab = [&](int axis, float corner, float near_origin, float far_origin, float inverse) {
-        return slab_of(corner, scale_of(node.head.w, axis), near_origin, far_origin, inverse, planes_of(at, axis));
+// The slots of children that the ray meets between two distances; empty ones may be among them.
+DEVICE unsigned met_slots(const Node &node, const uint4 *at, const Way &way, float least, float most) {
+    auto slab = [&](int axis, unsigned corner, float origin, float inverse, float pad) {
+        return slab_of(__uint_as_float(corner), scale_of(node.head.w, axis), origin, inverse, pad, planes_of(at, axis));
     };
-    Slab x = slab(0, corner.x, walk.near_origin.x, walk.far_origin.x, walk.inverse.x);
-    Slab y = slab(1, corner.y, walk.near_origin.y, walk.far_origin.y, walk.inverse.y);
-    Slab z = slab(2, corner.z, walk.near_origin.z, walk.far_origin.z, walk.inverse.z);
+    Slab x = slab(0, node.head.x, way.origin.x, way.inverse.x, way.pad.x);
+    Slab y = slab(1, node.head.y, way.origin.y, way.inverse.y, way.pad.y);
+    Slab z = slab(2, node.head.z, way.origin.z, way.inverse.z, way.pad.z);
     unsigned met = 0;
     // The last child first: each shifts its bit in.
 #pragma unroll
@@ -109,17 +100,19 @@ DEVICE unsigned met_slots(const Node &node, const uint4 *at, const Traversal &wa
         float2 near_x = word(x.near), near_y = word(y.near), near_z = word(z.near);
         float2 far_x = word(x.far), far_y = word(y.far), far_z = word(z.far);
         auto test = [&](float nx, float ny, float nz, float fx, float fy, float fz) {
-            nx = __fmaf_rn(nx, x.near_step, x.near_base);
-            ny = __fmaf_rn(ny, y.near_step, y.near_base);
-            nz = __fmaf_rn(nz, z.near_step, z.near_base);
-            fx = __fmaf_rn(fx, x.far_step, x.far_base);
-            fy = __fmaf_rn(fy, y.far_step, y.far_base);
-            fz = __fmaf_rn(fz, z.far_step, z.far_base);
+            nx = __fmaf_rn(nx, x.step, x.near_base);
+            ny = __fmaf_rn(ny, y.step, y.near_base);
+            nz = __fmaf_rn(nz, z.step, z.near_base);
+            fx = __fmaf_rn(fx, x.step, x.far_base);
+            fy = __fmaf_rn(fy, y.step, y.far_base);
+            fz = __fmaf_rn(fz, z.step, z.far_base);
             // A distance that is not a number restricts nothing: fmaxf and fminf drop it.
-            float enter = fmaxf(fmaxf(nx, ny), fmaxf(nz, t_min));
-            float leave = fminf(fminf(fx, fy), fminf(fz, limit));
-            // Whether it is negative: one instruction instead of a comparison and another.
-            met = __funnelshift_l(__float_as_uint(enter - leave), met, 1);
+            float enter = fmaxf(fmaxf(nx, ny), fmaxf(nz, least));
+            float leave = fminf(fminf(fx, fy), fminf(fz, most));
+            // The rounding of the inverses is between the axes. Whether the difference is negative: one instruction instead of a
+            // comparison and another.
+            constexpr float LATER = 1.0f + 16.0f * UNIT_ROUNDOFF;
+            met = __funnelshift_l(__float_as_uint(__fmaf_rn(leave, -LATER, enter)), met, 1);
         };
         test(near_x.y, near_y.y, near_z.y, far_x.y, far_y.y, far_z.y);
         test(near_x.x, near_y.x, near_z.x, far_x.x, far_y.x, far_z.x);
@@ -143,33 +136,36 @@ struct Group {
 
 // The way of a ray down the tree.
 struct Descent {
-    Traversal walk;
+    Way way;
     float t_min;
+    unsigned octant; // 7 minus the ray's octant: children on the near side come first
     Group stack[STACK];
     int depth;
     Group group;
     // The triangles that were found last: one bit each, counted from the first.
     unsigned triangles, first;
 
-    // Begins at node `from`. Boxes that the ray leaves before `beyond` are passed over.
-    DEVICE_MEMBER void begin(const Params &params, const Query &query, unsigned from, float beyond) {
-        walk = start(params, query);
-        t_min = fmaxf(query.t_min, beyond);
+    // Begins at the root.
+    DEVICE_MEMBER void begin(const Params &params, const Query &query) {
+        float3 d = vec3(steered(query.direction.x), steered(query.direction.y), steered(query.direction.z));
+        way = {query.origin, vec3(1.0f / d.x, 1.0f / d.y, 1.0f / d.z), box_padding(params, query.origin)};
+        octant = (d.x < 0.0f ? 0u : 1u) | (d.y < 0.0f ? 0u : 2u) | (d.z < 0.0f ? 0u : 4u);
+        t_min = query.t_min;
         depth = 0;
         // One child, and no inner one before it.
-        group = {from, 0x80000000u};
+        group = {0u, 0x80000000u};
     }
     // Opens the next node. False where none is left after it.
     DEVICE_MEMBER bool advance(const Params &params, float limit) {
-        unsigned place = 31u - __clz(group.bits), slot = (place - 24u) ^ walk.octant;
+        unsigned place = 31u - __clz(group.bits), slot = (place - 24u) ^ octant;
         unsigned index = group.base + __popc(group.bits & 0xffu & ((1u << slot) - 1u));
         group.bits &= ~(1u << place);
         if (group.bits & 0xff000000u) stack[depth++] = group;
         const uint4 *at = node_at(params, index);
         Node node = load_node(at);
-        unsigned met = met_slots(node, at, walk, t_min, limit);
+        unsigned met = met_slots(node, at, way, t_min, limit);
         group.base = node.meta.x;
-        group.bits = in_order(met & node.inner(), walk.octant) << 24 | node.inner();
+        group.bits = in_order(met & node.inner(), octant) << 24 | node.inner();
         triangles = node.triangles(met);
         first = node.meta.y;
         if (group.bits & 0xff000000u) return true;
@@ -185,7 +181,7 @@ struct Bvh {
     template <class Found> __device__ __forceinline__ void walk(const Query &query, float &limit, Found &&found) const {
         if (params.node_count == 0) return;
         Descent descent;
-        descent.begin(params, query, 0u, 0.0f);
+        descent.begin(params, query);
         bool more = true;
         while (more) {
             more = descent.advance(params, limit);
@@ -230,11 +226,9 @@ struct Bvh {
         return blocked;
     }
 
-    template <Accept ACCEPT>
-    __device__ __forceinline__ unsigned count_open(bool wanted, const Fan &fan, unsigned samples, RayCounts &rays) const;
-    // Without a list there is nothing that the rays of a point have in common, and neighbouring pixels go the same way.
-    template <Accept ACCEPT>
-    DEVICE_MEMBER unsigned count_open(bool wanted, const ThesisFan &fan, unsigned samples, RayCounts &rays) const {
+    // Each thread alone. Where they work together, kernels of their own do (`count_open.cuh`).
+    template <Accept ACCEPT, class Rays>
+    DEVICE_MEMBER unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
         return wanted ? count_open_alone<ACCEPT>(*this, fan, samples, rays) : 0u;
     }
     static __device__ __forceinline__ bool any(bool value) { return __any_sync(WHOLE_WARP, value); }

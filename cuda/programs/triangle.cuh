@@ -76,12 +76,27 @@ DEVICE float2 interval_axis(float2 range, float origin, float direction, float p
     return make_float2(near > range.x ? near : range.x, far < range.y ? far : range.y);
 }
 
+// The corners as the ray sees them, and the signed areas opposite to them.
+struct Edges {
+    float3 a, b, c;
+    float of_a, of_b, of_c;
+};
+DEVICE Edges edges_of(const Query &query, float3 a, float3 b, float3 c) {
+    float3 sa = sheared(query, a), sb = sheared(query, b), sc = sheared(query, c);
+    return {sa, sb, sc, sc.x * sb.y - sc.y * sb.x, sa.x * sc.y - sa.y * sc.x, sb.x * sa.y - sb.y * sa.x};
+}
+// Whether the ray passes the triangle by.
+DEVICE bool passes_by(const Edges &edges) {
+    float least = fminf(fminf(edges.of_a, edges.of_b), edges.of_c), most = fmaxf(fmaxf(edges.of_a, edges.of_b), edges.of_c);
+    return !(least >= 0.0f || most <= 0.0f);
+}
+
 // Where the ray meets the triangle with t_min < t <= limit.
 DEVICE bool intersect(const Params &params, const Query &query, float3 a, float3 b, float3 c, float limit, Hit &hit) {
-    float3 sa = sheared(query, a), sb = sheared(query, b), sc = sheared(query, c);
-    float ea = sc.x * sb.y - sc.y * sb.x, eb = sa.x * sc.y - sa.y * sc.x, ec = sb.x * sa.y - sb.y * sa.x;
-    float least = fminf(fminf(ea, eb), ec), most = fmaxf(fmaxf(ea, eb), ec);
-    if (!(least >= 0.0f || most <= 0.0f)) return false;
+    Edges edges = edges_of(query, a, b, c);
+    if (passes_by(edges)) return false;
+    float3 sa = edges.a, sb = edges.b, sc = edges.c;
+    float ea = edges.of_a, eb = edges.of_b, ec = edges.of_c;
     double3 wa = wide(a), normal = cross(wide(b) - wa, wide(c) - wa);
     float t = (float)(dot(normal, wa - wide(query.origin)) / dot(normal, wide(query.direction)));
     if (!(t > query.t_min && t <= limit) && isfinite(t)) return false;

@@ -1,7 +1,7 @@
 //! Our own wide tree, built by the processor and traversed by kernels.
 
 use crate::device::{Buffer, Device};
-use crate::layout::{BLOCK_HEIGHT, BLOCK_WIDTH, Params, SETTLED_BYTES, SURFACE_BYTES};
+use crate::layout::{BLOCK_HEIGHT, BLOCK_WIDTH, LISTED, Params, REACHES, SETTLED_BYTES, SURFACE_BYTES, TRACING_WARPS};
 use crate::nodes::WideNode;
 use crate::programs;
 use crate::rays::DeviceTracer;
@@ -13,14 +13,17 @@ use curitiba_passes::trace::device::DeviceTree;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
+use glam::Vec3;
 
-/// How the threads of a kernel are dealt.
+/// What the threads of a kernel are dealt to. A warp is 8 x 4 threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Dealt {
-    /// One a pixel.
-    ToPixels,
-    /// As many as the device runs at once take surfaces from the list until none is left.
-    ToSurfaces,
+    /// One a pixel, in blocks of 8 x 8.
+    Pixels,
+    /// One a pixel, in blocks of a warp.
+    Tiles,
+    /// Work of a list: as many blocks of so many warps as the device runs at once take some until none is left.
+    List { warps: u32 },
 }
 
 /// A kernel that runs before the one that writes the picture.
@@ -28,19 +31,22 @@ enum Dealt {
 struct Stage {
     entry: &'static str,
     dealt: Dealt,
-    /// Asks what is near the points of occlusion rays: left out where they are few.
+    /// Has to do with what is near the points of occlusion rays: left out where they are few.
     settles: bool,
 }
 
 /// The stages of `ssao` in corrected fidelity.
-const OF_OCCLUSION: [Stage; 1] = [Stage { entry: "settle_occlusion", dealt: Dealt::ToPixels, settles: true }];
+const OF_OCCLUSION: [Stage; 2] = [
+    Stage { entry: "settle_occlusion", dealt: Dealt::Tiles, settles: true },
+    Stage { entry: "trace_occlusion", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true },
+];
 
 /// Those of `final`: glass is followed to the surfaces that are seen through it, which are then lit.
 const OF_FINAL: [Stage; 4] = [
-    Stage { entry: "list_surfaces", dealt: Dealt::ToPixels, settles: false },
-    Stage { entry: "light_surfaces", dealt: Dealt::ToSurfaces, settles: false },
-    Stage { entry: "settle_surfaces", dealt: Dealt::ToSurfaces, settles: true },
-    Stage { entry: "occlude_surfaces", dealt: Dealt::ToSurfaces, settles: false },
+    Stage { entry: "list_surfaces", dealt: Dealt::Pixels, settles: false },
+    Stage { entry: "light_surfaces", dealt: Dealt::List { warps: 2 }, settles: false },
+    Stage { entry: "settle_surfaces", dealt: Dealt::List { warps: 1 }, settles: true },
+    Stage { entry: "trace_surfaces", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true },
 ];
 
 fn stages(program: RayProgram, fidelity: Fidelity) -> &'static [Stage] {
@@ -58,13 +64,20 @@ const FEW_SAMPLES: u32 = 6;
 /// from begin to end by one thread.
 const SURFACES_PER_PIXEL: u64 = 4;
 
+/// Device memory of a triangle in the tree: three vectors of four numbers.
+const BYTES_OF_TRIANGLE: u64 = 48;
+
+/// Triangles within the radius of a point, if they lay on a surface through the whole scene, from which on lists of what is near are to
+/// be short.
+const TOO_MANY_WITHIN: f32 = 2000.0;
+
 /// Places are taken by whole warps.
-const WARP: u64 = 32;
+const WARP: u32 = 32;
 
-/// Counters of the kernels: `Progress` in `programs/surfaces.cuh`.
-const PROGRESS: usize = 4;
+/// Counters of the kernels: `Progress` in `programs/count_open.cuh`.
+const PROGRESS: usize = 5;
 
-/// Blocks of a kernel that takes surfaces from the list, for each multiprocessor: as many as one can hold.
+/// Blocks of a kernel that takes work from a list, for each multiprocessor: as many as one can hold.
 const BLOCKS: u32 = 32;
 
 /// The kernels of a program in one fidelity.
@@ -101,7 +114,16 @@ impl BvhTracer {
         self.room = Some(room);
     }
 
-    /// Makes room for what the kernels of a program tell each other, which is kept for the next launch.
+    /// How long lists of what is near some points may be, within parts of the radius. Measured on an H100: long ones pay, except where
+    /// far too much is in reach for any.
+    fn listed(&self, radius: f32) -> [u32; REACHES as usize - 1] {
+        let [low, high] = self.bounds.map(Vec3::from_array);
+        let triangles = (self.leaves.bytes() / BYTES_OF_TRIANGLE) as f32;
+        let within = triangles * (radius / (high - low).length()).powi(2);
+        if within > TOO_MANY_WITHIN { [192, 512] } else { [LISTED, 512] }
+    }
+
+    /// Makes room for what the kernels of a program tell each other, which is kept for the next launch, and sets their counters to 0.
     fn make_room(&mut self, device: &Device, program: RayProgram, params: &mut Params) -> Result<(), BackendError> {
         let pixels = params.width as usize * params.height as usize;
         let mut points = pixels;
@@ -109,6 +131,8 @@ impl BvhTracer {
             self.make_room_for_surfaces(device, params)?;
             points = params.capacity as usize;
         }
+        device.clear("the progress of the kernels", &mut self.progress, PROGRESS)?;
+        params.progress = self.progress.address(device);
         if params.samples >= FEW_SAMPLES {
             let words = points * SETTLED_BYTES as usize / size_of::<u32>();
             device.reserve("what is near the points of occlusion rays", &mut self.settled, words)?;
@@ -117,19 +141,17 @@ impl BvhTracer {
         Ok(())
     }
 
-    /// Makes room for the surfaces of a launch, and sets the kernels' counters to 0.
+    /// Makes room for the surfaces of a launch.
     fn make_room_for_surfaces(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
         let launched = u64::from(params.width) * u64::from(params.rows);
         let room = self.room.unwrap_or(SURFACES_PER_PIXEL * launched).min(u64::from(u32::MAX / 2));
-        let room = room.next_multiple_of(WARP);
+        let room = room.next_multiple_of(u64::from(WARP));
         let words = room * u64::from(SURFACE_BYTES) / size_of::<f32>() as u64;
         device.reserve("the surfaces of `final`", &mut self.surfaces, words as usize)?;
         let pixels = params.width as usize * params.height as usize;
         device.reserve("the first surface of each pixel", &mut self.first_surface, pixels)?;
-        device.clear("the progress of the kernels", &mut self.progress, PROGRESS)?;
         params.surfaces = self.surfaces.address(device);
         params.first_surface = self.first_surface.address(device);
-        params.progress = self.progress.address(device);
         params.capacity = room;
         Ok(())
     }
@@ -137,15 +159,20 @@ impl BvhTracer {
 
 /// Starts a kernel that takes one [`Params`].
 #[allow(unsafe_code, reason = "launches a kernel")]
-fn start(device: &Device, kernel: &CudaFunction, grid: (u32, u32), params: &Params) -> Result<(), DriverError> {
-    let config =
-        LaunchConfig { grid_dim: (grid.0, grid.1, 1), block_dim: (BLOCK_WIDTH, BLOCK_HEIGHT, 1), shared_mem_bytes: 0 };
+fn start(device: &Device, kernel: &CudaFunction, dealt: Dealt, params: &Params) -> Result<(), DriverError> {
+    let tile = (BLOCK_WIDTH, WARP / BLOCK_WIDTH);
+    let pixels = |(width, height)| (params.width.div_ceil(width), params.rows.div_ceil(height), 1);
+    let (grid_dim, block_dim) = match dealt {
+        Dealt::Pixels => (pixels((BLOCK_WIDTH, BLOCK_HEIGHT)), (BLOCK_WIDTH, BLOCK_HEIGHT, 1)),
+        Dealt::Tiles => (pixels(tile), (tile.0, tile.1, 1)),
+        Dealt::List { warps } => ((device.multiprocessors()? * BLOCKS, 1, 1), (tile.0, tile.1, warps)),
+    };
     let mut launch = device.stream().launch_builder(kernel);
     launch.arg(params);
     // SAFETY: the kernel takes one `Params` by value, whose layout its compiler checked. Its addresses are of buffers
     // of this backend that live until the stream was synchronised, as long as the images, tables and meshes that the
     // job was checked to have; indices in them were checked when the scene was built.
-    unsafe { launch.launch(config) }.map(|_| ())
+    unsafe { launch.launch(LaunchConfig { grid_dim, block_dim, shared_mem_bytes: 0 }) }.map(|_| ())
 }
 
 impl DeviceTracer for BvhTracer {
@@ -215,6 +242,7 @@ impl DeviceTracer for BvhTracer {
         params.leaves = self.leaves.address(device);
         params.node_count = self.node_count;
         [params.scene_low, params.scene_high] = self.bounds;
+        params.listed = self.listed(params.radius);
         let is_this = |kernel: &Kernel| (kernel.program, kernel.fidelity) == (job.program, job.fidelity);
         let index = self.kernels.iter().position(is_this).expect("loaded before");
         if !self.kernels[index].stages.is_empty() {
@@ -222,14 +250,9 @@ impl DeviceTracer for BvhTracer {
         }
         let Kernel { stages, function, .. } = &self.kernels[index];
         let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
-        let pixels = (params.width.div_ceil(BLOCK_WIDTH), params.rows.div_ceil(BLOCK_HEIGHT));
         for (stage, kernel) in stages.iter().filter(|(stage, _)| !stage.settles || params.settled != 0) {
-            let grid = match stage.dealt {
-                Dealt::ToPixels => pixels,
-                Dealt::ToSurfaces => (device.multiprocessors().map_err(failed)? * BLOCKS, 1),
-            };
-            start(device, kernel, grid, params).map_err(failed)?;
+            start(device, kernel, stage.dealt, params).map_err(failed)?;
         }
-        start(device, function, pixels, params).map_err(failed)
+        start(device, function, Dealt::Pixels, params).map_err(failed)
     }
 }

@@ -162,6 +162,8 @@ shared_structs! {
         scene_high: [f32; 3] = "float[3]",
         /// 1: Schlick's weights of glass; 0: Fresnel's.
         schlick: u32 = "unsigned",
+        /// Triangles of a list of what is near some points, within parts of the radius, at most: no more than [`LISTED`].
+        listed: [u32; REACHES as usize - 1] = "unsigned[2]",
     }
 }
 
@@ -197,6 +199,12 @@ pub const SETTLED_BYTES: u32 = 32;
 pub const BLOCK_WIDTH: u32 = 8;
 /// Threads of a block along y.
 pub const BLOCK_HEIGHT: u32 = 8;
+/// Warps of a block that trace the occlusion rays of 32 points together.
+pub const TRACING_WARPS: u32 = 4;
+/// The radius and parts of it within which occlusion looks at what is near.
+pub const REACHES: u32 = 3;
+/// Room in a list of what is near, triangles.
+pub const LISTED: u32 = 768;
 /// Over how many sums the counts of rays are spread, so that threads seldom meet.
 pub const RAY_COUNT_SLOTS: u32 = 1024;
 /// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain.
@@ -236,6 +244,9 @@ pub fn header() -> String {
         ("SETTLED_BYTES", SETTLED_BYTES),
         ("BLOCK_WIDTH", BLOCK_WIDTH),
         ("BLOCK_HEIGHT", BLOCK_HEIGHT),
+        ("TRACING_WARPS", TRACING_WARPS),
+        ("REACHES", REACHES),
+        ("LISTED", LISTED),
         ("RAY_COUNT_SLOTS", RAY_COUNT_SLOTS),
         ("RAY_COUNT_KINDS", RAY_COUNT_KINDS),
         ("EXCEPTION_SLOT", EXCEPTION_SLOT),

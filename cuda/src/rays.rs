@@ -2,7 +2,7 @@
 
 use crate::device::{Address, Buffer, Device};
 use crate::join::Joined;
-use crate::layout::{BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, Params, RAY_COUNT_KINDS, THROUGH_GLASS_ENTRIES};
+use crate::layout::{BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, Params, RAY_COUNT_KINDS, REACHES, THROUGH_GLASS_ENTRIES};
 use crate::peers::{Copies, Lent, copy_here, copy_parts};
 use crate::points::table;
 use crate::scene::{SceneBuffers, shades};
@@ -394,6 +394,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             scene_low: [0.0; 3],
             scene_high: [0.0; 3],
             schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
+            listed: [0; REACHES as usize - 1],
         })
     }
 
