@@ -48,13 +48,15 @@ fi
 # Larger squares.
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-for triangles in ${CURITIBA_TRIANGLES:-1000000 10000000}; do
+for triangles in ${CURITIBA_TRIANGLES:-100000 1000000 10000000}; do
     cp -r xml_projects "$work/$triangles"
     "$binaries/curitiba" scene --generate "$triangles" -o "$work/square"
     cp -r "$work/square/." "$work/$triangles/3dsmodels/"
     rm -r "$work/square"
     "$binaries/conformance" "$work/$triangles"/Scene{Shadows,Reflect,Refract,SSAO,Final}.xml --fidelity corrected --time-only \
         --runs 6 -o "$output/square_$triangles.json" || failed=1
+    "$binaries/conformance" "$work/$triangles/SceneSSAO.xml" --fidelity corrected --set pass2.radius=20 --time-only --runs 6 \
+        -o "$output/long_square_$triangles.json" || failed=1
     rm -r "${work:?}/$triangles"
 done
 
@@ -62,5 +64,9 @@ done
 for folder in "${@:3}"; do
     "$binaries/conformance" "$folder"/Scene*.xml --fidelity corrected --time-only --runs 6 \
         -o "$output/$(basename "$folder").json" || failed=1
+    if [ -e "$folder/SceneSSAO.xml" ]; then
+        "$binaries/conformance" "$folder/SceneSSAO.xml" --fidelity corrected --set pass2.radius=20 --time-only --runs 6 \
+            -o "$output/long_$(basename "$folder").json" || failed=1
+    fi
 done
 exit $failed
