@@ -35,11 +35,8 @@ struct HalfBall {
 
 // By how much, along each axis, a box may be missed by a ray that its triangle's test accepts (`slack` of `trace/clear.rs`).
 DEVICE float3 slack_around(const Params &params, float3 origin) {
-    float3 low = vec3(params.scene_low[0], params.scene_low[1], params.scene_low[2]);
-    float3 high = vec3(params.scene_high[0], params.scene_high[1], params.scene_high[2]);
-    float3 a = absolute(low - origin), b = absolute(high - origin);
-    float3 reach = vec3(fmaxf(a.x, b.x), fmaxf(a.y, b.y), fmaxf(a.z, b.z));
-    float most = fmaxf(fmaxf(reach.x, reach.y), reach.z);
+    float3 reach = reach_from(params, origin);
+    float most = most_of(reach.x, reach.y, reach.z);
     return (reach + splat(most)) * (8.0f * UNIT_ROUNDOFF) + absolute(origin) * (2.0f * UNIT_ROUNDOFF);
 }
 // `radius` may be a part of that of the rays: then triangles beyond it are left out.
@@ -50,7 +47,6 @@ DEVICE HalfBall half_ball(const Params &params, float3 origin, float3 facing, fl
 }
 
 DEVICE float least_of(float a, float b, float c) { return fminf(fminf(a, b), c); }
-DEVICE float most_of(float a, float b, float c) { return fmaxf(fmaxf(a, b), c); }
 DEVICE float largest(float3 p) { return most_of(fabsf(p.x), fabsf(p.y), fabsf(p.z)); }
 DEVICE double largest(double3 p) { return fmax(fmax(fabs(p.x), fabs(p.y)), fabs(p.z)); }
 

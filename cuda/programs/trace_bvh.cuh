@@ -58,11 +58,8 @@ struct Way {
 // quantised boxes and of their fused test may add: below 32 u times the reach, which bounds every difference of coordinates.
 // More than they add, so that a ray enters the box of what it hits before it leaves it.
 DEVICE float3 box_padding(const Params &params, float3 origin) {
-    float3 low = vec3(params.scene_low[0], params.scene_low[1], params.scene_low[2]);
-    float3 high = vec3(params.scene_high[0], params.scene_high[1], params.scene_high[2]);
-    float3 a = absolute(low - origin), b = absolute(high - origin);
-    float3 reach = vec3(fmaxf(a.x, b.x), fmaxf(a.y, b.y), fmaxf(a.z, b.z));
-    float most = fmaxf(fmaxf(reach.x, reach.y), reach.z);
+    float3 reach = reach_from(params, origin);
+    float most = most_of(reach.x, reach.y, reach.z);
     return (reach * 40.0f + splat(most * 8.0f) + absolute(origin) * 34.0f) * UNIT_ROUNDOFF;
 }
 

@@ -55,12 +55,19 @@ DEVICE float3 sheared(const Query &query, float3 corner) {
     return vec3(p.x - query.shear.x * p.z, p.y - query.shear.y * p.z, p.z);
 }
 
-// How far the origin of the slabs is moved outwards along each axis, as in `Query::new`.
-DEVICE float3 slab_padding(const Params &params, const Query &query) {
+DEVICE float most_of(float a, float b, float c) { return fmaxf(fmaxf(a, b), c); }
+// How far the scene reaches from a point along each axis.
+DEVICE float3 reach_from(const Params &params, float3 point) {
     float3 low = vec3(params.scene_low[0], params.scene_low[1], params.scene_low[2]);
     float3 high = vec3(params.scene_high[0], params.scene_high[1], params.scene_high[2]);
-    float3 a = absolute(low - query.origin), b = absolute(high - query.origin);
-    float3 reach = vec3(fminf(fmaxf(a.x, b.x), 1.0e30f), fminf(fmaxf(a.y, b.y), 1.0e30f), fminf(fmaxf(a.z, b.z), 1.0e30f));
+    float3 a = absolute(low - point), b = absolute(high - point);
+    return vec3(fmaxf(a.x, b.x), fmaxf(a.y, b.y), fmaxf(a.z, b.z));
+}
+
+// How far the origin of the slabs is moved outwards along each axis, as in `Query::new`.
+DEVICE float3 slab_padding(const Params &params, const Query &query) {
+    float3 reach = reach_from(params, query.origin);
+    reach = vec3(fminf(reach.x, 1.0e30f), fminf(reach.y, 1.0e30f), fminf(reach.z, 1.0e30f));
     float along = component(reach, query.longest);
     return (reach + splat(along)) * (8.0f * UNIT_ROUNDOFF) + absolute(query.origin) * (2.0f * UNIT_ROUNDOFF);
 }

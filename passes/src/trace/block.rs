@@ -159,19 +159,13 @@ impl Block {
         accept: &mut impl FnMut(&Hit) -> bool,
     ) -> bool {
         let Some(Passed { lanes, inside, edges }) = self.passed(simd, line) else { return false };
-        let Verdict { hit, miss } = self.decided(simd, line);
+        let Verdict { hit, miss } = decide(simd, self, line);
         if hit & inside & !simd.negative(&self.ids) != NO_LANES {
             return true;
         }
         let lanes = lanes & !miss;
         let edges = [simd.store(edges[0]), simd.store(edges[1]), simd.store(edges[2])];
         lanes != NO_LANES && self.stops_surely(&query(), lanes, &edges, accept)
-    }
-
-    /// What is certain of a ray whose line passes through triangles.
-    #[inline(always)]
-    pub(super) fn decided<S: Simd>(&self, simd: S, line: &Line) -> Verdict {
-        decide(simd, &self.corners, line)
     }
 
     /// Whether one of some triangles that a ray's line passes through stops it.

@@ -19,8 +19,9 @@
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
 use super::beam::Beam;
+use super::block::Block;
 use super::facet::Verdict;
-use super::lanes::{F8, Simd};
+use super::lanes::Simd;
 use super::query::{Line, UNIT_ROUNDOFF};
 use glam::DVec3;
 
@@ -83,20 +84,20 @@ impl Face {
 const SMALLEST: f32 = 1.0e-25;
 const LARGEST: f32 = 1.0e25;
 
-/// What is certain of a ray whose line passes through triangles of a block, given as `[corner][axis]`.
+/// What is certain of a ray whose line passes through triangles of a block.
 ///
 /// Here the normal `n` is the product of two edges, in `f32` and not scaled. With `w` half the sum of their squares, which is at least
 /// the product of their lengths and so any component of `n`, a component errs by 4 u w, the first product of the two above by 8 u w R
 /// and the second by 13 u w: less than what is counted for the scaled normal, times `w`. The other terms scale with `n`, at most `w`.
 #[inline(always)]
-pub(super) fn decide<S: Simd>(simd: S, corners: &[[F8; 3]; 3], line: &Line) -> Verdict {
+pub(super) fn decide<S: Simd>(simd: S, block: &Block, line: &Line) -> Verdict {
     let zero = simd.splat(0.0);
     let (mut edges, mut to, mut square) = ([[zero; 3]; 2], [zero; 3], zero);
     for axis in 0..3 {
-        let a = simd.load(&corners[0][axis]);
+        let [a, b, c] = block.coordinates(simd, axis);
         to[axis] = simd.sub(a, simd.splat(line.origin[axis]));
-        for edge in 0..2 {
-            let along = simd.sub(simd.load(&corners[edge + 1][axis]), a);
+        for (edge, corner) in [b, c].into_iter().enumerate() {
+            let along = simd.sub(corner, a);
             square = simd.about_mul_add(along, along, square);
             edges[edge][axis] = along;
         }
@@ -131,7 +132,6 @@ pub(super) fn decide<S: Simd>(simd: S, corners: &[[F8; 3]; 3], line: &Line) -> V
 mod tests {
     use super::*;
     use crate::trace::beam::Classes;
-    use crate::trace::block::Block;
     use crate::trace::lanes::{NO_LANES, Plain, WIDE};
     use crate::trace::query::{Bounds, Query};
     use crate::trace::{PACKET, Packet};
@@ -216,7 +216,7 @@ mod tests {
                     let met = block.intersect(Plain, &query, &mut limit, |found, _, _| found.t < t_max);
                     tallies[0].count(Face::new(&block.corners(0)).decide(Plain, &beam), lane, met);
                     let line = Line { doubt: query.line.doubt * doubt, ..query.line };
-                    tallies[1].count(block.decided(Plain, &line), 0, met);
+                    tallies[1].count(decide(Plain, &block, &line), 0, met);
                 }
             }
         }
