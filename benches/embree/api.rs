@@ -96,7 +96,7 @@ impl Embree {
         let functions = unsafe { Functions::find(&library) }.map_err(wrong)?;
         // SAFETY: a device without options is made, asked for its version and released.
         let [major, minor, patch] = unsafe {
-            let device = (functions.new_device)(null());
+            let device = (functions.new_device)(c"threads=1".as_ptr());
             let version = [1, 2, 3].map(|property| (functions.device_property)(device, property));
             (functions.release_device)(device);
             version

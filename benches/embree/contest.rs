@@ -17,7 +17,7 @@ pub struct Contestant<'a> {
 pub struct Times {
     /// On the clock.
     pub wall_s: Vec<f64>,
-    /// Of all processors together; on a busy machine the better measure. 0 where the system does not tell.
+    /// Of the pool's threads together; on a busy machine the better measure. 0 where the system does not tell.
     pub cpu_s: Vec<f64>,
 }
 
@@ -42,11 +42,11 @@ impl<'a> Contestant<'a> {
         Self { name: name.into(), work: Box::new(work), result: 0, times: Times::default() }
     }
 
-    fn turn(&mut self) {
-        let (cpu, start) = (cpu_seconds(), Instant::now());
-        self.result = (self.work)();
+    fn turn(&mut self, pool: &rayon::ThreadPool) {
+        let (cpu, start) = (cpu_seconds(pool), Instant::now());
+        self.result = pool.install(|| (self.work)());
         self.times.wall_s.push(start.elapsed().as_secs_f64());
-        self.times.cpu_s.push(cpu_seconds() - cpu);
+        self.times.cpu_s.push(cpu_seconds(pool) - cpu);
     }
 }
 
@@ -54,7 +54,7 @@ impl<'a> Contestant<'a> {
 pub fn rounds(contestants: &mut [Contestant<'_>], rounds: usize, pool: &rayon::ThreadPool) {
     for round in 0..=rounds {
         for contestant in contestants.iter_mut() {
-            pool.install(|| contestant.turn());
+            contestant.turn(pool);
             if round == 0 && rounds > 0 {
                 contestant.times = Times::default();
             }
@@ -62,12 +62,12 @@ pub fn rounds(contestants: &mut [Contestant<'_>], rounds: usize, pool: &rayon::T
     }
 }
 
-/// Processor time of all threads of this process so far.
-fn cpu_seconds() -> f64 {
-    let Ok(threads) = std::fs::read_dir("/proc/self/task") else { return 0.0 };
-    let of_thread = |path: std::path::PathBuf| -> Option<f64> {
-        let text = std::fs::read_to_string(path.join("schedstat")).ok()?;
+/// Processor time of the threads of a pool so far. Not of the whole process: Embree's own threads go on looking for work
+/// after a build, and would be counted with whoever has its turn.
+fn cpu_seconds(pool: &rayon::ThreadPool) -> f64 {
+    let own = |_: rayon::BroadcastContext<'_>| -> Option<f64> {
+        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
         text.split_whitespace().next()?.parse().ok()
     };
-    threads.filter_map(|entry| of_thread(entry.ok()?.path())).sum::<f64>() * 1e-9
+    pool.broadcast(own).into_iter().flatten().sum::<f64>() * 1e-9
 }

@@ -274,7 +274,8 @@ fn build(
     rows: &mut Vec<BuildRow>,
 ) -> Result<(Bvh, Vec<Tree>), String> {
     let triangles = geometry.triangles.len() as f64;
-    let all = request.threads.iter().copied().max().unwrap_or(1);
+    // On all processors, whatever traces: built on one, with another there, Embree 4 leaves a thread that never sleeps.
+    let all = std::thread::available_parallelism().map_or(1, usize::from);
     let workers = pool(all);
     let mut note = |name: &str, seconds: f64, bytes: f64| {
         println!("  build {name:28} {seconds:8.3} s on {all}, {:6.1} bytes a triangle", bytes / triangles);
