@@ -7,7 +7,7 @@ use super::block::Block;
 use super::extremes::Extremes;
 use super::face::{DOUBT, Face, LONGEST};
 use super::facet::Verdict;
-use super::lanes::{F8, F16, Mask, NO_LANES, Plain, Simd, WIDE, first_wide_lane, without_first};
+use super::lanes::{F8, F16, Mask, NO_LANES, Plain, Simd, WIDE, first_wide_lane, load_axes, without_first};
 use super::packet::Packet;
 use super::query::{Bounds, FAR, Line, Query, UNIT_ROUNDOFF, permutation};
 use super::{Hit, PacketHits};
@@ -268,7 +268,7 @@ impl Beam {
         let point = |p: &[f32; 3]| DVec3::new(p[0].into(), p[1].into(), p[2].into());
         let [a, b, c] = [point(&corners[0]), point(&corners[1]), point(&corners[2])];
         let normal = (b - a).cross(c - a);
-        simd.wide_plane(normal, a, load(simd, &self.origin), load(simd, &self.direction))
+        simd.wide_plane(normal, a, load_axes(simd, &self.origin), load_axes(simd, &self.direction))
     }
 
     /// [`Query::interval`] of all rays.
@@ -573,11 +573,6 @@ struct Lines<S: Simd> {
 #[inline(always)]
 fn absolute<S: Simd>(simd: S, values: S::Wide) -> S::Wide {
     simd.wide_max_or(values, simd.wide_sub(simd.wide_splat(0.0), values))
-}
-
-#[inline(always)]
-fn load<S: Simd>(simd: S, [x, y, z]: &[F16; 3]) -> [S::Wide; 3] {
-    [simd.wide_load(x), simd.wide_load(y), simd.wide_load(z)]
 }
 
 /// The edge function of two corners as rays see them.

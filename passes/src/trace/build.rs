@@ -15,8 +15,8 @@ use rayon::prelude::*;
 pub(super) const FREE_DEPTH: usize = 24;
 /// Levels of nodes at most: 2³¹ triangles cut into 8 equal parts until 8 are left take 10 levels, until 3 are left 11.
 pub(super) const MAX_DEPTH: usize = FREE_DEPTH + 11;
-/// Every node on the way down leaves at most 7 siblings on the stack.
-const _: () = assert!(MAX_DEPTH * (LANES - 1) < super::stack::STACK);
+/// Every node on the way down leaves at most 7 siblings on the stack, and asks for room for eight.
+const _: () = assert!(MAX_DEPTH * (LANES - 1) + LANES <= super::stack::STACK);
 
 /// Cost of testing a block of triangles, where opening a node costs 1.
 const BLOCK_COST: f32 = 1.3;

@@ -9,7 +9,7 @@
 
 use super::block::Block;
 use super::clear::{Ball, Plane};
-use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE};
+use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, load_axes};
 use super::query::UNIT_ROUNDOFF;
 use glam::{DVec3, Vec3};
 
@@ -341,7 +341,7 @@ impl<S: Simd> Facet<S> {
     /// nothing is.
     #[inline(always)]
     pub(super) fn test<const AFTER: bool>(&self, simd: S, directions: &[F16; 3]) -> Verdict {
-        let rays = [simd.wide_load(&directions[0]), simd.wide_load(&directions[1]), simd.wide_load(&directions[2])];
+        let rays = load_axes(simd, directions);
         let (a, b, c) =
             (dot(simd, &rays, &self.edges[0]), dot(simd, &rays, &self.edges[1]), dot(simd, &rays, &self.edges[2]));
         let least = simd.wide_min_or(simd.wide_min_or(a, b), c);

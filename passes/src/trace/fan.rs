@@ -11,11 +11,11 @@ use super::block::{Block, Cones};
 use super::bvh::{Bvh, occluded};
 use super::clear::Plane;
 use super::dispatch::Work;
-use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, first_wide_lane, without_first};
+use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, first_wide_lane, load_axes, without_first};
 use super::node::{Child, Node};
 use super::query::{Line, Query, Start};
-use super::stack::Stack;
-use super::wave::Wave;
+use super::stack::{Stack, Stacks};
+use super::wave::{Blocks, Wave};
 use super::{Fan, Hit, Ray};
 use glam::Vec3;
 
@@ -88,7 +88,7 @@ impl Lanes {
         }
         let one = simd.wide_splat(1.0);
         let mut regular = !NO_LANES;
-        let wide = [simd.wide_load(&d[0]), simd.wide_load(&d[1]), simd.wide_load(&d[2])];
+        let wide = load_axes(simd, &d);
         let mut size = wide;
         let mut inverse = wide;
         for axis in 0..3 {
@@ -194,7 +194,9 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         let bvh = self.bvh;
         let mut open = regular;
         let mut stack = Stack::new();
-        let mut wave = Wave::new();
+        let mut stacks = Stacks::new();
+        let mut blocks = Blocks::new();
+        let mut wave = Wave::new(&mut stacks, &mut blocks);
         let (mut current, mut mask) = (bvh.root, regular);
         loop {
             if current.is_block() {
@@ -263,21 +265,24 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         if let Some(plane) = apex.plane {
             lanes &= !node.behind(simd, plane);
         }
+        let (t_min, t_max) = (simd.wide_splat(apex.start.t_min), simd.wide_splat(apex.start.t_max));
+        let inverse = load_axes(simd, &rays.inverse);
+        let offset = [load_axes(simd, &rays.offset[0]), load_axes(simd, &rays.offset[1])];
+        let mut room = stack.room();
         while lanes != NO_LANES {
             let lane = first_lane(lanes);
             lanes = without_first(lanes);
-            let mut enter = simd.wide_splat(apex.start.t_min);
-            let mut leave = simd.wide_splat(apex.start.t_max);
+            let (mut enter, mut leave) = (t_min, t_max);
             for axis in 0..3 {
-                let inverse = simd.wide_load(&rays.inverse[axis]);
                 let (low, high) = (node.planes[0][axis].0[lane], node.planes[1][axis].0[lane]);
-                let a = simd.wide_about_mul_add(simd.wide_splat(low), inverse, simd.wide_load(&rays.offset[0][axis]));
-                let b = simd.wide_about_mul_add(simd.wide_splat(high), inverse, simd.wide_load(&rays.offset[1][axis]));
+                let a = simd.wide_about_mul_add(simd.wide_splat(low), inverse[axis], offset[0][axis]);
+                let b = simd.wide_about_mul_add(simd.wide_splat(high), inverse[axis], offset[1][axis]);
                 enter = simd.wide_max_or(simd.wide_min_or(a, b), enter);
                 leave = simd.wide_min_or(simd.wide_max_or(a, b), leave);
             }
             let met = simd.wide_at_most(enter, leave) & mask;
-            stack.push_if(met != NO_LANES, u64::from(met) << 32 | u64::from(node.children[lane].0));
+            room.push_if(met != NO_LANES, u64::from(met) << 32 | u64::from(node.children[lane].0));
         }
+        room.keep();
     }
 }

@@ -123,6 +123,12 @@ pub(crate) trait Simd: Copy {
     fn prefetch<T>(self, value: &T);
 }
 
+/// Three vectors, one an axis.
+#[inline(always)]
+pub(super) fn load_axes<S: Simd>(simd: S, [x, y, z]: &[F16; 3]) -> [S::Wide; 3] {
+    [simd.wide_load(x), simd.wide_load(y), simd.wide_load(z)]
+}
+
 /// Plain loops over arrays.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plain;

@@ -5,7 +5,7 @@ use super::clear::{Ball, Plane, half_balls, slack};
 use super::directions::Directions;
 use super::dispatch::{Detected, Work};
 use super::facet::{Facet, Facets, Group, LONGEST, Verdict, View};
-use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, first_wide_lane, without_first};
+use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, first_wide_lane, load_axes, without_first};
 use super::node::Child;
 use super::query::{Bounds, Query, UNIT_ROUNDOFF};
 use super::stack::Stack;
@@ -412,7 +412,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
 /// Whether no direction is longer than [`LONGEST`], nor anything but numbers.
 #[inline(always)]
 fn are_short<S: Simd>(simd: S, vector: &[F16; 3]) -> bool {
-    let [x, y, z] = [simd.wide_load(&vector[0]), simd.wide_load(&vector[1]), simd.wide_load(&vector[2])];
+    let [x, y, z] = load_axes(simd, vector);
     let square = simd.wide_about_mul_add(z, z, simd.wide_about_mul_add(y, y, simd.wide_mul(x, x)));
     simd.wide_at_most(square, simd.wide_splat(LONGEST)) == (1 << WIDE) - 1
 }

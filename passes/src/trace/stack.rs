@@ -32,14 +32,14 @@ impl<T: Copy + PartialOrd> Stack<T> {
         self.len += 1;
     }
 
-    /// Adds an entry where a condition holds, without a jump.
+    /// Room for eight entries on top.
     ///
     /// # Panics
-    /// If the stack is full.
+    /// If there is none, which the bound on the tree's depth excludes.
     #[inline(always)]
-    pub(super) fn push_if(&mut self, condition: bool, entry: T) {
-        self.entries[self.len].write(entry);
-        self.len += usize::from(condition);
+    pub(super) fn room(&mut self) -> Room<'_, T> {
+        let entries = self.entries[self.len..].first_chunk_mut().expect("the depth of the tree is bounded");
+        Room { entries, len: &mut self.len, count: 0 }
     }
 
     /// Takes the entry that was added last.
@@ -73,6 +73,32 @@ impl<T: Copy + PartialOrd> Stack<T> {
             }
             self.entries[slot].write(entry);
         }
+    }
+}
+
+/// Room on top of a stack. Its count is not in memory while it is filled, so that nothing waits for it.
+pub(super) struct Room<'a, T> {
+    entries: &'a mut [MaybeUninit<T>; LANES],
+    len: &'a mut usize,
+    count: usize,
+}
+
+impl<T: Copy> Room<'_, T> {
+    /// Adds an entry where a condition holds, without a jump.
+    #[inline(always)]
+    pub(super) fn push_if(&mut self, condition: bool, entry: T) {
+        self.entries[self.count % LANES].write(entry);
+        self.count += usize::from(condition);
+    }
+
+    /// The entries are on the stack.
+    ///
+    /// # Panics
+    /// If they are more than eight.
+    #[inline(always)]
+    pub(super) fn keep(self) {
+        assert!(self.count <= LANES, "room for eight");
+        *self.len += self.count;
     }
 }
 
@@ -236,10 +262,29 @@ mod tests {
     #[test]
     fn entries_whose_condition_does_not_hold_are_not_pushed() {
         let mut stack = of(&[5]);
-        stack.push_if(false, 6);
-        stack.push_if(true, 7);
-        stack.push_if(false, 8);
+        let mut room = stack.room();
+        room.push_if(false, 6);
+        room.push_if(true, 7);
+        room.push_if(false, 8);
+        room.keep();
         assert_eq!(popped(stack), [7, 5]);
+    }
+
+    #[test]
+    #[should_panic(expected = "room for eight")]
+    fn there_is_room_for_eight_entries() {
+        let mut stack = of(&[]);
+        let mut room = stack.room();
+        for entry in 0..9 {
+            room.push_if(true, entry);
+        }
+        room.keep();
+    }
+
+    #[test]
+    #[should_panic(expected = "the depth of the tree is bounded")]
+    fn there_is_no_room_on_a_full_stack() {
+        of(&[0; STACK - LANES + 1]).room();
     }
 
     #[test]

@@ -22,21 +22,27 @@ const FEW_LATE: u32 = 6;
 const WAITING: usize = 64;
 
 /// What up to sixteen rays have yet to visit by themselves.
-pub(super) struct Wave {
-    stacks: Stacks,
+///
+/// The stacks and the list are elsewhere, because they would be copied into it, though there is nothing in them yet.
+pub(super) struct Wave<'a> {
+    stacks: &'a mut Stacks,
     /// The rays whose stacks are not empty.
     busy: Mask,
     /// Blocks to be tested, each with its ray.
-    blocks: List<{ WAITING + WIDE * LANES }>,
+    blocks: &'a mut Blocks,
     /// Parts left to rays since they last took turns, and how many may be.
     parts: u32,
     limit: u32,
 }
 
-impl Wave {
+/// Blocks with the ray of each.
+pub(super) type Blocks = List<{ WAITING + WIDE * LANES }>;
+
+impl<'a> Wave<'a> {
+    /// With stacks and a list that are empty.
     #[inline(always)]
-    pub(super) fn new() -> Self {
-        Self { stacks: Stacks::new(), busy: NO_LANES, blocks: List::new(), parts: 0, limit: EARLY }
+    pub(super) fn new(stacks: &'a mut Stacks, blocks: &'a mut Blocks) -> Self {
+        Self { stacks, busy: NO_LANES, blocks, parts: 0, limit: EARLY }
     }
 
     /// Rays up to which those in a part of the tree are to be left to it.
