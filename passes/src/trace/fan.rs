@@ -14,8 +14,8 @@ use super::dispatch::Work;
 use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, first_wide_lane, load_axes, without_first};
 use super::node::{Child, Node};
 use super::query::{Line, Query, Start};
-use super::stack::{Stack, Stacks};
-use super::wave::{Blocks, Wave};
+use super::stack::Stack;
+use super::wave::{Waiting, Wave};
 use super::{Fan, Hit, Ray};
 use glam::Vec3;
 
@@ -194,9 +194,9 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         let bvh = self.bvh;
         let mut open = regular;
         let mut stack = Stack::new();
-        let mut stacks = Stacks::new();
-        let mut blocks = Blocks::new();
-        let mut wave = Wave::new(&mut stacks, &mut blocks);
+        let mut nodes = Waiting::new();
+        let mut blocks = Waiting::new();
+        let mut wave = Wave::new(&mut nodes, &mut blocks);
         let (mut current, mut mask) = (bvh.root, regular);
         loop {
             if current.is_block() {
@@ -261,17 +261,12 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
     #[inline(always)]
     fn visit<S: Simd>(&self, simd: S, apex: &Apex, rays: &Lanes, (current, mask): (Child, Mask), stack: &mut Stack) {
         let node = &self.bvh.nodes[current.index()];
-        let mut lanes = node.used(simd);
-        if let Some(plane) = apex.plane {
-            lanes &= !node.behind(simd, plane);
-        }
+        let lanes = node.used(simd);
         let (t_min, t_max) = (simd.wide_splat(apex.start.t_min), simd.wide_splat(apex.start.t_max));
         let inverse = load_axes(simd, &rays.inverse);
         let offset = [load_axes(simd, &rays.offset[0]), load_axes(simd, &rays.offset[1])];
         let mut room = stack.room();
-        while lanes != NO_LANES {
-            let lane = first_lane(lanes);
-            lanes = without_first(lanes);
+        for lane in 0..super::lanes::LANES {
             let (mut enter, mut leave) = (t_min, t_max);
             for axis in 0..3 {
                 let (low, high) = (node.planes[0][axis].0[lane], node.planes[1][axis].0[lane]);
@@ -280,7 +275,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                 enter = simd.wide_max_or(simd.wide_min_or(a, b), enter);
                 leave = simd.wide_min_or(simd.wide_max_or(a, b), leave);
             }
-            let met = simd.wide_at_most(enter, leave) & mask;
+            let met = simd.wide_at_most(enter, leave) & mask & (lanes >> lane & 1).wrapping_neg();
             room.push_if(met != NO_LANES, u64::from(met) << 32 | u64::from(node.children[lane].0));
         }
         room.keep();

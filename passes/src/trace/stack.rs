@@ -102,75 +102,6 @@ impl<T: Copy> Room<'_, T> {
     }
 }
 
-/// Entries of each of [`Stacks`].
-pub(super) const STACKED: usize = 48;
-
-/// A short stack for each of sixteen rays, not cleared either.
-///
-/// Invariant: the entries of a ray below its `len` are initialised.
-pub(super) struct Stacks {
-    entries: [[MaybeUninit<u32>; STACKED]; WIDE],
-    len: [u32; WIDE],
-}
-
-impl Stacks {
-    #[inline(always)]
-    pub(super) fn new() -> Self {
-        Self { entries: [const { [const { MaybeUninit::uninit() }; STACKED] }; WIDE], len: [0; WIDE] }
-    }
-
-    #[inline(always)]
-    pub(super) fn len(&self, ray: usize) -> usize {
-        self.len[ray] as usize
-    }
-
-    /// Empties all.
-    #[inline(always)]
-    pub(super) fn clear(&mut self) {
-        self.len = [0; WIDE];
-    }
-
-    /// Adds an entry to a ray's, and returns how many these are now.
-    ///
-    /// # Panics
-    /// If they are [`STACKED`].
-    #[inline(always)]
-    pub(super) fn push(&mut self, ray: usize, entry: u32) -> usize {
-        let len = self.len(ray);
-        self.entries[ray][len].write(entry);
-        self.len[ray] += 1;
-        len + 1
-    }
-
-    /// Adds the first of eight entries to a ray's, and returns how many these are now.
-    ///
-    /// # Panics
-    /// If there is no room for eight, or they are said to be more.
-    #[inline(always)]
-    pub(super) fn append(&mut self, ray: usize, entries: [u32; LANES], count: u32) -> usize {
-        let len = self.len(ray);
-        let room: &mut [MaybeUninit<u32>] = &mut self.entries[ray][len..len + LANES];
-        for (room, entry) in room.iter_mut().zip(entries) {
-            room.write(entry);
-        }
-        assert!(count as usize <= LANES, "the first of eight");
-        self.len[ray] += count;
-        self.len(ray)
-    }
-
-    /// Takes the entry that was added last to a ray's.
-    ///
-    /// # Panics
-    /// If there is none.
-    #[inline(always)]
-    pub(super) fn pop(&mut self, ray: usize) -> u32 {
-        let last = self.len(ray).checked_sub(1).expect("an entry");
-        self.len[ray] = last as u32;
-        // SAFETY: the index is the last one below the old length.
-        unsafe { self.entries[ray][last].assume_init() }
-    }
-}
-
 /// Up to `N` entries with the ray of each, not cleared either.
 ///
 /// Invariant: the entries and rays below `len` are initialised.
@@ -189,11 +120,6 @@ impl<const N: usize> List<N> {
     #[inline(always)]
     pub(super) fn len(&self) -> usize {
         self.len
-    }
-
-    #[inline(always)]
-    pub(super) fn clear(&mut self) {
-        self.len = 0;
     }
 
     /// Adds an entry.
@@ -224,7 +150,31 @@ impl<const N: usize> List<N> {
         self.len += count as usize;
     }
 
-    /// An entry and its ray.
+    /// Takes the entry that was added last.
+    ///
+    /// # Panics
+    /// If there is none.
+    #[inline(always)]
+    pub(super) fn pop(&mut self) -> (u32, usize) {
+        let last = self.len.checked_sub(1).expect("an entry");
+        let entry = self.get(last);
+        self.len = last;
+        entry
+    }
+
+    /// Takes the eight entries that were added last, or all if there are fewer.
+    #[inline(always)]
+    pub(super) fn take(&mut self) -> List<LANES> {
+        let first = self.len.saturating_sub(LANES);
+        let mut taken = List::new();
+        taken.entries.copy_from_slice(&self.entries[first..first + LANES]);
+        taken.rays.copy_from_slice(&self.rays[first..first + LANES]);
+        taken.len = self.len - first;
+        self.len = first;
+        taken
+    }
+
+    /// An entry and its ray, of which four bits are kept.
     ///
     /// # Panics
     /// If there is no such entry.
@@ -232,7 +182,7 @@ impl<const N: usize> List<N> {
     pub(super) fn get(&self, index: usize) -> (u32, usize) {
         assert!(index < self.len, "an entry of the list");
         // SAFETY: the index is below `len`.
-        unsafe { (self.entries[index].assume_init(), self.rays[index].assume_init().into()) }
+        unsafe { (self.entries[index].assume_init(), usize::from(self.rays[index].assume_init()) % WIDE) }
     }
 }
 
@@ -285,18 +235,6 @@ mod tests {
     #[should_panic(expected = "the depth of the tree is bounded")]
     fn there_is_no_room_on_a_full_stack() {
         of(&[0; STACK - LANES + 1]).room();
-    }
-
-    #[test]
-    fn each_ray_has_its_own_stack() {
-        let mut stacks = Stacks::new();
-        assert_eq!(stacks.push(3, 30), 1);
-        assert_eq!(stacks.append(3, [31, 32, 33, 0, 0, 0, 0, 0], 2), 3);
-        assert_eq!(stacks.append(15, [50; LANES], LANES as u32), LANES);
-        assert_eq!([stacks.pop(3), stacks.pop(3), stacks.pop(3)], [32, 31, 30]);
-        assert_eq!((stacks.len(3), stacks.len(15), stacks.pop(15)), (0, LANES, 50));
-        stacks.clear();
-        assert_eq!(stacks.len(15), 0);
     }
 
     #[test]

@@ -8,41 +8,40 @@
 use super::Hit;
 use super::bvh::{Bvh, occluded};
 use super::fan::{Apex, Lanes};
-use super::lanes::{LANES, Mask, NO_LANES, Simd, WIDE, first_wide_lane, without_first};
+use super::lanes::{LANES, Mask, NO_LANES, Simd, without_first};
 use super::node::Child;
-use super::stack::{List, STACKED, Stacks};
+use super::stack::List;
 
-/// Parts of the tree that are collected before their rays take turns: at first and as long as half of them stop their rays,
+/// Parts of the tree that are collected before their rays go on: at first and as long as half of them stop their rays,
 /// since what a ray has no more to visit costs nothing; and where fewer do.
 const EARLY: u32 = 8;
 const LATE: u32 = 32;
 const FEW_EARLY: u32 = 3;
 const FEW_LATE: u32 = 6;
-/// Blocks that may wait besides those of a round.
-const WAITING: usize = 64;
+/// Blocks that wait until as many are there.
+const BLOCKS: usize = 1;
+/// Nodes, and blocks, that may wait.
+const WAITING: usize = 256;
+
+/// Nodes or blocks, with the ray of each.
+pub(super) type Waiting = List<WAITING>;
 
 /// What up to sixteen rays have yet to visit by themselves.
 ///
-/// The stacks and the list are elsewhere, because they would be copied into it, though there is nothing in them yet.
+/// The lists are elsewhere, because they would be copied into it, though there is nothing in them yet.
 pub(super) struct Wave<'a> {
-    stacks: &'a mut Stacks,
-    /// The rays whose stacks are not empty.
-    busy: Mask,
-    /// Blocks to be tested, each with its ray.
-    blocks: &'a mut Blocks,
-    /// Parts left to rays since they last took turns, and how many may be.
+    nodes: &'a mut Waiting,
+    blocks: &'a mut Waiting,
+    /// Parts left to rays since they last went on, and how many may be.
     parts: u32,
     limit: u32,
 }
 
-/// Blocks with the ray of each.
-pub(super) type Blocks = List<{ WAITING + WIDE * LANES }>;
-
 impl<'a> Wave<'a> {
-    /// With stacks and a list that are empty.
+    /// With lists that are empty.
     #[inline(always)]
-    pub(super) fn new(stacks: &'a mut Stacks, blocks: &'a mut Blocks) -> Self {
-        Self { stacks, busy: NO_LANES, blocks, parts: 0, limit: EARLY }
+    pub(super) fn new(nodes: &'a mut Waiting, blocks: &'a mut Waiting) -> Self {
+        Self { nodes, blocks, parts: 0, limit: EARLY }
     }
 
     /// Rays up to which those in a part of the tree are to be left to it.
@@ -61,21 +60,12 @@ impl<'a> Wave<'a> {
     #[inline(always)]
     pub(super) fn leave(&mut self, part: Child, mut rays: Mask) -> bool {
         self.parts += rays.count_ones();
-        let mut room = true;
-        if part.is_block() {
-            while rays != NO_LANES {
-                self.blocks.push(part.0, rays.trailing_zeros());
-                rays = without_first(rays);
-            }
-            room = self.blocks.len() + WIDE <= WAITING;
-        } else {
-            self.busy |= rays;
-            while rays != NO_LANES {
-                room &= self.stacks.push(first_wide_lane(rays), part.0) + LANES < STACKED;
-                rays = without_first(rays);
-            }
+        let list = if part.is_block() { &mut *self.blocks } else { &mut *self.nodes };
+        while rays != NO_LANES {
+            list.push(part.0, rays.trailing_zeros());
+            rays = without_first(rays);
         }
-        self.parts >= self.limit || !room
+        self.parts >= self.limit
     }
 
     /// Takes all rays to their ends. Returns those that are still open.
@@ -90,70 +80,67 @@ impl<'a> Wave<'a> {
     ) -> Mask {
         let before = open;
         loop {
-            for index in 0..self.blocks.len() {
-                let (block, ray) = self.blocks.get(index);
-                let ray = ray & (WIDE - 1);
+            while self.blocks.len() >= BLOCKS || self.nodes.len() == 0 && self.blocks.len() > 0 {
+                let (block, ray) = self.blocks.pop();
                 if open >> ray & 1 == 1 {
                     let block = &bvh.blocks[Child(block).index()];
                     let stopped = lanes.is_stopped(simd, &apex.start, ray, block, accept);
                     open &= !(Mask::from(stopped) << ray);
                 }
             }
-            self.blocks.clear();
-            let mut rays = self.busy & open;
-            if rays == NO_LANES {
+            if self.nodes.len() == 0 {
                 break;
             }
-            while rays != NO_LANES {
-                let ray = first_wide_lane(rays);
-                rays = without_first(rays);
-                if self.stacks.len(ray) + LANES < STACKED {
-                    self.step(simd, bvh, (apex, lanes), ray);
-                } else if self.goes_on_alone(simd, bvh, (apex, lanes), ray, accept) {
-                    open &= !(1 << ray);
+            if self.nodes.len() > WAITING - LANES * LANES {
+                open &= !self.alone(simd, bvh, (apex, lanes), open, accept);
+                continue;
+            }
+            let some = self.nodes.take();
+            for index in 0..some.len() {
+                let (node, ray) = some.get(index);
+                if open >> ray & 1 == 1 {
+                    self.step(simd, bvh, (apex, lanes), (node, ray));
                 }
             }
         }
-        self.stacks.clear();
-        self.busy = NO_LANES;
         let closed = (before & !open).count_ones();
         self.limit = if 2 * closed >= self.parts { EARLY } else { LATE };
         self.parts = 0;
         open
     }
 
-    /// Looks into the node on top of a ray's stack.
+    /// Looks into a node for a ray.
     #[inline(always)]
-    fn step<S: Simd>(&mut self, simd: S, bvh: &Bvh, (apex, lanes): (&Apex, &Lanes), ray: usize) {
-        let node = &bvh.nodes[Child(self.stacks.pop(ray)).index()];
+    fn step<S: Simd>(&mut self, simd: S, bvh: &Bvh, (apex, lanes): (&Apex, &Lanes), (node, ray): (u32, usize)) {
+        let node = &bvh.nodes[Child(node).index()];
         let met = lanes.meeting(simd, node, apex, ray);
         let children = node.numbers();
         let blocks = met & simd.negative(children);
         let nodes = met & !blocks;
-        let left = self.stacks.append(ray, simd.compress(children, nodes), nodes.count_ones());
-        self.busy = self.busy & !(1 << ray) | Mask::from(left > 0) << ray;
+        self.nodes.append(simd.compress(children, nodes), ray as u8, nodes.count_ones());
         self.blocks.append(simd.compress(children, blocks), ray as u8, blocks.count_ones());
     }
 
-    /// Takes a ray to its end whose stack could overflow. Returns whether anything stops it.
+    /// Takes what waits to its end, ray by ray, where there could be no room for more. Returns the rays that something stops.
     #[cold]
     #[inline(never)]
-    fn goes_on_alone<S: Simd>(
+    fn alone<S: Simd>(
         &mut self,
         simd: S,
         bvh: &Bvh,
         (apex, lanes): (&Apex, &Lanes),
-        ray: usize,
+        open: Mask,
         accept: &mut impl FnMut(&Hit) -> bool,
-    ) -> bool {
-        let query = lanes.query(&apex.start, ray);
-        self.busy &= !(1 << ray);
-        while self.stacks.len(ray) > 0 {
-            if occluded(simd, bvh, Child(self.stacks.pop(ray)), &query, accept) {
-                return true;
+    ) -> Mask {
+        let mut stopped = NO_LANES;
+        while self.nodes.len() > 0 {
+            let (node, ray) = self.nodes.pop();
+            if (open & !stopped) >> ray & 1 == 1 {
+                let query = lanes.query(&apex.start, ray);
+                stopped |= Mask::from(occluded(simd, bvh, Child(node), &query, accept)) << ray;
             }
         }
-        false
+        stopped
     }
 }
 
