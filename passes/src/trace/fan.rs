@@ -15,7 +15,7 @@ use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, first_wid
 use super::node::{Child, Node};
 use super::query::{Line, Query, Start};
 use super::stack::Stack;
-use super::wave::{Waiting, Wave};
+use super::wave::{FEW, Waiting, Wave};
 use super::{Fan, Hit, Ray};
 use glam::Vec3;
 
@@ -207,7 +207,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                 } else if wave.leave(current, mask) {
                     open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
                 }
-            } else if mask.count_ones() <= wave.few() {
+            } else if mask.count_ones() as usize <= FEW {
                 if wave.leave(current, mask) {
                     open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
                 }
@@ -245,14 +245,18 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         if cones.are_missed() {
             return stopped;
         }
+        // Those that may be stopped are looked for first, since there is no guessing which.
+        let mut possible = NO_LANES;
         while mask != NO_LANES {
             let ray = first_wide_lane(mask);
             mask = without_first(mask);
-            if cones.may_stop(simd, at(&lanes.direction, ray))
-                && lanes.is_stopped(simd, &apex.start, ray, block, &mut self.accept)
-            {
-                stopped |= 1 << ray;
-            }
+            possible |= Mask::from(cones.may_stop(simd, at(&lanes.direction, ray))) << ray;
+        }
+        while possible != NO_LANES {
+            let ray = first_wide_lane(possible);
+            possible = without_first(possible);
+            let is_stopped = lanes.is_stopped(simd, &apex.start, ray, block, &mut self.accept);
+            stopped |= Mask::from(is_stopped) << ray;
         }
         stopped
     }

@@ -122,15 +122,21 @@ impl<const N: usize> List<N> {
         self.len
     }
 
-    /// Adds an entry.
+    /// Adds an entry for each of the first rays.
     ///
     /// # Panics
-    /// If there is no room.
+    /// If there is no room for as many as are given, or they are said to be more.
     #[inline(always)]
-    pub(super) fn push(&mut self, entry: u32, ray: u32) {
-        self.entries[self.len].write(entry);
-        self.rays[self.len].write(ray as u8);
-        self.len += 1;
+    pub(super) fn append_rays<const R: usize>(&mut self, entry: u32, rays: [u8; R], count: u32) {
+        let range = self.len..self.len + R;
+        for room in &mut self.entries[range.clone()] {
+            room.write(entry);
+        }
+        for (room, ray) in self.rays[range].iter_mut().zip(rays) {
+            room.write(ray);
+        }
+        assert!(count as usize <= R, "the first of those given");
+        self.len += count as usize;
     }
 
     /// Adds the first of eight entries, all of one ray.
@@ -240,13 +246,23 @@ mod tests {
     #[test]
     fn a_list_keeps_the_order_and_the_rays() {
         let mut list = List::<20>::new();
-        list.push(7, 2);
+        list.append_rays(7, [2, 5, 9, 9], 2);
         list.append([8, 9, 0, 0, 0, 0, 0, 0], 4, 2);
-        list.push(10, 1);
         let all: Vec<_> = (0..list.len()).map(|index| list.get(index)).collect();
-        assert_eq!(all, [(7, 2), (8, 4), (9, 4), (10, 1)]);
-        list.clear();
-        assert_eq!(list.len(), 0);
+        assert_eq!(all, [(7, 2), (7, 5), (8, 4), (9, 4)]);
+        assert_eq!((list.pop(), list.len()), ((9, 4), 3));
+    }
+
+    #[test]
+    fn the_last_eight_entries_are_taken() {
+        let mut list = List::<20>::new();
+        list.append([0, 1, 2, 3, 4, 5, 6, 7], 1, 8);
+        list.append([8, 9, 10, 0, 0, 0, 0, 0], 3, 3);
+        let taken = list.take();
+        let all: Vec<_> = (0..taken.len()).map(|index| taken.get(index)).collect();
+        assert_eq!(all, [(3, 1), (4, 1), (5, 1), (6, 1), (7, 1), (8, 3), (9, 3), (10, 3)]);
+        assert_eq!(list.len(), 3);
+        assert_eq!((list.take().len(), list.len(), list.take().len()), (3, 0, 0));
     }
 
     #[test]

@@ -12,14 +12,11 @@ use super::lanes::{LANES, Mask, NO_LANES, Simd, without_first};
 use super::node::Child;
 use super::stack::List;
 
-/// Parts of the tree that are collected before their rays go on: at first and as long as half of them stop their rays,
-/// since what a ray has no more to visit costs nothing; and where fewer do.
-const EARLY: u32 = 8;
-const LATE: u32 = 32;
-const FEW_EARLY: u32 = 3;
-const FEW_LATE: u32 = 6;
-/// Blocks that wait until as many are there.
-const BLOCKS: usize = 1;
+/// Rays up to which those in a part of the tree go on by themselves.
+pub(super) const FEW: usize = 4;
+/// Parts of the tree that are collected before their rays go on. More would keep the processor busier, but what a ray has yet
+/// to visit when something stops it costs nothing.
+const ENOUGH: u32 = 8;
 /// Nodes, and blocks, that may wait.
 const WAITING: usize = 256;
 
@@ -32,22 +29,15 @@ pub(super) type Waiting = List<WAITING>;
 pub(super) struct Wave<'a> {
     nodes: &'a mut Waiting,
     blocks: &'a mut Waiting,
-    /// Parts left to rays since they last went on, and how many may be.
+    /// Parts left to rays since they last went on.
     parts: u32,
-    limit: u32,
 }
 
 impl<'a> Wave<'a> {
     /// With lists that are empty.
     #[inline(always)]
     pub(super) fn new(nodes: &'a mut Waiting, blocks: &'a mut Waiting) -> Self {
-        Self { nodes, blocks, parts: 0, limit: EARLY }
-    }
-
-    /// Rays up to which those in a part of the tree are to be left to it.
-    #[inline(always)]
-    pub(super) fn few(&self) -> u32 {
-        if self.limit == EARLY { FEW_EARLY } else { FEW_LATE }
+        Self { nodes, blocks, parts: 0 }
     }
 
     /// Whether anything is left to be visited.
@@ -56,16 +46,19 @@ impl<'a> Wave<'a> {
         self.parts > 0
     }
 
-    /// Leaves a part of the tree to some rays. Returns whether it is time for [`Self::finish`].
+    /// Leaves a part of the tree to at most [`FEW`] rays. Returns whether it is time for [`Self::finish`].
     #[inline(always)]
     pub(super) fn leave(&mut self, part: Child, mut rays: Mask) -> bool {
-        self.parts += rays.count_ones();
+        let count = rays.count_ones();
         let list = if part.is_block() { &mut *self.blocks } else { &mut *self.nodes };
-        while rays != NO_LANES {
-            list.push(part.0, rays.trailing_zeros());
+        let mut some = [0; FEW];
+        for ray in &mut some {
+            *ray = rays.trailing_zeros() as u8;
             rays = without_first(rays);
         }
-        self.parts >= self.limit
+        list.append_rays(part.0, some, count);
+        self.parts += count;
+        self.parts >= ENOUGH
     }
 
     /// Takes all rays to their ends. Returns those that are still open.
@@ -78,9 +71,9 @@ impl<'a> Wave<'a> {
         mut open: Mask,
         accept: &mut impl FnMut(&Hit) -> bool,
     ) -> Mask {
-        let before = open;
+        self.parts = 0;
         loop {
-            while self.blocks.len() >= BLOCKS || self.nodes.len() == 0 && self.blocks.len() > 0 {
+            while self.blocks.len() > 0 {
                 let (block, ray) = self.blocks.pop();
                 if open >> ray & 1 == 1 {
                     let block = &bvh.blocks[Child(block).index()];
@@ -89,7 +82,7 @@ impl<'a> Wave<'a> {
                 }
             }
             if self.nodes.len() == 0 {
-                break;
+                return open;
             }
             if self.nodes.len() > WAITING - LANES * LANES {
                 open &= !self.alone(simd, bvh, (apex, lanes), open, accept);
@@ -103,10 +96,6 @@ impl<'a> Wave<'a> {
                 }
             }
         }
-        let closed = (before & !open).count_ones();
-        self.limit = if 2 * closed >= self.parts { EARLY } else { LATE };
-        self.parts = 0;
-        open
     }
 
     /// Looks into a node for a ray.
