@@ -11,7 +11,7 @@ use super::block::{Block, Cones};
 use super::bvh::{Bvh, occluded};
 use super::clear::Plane;
 use super::dispatch::Work;
-use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_lane, first_wide_lane, load_axes, without_first};
+use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_wide_lane, load_axes, without_first};
 use super::node::{Child, Node};
 use super::query::{Line, Query, Start};
 use super::stack::Stack;
