@@ -13,15 +13,17 @@ pub const DIMENSIONS: u32 = 2;
 /// The hash `pcg4d` (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3), listing in section 4):
 /// a permutation of 128-bit values.
 #[must_use]
-pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
-    let [mut x, mut y, mut z, mut w] = v.map(|v| v.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+#[inline(always)]
+pub fn pcg4d([x, y, z, w]: [u32; 4]) -> [u32; 4] {
+    let start = |word: u32| word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+    let (mut x, mut y, mut z, mut w) = (start(x), start(y), start(z), start(w));
     let mut mix = |shift: bool| {
         x = x.wrapping_add(y.wrapping_mul(w));
         y = y.wrapping_add(z.wrapping_mul(x));
         z = z.wrapping_add(x.wrapping_mul(y));
         w = w.wrapping_add(y.wrapping_mul(z));
         if shift {
-            [x, y, z, w] = [x, y, z, w].map(|v| v ^ (v >> 16));
+            (x, y, z, w) = (x ^ (x >> 16), y ^ (y >> 16), z ^ (z >> 16), w ^ (w >> 16));
         }
     };
     mix(true);
@@ -31,6 +33,7 @@ pub fn pcg4d(v: [u32; 4]) -> [u32; 4] {
 
 /// The key of a pixel: everything random at it derives from this.
 #[must_use]
+#[inline]
 pub fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
     pcg4d([x, y, seed, PIXEL])[3]
 }
@@ -43,6 +46,7 @@ pub fn path_key(key: u32, branch: u32) -> u32 {
 
 /// Two independent numbers for a key and a counter, one a dimension.
 #[must_use]
+#[inline]
 pub fn dimensions(key: u32, counter: u32) -> [u32; 2] {
     let [_, _, x, y] = pcg4d([key, counter, 0, DIMENSIONS]);
     [x, y]

@@ -54,10 +54,16 @@ impl SurfacePoint {
         for (chunk, positions) in positions.chunks(TOGETHER).enumerate() {
             let count = positions.len();
             // What the last chunk lacks is computed all the same.
-            let (mut corners, mut stored) = ([[Vec3::ZERO; 3]; TOGETHER], [Vec3::ZERO; TOGETHER]);
-            for (lane, &(triangle, position)) in positions.iter().enumerate() {
-                corners[lane] = geometry.corners(triangle);
-                stored[lane] = position;
+            let (mut corners, mut stored) = ([[[0.0; TOGETHER]; 3]; 3], [[0.0; TOGETHER]; 3]);
+            for (lane, &(triangle, position)) in (0..TOGETHER).zip(positions) {
+                // Axis by axis: of vectors in memory, parts would be read as a whole just after they were written.
+                let [a, b, c] = geometry.corners(triangle);
+                for axis in 0..3 {
+                    corners[0][axis][lane] = a[axis];
+                    corners[1][axis][lane] = b[axis];
+                    corners[2][axis][lane] = c[axis];
+                    stored[axis][lane] = position[axis];
+                }
             }
             let snapped = Detected::cached().run(Snap { corners: &corners, positions: &stored });
             for lane in 0..count {
@@ -95,27 +101,32 @@ impl SurfacePoint {
 const TOGETHER: usize = 16;
 
 struct Snap<'a> {
-    corners: &'a [[Vec3; 3]; TOGETHER],
-    positions: &'a [Vec3; TOGETHER],
+    corners: &'a [[[f32; TOGETHER]; 3]; 3],
+    positions: &'a [[f32; TOGETHER]; 3],
 }
 
 impl Work<Points<TOGETHER>> for Snap<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, _: S) -> Points<TOGETHER> {
-        let corners = Corners::of(*self.corners);
-        let mut positions = [[0.0; TOGETHER]; 3];
-        for (lane, position) in self.positions.iter().enumerate() {
-            for (axis, positions) in positions.iter_mut().enumerate() {
-                positions[lane] = f64::from(position[axis]);
-            }
-        }
-        let (u, v) = corners.project(positions);
+        let corners = Corners([double(&self.corners[0]), double(&self.corners[1]), double(&self.corners[2])]);
+        let (u, v) = corners.project(double(self.positions));
         corners.at(u, v)
     }
 }
 
 /// The corners of some triangles, `[corner][axis][triangle]`: loops of fixed length over them become vector code.
 struct Corners<const N: usize>([[[f64; N]; 3]; 3]);
+
+#[inline(always)]
+fn double<const N: usize>(axes: &[[f32; N]; 3]) -> [[f64; N]; 3] {
+    let mut doubles = [[0.0; N]; 3];
+    for (axis, doubles) in axes.iter().zip(&mut doubles) {
+        for (value, double) in axis.iter().zip(doubles) {
+            *double = f64::from(*value);
+        }
+    }
+    doubles
+}
 
 /// Points of some triangles, and what [`SurfacePoint`] knows of them.
 struct Points<const N: usize> {

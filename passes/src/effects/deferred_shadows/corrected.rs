@@ -61,6 +61,7 @@ fn light<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> Light {
     }
 }
 
+#[inline(always)]
 fn light_at<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
     let towards = point.normal.dot(pass.to_light) * side(pass, triangle, point);
     if towards <= 0.0 { Light::Certain(SHADOWED) } else { Light::Ray(point.spawn(pass.to_light)) }
