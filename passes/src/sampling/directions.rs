@@ -15,7 +15,7 @@ pub(super) fn fill(
     points: &[[u32; 2]],
     seeds: [u32; 2],
     basis: &Basis,
-    above: Option<Vec3>,
+    above: Option<&Vec3>,
     directions: &mut Directions,
 ) {
     Detected::cached().run(Fill { points, seeds, basis, above, directions });
@@ -25,7 +25,7 @@ struct Fill<'a> {
     points: &'a [[u32; 2]],
     seeds: [u32; 2],
     basis: &'a Basis,
-    above: Option<Vec3>,
+    above: Option<&'a Vec3>,
     directions: &'a mut Directions,
 }
 
@@ -50,7 +50,7 @@ impl Work<()> for Fill<'_> {
 /// One block by axis, stage by stage. Every number is computed as for a single point.
 #[allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
 #[inline(always)]
-fn block(points: &[[u32; 2]; BLOCK], seeds: [u32; 2], basis: &Basis, above: Option<Vec3>, vector: &mut [F16; 3]) {
+fn block(points: &[[u32; 2]; BLOCK], seeds: [u32; 2], basis: &Basis, above: Option<&Vec3>, vector: &mut [F16; 3]) {
     let mut bits = [[0; BLOCK]; 2];
     for index in 0..BLOCK {
         bits[0][index] = scramble_reversed(points[index][0], seeds[0]);
@@ -63,7 +63,7 @@ fn block(points: &[[u32; 2]; BLOCK], seeds: [u32; 2], basis: &Basis, above: Opti
     }
     if let Some(above) = above {
         for index in 0..BLOCK {
-            let direction = mirrored(Vec3::new(axes[0][index], axes[1][index], axes[2][index]), above);
+            let direction = mirrored(Vec3::new(axes[0][index], axes[1][index], axes[2][index]), *above);
             [axes[0][index], axes[1][index], axes[2][index]] = direction.to_array();
         }
     }

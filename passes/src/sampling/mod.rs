@@ -79,17 +79,19 @@ impl HemisphereSampler {
     /// Replaces `directions` by cosine-distributed unit directions around `normal` (unit length) that belong to `key`; those
     /// that look against `above`, a unit vector, are mirrored at its plane.
     pub fn directions(&self, key: u32, normal: Vec3, above: Option<Vec3>, directions: &mut Directions) {
-        directions.clear();
         let basis = Basis::around(normal);
         match self {
             Self::Sobol(points) => {
                 let seeds = hash::dimensions(key, hash::SCRAMBLE);
-                directions::fill(points, seeds, &basis, above, directions);
+                directions::fill(points, seeds, &basis, above.as_ref(), directions);
             }
-            Self::Strata { .. } => self.points(key, |point| {
-                let direction = basis.to_world(hemisphere::cosine(point));
-                directions.push(above.map_or(direction, |above| hemisphere::mirrored(direction, above)));
-            }),
+            Self::Strata { .. } => {
+                directions.clear();
+                self.points(key, |point| {
+                    let direction = basis.to_world(hemisphere::cosine(point));
+                    directions.push(above.map_or(direction, |above| hemisphere::mirrored(direction, above)));
+                });
+            }
         }
     }
 }

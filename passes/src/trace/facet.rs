@@ -320,7 +320,8 @@ pub(super) struct Facet<S: Simd> {
     miss: S::Wide,
     hit: S::Wide,
     after: S::Wide,
-    is_sided: bool,
+    /// Whether the point lies clearly off the triangle's plane.
+    pub(super) is_sided: bool,
 }
 
 impl<S: Simd> Facet<S> {
@@ -337,17 +338,17 @@ impl<S: Simd> Facet<S> {
         }
     }
 
-    /// What is certain of sixteen rays; `AFTER` if `t_min` is above 0. Comparisons with what is not a number are false, so
-    /// nothing is.
+    /// What is certain of sixteen rays; `AFTER` if `t_min` is above 0, `SIDED` as [`Self::is_sided`] says. Comparisons with what
+    /// is not a number are false, so nothing is.
     #[inline(always)]
-    pub(super) fn test<const AFTER: bool>(&self, simd: S, directions: &[F16; 3]) -> Verdict {
+    pub(super) fn test<const AFTER: bool, const SIDED: bool>(&self, simd: S, directions: &[F16; 3]) -> Verdict {
         let rays = load_axes(simd, directions);
         let (a, b, c) =
             (dot(simd, &rays, &self.edges[0]), dot(simd, &rays, &self.edges[1]), dot(simd, &rays, &self.edges[2]));
         let least = simd.wide_min_or(simd.wide_min_or(a, b), c);
         let (one, minus_one) = (simd.wide_splat(1.0), simd.wide_splat(-1.0));
         let beside = simd.wide_at_most(least, minus_one);
-        if !self.is_sided {
+        if !SIDED {
             let most = simd.wide_max_or(simd.wide_max_or(a, b), c);
             return Verdict { hit: NO_LANES, miss: beside & simd.wide_at_most(one, most) };
         }

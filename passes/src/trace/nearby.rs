@@ -371,18 +371,18 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                 let lane = first_wide_lane(seen);
                 seen = without_first(seen);
                 let facet = Facet::new(simd, facets, lane);
-                let mut left = NO_LANES;
-                for (vector, open) in vectors.iter().zip(&mut open) {
-                    if *open == NO_LANES {
-                        continue;
+                let mut undecided = [NO_LANES; VECTORS];
+                let (some, left) = if facet.is_sided {
+                    close::<S, AFTER, true>(simd, &facet, vectors, &mut open, &mut undecided)
+                } else {
+                    close::<S, AFTER, false>(simd, &facet, vectors, &mut open, &mut undecided)
+                };
+                if some != NO_LANES {
+                    for ((vector, open), undecided) in vectors.iter().zip(&mut open).zip(undecided) {
+                        if undecided != NO_LANES {
+                            *open &= !self.stopped(simd, facets.group, lane, vector, undecided);
+                        }
                     }
-                    let Verdict { hit, miss } = facet.test::<AFTER>(simd, vector);
-                    *open &= !hit;
-                    let undecided = *open & !miss;
-                    if undecided != NO_LANES {
-                        *open &= !self.stopped(simd, facets.group, lane, vector, undecided);
-                    }
-                    left |= *open;
                 }
                 if left == NO_LANES {
                     return Some(0);
@@ -408,6 +408,27 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         }
         stopped
     }
+}
+
+/// Closes the rays of some vectors that a triangle certainly stops, and notes those of which that is not certain. Returns whether
+/// there are any of these, and any that are open, in any lane. Without a jump in a vector: none is guessed.
+#[inline(always)]
+fn close<S: Simd, const AFTER: bool, const SIDED: bool>(
+    simd: S,
+    facet: &Facet<S>,
+    vectors: &[[F16; 3]],
+    open: &mut [Mask; VECTORS],
+    undecided: &mut [Mask; VECTORS],
+) -> (Mask, Mask) {
+    let (mut some, mut left) = (NO_LANES, NO_LANES);
+    for ((vector, open), undecided) in vectors.iter().zip(open).zip(undecided) {
+        let Verdict { hit, miss } = facet.test::<AFTER, SIDED>(simd, vector);
+        *open &= !hit;
+        *undecided = *open & !miss;
+        some |= *undecided;
+        left |= *open;
+    }
+    (some, left)
 }
 
 /// Whether no direction is longer than [`LONGEST`], nor anything but numbers.
