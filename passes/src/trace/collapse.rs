@@ -3,17 +3,17 @@
 use super::build::Leaves;
 use super::lanes::LANES;
 use obvhs::bvh2::Bvh2;
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Cost of opening a node, one vector test of eight, in the surface area heuristic; children cost [`Leaves::CHILD_COST`]
 /// more, and leaves [`Leaves::cost`].
 const NODE_COST: f32 = 1.0;
 
-/// Subtrees that are planned side by side, about.
-const PARTS: usize = 256;
-/// Nodes below which all is planned in one go.
-const SMALL: usize = 1 << 14;
+/// Nodes of a subtree up to which it is planned, and written, in one go. How large a subtree is is found out by counting up
+/// to that: trees are far from balanced.
+const SMALL: usize = 1 << 12;
+/// Levels of nodes whose halves are planned side by side, at most.
+const DEEPEST: u32 = 64;
 
 /// What the collapse knows of a subtree.
 #[derive(Debug, Clone, Copy)]
@@ -27,17 +27,23 @@ struct Summary {
 ///
 /// Three bits for each number of children from 2 to 7: how many of them the left half gets, 0 if one child fewer is as
 /// good. Three bits: how many children, less 2, the node has if it is opened; three: how many of them the left half gets.
-/// One bit: it is a leaf.
+/// One bit: it is a leaf. One bit: it is a large subtree, whose parts are written side by side.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Choice(u32);
 
 impl Choice {
     const OPENED: u32 = 3 * (LANES as u32 - 2);
     const LEAF: u32 = 1 << 24;
+    const LARGE: u32 = 1 << 25;
 
     /// Whether the subtree, as one child, is a leaf.
     pub(super) fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
+    }
+
+    /// Whether the subtree is large enough that its parts are written side by side.
+    pub(super) fn is_large(self) -> bool {
+        self.0 & Self::LARGE != 0
     }
 
     /// How many children each half of the subtree provides, as one child that is no leaf.
@@ -64,7 +70,7 @@ impl Plan {
     pub(super) fn new<L: Leaves>(tree: &Bvh2) -> Self {
         let plan = Self { nodes: tree.nodes.iter().map(|_| AtomicU64::new(0)).collect() };
         if !tree.nodes.is_empty() {
-            plan.fill::<L>(tree);
+            plan.whole::<L>(tree, 0, 0);
         }
         plan
     }
@@ -82,39 +88,28 @@ impl Plan {
         self.nodes[index as usize].store(u64::from(cost.to_bits()) << 32 | u64::from(choice), Ordering::Relaxed);
     }
 
-    /// Plans the subtrees below the top of the tree side by side, then the top.
-    fn fill<L: Leaves>(&self, tree: &Bvh2) {
-        // Top nodes in breadth-first order; of those that are split, where their children are in the list.
-        let mut top = vec![(0_u32, None)];
-        let wanted = if tree.nodes.len() < SMALL { 1 } else { 2 * PARTS };
-        let mut next = 0;
-        while top.len() < wanted && next < top.len() {
-            let node = &tree.nodes[top[next].0 as usize];
-            if !node.is_leaf() {
-                top[next].1 = Some(top.len());
-                top.extend([(node.first_index, None), (node.first_index + 1, None)]);
-            }
-            next += 1;
+    /// Plans a subtree, the halves of a large one side by side.
+    fn whole<L: Leaves>(&self, tree: &Bvh2, index: u32, depth: u32) -> Summary {
+        let most = if depth < DEEPEST { SMALL } else { usize::MAX };
+        if let Some(summary) = self.subtree::<L>(tree, index, most) {
+            return summary;
         }
-        let below = |&(index, children): &(u32, Option<usize>)| match children {
-            None => self.subtree::<L>(tree, index),
-            Some(_) => Summary { triangles: 0, cost: [0.0; LANES - 1] },
-        };
-        let mut summaries: Vec<Summary> = top.par_iter().with_max_len(1).map(below).collect();
-        for (place, &(index, children)) in top.iter().enumerate().rev() {
-            if let Some(first) = children {
-                summaries[place] = self.inner::<L>(tree, index, &summaries[first], &summaries[first + 1]);
-            }
-        }
+        let first = tree.nodes[index as usize].first_index;
+        let half = |index: u32| self.whole::<L>(tree, index, depth + 1);
+        let (left, right) = rayon::join(|| half(first), || half(first + 1));
+        self.inner::<L>(tree, (index, Choice::LARGE), &left, &right)
     }
 
-    /// Plans a subtree, of any depth.
-    fn subtree<L: Leaves>(&self, tree: &Bvh2, root: u32) -> Summary {
+    /// Plans a subtree, of any depth; does nothing if it has more nodes than `most`.
+    fn subtree<L: Leaves>(&self, tree: &Bvh2, root: u32, most: usize) -> Option<Summary> {
         // Each node before its left half, that before its right half: backwards, both halves of a node lie on the stack
         // when it is reached.
         let mut order = Vec::new();
         let mut pending = vec![root];
         while let Some(index) = pending.pop() {
+            if order.len() == most {
+                return None;
+            }
             order.push(index);
             let node = &tree.nodes[index as usize];
             if !node.is_leaf() {
@@ -132,16 +127,16 @@ impl Plan {
                 let (left, right) = (done.pop(), done.pop());
                 let both = left.zip(right);
                 let (left, right) = both.expect("both halves come before their parent");
-                self.inner::<L>(tree, index, &left, &right)
+                self.inner::<L>(tree, (index, 0), &left, &right)
             };
             done.push(summary);
         }
-        done[0]
+        done.pop()
     }
 
-    /// Plans a node with two halves.
+    /// Plans a node with two halves; `size` is [`Choice::LARGE`] or 0.
     #[inline]
-    fn inner<L: Leaves>(&self, tree: &Bvh2, index: u32, left: &Summary, right: &Summary) -> Summary {
+    fn inner<L: Leaves>(&self, tree: &Bvh2, (index, size): (u32, u32), left: &Summary, right: &Summary) -> Summary {
         let area = tree.nodes[index as usize].aabb().half_area();
         let triangles = left.triangles + right.triangles;
         let mut splits = [(f32::INFINITY, 1_u32); LANES + 1];
@@ -160,7 +155,7 @@ impl Plan {
                 opened = (cost, children as u32 - 2, best.1);
             }
         }
-        let mut choice = (opened.2 << 3 | opened.1) << Choice::OPENED;
+        let mut choice = size | (opened.2 << 3 | opened.1) << Choice::OPENED;
         let mut cost = [opened.0; LANES - 1];
         if triangles as usize <= L::MOST {
             let leaf = area * L::cost(triangles as usize);

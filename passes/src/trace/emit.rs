@@ -8,9 +8,6 @@ use super::query::Bounds;
 use obvhs::bvh2::Bvh2;
 use rayon::prelude::*;
 
-/// Levels of nodes, at most 8, 64, 512 of them, whose subtrees are written side by side.
-const TOP_LEVELS: usize = 3;
-
 /// The wide tree, its leaves still lists of triangles.
 #[derive(Default)]
 pub(super) struct Emitted {
@@ -36,9 +33,9 @@ pub(super) fn emit<L: Leaves>(tree: &Bvh2, plan: &Plan, triangles: &[Input]) -> 
     let source = Source { tree, plan, triangles, most: L::MOST };
     let mut subtrees = Vec::new();
     source.below(0, 0, &mut subtrees);
-    let write = |&index: &usize| {
+    let write = |&(index, depth): &(usize, usize)| {
         let mut writer = Writer { source: &source, emitted: Emitted::default(), written: None };
-        let (root, bounds) = writer.write(index, TOP_LEVELS);
+        let (root, bounds) = writer.write(index, depth);
         Part { emitted: Emitted { root, ..writer.emitted }, bounds }
     };
     let parts: Vec<Part> = subtrees.par_iter().with_max_len(1).map(write).collect();
@@ -65,13 +62,18 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    /// Lists the nodes at the depth where subtrees are written side by side, in the order of the tree.
-    fn below(&self, index: usize, depth: usize, found: &mut Vec<usize>) {
+    /// Whether a subtree under so many wide nodes is written by itself.
+    fn is_part(&self, index: usize, depth: usize) -> bool {
+        !self.plan.choice(index).is_large() || depth >= FREE_DEPTH
+    }
+
+    /// Lists the subtrees that are written side by side and their depths, in the order of the tree.
+    fn below(&self, index: usize, depth: usize, found: &mut Vec<(usize, usize)>) {
         if self.plan.choice(index).is_leaf() {
             return;
         }
-        if depth == TOP_LEVELS {
-            found.push(index);
+        if self.is_part(index, depth) {
+            found.push((index, depth));
             return;
         }
         for &child in self.children(index).as_slice() {
@@ -170,7 +172,7 @@ impl Writer<'_> {
         if self.source.plan.choice(index).is_leaf() {
             return self.leaf(index);
         }
-        if depth == TOP_LEVELS
+        if self.source.is_part(index, depth)
             && let Some(written) = &mut self.written
         {
             let part = written.next().expect("every subtree is written");
