@@ -8,8 +8,10 @@ use super::extremes::Extremes;
 use super::face::{DOUBT, Face, LONGEST};
 use super::facet::Verdict;
 use super::lanes::{F8, F16, Mask, NO_LANES, Plain, Simd, WIDE, first_wide_lane, load_axes, without_first};
+use super::node::Node;
 use super::packet::Packet;
 use super::query::{Bounds, FAR, Line, Query, UNIT_ROUNDOFF, permutation};
+use super::wave::Rays;
 use super::{Hit, PacketHits};
 use glam::DVec3;
 
@@ -309,29 +311,6 @@ impl Beam {
         simd.wide_at_most(enter, leave)
     }
 
-    /// What [`Query::new`] makes of a ray, from what is here.
-    #[inline(always)]
-    pub(super) fn query(&self, ray: usize) -> Query {
-        let at = |values: &[F16; 3]| [values[0].0[ray], values[1].0[ray], values[2].0[ray]];
-        let line = Line {
-            origin: at(&self.origin),
-            direction: at(&self.direction),
-            axes: self.axes,
-            shear: [self.shear[0].0[ray], self.shear[1].0[ray]],
-            t_min: self.t_min,
-            t_max: self.t_max,
-            shortness: self.shortness,
-            // No edge of a normal's largest component 1 is counted there, but their squares, of which it is at most half.
-            doubt: 0.5 * self.doubt.0[ray],
-        };
-        Query::of_beam(
-            line,
-            self.class.backward(),
-            (at(&self.near_origin), at(&self.far_origin)),
-            (at(&self.inverse), at(&self.far_inverse)),
-        )
-    }
-
     /// The extremes of the open rays.
     #[inline(always)]
     pub(super) fn extremes<S: Simd>(&self, simd: S) -> Extremes {
@@ -568,6 +547,42 @@ struct Lines<S: Simd> {
     /// Those whose lines pass through an edge or a corner, and may.
     touched: Mask,
     edges: [S::Wide; 3],
+}
+
+impl Rays for Beam {
+    #[inline(always)]
+    fn meeting<S: Simd>(&self, simd: S, node: &Node, ray: usize) -> Mask {
+        self.query(ray).slabs(simd, &node.planes, self.t_max).0
+    }
+
+    #[inline(always)]
+    fn is_stopped<S: Simd>(&self, simd: S, ray: usize, block: &Block, accept: &mut impl FnMut(&Hit) -> bool) -> bool {
+        let query = self.query(ray);
+        block.stops(simd, &query.line, || query, accept)
+    }
+
+    /// What [`Query::new`] makes of a ray, from what is here.
+    #[inline(always)]
+    fn query(&self, ray: usize) -> Query {
+        let at = |values: &[F16; 3]| [values[0].0[ray], values[1].0[ray], values[2].0[ray]];
+        let line = Line {
+            origin: at(&self.origin),
+            direction: at(&self.direction),
+            axes: self.axes,
+            shear: [self.shear[0].0[ray], self.shear[1].0[ray]],
+            t_min: self.t_min,
+            t_max: self.t_max,
+            shortness: self.shortness,
+            // No edge of a normal's largest component 1 is counted there, but their squares, of which it is at most half.
+            doubt: 0.5 * self.doubt.0[ray],
+        };
+        Query::of_beam(
+            line,
+            self.class.backward(),
+            (at(&self.near_origin), at(&self.far_origin)),
+            (at(&self.inverse), at(&self.far_inverse)),
+        )
+    }
 }
 
 #[inline(always)]

@@ -225,7 +225,7 @@ fn share<S: Simd>(
                 mask = without_first(mask);
                 let accept = |lane: usize, hit: &Hit| accept(packet_of[index] * PACKET + lane, hit);
                 let beam = &mut beams[index];
-                (Descent { bvh, accept }).descend::<S, true>(simd, beam, &extremes[index], current);
+                (Descent { bvh, accept }).descend(simd, beam, &extremes[index], current);
                 lanes_of_beams.limit.0[index] = beam.farthest(simd);
             }
             all.t_max = lanes_of_beams.limit.0[..beams.len()].iter().fold(f32::NEG_INFINITY, |most, t| most.max(*t));

@@ -9,13 +9,14 @@
 use super::Hit;
 use super::beam::Beam;
 use super::block::Block;
-use super::bvh::{Bvh, approach, blocked, closest, occluded};
+use super::bvh::{Bvh, approach, closest};
 use super::extremes::Extremes;
 use super::lanes::{Mask, NO_LANES, Simd, first_lane, first_wide_lane, without_first};
 use super::node::{Child, Node};
 use super::stack::Stack;
+use super::wave::{self, Rays as _, Waiting, Wave};
 
-/// Rays up to which those in a part of the tree, or at a block, go on alone.
+/// Rays up to which those that look for the nearest hits in a part of the tree, or at a block, go on alone.
 const FEW: u32 = 3;
 
 /// What is still to be visited: where the first ray may enter it (the bits of the distance, which order as it does), the child
@@ -33,35 +34,53 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
     #[inline(always)]
     pub(super) fn stopped<S: Simd>(&mut self, simd: S, beam: &mut Beam) -> Mask {
         let (asked, extremes) = (beam.open, beam.extremes(simd));
-        self.descend::<S, false>(simd, beam, &extremes, self.bvh.root);
-        asked & !beam.open
+        let mut stack = Stack::<Entry>::new();
+        let mut nodes = Waiting::new();
+        let mut blocks = Waiting::new();
+        let mut wave = Wave::new(&mut nodes, &mut blocks);
+        let (mut current, mut mask) = (self.bvh.root, beam.open);
+        loop {
+            if mask.count_ones() as usize <= wave::FEW {
+                if wave.leave(current, mask) {
+                    beam.open = wave.finish(simd, self.bvh, beam, beam.open, &mut self.accept);
+                }
+            } else if current.is_block() {
+                self.test::<S, false>(simd, beam, (current, mask), &extremes);
+            } else {
+                self.visit::<S, false>(simd, beam, (current, mask), &extremes, &mut stack);
+            }
+            loop {
+                let Some((_, child, met)) = stack.pop() else {
+                    if wave.is_waiting() {
+                        beam.open = wave.finish(simd, self.bvh, beam, beam.open, &mut self.accept);
+                    }
+                    return asked & !beam.open;
+                };
+                mask = met & beam.open;
+                if mask != NO_LANES {
+                    current = Child(child);
+                    break;
+                }
+            }
+        }
     }
 
-    /// Finds the nearest hits of all open rays below `entry`, or closes those that anything stops.
+    /// Finds the nearest hits of all open rays below `entry`.
     #[inline(always)]
-    pub(super) fn descend<S: Simd, const NEAREST: bool>(
-        &mut self,
-        simd: S,
-        beam: &mut Beam,
-        extremes: &Extremes,
-        entry: Child,
-    ) {
+    pub(super) fn descend<S: Simd>(&mut self, simd: S, beam: &mut Beam, extremes: &Extremes, entry: Child) {
         let mut stack = Stack::<Entry>::new();
         let (mut current, mut mask) = (entry, beam.open);
         loop {
             if mask.count_ones() <= FEW {
-                self.one_by_one::<S, NEAREST>(simd, beam, current, mask);
+                self.one_by_one(simd, beam, current, mask);
             } else if current.is_block() {
-                self.test::<S, NEAREST>(simd, beam, (current, mask), extremes);
+                self.test::<S, true>(simd, beam, (current, mask), extremes);
             } else {
-                self.visit::<S, NEAREST>(simd, beam, (current, mask), extremes, &mut stack);
+                self.visit::<S, true>(simd, beam, (current, mask), extremes, &mut stack);
             }
             loop {
                 let Some((enter, child, met)) = stack.pop() else { return };
-                mask = met & beam.open;
-                if NEAREST {
-                    mask &= beam.reaching(simd, f32::from_bits(enter));
-                }
+                mask = met & beam.open & beam.reaching(simd, f32::from_bits(enter));
                 if mask != NO_LANES {
                     current = Child(child);
                     break;
@@ -72,32 +91,23 @@ impl<A: FnMut(usize, &Hit) -> bool> Descent<'_, A> {
 
     /// Takes rays on alone.
     #[inline(always)]
-    fn one_by_one<S: Simd, const NEAREST: bool>(&mut self, simd: S, beam: &mut Beam, current: Child, mut mask: Mask) {
+    fn one_by_one<S: Simd>(&mut self, simd: S, beam: &mut Beam, current: Child, mut mask: Mask) {
         let Self { bvh, accept } = self;
         while mask != NO_LANES {
             let ray = first_wide_lane(mask);
             mask = without_first(mask);
             let query = beam.query(ray);
             let mut accept = |hit: &Hit| accept(ray, hit);
-            if NEAREST {
-                let mut best = beam.best(ray);
-                if current.is_block() {
-                    let mut limit = best.map_or(query.line.t_max, |best| best.t);
-                    let block = &bvh.blocks[current.index()];
-                    approach(simd, block, &query, (&mut limit, &mut best), &mut accept);
-                } else {
-                    closest(simd, bvh, current, &query, &mut best, &mut accept);
-                }
-                if let Some(best) = best {
-                    beam.keep(ray, &best);
-                }
+            let mut best = beam.best(ray);
+            if current.is_block() {
+                let mut limit = best.map_or(query.line.t_max, |best| best.t);
+                let block = &bvh.blocks[current.index()];
+                approach(simd, block, &query, (&mut limit, &mut best), &mut accept);
             } else {
-                let stopped = if current.is_block() {
-                    blocked(simd, &bvh.blocks[current.index()], &query, &mut accept)
-                } else {
-                    occluded(simd, bvh, current, &query, &mut accept)
-                };
-                beam.open &= !(Mask::from(stopped) << ray);
+                closest(simd, bvh, current, &query, &mut best, &mut accept);
+            }
+            if let Some(best) = best {
+                beam.keep(ray, &best);
             }
         }
     }

@@ -7,7 +7,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
-use super::block::{Block, Cones};
+use super::block::Block;
 use super::bvh::{Bvh, occluded};
 use super::clear::Plane;
 use super::dispatch::Work;
@@ -15,7 +15,7 @@ use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_wide_lane, load
 use super::node::{Child, Node};
 use super::query::{Line, Query, Start};
 use super::stack::Stack;
-use super::wave::{FEW, Waiting, Wave};
+use super::wave::{FEW, Rays, Waiting, Wave};
 use super::{Fan, Hit, Ray};
 use glam::Vec3;
 
@@ -59,13 +59,13 @@ impl<A: FnMut(&Hit) -> bool> Work<u32> for CountOpen<'_, A> {
 }
 
 /// What all rays of a fan have in common.
-pub(super) struct Apex {
-    pub(super) start: Start,
+struct Apex {
+    start: Start,
     plane: Option<Plane>,
 }
 
 /// Up to sixteen rays, a ray a lane; the operations are those of [`Query::new`].
-pub(super) struct Lanes {
+struct Lanes {
     direction: [F16; 3],
     inverse: [F16; 3],
     /// Minus the origin as low and as high planes see it ([`Start::farthest`]), times the inverses.
@@ -121,47 +121,102 @@ impl Lanes {
         }
     }
 
-    /// The children of a node that the ray in a lane meets.
-    #[inline(always)]
-    pub(super) fn meeting<S: Simd>(&self, simd: S, node: &Node, apex: &Apex, ray: usize) -> Mask {
-        let mut enter = simd.splat(apex.start.t_min);
-        let mut leave = simd.splat(apex.start.t_max);
-        for axis in 0..3 {
-            let inverse = simd.splat(self.inverse[axis].0[ray]);
-            let (low, high) = (simd.load(&node.planes[0][axis]), simd.load(&node.planes[1][axis]));
-            let a = simd.about_mul_add(low, inverse, simd.splat(self.offset[0][axis].0[ray]));
-            let b = simd.about_mul_add(high, inverse, simd.splat(self.offset[1][axis].0[ray]));
-            enter = simd.max_or(simd.min_or(a, b), enter);
-            leave = simd.min_or(simd.max_or(a, b), leave);
-        }
-        simd.at_most(enter, leave) & node.used(simd)
-    }
-
     /// The ray in a lane, as triangles are tested with it.
     #[inline(always)]
     fn line(&self, start: &Start, lane: usize) -> Line {
         let longest = if self.longest[0] >> lane & 1 == 1 { 0 } else { 2 - (self.longest[1] >> lane & 1) as usize };
         start.line(at(&self.direction, lane), [self.shear[0].0[lane], self.shear[1].0[lane]], longest)
     }
+}
 
-    /// The ray in a lane.
-    #[inline(always)]
-    pub(super) fn query(&self, start: &Start, lane: usize) -> Query {
-        start.query(self.line(start, lane), at(&self.inverse, lane))
-    }
+/// Rays of a fan.
+struct Spread<'a> {
+    apex: &'a Apex,
+    lanes: &'a Lanes,
+}
 
-    /// Whether a block stops the ray in a lane.
+impl Spread<'_> {
+    /// Those of some rays that a block stops.
     #[inline(always)]
-    pub(super) fn is_stopped<S: Simd>(
+    fn stopped<S: Simd>(
         &self,
         simd: S,
-        start: &Start,
-        lane: usize,
         block: &Block,
-        accept: &mut impl FnMut(&Hit) -> bool,
-    ) -> bool {
-        let line = self.line(start, lane);
-        block.stops(simd, &line, || start.query(line, at(&self.inverse, lane)), accept)
+        mut mask: Mask,
+        accept: &mut impl FnMut(usize, &Hit) -> bool,
+    ) -> Mask {
+        let mut stopped = NO_LANES;
+        let cones = block.cones(simd, self.apex.start.origin(), self.apex.plane);
+        if cones.are_missed() {
+            return stopped;
+        }
+        // Those that may be stopped are looked for first, since there is no guessing which.
+        let mut possible = NO_LANES;
+        while mask != NO_LANES {
+            let ray = first_wide_lane(mask);
+            mask = without_first(mask);
+            possible |= Mask::from(cones.may_stop(simd, at(&self.lanes.direction, ray))) << ray;
+        }
+        while possible != NO_LANES {
+            let ray = first_wide_lane(possible);
+            possible = without_first(possible);
+            let mut accept = |hit: &Hit| accept(ray, hit);
+            stopped |= Mask::from(self.is_stopped(simd, ray, block, &mut accept)) << ray;
+        }
+        stopped
+    }
+
+    /// Pushes the children that any of the rays meets, with those that do.
+    #[inline(always)]
+    fn visit<S: Simd>(&self, simd: S, node: &Node, mask: Mask, stack: &mut Stack) {
+        let Self { apex, lanes: rays } = self;
+        let lanes = node.used(simd);
+        let (t_min, t_max) = (simd.wide_splat(apex.start.t_min), simd.wide_splat(apex.start.t_max));
+        let inverse = load_axes(simd, &rays.inverse);
+        let offset = [load_axes(simd, &rays.offset[0]), load_axes(simd, &rays.offset[1])];
+        let mut room = stack.room();
+        for lane in 0..super::lanes::LANES {
+            let (mut enter, mut leave) = (t_min, t_max);
+            for axis in 0..3 {
+                let (low, high) = (node.planes[0][axis].0[lane], node.planes[1][axis].0[lane]);
+                let a = simd.wide_about_mul_add(simd.wide_splat(low), inverse[axis], offset[0][axis]);
+                let b = simd.wide_about_mul_add(simd.wide_splat(high), inverse[axis], offset[1][axis]);
+                enter = simd.wide_max_or(simd.wide_min_or(a, b), enter);
+                leave = simd.wide_min_or(simd.wide_max_or(a, b), leave);
+            }
+            let met = simd.wide_at_most(enter, leave) & mask & (lanes >> lane & 1).wrapping_neg();
+            room.push_if(met != NO_LANES, u64::from(met) << 32 | u64::from(node.children[lane].0));
+        }
+        room.keep();
+    }
+}
+
+impl Rays for Spread<'_> {
+    #[inline(always)]
+    fn meeting<S: Simd>(&self, simd: S, node: &Node, ray: usize) -> Mask {
+        let Self { apex, lanes } = self;
+        let mut enter = simd.splat(apex.start.t_min);
+        let mut leave = simd.splat(apex.start.t_max);
+        for axis in 0..3 {
+            let inverse = simd.splat(lanes.inverse[axis].0[ray]);
+            let (low, high) = (simd.load(&node.planes[0][axis]), simd.load(&node.planes[1][axis]));
+            let a = simd.about_mul_add(low, inverse, simd.splat(lanes.offset[0][axis].0[ray]));
+            let b = simd.about_mul_add(high, inverse, simd.splat(lanes.offset[1][axis].0[ray]));
+            enter = simd.max_or(simd.min_or(a, b), enter);
+            leave = simd.min_or(simd.max_or(a, b), leave);
+        }
+        simd.at_most(enter, leave) & node.used(simd)
+    }
+
+    #[inline(always)]
+    fn is_stopped<S: Simd>(&self, simd: S, ray: usize, block: &Block, accept: &mut impl FnMut(&Hit) -> bool) -> bool {
+        block.stops(simd, &self.lanes.line(&self.apex.start, ray), || self.query(ray), accept)
+    }
+
+    #[inline(always)]
+    fn query(&self, ray: usize) -> Query {
+        let Self { apex: Apex { start, .. }, lanes } = self;
+        start.query(lanes.line(start, ray), at(&lanes.inverse, ray))
     }
 }
 
@@ -191,7 +246,9 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
     /// Those of some regular rays that are blocked.
     #[inline(always)]
     fn together<S: Simd>(&mut self, simd: S, apex: &Apex, lanes: &Lanes, regular: Mask) -> Mask {
-        let bvh = self.bvh;
+        let Self { bvh, accept, .. } = self;
+        let mut accept = |_: usize, hit: &Hit| accept(hit);
+        let rays = Spread { apex, lanes };
         let mut open = regular;
         let mut stack = Stack::new();
         let mut nodes = Waiting::new();
@@ -202,22 +259,21 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
             if current.is_block() {
                 let block = &bvh.blocks[current.index()];
                 if mask & (mask - 1) != NO_LANES {
-                    let cones = block.cones(simd, apex.start.origin(), apex.plane);
-                    open &= !self.stopped(simd, block, &cones, apex, lanes, mask);
+                    open &= !rays.stopped(simd, block, mask, &mut accept);
                 } else if wave.leave(current, mask) {
-                    open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
+                    open = wave.finish(simd, bvh, &rays, open, &mut accept);
                 }
             } else if mask.count_ones() as usize <= FEW {
                 if wave.leave(current, mask) {
-                    open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
+                    open = wave.finish(simd, bvh, &rays, open, &mut accept);
                 }
             } else {
-                self.visit(simd, apex, lanes, (current, mask), &mut stack);
+                rays.visit(simd, &bvh.nodes[current.index()], mask, &mut stack);
             }
             loop {
                 let Some(entry) = stack.pop() else {
                     if wave.is_waiting() {
-                        open = wave.finish(simd, bvh, (apex, lanes), open, &mut self.accept);
+                        open = wave.finish(simd, bvh, &rays, open, &mut accept);
                     }
                     return regular & !open;
                 };
@@ -228,60 +284,5 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
                 }
             }
         }
-    }
-
-    /// Those of some rays that a block stops.
-    #[inline(always)]
-    fn stopped<S: Simd>(
-        &mut self,
-        simd: S,
-        block: &Block,
-        cones: &Cones<S>,
-        apex: &Apex,
-        lanes: &Lanes,
-        mut mask: Mask,
-    ) -> Mask {
-        let mut stopped = NO_LANES;
-        if cones.are_missed() {
-            return stopped;
-        }
-        // Those that may be stopped are looked for first, since there is no guessing which.
-        let mut possible = NO_LANES;
-        while mask != NO_LANES {
-            let ray = first_wide_lane(mask);
-            mask = without_first(mask);
-            possible |= Mask::from(cones.may_stop(simd, at(&lanes.direction, ray))) << ray;
-        }
-        while possible != NO_LANES {
-            let ray = first_wide_lane(possible);
-            possible = without_first(possible);
-            let is_stopped = lanes.is_stopped(simd, &apex.start, ray, block, &mut self.accept);
-            stopped |= Mask::from(is_stopped) << ray;
-        }
-        stopped
-    }
-
-    /// Pushes the children that any of the rays meets, with those that do.
-    #[inline(always)]
-    fn visit<S: Simd>(&self, simd: S, apex: &Apex, rays: &Lanes, (current, mask): (Child, Mask), stack: &mut Stack) {
-        let node = &self.bvh.nodes[current.index()];
-        let lanes = node.used(simd);
-        let (t_min, t_max) = (simd.wide_splat(apex.start.t_min), simd.wide_splat(apex.start.t_max));
-        let inverse = load_axes(simd, &rays.inverse);
-        let offset = [load_axes(simd, &rays.offset[0]), load_axes(simd, &rays.offset[1])];
-        let mut room = stack.room();
-        for lane in 0..super::lanes::LANES {
-            let (mut enter, mut leave) = (t_min, t_max);
-            for axis in 0..3 {
-                let (low, high) = (node.planes[0][axis].0[lane], node.planes[1][axis].0[lane]);
-                let a = simd.wide_about_mul_add(simd.wide_splat(low), inverse[axis], offset[0][axis]);
-                let b = simd.wide_about_mul_add(simd.wide_splat(high), inverse[axis], offset[1][axis]);
-                enter = simd.wide_max_or(simd.wide_min_or(a, b), enter);
-                leave = simd.wide_min_or(simd.wide_max_or(a, b), leave);
-            }
-            let met = simd.wide_at_most(enter, leave) & mask & (lanes >> lane & 1).wrapping_neg();
-            room.push_if(met != NO_LANES, u64::from(met) << 32 | u64::from(node.children[lane].0));
-        }
-        room.keep();
     }
 }

@@ -1,16 +1,27 @@
-//! Prepared rays that go on by themselves, a step of each at a time.
+//! Prepared rays that go on by themselves, several steps at a time.
 //!
 //! A ray alone waits: for its node, for the test of the children, for which of them to visit next; and the processor guesses how
-//! many there are, wrongly most of the time. Here the rays take turns, so that no step needs what the step before it finds,
-//! and children go to the ray's stack by one vector instruction, however many they are. The blocks that are met are kept
-//! aside and tested after each round.
+//! many there are, wrongly most of the time. Here the nodes that any of some rays has yet to visit lie on one list, from whose end
+//! eight are taken at a time, so that no step needs what the step before it finds. Children go to the list by one vector
+//! instruction, however many they are. The blocks that are met are kept aside and tested before more nodes are taken.
 
 use super::Hit;
+use super::block::Block;
 use super::bvh::{Bvh, occluded};
-use super::fan::{Apex, Lanes};
 use super::lanes::{LANES, Mask, NO_LANES, Simd, without_first};
-use super::node::Child;
+use super::node::{Child, Node};
+use super::query::Query;
 use super::stack::List;
+
+/// Up to sixteen prepared rays that ask whether anything is in their way.
+pub(super) trait Rays {
+    /// The children of a node that a ray meets.
+    fn meeting<S: Simd>(&self, simd: S, node: &Node, ray: usize) -> Mask;
+    /// Whether a block stops a ray.
+    fn is_stopped<S: Simd>(&self, simd: S, ray: usize, block: &Block, accept: &mut impl FnMut(&Hit) -> bool) -> bool;
+    /// A ray, as it is prepared alone.
+    fn query(&self, ray: usize) -> Query;
+}
 
 /// Rays up to which those in a part of the tree go on by themselves.
 pub(super) const FEW: usize = 4;
@@ -61,15 +72,15 @@ impl<'a> Wave<'a> {
         self.parts >= ENOUGH
     }
 
-    /// Takes all rays to their ends. Returns those that are still open.
+    /// Takes all rays to their ends. Returns those that are still open. `accept` is told the ray.
     #[inline(always)]
     pub(super) fn finish<S: Simd>(
         &mut self,
         simd: S,
         bvh: &Bvh,
-        (apex, lanes): (&Apex, &Lanes),
+        rays: &impl Rays,
         mut open: Mask,
-        accept: &mut impl FnMut(&Hit) -> bool,
+        accept: &mut impl FnMut(usize, &Hit) -> bool,
     ) -> Mask {
         self.parts = 0;
         loop {
@@ -77,7 +88,7 @@ impl<'a> Wave<'a> {
                 let (block, ray) = self.blocks.pop();
                 if open >> ray & 1 == 1 {
                     let block = &bvh.blocks[Child(block).index()];
-                    let stopped = lanes.is_stopped(simd, &apex.start, ray, block, accept);
+                    let stopped = rays.is_stopped(simd, ray, block, &mut |hit: &Hit| accept(ray, hit));
                     open &= !(Mask::from(stopped) << ray);
                 }
             }
@@ -85,14 +96,14 @@ impl<'a> Wave<'a> {
                 return open;
             }
             if self.nodes.len() > WAITING - LANES * LANES {
-                open &= !self.alone(simd, bvh, (apex, lanes), open, accept);
+                open &= !self.alone(simd, bvh, rays, open, accept);
                 continue;
             }
             let some = self.nodes.take();
             for index in 0..some.len() {
                 let (node, ray) = some.get(index);
                 if open >> ray & 1 == 1 {
-                    self.step(simd, bvh, (apex, lanes), (node, ray));
+                    self.step(simd, bvh, rays, (node, ray));
                 }
             }
         }
@@ -100,9 +111,9 @@ impl<'a> Wave<'a> {
 
     /// Looks into a node for a ray.
     #[inline(always)]
-    fn step<S: Simd>(&mut self, simd: S, bvh: &Bvh, (apex, lanes): (&Apex, &Lanes), (node, ray): (u32, usize)) {
+    fn step<S: Simd>(&mut self, simd: S, bvh: &Bvh, rays: &impl Rays, (node, ray): (u32, usize)) {
         let node = &bvh.nodes[Child(node).index()];
-        let met = lanes.meeting(simd, node, apex, ray);
+        let met = rays.meeting(simd, node, ray);
         let children = node.numbers();
         let blocks = met & simd.negative(children);
         let nodes = met & !blocks;
@@ -117,16 +128,16 @@ impl<'a> Wave<'a> {
         &mut self,
         simd: S,
         bvh: &Bvh,
-        (apex, lanes): (&Apex, &Lanes),
+        rays: &impl Rays,
         open: Mask,
-        accept: &mut impl FnMut(&Hit) -> bool,
+        accept: &mut impl FnMut(usize, &Hit) -> bool,
     ) -> Mask {
         let mut stopped = NO_LANES;
         while self.nodes.len() > 0 {
             let (node, ray) = self.nodes.pop();
             if (open & !stopped) >> ray & 1 == 1 {
-                let query = lanes.query(&apex.start, ray);
-                stopped |= Mask::from(occluded(simd, bvh, Child(node), &query, accept)) << ray;
+                let mut accept = |hit: &Hit| accept(ray, hit);
+                stopped |= Mask::from(occluded(simd, bvh, Child(node), &rays.query(ray), &mut accept)) << ray;
             }
         }
         stopped
