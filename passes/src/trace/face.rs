@@ -134,6 +134,7 @@ mod tests {
     use crate::trace::beam::Classes;
     use crate::trace::lanes::{NO_LANES, Plain, WIDE};
     use crate::trace::query::{Bounds, Query};
+    use crate::trace::wave::Rays as _;
     use crate::trace::{PACKET, Packet};
     use glam::Vec3;
 

@@ -1,9 +1,9 @@
 //! Many rays from one origin, traced.
 //!
-//! Sixteen rays go down the tree side by side, a ray a lane, until few of them are left; those take turns ([`Wave`]). With a
+//! Sixteen rays go down the tree side by side, a ray a lane, until few of them are left; those go on by themselves ([`Wave`]). With a
 //! common origin its part of a box test is computed once for all nodes, and what is left is two fused products, a minimum and
 //! a maximum along each axis, wherever the rays go. In a block of triangles, too, what depends on the origin alone is computed
-//! once: the planes through it and the edges ([`Cones`]).
+//! once: the planes through it and the edges ([`Cones`](super::block::Cones)).
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
@@ -11,7 +11,7 @@ use super::block::Block;
 use super::bvh::{Bvh, occluded};
 use super::clear::Plane;
 use super::dispatch::Work;
-use super::lanes::{F16, Mask, NO_LANES, Plain, Simd, WIDE, first_wide_lane, load_axes, without_first};
+use super::lanes::{F16, LANES, Mask, NO_LANES, Plain, Simd, WIDE, first_wide_lane, load_axes, without_first};
 use super::node::{Child, Node};
 use super::query::{Line, Query, Start};
 use super::stack::Stack;
@@ -169,13 +169,14 @@ impl Spread<'_> {
     /// Pushes the children that any of the rays meets, with those that do.
     #[inline(always)]
     fn visit<S: Simd>(&self, simd: S, node: &Node, mask: Mask, stack: &mut Stack) {
-        let Self { apex, lanes: rays } = self;
-        let lanes = node.used(simd);
+        let Self { apex, lanes } = self;
+        let used = node.used(simd);
         let (t_min, t_max) = (simd.wide_splat(apex.start.t_min), simd.wide_splat(apex.start.t_max));
-        let inverse = load_axes(simd, &rays.inverse);
-        let offset = [load_axes(simd, &rays.offset[0]), load_axes(simd, &rays.offset[1])];
+        let inverse = load_axes(simd, &lanes.inverse);
+        let offset = [load_axes(simd, &lanes.offset[0]), load_axes(simd, &lanes.offset[1])];
         let mut room = stack.room();
-        for lane in 0..super::lanes::LANES {
+        // All of them, since there is no guessing how many are used or which are met.
+        for lane in 0..LANES {
             let (mut enter, mut leave) = (t_min, t_max);
             for axis in 0..3 {
                 let (low, high) = (node.planes[0][axis].0[lane], node.planes[1][axis].0[lane]);
@@ -184,7 +185,7 @@ impl Spread<'_> {
                 enter = simd.wide_max_or(simd.wide_min_or(a, b), enter);
                 leave = simd.wide_min_or(simd.wide_max_or(a, b), leave);
             }
-            let met = simd.wide_at_most(enter, leave) & mask & (lanes >> lane & 1).wrapping_neg();
+            let met = simd.wide_at_most(enter, leave) & mask & (used >> lane & 1).wrapping_neg();
             room.push_if(met != NO_LANES, u64::from(met) << 32 | u64::from(node.children[lane].0));
         }
         room.keep();

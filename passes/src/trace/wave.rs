@@ -147,7 +147,12 @@ impl<'a> Wave<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::trace::beam::{Beam, Classes};
     use crate::trace::dispatch::{Detected, Work};
+    use crate::trace::lanes::Plain;
+    use crate::trace::{Packet, Quality, Ray, Tracer};
+    use curitiba_pipeline::scene::{Batch, Geometry};
+    use glam::Vec3;
 
     struct Chosen<'a>(&'a [u32; LANES], Mask);
 
@@ -156,6 +161,49 @@ mod tests {
         fn run<S: Simd>(self, simd: S) -> (Mask, [u32; LANES]) {
             (simd.negative(self.0), simd.compress(self.0, self.1))
         }
+    }
+
+    /// Slivers along a diagonal, one above the other: rays beside the diagonal are in all boxes and meet none, but for a last one.
+    fn pile(count: u32) -> Geometry {
+        let mut geometry = Geometry::default();
+        for index in 0..count {
+            let z = index as f32;
+            let sliver = [Vec3::new(-1.0, -1.0, z), Vec3::new(1.0, 1.0, z), Vec3::new(1.0, 1.001, z)];
+            let stop = [Vec3::new(0.2, -0.9, z), Vec3::new(0.9, -0.9, z), Vec3::new(0.9, -0.2, z)];
+            geometry.positions.extend(if index + 1 < count { sliver } else { stop });
+            geometry.triangles.push([3 * index, 3 * index + 1, 3 * index + 2]);
+        }
+        geometry.batches.push(Batch { material: 0, first: 0, count });
+        geometry
+    }
+
+    #[test]
+    fn rays_come_to_their_ends_though_more_waits_than_there_is_room_for() {
+        let bvh = Bvh::build(&pile(4096), &[], Quality::Fast);
+        let mut packet = Packet::new(0.0, f32::INFINITY);
+        for lane in 0..16 {
+            let away = lane as f32 * 0.01;
+            let stopped = lane % 3 == 0;
+            let (x, y) = if stopped { (0.7 + away, -0.7 + 0.5 * away) } else { (-0.5 - away, 0.5) };
+            packet.set(lane, Vec3::new(x, y, -1.0), Vec3::Z);
+        }
+        let classes = Classes::of(&packet);
+        let mut beam = Beam::EMPTY;
+        beam.prepare(Plain, &packet, (classes.valid(), classes.get(0)), &bvh.bounds);
+        let (mut nodes, mut blocks) = (Waiting::new(), Waiting::new());
+        let mut wave = Wave::new(&mut nodes, &mut blocks);
+        // The root again and again: eight nodes that are looked into leave 64 others, of which none is done when they are.
+        assert!(bvh.nodes[bvh.root.index()].children.iter().all(|child| *child != Child::NONE && !child.is_block()));
+        for round in 0..40 {
+            wave.leave(bvh.root, 0b1111 << (4 * (round % 4)));
+        }
+        let open = wave.finish(Plain, &bvh, &beam, beam.open, &mut |_, _| true);
+        for lane in 0..16 {
+            let ray: Ray = packet.ray(lane);
+            assert_eq!(open >> lane & 1 == 0, bvh.occluded(&ray, |_| true), "{lane}");
+            assert_eq!(open >> lane & 1 == 0, lane % 3 == 0);
+        }
+        assert!(!wave.is_waiting());
     }
 
     #[test]
