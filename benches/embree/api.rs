@@ -94,7 +94,7 @@ impl Embree {
         let library = unsafe { Library::new(path) }.map_err(|_| format!("{name} cannot be loaded"))?;
         // SAFETY: Embree 3 and 4 have these functions with these types.
         let functions = unsafe { Functions::find(&library) }.map_err(wrong)?;
-        // SAFETY: a device without options is made, asked for its version and released.
+        // SAFETY: a device is made, asked for its version and released. Of one thread: others would never sleep again.
         let [major, minor, patch] = unsafe {
             let device = (functions.new_device)(c"threads=1".as_ptr());
             let version = [1, 2, 3].map(|property| (functions.device_property)(device, property));

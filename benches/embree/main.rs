@@ -64,7 +64,7 @@ struct Request {
 
 impl Request {
     fn read() -> Result<Self, String> {
-        let all = std::thread::available_parallelism().map_or(1, usize::from);
+        let all = processors();
         let mut request = Self {
             scenes: Vec::new(),
             out: None,
@@ -246,7 +246,7 @@ fn measure(subject: &Subject, libraries: &[Arc<Embree>], request: &Request) -> R
         rays: Vec::new(),
         effects: Vec::new(),
     };
-    let (bvh, trees) = build(geometry, &[], libraries, request, &mut row.builds)?;
+    let (bvh, trees) = build(geometry, libraries, request, &mut row.builds)?;
     if request.rays {
         let sets = rays::generate(subject, &bvh, request.size);
         for set in &sets {
@@ -261,7 +261,7 @@ fn measure(subject: &Subject, libraries: &[Arc<Embree>], request: &Request) -> R
             let filtered = job.filtered();
             let mut backend = CpuRays::new();
             backend.build(&subject.scene, &filtered).map_err(|error| error.to_string())?;
-            let (_, trees) = build(geometry, &filtered, libraries, request, &mut Vec::new())?;
+            let (trees, _) = theirs(geometry, &filtered, libraries, request)?;
             for &threads in &request.threads {
                 row.effects.push(effect(name, job, subject, &mut backend, &trees, threads, request.rounds));
             }
@@ -270,60 +270,67 @@ fn measure(subject: &Subject, libraries: &[Arc<Embree>], request: &Request) -> R
     Ok(row)
 }
 
-/// Builds ours and every tree of Embree, in turns, and notes what each took. The trees of the last round are kept.
+/// Ours and every tree of Embree, built in turns; what each took is noted. Those of the last round are kept.
 fn build(
     geometry: &Geometry,
-    transparent: &[bool],
     libraries: &[Arc<Embree>],
     request: &Request,
     rows: &mut Vec<BuildRow>,
 ) -> Result<(Bvh, Vec<Tree>), String> {
     let triangles = geometry.triangles.len() as f64;
-    // On all processors, whatever traces: built on one, with another there, Embree 4 leaves a thread that never sleeps.
-    let all = std::thread::available_parallelism().map_or(1, usize::from);
-    let workers = pool(all);
-    let kinds: Vec<(&Arc<Embree>, Build)> = libraries
-        .iter()
-        .flat_map(|embree| [(false, false), (true, false), (false, true)].map(|kind| (embree, kind)))
-        .filter(|(_, (high, _))| !high || !request.medium)
-        .map(|(embree, (high, robust))| (embree, Build { high, robust, threads: all }))
-        .collect();
-    let mut built = None;
-    let mut taken: Vec<BuildRow> = Vec::new();
-    for round in 0..BUILDS {
+    let workers = pool(processors());
+    let mut seconds: Vec<Vec<f64>> = Vec::new();
+    let mut last = None;
+    for _ in 0..BUILDS {
         // What was built before is gone before its like is built again, as in a program that loads another scene.
-        drop(built.take());
-        let mut note = |place: usize, name: &str, seconds: f64, bytes: f64| {
-            if round == 0 {
-                let bytes_per_triangle = bytes / triangles;
-                taken.push(BuildRow { name: name.to_owned(), wall_s: Vec::new(), median_s: 0.0, bytes_per_triangle });
-            }
-            taken[place].wall_s.push(seconds);
-        };
+        drop(last.take());
         let start = Instant::now();
-        let bvh = workers.install(|| Bvh::build(geometry, transparent, Quality::Balanced));
-        note(0, "curitiba", start.elapsed().as_secs_f64(), bvh.bytes() as f64);
-        let mut trees = Vec::new();
-        for (place, &(embree, build)) in kinds.iter().enumerate() {
-            let quality = if build.high { "high" } else { "medium" };
-            let name = format!("embree {} {quality}{}", embree.version, if build.robust { " robust" } else { "" });
+        let bvh = workers.install(|| Bvh::build(geometry, &[], Quality::Balanced));
+        let own = start.elapsed().as_secs_f64();
+        let (trees, others) = theirs(geometry, &[], libraries, request)?;
+        seconds.push([vec![own], others].concat());
+        last = Some((bvh, trees));
+    }
+    let (bvh, trees) = last.expect("there is a round");
+    let others = trees.iter().map(|tree| (&*tree.name, tree.scene.bytes() as f64));
+    let names = std::iter::once(("curitiba", bvh.bytes() as f64)).chain(others);
+    for (place, (name, bytes)) in names.enumerate() {
+        let wall_s: Vec<f64> = seconds.iter().map(|round| round[place]).collect();
+        let (median_s, bytes_per_triangle) = (contest::median(&wall_s), bytes / triangles);
+        println!("  build {name:28} {median_s:8.4} s on {}, {bytes_per_triangle:6.1} bytes a triangle", processors());
+        rows.push(BuildRow { name: name.to_owned(), wall_s, median_s, bytes_per_triangle });
+    }
+    Ok((bvh, trees))
+}
+
+/// Every tree of Embree, and the seconds that each took.
+fn theirs(
+    geometry: &Geometry,
+    transparent: &[bool],
+    libraries: &[Arc<Embree>],
+    request: &Request,
+) -> Result<(Vec<Tree>, Vec<f64>), String> {
+    let (mut trees, mut seconds) = (Vec::new(), Vec::new());
+    for embree in libraries {
+        for (high, robust) in [(false, false), (true, false), (false, true)] {
+            if high && request.medium {
+                continue;
+            }
+            let quality = if high { "high" } else { "medium" };
+            let name = format!("embree {} {quality}{}", embree.version, if robust { " robust" } else { "" });
             let input = tree::input(geometry, transparent);
             let start = Instant::now();
-            let scene = tree::commit(embree, input, build)?;
-            note(place + 1, &name, start.elapsed().as_secs_f64(), scene.bytes() as f64);
-            trees.push(Tree { name, scene, robust: build.robust, streams: embree.streams() });
+            let scene = tree::commit(embree, input, Build { high, robust, threads: processors() })?;
+            seconds.push(start.elapsed().as_secs_f64());
+            trees.push(Tree { name, scene, robust, streams: embree.streams() });
         }
-        built = Some((bvh, trees));
     }
-    for mut row in taken {
-        row.median_s = contest::median(&row.wall_s);
-        println!(
-            "  build {:28} {:8.4} s on {all}, {:6.1} bytes a triangle",
-            row.name, row.median_s, row.bytes_per_triangle
-        );
-        rows.push(row);
-    }
-    Ok(built.expect("there is a round"))
+    Ok((trees, seconds))
+}
+
+/// Threads that build, whatever traces: built on one, with another there, Embree 4 leaves a thread that never sleeps.
+fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// One ray pass.

@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 const BLOCK: usize = 16;
 
 /// Adds the cosine-distributed directions of the scrambled `points`, mirrored at the plane of `above` where they look against
-/// it.
+/// it. That is not copied, because it would be read as a whole just after its parts were written, which makes some processors wait.
 pub(super) fn fill(
     points: &[[u32; 2]],
     seeds: [u32; 2],

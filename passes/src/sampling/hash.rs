@@ -11,7 +11,7 @@ pub const PATH: u32 = 1;
 pub const DIMENSIONS: u32 = 2;
 
 /// The hash `pcg4d` (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering", JCGT 9(3), listing in section 4):
-/// a permutation of 128-bit values.
+/// a permutation of 128-bit values. Word by word: as a vector in memory it would be read just after its words were written.
 #[must_use]
 #[inline(always)]
 pub fn pcg4d([x, y, z, w]: [u32; 4]) -> [u32; 4] {

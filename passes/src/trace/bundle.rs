@@ -4,8 +4,9 @@
 //! node's eight children are tested against the interval of all of them, and a child that is met against the intervals of the
 //! sixteen beams, a beam a lane; from where few of them are left each goes on by itself ([`Descent`]).
 
-use super::beam::{Beam, Class, Classes};
+use super::beam::Beam;
 use super::bvh::{Bvh, Closest, occluded};
+use super::class::{Class, Classes};
 use super::descent::Descent;
 use super::dispatch::Work;
 use super::extremes::{BeamLanes, Extremes};

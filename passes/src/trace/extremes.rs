@@ -5,7 +5,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
-use super::beam::Class;
+use super::class::Class;
 use super::lanes::{F8, F16, LANES, Mask, Simd, WIDE};
 
 /// Extremes of what the box test of a ray computes with, of several rays.

@@ -131,7 +131,7 @@ pub(super) fn decide<S: Simd>(simd: S, block: &Block, line: &Line) -> Verdict {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::beam::Classes;
+    use crate::trace::class::Classes;
     use crate::trace::lanes::{NO_LANES, Plain, WIDE};
     use crate::trace::query::{Bounds, Query};
     use crate::trace::wave::Rays as _;

@@ -15,6 +15,7 @@ mod brute;
 mod build;
 mod bundle;
 mod bvh;
+mod class;
 mod clear;
 mod collapse;
 mod descent;

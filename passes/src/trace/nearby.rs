@@ -111,6 +111,8 @@ impl Nearby {
 
     /// Turns to the rays from `origin`, which lies in the neighbourhood and the part last narrowed to, that do not look
     /// against `above`, a unit vector. Returns whether any triangle may be in their way.
+    ///
+    /// In line, or `above` would be copied as a whole just after its parts were written, which makes some processors wait.
     #[inline(always)]
     pub fn turn_to(&mut self, origin: Vec3, above: Option<Vec3>) -> bool {
         self.lanes.run(TurnTo { nearby: self, origin, above })

@@ -14,8 +14,8 @@
 
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
-use super::beam::Class;
 use super::block::Block;
+use super::class::Class;
 use super::face::DOUBT;
 use super::lanes::{F16, Mask, NO_LANES, Simd};
 use super::node::Node;

@@ -10,8 +10,9 @@
 #![allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]
 
 use super::Hit;
-use super::beam::{Beam, Class, Classes};
+use super::beam::Beam;
 use super::bvh::Bvh;
+use super::class::{Class, Classes};
 use super::descent::Descent;
 use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, first_wide_lane, without_first};
 use super::node::Child;

@@ -147,7 +147,8 @@ impl<'a> Wave<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::beam::{Beam, Classes};
+    use crate::trace::beam::Beam;
+    use crate::trace::class::Classes;
     use crate::trace::dispatch::{Detected, Work};
     use crate::trace::lanes::Plain;
     use crate::trace::{Packet, Quality, Ray, Tracer};

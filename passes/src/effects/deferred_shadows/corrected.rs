@@ -61,6 +61,8 @@ fn light<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> Light {
     }
 }
 
+/// What the light at a point depends on. In line, because its caller would else copy the result as a whole just after its parts
+/// were written, which makes some processors wait.
 #[inline(always)]
 fn light_at<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
     let towards = point.normal.dot(pass.to_light) * side(pass, triangle, point);
