@@ -220,27 +220,18 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
     }
 }
 
-/// The part of an image that one task writes.
-struct Tile<'o> {
-    x: usize,
-    y: usize,
-    rows: Vec<&'o mut [[f32; 4]]>,
-}
-
-fn tiles(image: &mut Image) -> Vec<Tile<'_>> {
+/// The rows of an image by tile, [`TILE`] each; those that a tile at the lower border lacks are empty.
+fn rows_of_tiles(image: &mut Image) -> Vec<&mut [[f32; 4]]> {
     let width = (image.width as usize).max(1);
-    let across = width.div_ceil(TILE);
-    let mut tiles = Vec::with_capacity(across * image.pixels.len().div_ceil(width * TILE));
-    for (band, pixels) in image.pixels.chunks_mut(width * TILE).enumerate() {
-        let first = tiles.len();
-        tiles.extend((0..across).map(|column| Tile { x: column * TILE, y: band * TILE, rows: Vec::new() }));
-        for row in pixels.chunks_mut(width) {
-            for (tile, part) in tiles[first..].iter_mut().zip(row.chunks_mut(TILE)) {
-                tile.rows.push(part);
-            }
+    let (across, down) = (width.div_ceil(TILE), image.pixels.len().div_ceil(width).div_ceil(TILE));
+    let mut rows = Vec::new();
+    rows.resize_with(across * down * TILE, Default::default);
+    for (y, row) in image.pixels.chunks_mut(width).enumerate() {
+        for (column, part) in row.chunks_mut(TILE).enumerate() {
+            rows[(y / TILE * across + column) * TILE + y % TILE] = part;
         }
     }
-    tiles
+    rows
 }
 
 fn each_pixel(
@@ -248,20 +239,22 @@ fn each_pixel(
     prepare: impl Fn(Area, &mut Workspace) + Sync,
     pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
 ) -> RayCounts {
-    let width = output.width as usize;
-    let tiles = tiles(output);
-    progress.start(tiles.len() as u64);
-    tiles
-        .into_par_iter()
-        .map_init(Workspace::default, |work, tile| {
+    let (width, height) = (output.width as usize, output.height as usize);
+    let across = width.div_ceil(TILE).max(1);
+    let mut rows = rows_of_tiles(output);
+    progress.start((rows.len() / TILE) as u64);
+    rows.par_chunks_mut(TILE)
+        .enumerate()
+        .map_init(Workspace::default, |work, (index, rows)| {
             work.rays = RayCounts::default();
-            let columns = tile.rows.first().map_or(0, |row| row.len());
-            let area = Area { x: tile.x, y: tile.y, width: columns, height: tile.rows.len(), stride: width };
+            let (left, top) = (index % across * TILE, index / across * TILE);
+            let area =
+                Area { x: left, y: top, width: TILE.min(width - left), height: TILE.min(height - top), stride: width };
             prepare(area, work);
-            for (down, row) in tile.rows.into_iter().enumerate() {
+            for (down, row) in rows.iter_mut().enumerate() {
                 for (right, out) in row.iter_mut().enumerate() {
-                    let (x, y) = (tile.x + right, tile.y + down);
-                    work.lights.turn_to(down * TILE + right);
+                    let (x, y) = (left + right, top + down);
+                    work.place = down * TILE + right;
                     *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);
                 }
             }

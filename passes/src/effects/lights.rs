@@ -4,7 +4,7 @@
 use super::occlusion::share_of_light;
 use super::surface::Surface;
 use super::{Coverage, Pass, Pixel};
-use crate::trace::{Hit, PACKET, Packet, SurfacePoint, Tracer};
+use crate::trace::{Hit, PACKET, Packet, Tracer, snap_all};
 use glam::Vec3;
 
 /// Pixels a side of a tile: the unit of parallel work, small enough that its rays meet the same nodes.
@@ -57,15 +57,12 @@ pub(super) struct Known {
     pub(super) surface: Option<(Surface, Vec3)>,
     /// Where rays to the viewer's side of that surface start.
     pub(super) origin: Vec3,
-    /// Where the ray of the shadow program starts, where it needs one.
-    pub(super) ray: Option<Vec3>,
     /// Its ambient occlusion; `None` where it has not been found out.
     pub(super) occlusion: Option<f32>,
 }
 
 impl Known {
-    pub(super) const NOTHING: Self =
-        Self { light: None, surface: None, origin: Vec3::ZERO, ray: None, occlusion: None };
+    pub(super) const NOTHING: Self = Self { light: None, surface: None, origin: Vec3::ZERO, occlusion: None };
 }
 
 /// What is known of a tile's pixels, and the buffers that it takes to find out.
@@ -73,8 +70,6 @@ impl Known {
 pub struct Lights {
     /// By place; empty where the program asks pixel by pixel.
     known: Vec<Known>,
-    /// The place of the pixel that is computed.
-    place: usize,
     /// Pixels whose surfaces are looked for, and their triangles and stored positions.
     shown: Vec<(usize, Pixel)>,
     stored: Vec<(u32, Vec3)>,
@@ -88,14 +83,9 @@ pub struct Lights {
 }
 
 impl Lights {
-    /// Says which pixel of the tile is computed next.
-    pub(crate) fn turn_to(&mut self, place: usize) {
-        self.place = place;
-    }
-
-    /// What is known of it.
-    pub(super) fn known(&self) -> Known {
-        self.known.get(self.place).copied().unwrap_or(Known::NOTHING)
+    /// What is known of the pixel at a place of a tile, whether it was surveyed or not.
+    pub(super) fn known(&self, place: usize) -> Known {
+        self.known.get(place).copied().unwrap_or(Known::NOTHING)
     }
 
     /// What is known of the pixel at a place of a tile that was surveyed.
@@ -114,22 +104,6 @@ impl Lights {
         area: Area,
         wanted: impl Fn(Pixel, u32) -> bool,
     ) {
-        self.locate(pass, area, wanted, |known, pixel, _, point| {
-            let (surface, view) = pass.surface_of(point, pass.normal(pixel));
-            known.surface = Some((surface, view));
-            known.origin = surface.origin(surface.facing);
-        });
-    }
-
-    /// Finds the points of the triangles that the pixels of a tile show, where they are wanted; nothing but what `found` makes
-    /// of them is known then.
-    pub(super) fn locate<T: Tracer, C: Coverage>(
-        &mut self,
-        pass: &Pass<'_, T, C>,
-        area: Area,
-        wanted: impl Fn(Pixel, u32) -> bool,
-        mut found: impl FnMut(&mut Known, Pixel, u32, SurfacePoint),
-    ) {
         self.clear();
         let Self { known, shown, stored, .. } = self;
         shown.clear();
@@ -140,9 +114,11 @@ impl Lights {
                 stored.push((triangle, pass.position(pixel).truncate()));
             }
         }
-        SurfacePoint::snap_all(&pass.job.scene.geometry, stored, |index, point| {
+        snap_all(&pass.job.scene.geometry, stored, |index, point| {
             let (place, pixel) = shown[index];
-            found(&mut known[place], pixel, stored[index].0, point);
+            let (surface, view) = pass.surface_of(point, pass.normal(pixel));
+            known[place].surface = Some((surface, view));
+            known[place].origin = surface.origin(surface.facing);
         });
     }
 

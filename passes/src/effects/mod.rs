@@ -100,8 +100,12 @@ pub struct Pixel {
 pub struct Workspace {
     /// Rays traced.
     pub rays: RayCounts,
+    /// The place of the pixel that is computed in its tile, row by row, [`TILE`] a row.
+    pub place: usize,
     /// What is known of the tile's pixels before they are computed.
     pub lights: Lights,
+    /// The same of a tile of the shadow program.
+    shadows: deferred_shadows::Tile,
     directions: Directions,
     /// The same where rays are traced one by one.
     loose: Vec<Vec3>,

@@ -50,7 +50,12 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// The point of a triangle nearest to a pixel's stored position.
     pub(super) fn point_at(&self, pixel: Pixel, triangle: u32) -> SurfacePoint {
-        SurfacePoint::snap(&self.job.scene.geometry, triangle, self.position(pixel).truncate())
+        self.point_of(triangle, self.position(pixel).truncate())
+    }
+
+    /// The same of a stored position.
+    pub(super) fn point_of(&self, triangle: u32, stored: Vec3) -> SurfacePoint {
+        SurfacePoint::snap(&self.job.scene.geometry, triangle, stored)
     }
 
     /// The point that a ray meets.

@@ -49,6 +49,18 @@ impl Block {
         [simd.load(&a[axis]), simd.load(&b[axis]), simd.load(&c[axis])]
     }
 
+    /// The bits of a coordinate of all triangles.
+    #[inline(always)]
+    pub(super) fn bits(&self, corner: usize, axis: usize) -> &[u32; LANES] {
+        bytemuck::cast_ref(&self.corners[corner][axis].0)
+    }
+
+    /// The ids of all triangles, with [`TRANSPARENT`].
+    #[inline(always)]
+    pub(super) fn ids(&self) -> &[u32; LANES] {
+        &self.ids
+    }
+
     /// The id of the triangle in a lane.
     #[inline(always)]
     pub(super) fn triangle(&self, lane: usize) -> u32 {

@@ -15,12 +15,23 @@ pub(crate) struct F8(pub(crate) [f32; LANES]);
 pub(crate) const WIDE: usize = 2 * LANES;
 
 /// Sixteen floats in memory.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct F16(pub(crate) [f32; WIDE]);
 
 impl F16 {
     pub(crate) const ZERO: Self = Self([0.0; WIDE]);
+}
+
+/// [`Simd::gather`], one by one.
+pub(super) fn gather_each<const N: usize>(values: &[[f32; N]], indices: &[u32; WIDE]) -> [F16; 3] {
+    let mut gathered = [F16::ZERO; 3];
+    for (lane, &index) in indices.iter().enumerate() {
+        for (axis, gathered) in gathered.iter_mut().enumerate() {
+            gathered.0[lane] = values[index as usize][axis];
+        }
+    }
+    gathered
 }
 
 /// One bit a lane, lane 0 lowest.
@@ -68,6 +79,7 @@ pub(crate) trait Simd: Copy {
     fn load(self, values: &F8) -> Self::Vector;
     fn store(self, vector: Self::Vector) -> F8;
     fn splat(self, value: f32) -> Self::Vector;
+    fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     fn sub(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// `a * b + c`, fused where the processor can: for estimates with an error bound, since not all give the same bits.
     fn about_mul_add(self, a: Self::Vector, b: Self::Vector, c: Self::Vector) -> Self::Vector;
@@ -118,6 +130,13 @@ pub(crate) trait Simd: Copy {
         origin: [Self::Wide; 3],
         direction: [Self::Wide; 3],
     ) -> Self::Wide;
+    /// The first three numbers of sixteen values, those at the indices, by axis. The numbers are not looked at.
+    ///
+    /// # Panics
+    /// If there is no such value.
+    fn gather<const N: usize>(self, values: &[[f32; N]], indices: &[u32; WIDE]) -> [F16; 3] {
+        gather_each(values, indices)
+    }
 
     /// Has the memory of a value brought near, which changes nothing but the time that reading it takes.
     fn prefetch<T>(self, value: &T);
@@ -158,6 +177,11 @@ impl Simd for Plain {
     #[inline(always)]
     fn splat(self, value: f32) -> F8 {
         F8([value; LANES])
+    }
+
+    #[inline(always)]
+    fn add(self, a: F8, b: F8) -> F8 {
+        zip(a, b, |a, b| a + b)
     }
 
     #[inline(always)]

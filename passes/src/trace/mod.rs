@@ -37,6 +37,7 @@ mod packet;
 mod parallel;
 mod query;
 mod record;
+mod snap;
 mod stack;
 mod wave;
 #[cfg(target_arch = "x86_64")]
@@ -48,11 +49,12 @@ pub use directions::Directions;
 pub use dispatch::Lanes;
 pub(crate) use dispatch::{Detected, Work};
 pub use double::Double;
-pub(crate) use lanes::{F16, Simd, higher, lower};
+pub(crate) use lanes::{F16, LANES, Mask, Simd, higher, lower};
 pub use nearby::{Nearby, Neighbourhood};
 pub use offset::SurfacePoint;
 pub use packet::{PACKET, Packet, PacketHits};
 pub use record::{Event, Outcome, RecordedRay, Recorder};
+pub(crate) use snap::{Points, at_vertices, half_of, snap_all, vertices};
 
 use glam::Vec3;
 

@@ -223,7 +223,7 @@ pub(super) struct Outlines {
 }
 
 impl Outlines {
-    pub(super) const EMPTY: Self = Self {
+    const EMPTY: Self = Self {
         low: [F16::ZERO; 2],
         high: [F16::ZERO; 2],
         edge: [[F16::ZERO; 2]; 3],
@@ -236,14 +236,14 @@ impl Outlines {
 
     /// From the corners, `[corner][axis]`; `opaque` says which triangles stop every ray.
     #[inline(always)]
-    pub(super) fn new<S: Simd>(simd: S, view: &View, zone: &Zone, triangles: &[[F16; 3]; 3], opaque: Mask) -> Self {
+    pub(super) fn new<S: Simd>(simd: S, view: &View, zone: &Zone, triangles: &[[&F16; 3]; 3], opaque: Mask) -> Self {
         let zero = simd.wide_splat(0.0);
         let unit = simd.wide_splat(UNIT_ROUNDOFF);
         let mut corners = [[zero; 3]; 3];
         let mut size = zero;
         for corner in 0..3 {
             for axis in 0..3 {
-                let at = simd.wide_sub(simd.wide_load(&triangles[corner][axis]), simd.wide_splat(view.center[axis]));
+                let at = simd.wide_sub(simd.wide_load(triangles[corner][axis]), simd.wide_splat(view.center[axis]));
                 corners[corner][axis] = at;
                 size = simd.wide_max_or(simd.wide_abs(at), size);
             }
@@ -294,7 +294,7 @@ impl Outlines {
         &mut self,
         simd: S,
         view: &View,
-        triangles: &[[F16; 3]; 3],
+        triangles: &[[&F16; 3]; 3],
         corner: [S::Wide; 3],
         opaque: Mask,
     ) {
@@ -302,9 +302,9 @@ impl Outlines {
         // Edges from the corners as they are: seen from the centre they are rounded.
         let mut edges = [[zero; 3]; 2];
         for axis in 0..3 {
-            let from = simd.wide_load(&triangles[0][axis]);
-            edges[0][axis] = simd.wide_sub(simd.wide_load(&triangles[1][axis]), from);
-            edges[1][axis] = simd.wide_sub(simd.wide_load(&triangles[2][axis]), from);
+            let from = simd.wide_load(triangles[0][axis]);
+            edges[0][axis] = simd.wide_sub(simd.wide_load(triangles[1][axis]), from);
+            edges[1][axis] = simd.wide_sub(simd.wide_load(triangles[2][axis]), from);
         }
         let (mut normal, mut slope, mut longest) = ([zero; 3], zero, zero);
         let (mut of_height, mut of_slope) = (simd.wide_splat(TINY), simd.wide_splat(TINY));

@@ -14,11 +14,10 @@ use super::beam::Beam;
 use super::bvh::Bvh;
 use super::class::{Class, Classes};
 use super::descent::Descent;
-use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, first_wide_lane, without_first};
+use super::lanes::{F16, LANES, Mask, NO_LANES, Simd, WIDE, first_wide_lane, without_first};
 use super::node::Child;
 use super::outline::{Outlines, Seen, View, Zone};
 use super::packet::{PACKET, Packet, TOGETHER};
-use super::stack::Stack;
 use std::ops::Range;
 
 /// Triangles in a list, at most.
@@ -117,86 +116,100 @@ impl<'a> Rays<'a> {
 
 /// The triangles that may be in the way of some packets.
 struct List {
-    /// Blocks, and which of their triangles.
-    found: [(u32, Mask); MOST],
-    outlines: [Outlines; MOST / WIDE],
-    /// Block and lane.
-    places: [(u32, u32); MOST],
+    /// Nodes to look at, those that were looked at, and blocks.
+    nodes: [u32; MOST + LANES],
+    blocks: [u32; MOST + LANES],
+    /// By corner and axis.
+    corners: [[Coordinates; 3]; 3],
+    ids: [u32; MOST + WIDE],
+    /// [`LANES`] times the block, and the lane.
+    places: [u32; MOST + WIDE],
     len: usize,
 }
 
-impl List {
-    const EMPTY: Self =
-        Self { found: [(0, NO_LANES); MOST], outlines: [Outlines::EMPTY; MOST / WIDE], places: [(0, 0); MOST], len: 0 };
+/// A coordinate of triangles.
+type Coordinates = [F16; MOST / WIDE + 1];
 
-    /// Collects the triangles that rays of a zone may meet; false if they are more than `most`.
+impl List {
+    const EMPTY: Self = Self {
+        nodes: [0; MOST + LANES],
+        blocks: [0; MOST + LANES],
+        corners: [[[F16::ZERO; MOST / WIDE + 1]; 3]; 3],
+        ids: [0; MOST + WIDE],
+        places: [0; MOST + WIDE],
+        len: 0,
+    };
+
+    /// Collects the triangles that rays of a zone may meet; false if they are more than `most`, or too much has to be looked at.
+    ///
+    /// All nodes come before all blocks, in the order in which they are found, so that one need not be waited for to look at the
+    /// next; and what is found is added without a jump.
     #[inline(always)]
     fn gather<S: Simd>(&mut self, simd: S, tile: &Tile<'_>, zone: &Zone, most: usize) -> bool {
         let Tile { bvh, view, .. } = tile;
-        let (mut blocks, mut triangles) = (0, 0);
-        let mut stack = Stack::<u32>::new();
-        let mut current = bvh.root;
-        loop {
-            if current.is_block() {
-                let lanes = view.triangles(simd, &bvh.blocks[current.index()], zone);
-                triangles += lanes.count_ones() as usize;
-                if triangles > most {
-                    return false;
-                }
-                if lanes != NO_LANES {
-                    self.found[blocks] = (current.index() as u32, lanes);
-                    blocks += 1;
-                }
-            } else {
-                let node = &bvh.nodes[current.index()];
-                let mut lanes = view.children(simd, node, zone);
-                while lanes != NO_LANES {
-                    let child = node.children[first_lane(lanes)];
-                    lanes = without_first(lanes);
-                    bvh.prefetch(simd, child);
-                    stack.push(child.0);
-                }
-            }
-            match stack.pop() {
-                Some(child) => current = Child(child),
-                None => break,
+        let (mut nodes, mut blocks) = (0, 0);
+        let root = if bvh.root.is_block() { (&mut self.blocks, &mut blocks) } else { (&mut self.nodes, &mut nodes) };
+        (root.0[0], *root.1) = (bvh.root.index() as u32, 1);
+        let mut next = 0;
+        while next < nodes {
+            let node = &bvh.nodes[self.nodes[next] as usize];
+            next += 1;
+            let lanes = view.children(simd, node, zone);
+            let numbers = node.numbers();
+            let leaves = simd.negative(numbers) & lanes;
+            append(simd, &mut self.blocks, &mut blocks, (numbers, leaves));
+            append(simd, &mut self.nodes, &mut nodes, (numbers, lanes & !leaves));
+            if nodes > MOST || blocks > MOST {
+                return false;
             }
         }
-        self.prepare(simd, tile, zone, blocks);
+        self.len = 0;
+        for &block in &self.blocks[..blocks] {
+            let index = Child(block).index();
+            let block = &bvh.blocks[index];
+            let lanes = view.triangles(simd, block, zone);
+            let mut len = self.len;
+            for corner in 0..3 {
+                for axis in 0..3 {
+                    len = self.len;
+                    let values: &mut [u32] = bytemuck::cast_slice_mut(&mut self.corners[corner][axis]);
+                    append(simd, values, &mut len, (block.bits(corner, axis), lanes));
+                }
+            }
+            append(simd, &mut self.ids, &mut { self.len }, (block.ids(), lanes));
+            let places: [u32; LANES] = std::array::from_fn(|lane| (index * LANES + lane) as u32);
+            append(simd, &mut self.places, &mut { self.len }, (&places, lanes));
+            if len > most {
+                return false;
+            }
+            self.len = len;
+        }
         true
     }
 
-    /// Computes what is asked of the triangles that were found.
+    /// Computes what is asked of sixteen of the triangles.
     #[inline(always)]
-    fn prepare<S: Simd>(&mut self, simd: S, tile: &Tile<'_>, zone: &Zone, blocks: usize) {
-        self.len = 0;
-        let mut triangles = [[F16::ZERO; 3]; 3];
+    fn outlines<S: Simd>(&self, simd: S, tile: &Tile<'_>, zone: &Zone, chunk: usize) -> Outlines {
+        let [a, b, c] = &self.corners;
+        let triangles = [
+            [&a[0][chunk], &a[1][chunk], &a[2][chunk]],
+            [&b[0][chunk], &b[1][chunk], &b[2][chunk]],
+            [&c[0][chunk], &c[1][chunk], &c[2][chunk]],
+        ];
         let mut opaque = NO_LANES;
-        for &(index, mut lanes) in &self.found[..blocks] {
-            let block = &tile.bvh.blocks[index as usize];
-            while lanes != NO_LANES {
-                let lane = first_lane(lanes);
-                lanes = without_first(lanes);
-                let place = self.len % WIDE;
-                let corners = block.corners(lane);
-                for corner in 0..3 {
-                    for axis in 0..3 {
-                        triangles[corner][axis].0[place] = corners[corner][axis];
-                    }
-                }
-                opaque |= Mask::from(tile.hits_are_certain && !block.is_transparent(lane)) << place;
-                self.places[self.len] = (index, lane as u32);
-                self.len += 1;
-                if place == WIDE - 1 {
-                    self.outlines[self.len / WIDE - 1] = Outlines::new(simd, tile.view, zone, &triangles, opaque);
-                    opaque = NO_LANES;
-                }
-            }
+        if tile.hits_are_certain {
+            let (ids, _) = self.ids[chunk * WIDE..].as_chunks::<LANES>();
+            opaque = !(simd.negative(&ids[0]) | simd.negative(&ids[1]) << LANES);
         }
-        if !self.len.is_multiple_of(WIDE) {
-            self.outlines[self.len / WIDE] = Outlines::new(simd, tile.view, zone, &triangles, opaque);
-        }
+        Outlines::new(simd, tile.view, zone, &triangles, opaque)
     }
+}
+
+/// Adds those of eight numbers that are chosen.
+#[inline(always)]
+fn append<S: Simd>(simd: S, list: &mut [u32], len: &mut usize, (numbers, chosen): (&[u32; LANES], Mask)) {
+    list[*len..*len + LANES].copy_from_slice(&simd.compress(numbers, chosen));
+    *len += chosen.count_ones() as usize;
 }
 
 /// Rays that are answered together.
@@ -257,7 +270,7 @@ impl Tile<'_> {
                     }
                     Some(level) => {
                         in_vain[level] = 0;
-                        self.test(simd, some.clone(), list, blocked, accept);
+                        self.test(simd, (some.clone(), &zone), list, blocked, accept);
                     }
                     None => self.descend(simd, todo.start, blocked, accept),
                 }
@@ -266,49 +279,58 @@ impl Tile<'_> {
         }
     }
 
-    /// Answers for some packets from a list.
+    /// Answers for some packets, whose zone is given, from a list.
     #[inline(always)]
     fn test<S: Simd>(
         &self,
         simd: S,
-        packets: Range<usize>,
+        (packets, zone): (Range<usize>, &Zone),
         list: &List,
         blocked: &mut [u16],
         accept: &mut impl FnMut(usize, &Hit) -> bool,
     ) {
-        let mut beam = Beam::EMPTY;
-        for index in packets {
-            let valid = self.rays.valid[index];
-            let seen = &self.seen[index];
-            let mut open = valid;
-            let mut is_prepared = false;
-            let mut accept = |lane: usize, hit: &Hit| accept(index * PACKET + lane, hit);
-            let mut first = 0;
-            while first < list.len && open != NO_LANES {
-                let outlines = &list.outlines[first / WIDE];
-                let used = ((1_u64 << WIDE.min(list.len - first)) - 1) as Mask;
-                let mut lanes = outlines.meeting(simd, &seen.zone) & used;
-                while lanes != NO_LANES && open != NO_LANES {
+        let mut open = self.rays.valid;
+        for first in (0..list.len).step_by(WIDE) {
+            let outlines = list.outlines(simd, self, zone, first / WIDE);
+            let used = ((1_u64 << WIDE.min(list.len - first)) - 1) as Mask;
+            for index in packets.clone() {
+                let seen = &self.seen[index];
+                let mut open_rays = open[index];
+                let mut lanes =
+                    if open_rays == NO_LANES { NO_LANES } else { outlines.meeting(simd, &seen.zone) & used };
+                while lanes != NO_LANES && open_rays != NO_LANES {
                     let lane = first_wide_lane(lanes);
                     lanes = without_first(lanes);
-                    let (stopped, possible) = outlines.stops(simd, lane, seen, open);
-                    open &= !stopped;
+                    let (stopped, possible) = outlines.stops(simd, lane, seen, open_rays);
+                    open_rays &= !stopped;
                     if possible != NO_LANES {
-                        if !is_prepared {
-                            let scene = &self.bvh.bounds;
-                            beam.prepare(simd, &self.rays.packets[index], (valid, self.rays.class), scene);
-                            is_prepared = true;
-                        }
-                        let (block, lane) = list.places[first + lane];
-                        beam.open = possible;
-                        beam.stop(simd, (&self.bvh.blocks[block as usize], lane as usize), &mut accept);
-                        open &= !(possible & !beam.open);
+                        let place = list.places[first + lane] as usize;
+                        open_rays &= !self.stopped(simd, (index, possible), place, accept);
                     }
                 }
-                first += WIDE;
+                open[index] = open_rays;
             }
-            blocked[index] = (valid & !open) as u16;
         }
+        for index in packets {
+            blocked[index] = (self.rays.valid[index] & !open[index]) as u16;
+        }
+    }
+
+    /// Which of some rays of a packet a triangle stops, by the watertight test.
+    #[inline(always)]
+    fn stopped<S: Simd>(
+        &self,
+        simd: S,
+        (index, possible): (usize, Mask),
+        place: usize,
+        accept: &mut impl FnMut(usize, &Hit) -> bool,
+    ) -> Mask {
+        let mut beam = Beam::EMPTY;
+        let lanes = (possible, self.rays.class);
+        beam.prepare(simd, &self.rays.packets[index], lanes, &self.bvh.bounds);
+        let mut accept = |lane: usize, hit: &Hit| accept(index * PACKET + lane, hit);
+        beam.stop(simd, (&self.bvh.blocks[place / LANES], place % LANES), &mut accept);
+        possible & !beam.open
     }
 
     /// Answers for a packet without a list.

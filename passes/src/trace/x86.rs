@@ -2,7 +2,7 @@
 #![allow(unsafe_code, reason = "intrinsics of instruction sets that a value of these types proves to be present")]
 
 use super::dispatch::Work;
-use super::lanes::{F8, F16, Mask, Simd};
+use super::lanes::{F8, F16, Mask, Simd, gather_each};
 use glam::DVec3;
 use std::arch::x86_64::*;
 
@@ -85,6 +85,25 @@ impl Avx2 {
     }
 }
 
+/// How many of some values four numbers can be read from.
+const fn readable<const N: usize>(values: &[[f32; N]]) -> usize {
+    match N {
+        0..3 => 0,
+        3 => values.len().saturating_sub(1),
+        _ => values.len(),
+    }
+}
+
+/// The four numbers from a value on.
+///
+/// # Safety
+/// They lie in `values`.
+#[inline(always)]
+unsafe fn four<const N: usize>(values: &[[f32; N]], index: u32) -> __m128 {
+    // SAFETY: as promised; SSE is part of x86-64.
+    unsafe { _mm_loadu_ps(values.as_ptr().add(index as usize).cast()) }
+}
+
 /// The operations that both instruction sets spell alike.
 macro_rules! common {
     () => {
@@ -119,6 +138,12 @@ macro_rules! common {
         fn splat(self, value: f32) -> __m256 {
             // SAFETY: AVX is present, since `self` exists.
             unsafe { _mm256_set1_ps(value) }
+        }
+
+        #[inline(always)]
+        fn add(self, a: __m256, b: __m256) -> __m256 {
+            // SAFETY: AVX is present, since `self` exists.
+            unsafe { _mm256_add_ps(a, b) }
         }
 
         #[inline(always)]
@@ -302,6 +327,34 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn gather<const N: usize>(self, values: &[[f32; N]], indices: &[u32; 16]) -> [F16; 3] {
+        let most = indices.iter().fold(0, |most, &index| if index > most { index } else { most });
+        if most as usize >= readable(values) {
+            return gather_each(values, indices);
+        }
+        // SAFETY: AVX is present, since `self` exists, and four numbers lie from each of the values on.
+        let [x, y, z] = unsafe {
+            let mut halves = [[_mm256_setzero_ps(); 3]; 2];
+            for (half, axes) in halves.iter_mut().enumerate() {
+                let mut rows = [_mm256_setzero_ps(); 4];
+                for (lane, row) in rows.iter_mut().enumerate() {
+                    let lane = 8 * half + lane;
+                    *row = _mm256_set_m128(four(values, indices[lane + 4]), four(values, indices[lane]));
+                }
+                let [a, b, c, d] = rows;
+                let low = [_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d)];
+                let high = [_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d)];
+                axes[0] = _mm256_shuffle_ps::<0b01_00_01_00>(low[0], low[1]);
+                axes[1] = _mm256_shuffle_ps::<0b11_10_11_10>(low[0], low[1]);
+                axes[2] = _mm256_shuffle_ps::<0b01_00_01_00>(high[0], high[1]);
+            }
+            let [low, high] = halves;
+            [[low[0], high[0]], [low[1], high[1]], [low[2], high[2]]]
+        };
+        [self.wide_store(x), self.wide_store(y), self.wide_store(z)]
+    }
+
+    #[inline(always)]
     fn wide_plane(
         self,
         normal: DVec3,
@@ -446,6 +499,35 @@ impl Simd for Avx512 {
     fn wide_most(self, a: __m512) -> f32 {
         // SAFETY: AVX-512 F is present, since `self` exists.
         unsafe { _mm512_reduce_max_ps(a) }
+    }
+
+    #[inline(always)]
+    fn gather<const N: usize>(self, values: &[[f32; N]], indices: &[u32; 16]) -> [F16; 3] {
+        // SAFETY: AVX-512 F is present, since `self` exists; sixteen numbers are 64 bytes.
+        let most = unsafe { _mm512_reduce_max_epu32(_mm512_loadu_si512(indices.as_ptr().cast())) };
+        if most as usize >= readable(values) {
+            return gather_each(values, indices);
+        }
+        // SAFETY: AVX-512 F is present, since `self` exists, and four numbers lie from each of the values on.
+        let [x, y, z] = unsafe {
+            let mut rows = [_mm512_setzero_ps(); 4];
+            for (lane, row) in rows.iter_mut().enumerate() {
+                let low = _mm512_castps128_ps512(four(values, indices[lane]));
+                let low = _mm512_insertf32x4::<1>(low, four(values, indices[lane + 4]));
+                let low = _mm512_insertf32x4::<2>(low, four(values, indices[lane + 8]));
+                *row = _mm512_insertf32x4::<3>(low, four(values, indices[lane + 12]));
+            }
+            let [a, b, c, d] = rows;
+            let low = [_mm512_unpacklo_ps(a, b), _mm512_unpacklo_ps(c, d)];
+            let high = [_mm512_unpackhi_ps(a, b), _mm512_unpackhi_ps(c, d)];
+            let y = _mm512_shuffle_ps::<0b11_10_11_10>(low[0], low[1]);
+            [
+                _mm512_shuffle_ps::<0b01_00_01_00>(low[0], low[1]),
+                y,
+                _mm512_shuffle_ps::<0b01_00_01_00>(high[0], high[1]),
+            ]
+        };
+        [self.wide_store(x), self.wide_store(y), self.wide_store(z)]
     }
 
     #[inline(always)]

@@ -14,7 +14,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let color = pass.job.color[pixel.index];
     let Some(triangle) = pass.triangle(pixel) else { return color };
     let stored_normal = pass.normal(pixel);
-    let known = work.lights.known();
+    let known = work.lights.known(work.place);
     let (surface, view) = known.surface.unwrap_or_else(|| pass.surface_at(pixel, triangle, stored_normal));
     let key = pixel_key(pixel.x, pixel.y, pass.job.seed);
     if pass.is_glass(triangle) {

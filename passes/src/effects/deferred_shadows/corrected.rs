@@ -1,48 +1,42 @@
 //! With the geometric normal deciding the side, and exact origins.
 
-use crate::effects::lights::{Known, prepare as prepare_lights};
 use crate::effects::occlusion::SHADOWED;
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, material, opaque};
 use crate::trace::{SurfacePoint, Tracer};
 use glam::Vec3;
 
 /// Cosine between a triangle's normal and a corner's from which on their side is not doubted.
-const CLEARLY: f32 = 1.0e-2;
+pub(super) const CLEARLY: f32 = 1.0e-2;
 
 /// The light's share, alpha 1.
 ///
 /// The cosine is the shading normal's, so the geometric normal is turned to its side where the scene has vertex normals,
 /// and else to the viewer. A triangle turned away from the light is in its own shadow: no ray.
+#[inline]
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
-    if let Some(share) = work.lights.known().light {
-        return opaque(Vec3::splat(share));
-    }
-    let share = match light(pass, pixel) {
+    let share = work.shadows.share(work.place).unwrap_or_else(|| alone(pass, pixel, work));
+    opaque(Vec3::splat(share))
+}
+
+/// The light's share of a pixel by itself.
+#[cold]
+fn alone<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> f32 {
+    match light(pass, pixel) {
         Light::Certain(share) => share,
         Light::Ray(origin) => {
             work.rays.shadow += 1;
             if pass.sees_light(origin, |hit| pass.coverage.covers(hit)) { 1.0 } else { SHADOWED }
         }
-    };
-    opaque(Vec3::splat(share))
+    }
 }
 
 /// Traces the rays of a tile together, before its pixels ask.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
-    let wanted = |pixel, _| is_lit(pass, pixel);
-    work.lights.locate(pass, area, wanted, |known, _, triangle, point| match light_at(pass, triangle, &point) {
-        Light::Certain(share) => known.light = Some(share),
-        Light::Ray(origin) => known.ray = Some(origin),
-    });
-    let origin = |_, known: &Known| match known.ray {
-        Some(origin) => (None, Some(origin)),
-        None => (Some(known.light.unwrap_or(1.0)), None),
-    };
-    work.rays.shadow += prepare_lights(pass, area, &mut work.lights, origin, |_, hit, _| pass.coverage.covers(hit));
+    work.rays.shadow += work.shadows.prepare(pass, area);
 }
 
 /// What a pixel's light depends on.
-enum Light {
+pub(super) enum Light {
     /// Nothing: it has this share.
     Certain(f32),
     /// A ray from here.
@@ -50,21 +44,17 @@ enum Light {
 }
 
 /// Whether light falls on what a pixel shows, by its shading normal; else it is dark already.
-fn is_lit<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> bool {
+pub(super) fn is_lit<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> bool {
     pass.position(pixel).w > 0.0
 }
 
 fn light<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> Light {
-    match pass.triangle(pixel).filter(|_| is_lit(pass, pixel)) {
-        Some(triangle) => light_at(pass, triangle, &pass.point_at(pixel, triangle)),
-        None => Light::Certain(1.0),
-    }
+    let Some(triangle) = pass.triangle(pixel).filter(|_| is_lit(pass, pixel)) else { return Light::Certain(1.0) };
+    light_at(pass, triangle, &pass.point_at(pixel, triangle))
 }
 
-/// What the light at a point depends on. In line, because its caller would else copy the result as a whole just after its parts
-/// were written, which makes some processors wait.
-#[inline(always)]
-fn light_at<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
+/// What the light at a point depends on.
+pub(super) fn light_at<T, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
     let towards = point.normal.dot(pass.to_light) * side(pass, triangle, point);
     if towards <= 0.0 { Light::Certain(SHADOWED) } else { Light::Ray(point.spawn(pass.to_light)) }
 }

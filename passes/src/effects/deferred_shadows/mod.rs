@@ -5,6 +5,9 @@
 
 pub mod corrected;
 pub mod thesis;
+mod tile;
+
+pub use tile::Tile;
 
 #[cfg(test)]
 mod tests;

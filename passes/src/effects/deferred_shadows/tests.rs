@@ -1,4 +1,6 @@
+use crate::cpu::trace_pixel;
 use crate::effects::testing::{Shot, World, grid};
+use curitiba_pipeline::backend::NO_TRIANGLE;
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::{Mat3, Vec3, Vec4};
@@ -151,6 +153,48 @@ fn a_lit_plane_does_not_shadow_itself_at_any_scale_and_place() {
             if scale * distance >= 1e6 {
                 assert!(dark(Thesis) > 50, "the fixed distance is below the rounding here: {}", dark(Thesis));
             }
+        }
+    }
+}
+
+#[test]
+fn pixels_of_a_tile_get_what_they_get_alone() {
+    let mut state = 5_u32;
+    let mut random = move || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / 8_388_608.0 - 1.0
+    };
+    let mut world = World::lit_along(Vec3::new(0.4, -1.0, 0.3));
+    let paint = world.paint(Vec3::splat(0.5));
+    for index in 0..300 {
+        let mut vector = || Vec3::new(random(), random(), random());
+        let center = vector() * 4.0;
+        let corners = [0, 1, 2].map(|_| center + vector());
+        let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Y);
+        // Normals that agree, that look to the other side, and of which each looks somewhere.
+        let bend = [0.2, 0.2, 3.0][index % 3];
+        let flat = if index % 2 == 0 { flat } else { -flat };
+        world.triangle(paint, corners, [0, 1, 2].map(|_| (flat + vector() * bend).normalize_or(flat)));
+    }
+    let targets: Vec<Vec3> = grid(48, Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Y * 4.0).collect();
+    let mut bare = world.scene.clone();
+    bare.geometry.normals.clear();
+    // 48 pixels a row are three tiles; 36 leave one of four columns, and rows that no tile is full of.
+    for width in [48, 36] {
+        let shot = Shot::of(&world, Vec3::new(1.0, 2.0, 12.0), targets.iter().copied()).rows(width);
+        for scene in [&world.scene, &bare] {
+            let mut job = shot.job(RayProgram::DeferredShadows, Corrected, RayParams::default());
+            job.scene = scene;
+            let tracer = world.tree();
+            let (pixels, rays) = shot.run_on(&tracer, &job);
+            let alone: Vec<[f32; 4]> = (0..job.height)
+                .flat_map(|y| (0..job.width).map(move |x| (x, y)))
+                .map(|(x, y)| trace_pixel(&tracer, &job, x, y).expect("a complete job"))
+                .collect();
+            assert_eq!(pixels, alone);
+            let dark = pixels.iter().filter(|pixel| pixel[0] == 0.5).count();
+            let seen = job.triangle.iter().filter(|triangle| **triangle != NO_TRIANGLE).count();
+            assert!(dark > 200 && dark < seen && (rays.shadow as usize) < seen, "{dark} {seen} {rays:?}");
         }
     }
 }

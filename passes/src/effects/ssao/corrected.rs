@@ -8,7 +8,7 @@ use glam::Vec3;
 /// The occlusion, alpha 1; background pixels are 1.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let Some(triangle) = pass.triangle(pixel) else { return [1.0; 4] };
-    let known = work.lights.known();
+    let known = work.lights.known(work.place);
     if let Some(open) = known.occlusion {
         return opaque(Vec3::splat(open));
     }
