@@ -18,15 +18,16 @@ pub struct Level {
 
 impl Level {
     /// A texel, in 0..=1.
-    #[inline]
+    #[inline(always)]
     fn texel(&self, x: usize, y: usize) -> Vec4 {
         let texel = self.texels[y * self.width as usize + x];
         Vec4::from_array(texel.map(f32::from)) / 255.0
     }
 
-    /// Bilinear filtering at `uv`. Non-finite coordinates read the first texel.
+    /// Bilinear filtering at `uv`. Non-finite coordinates read the first texel. In line, to be compiled for the instruction set of the
+    /// rasteriser.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, uv: Vec2) -> Vec4 {
         if !uv.is_finite() {
             return self.texel(0, 0);
@@ -110,7 +111,7 @@ impl Texture {
 
     /// Trilinear filtering at a level of detail; `lod <= 0` reads level 0.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, uv: Vec2, lod: f32) -> Vec4 {
         let last = self.levels.len() - 1;
         let lod = lod.clamp(0.0, last as f32);
