@@ -1,7 +1,8 @@
 //! obvhs's binary tree.
 
-use super::build::{Effort, Input};
-use super::query::Bounds;
+use super::build::Effort;
+use super::triangles::{Few, Survey, Triangles};
+use bytemuck::Zeroable;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -22,46 +23,36 @@ const GRAIN: usize = 8192;
 
 /// obvhs's tree, over one triangle a leaf or two: `prim_count` of them from `first_index` on.
 ///
-/// Two that follow each other in the scene and share an edge are one leaf if wide leaves hold at least four triangles
-/// (`most`): meshes are full of such pairs, and the library's work halves.
+/// Two that follow each other in the scene and share an edge are one leaf ([`Survey::new`]): meshes are full of such pairs,
+/// and the library's work halves.
 ///
 /// Its clustering merges neighbours that prefer each other, and loses its linear time when costs tie (a row of equal
 /// boxes merges one pair a pass), overflow or are NaN. So it is given boxes scaled to a unit cube and grown on each side
 /// by a pseudo-random 1/64 of their size at most. What is taken from the tree is its topology, and areas to choose by.
-pub(super) fn binary_tree(triangles: &[Input], bounds: Bounds, most: usize, effort: Effort) -> Bvh2 {
-    if triangles.is_empty() {
-        return Bvh2::zeroed(0);
+pub(super) fn binary_tree(triangles: &Triangles<'_>, survey: Survey, effort: Effort) -> Bvh2 {
+    let count = survey.leaves.len();
+    if count == 0 {
+        return Bvh2::default();
     }
+    let bounds = survey.bounds;
     let low = bounds.low.as_dvec3();
     let scale = 1.0 / (bounds.high.as_dvec3() - low).max_element().max(f64::from(f32::MIN_POSITIVE));
-    let leaf = |first: usize, count: u32, own: Bounds| {
+    let leaf = |few: &Few| {
+        let (first, count) = (few.first(), few.count());
+        let alone = triangles.extent(first);
+        let own = if count == 2 { alone.union(triangles.extent(first + 1)) } else { alone };
         let least = Vec3A::from(((own.low.as_dvec3() - low) * scale).as_vec3());
         let most = Vec3A::from(((own.high.as_dvec3() - low) * scale).as_vec3());
         let size = (most - least).max_element() * GROWTH + 1.0e-6;
-        let [below, above] = noise(first as u32);
-        Bvh2Node::new(Aabb::new(least - below * size, most + above * size), count, first as u32)
+        let [below, above] = noise(first);
+        Bvh2Node::new(Aabb::new(least - below * size, most + above * size), count, first)
     };
-    let leaves = |(part, triangles): (usize, &[Input])| {
-        let mut nodes = Vec::with_capacity(triangles.len());
-        let mut rest =
-            triangles.iter().map(|triangle| (triangle, Bounds::of(&triangle.corners))).enumerate().peekable();
-        while let Some((index, (triangle, own))) = rest.next() {
-            let with_next = rest.next_if(|(_, (next, bounds))| is_pair(triangle, next, own, *bounds, most));
-            let first = part * GRAIN + index;
-            nodes.push(match with_next {
-                Some((_, (_, other))) => leaf(first, 2, own.union(other)),
-                None => leaf(first, 1, own),
-            });
-        }
-        nodes
-    };
-    let parts: Vec<Vec<Bvh2Node>> = triangles.par_chunks(GRAIN).enumerate().map(leaves).collect();
-    let count = parts.iter().map(Vec::len).sum();
-    let mut tree = Bvh2::zeroed(count);
-    tree.primitive_indices = Vec::new();
-    let mut builder = PlocBuilder::with_capacity(count);
-    builder.current_nodes.clear();
-    parts.into_iter().for_each(|part| builder.current_nodes.extend(part));
+    let mut builder = PlocBuilder::new();
+    survey.leaves.par_iter().with_min_len(GRAIN).map(leaf).collect_into_vec(&mut builder.current_nodes);
+    drop(survey);
+    builder.next_nodes = touched(count);
+    builder.mortons = touched(count.div_ceil(2));
+    let mut tree = Bvh2 { nodes: touched(2 * count - 1), ..Bvh2::default() };
     // The order along the curve is that of a cube: along the flat side of a scene, noise would have its highest bits.
     let cube = Aabb::new(Vec3A::splat(-2.0 * GROWTH), Vec3A::splat(1.0 + 2.0 * GROWTH));
     let (precision, threshold) = (SortPrecision::U64, effort.threshold);
@@ -88,10 +79,9 @@ pub(super) fn binary_tree(triangles: &[Input], bounds: Bounds, most: usize, effo
     tree
 }
 
-/// Whether two triangles, one after the other in the scene, go into one leaf: the halves of a quadrilateral.
-fn is_pair(first: &Input, second: &Input, own: Bounds, other: Bounds, most: usize) -> bool {
-    let shared = first.corners.iter().filter(|corner| second.corners.contains(corner)).count();
-    most >= 4 && shared >= 2 && own.union(other).half_area() <= (own.half_area() + other.half_area())
+/// Zeros that all threads write: obvhs writes most of its memory from one thread first, which then waits for the pages.
+fn touched<T: Zeroable + Send>(count: usize) -> Vec<T> {
+    (0..count).into_par_iter().with_min_len(GRAIN).map(|_| T::zeroed()).collect()
 }
 
 /// Sum of the areas of all nodes over that of the root, the same for any number of threads.

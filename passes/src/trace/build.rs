@@ -1,5 +1,6 @@
 //! The wide tree from obvhs's binary one.
 
+use super::Quality;
 use super::binary::binary_tree;
 use super::block::Block;
 use super::collapse::Plan;
@@ -7,9 +8,8 @@ use super::emit::{Emitted, emit};
 use super::lanes::LANES;
 use super::node::{Child, Node};
 use super::query::Bounds;
-use glam::Vec3;
+use super::triangles::{Extent, Survey, Triangles};
 use obvhs::ploc::PlocSearchDistance;
-use rayon::prelude::*;
 
 /// Levels of nodes that follow the binary tree; below them, subtrees are rebuilt by halving, whose depth is bounded.
 pub(super) const FREE_DEPTH: usize = 24;
@@ -24,16 +24,8 @@ const BLOCK_COST: f32 = 1.3;
 /// triangle at a million triangles 14 are saved, at the same speed.
 const CHILD_COST: f32 = 0.05;
 
-/// Triangles or leaves that a thread takes at a time, where each costs little.
-const GRAIN: usize = 4096;
-
-/// A triangle to build on.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Input {
-    pub(super) corners: [Vec3; 3],
-    /// Id with [`TRANSPARENT`](super::block::TRANSPARENT).
-    pub(super) id: u32,
-}
+/// Nodes or leaves that a thread takes at a time, where each costs little.
+pub(super) const GRAIN: usize = 4096;
 
 /// How much time to spend on the tree.
 #[derive(Debug, Clone, Copy)]
@@ -45,19 +37,19 @@ pub(super) struct Effort {
     pub(super) reinsertion: f32,
 }
 
-/// Where the leaves of a tree are kept, and what they cost.
-pub(super) trait Leaves {
+/// A leaf of the wide tree, and what it costs.
+pub(super) trait Leaf: Sized + Send {
     /// Triangles in a leaf at most.
     const MOST: usize;
     /// What each child adds to the cost of opening its node, which is 1.
     const CHILD_COST: f32;
     /// What testing a leaf of so many triangles costs, where opening a node costs 1.
     fn cost(triangles: usize) -> f32;
-    /// The leaves: `members` are indices into `triangles`, `ends` says where each leaf ends among them.
-    fn new(triangles: &[Input], members: Vec<u32>, ends: Vec<u32>) -> Self;
+    /// The leaf of some triangles, at most as many as it holds, and their bounds.
+    fn new(triangles: &Triangles<'_>, members: &[u32]) -> (Self, Bounds);
 }
 
-impl Leaves for Vec<Block> {
+impl Leaf for Block {
     const MOST: usize = LANES;
     const CHILD_COST: f32 = CHILD_COST;
 
@@ -65,43 +57,39 @@ impl Leaves for Vec<Block> {
         BLOCK_COST
     }
 
-    fn new(triangles: &[Input], members: Vec<u32>, ends: Vec<u32>) -> Self {
-        let block = |leaf: usize| {
-            let first = if leaf == 0 { 0 } else { ends[leaf - 1] as usize };
-            let mut block = Block::EMPTY;
-            for (lane, &member) in members[first..ends[leaf] as usize].iter().enumerate() {
-                let triangle = &triangles[member as usize];
-                block.set(lane, triangle.corners, triangle.id);
-            }
-            block
-        };
-        (0..ends.len()).into_par_iter().with_min_len(GRAIN / LANES).map(block).collect()
+    #[inline]
+    fn new(triangles: &Triangles<'_>, members: &[u32]) -> (Self, Bounds) {
+        let (mut block, mut extent) = (Self::EMPTY, Extent::EMPTY);
+        for (lane, &id) in members.iter().enumerate().take(LANES) {
+            block.set(lane, triangles.corners(id), triangles.marked(id));
+            extent = extent.union(triangles.extent(id));
+        }
+        (block, extent.bounds())
     }
 }
 
 /// The tree.
 pub(super) struct Built<L> {
     pub(super) nodes: Vec<Node>,
-    pub(super) leaves: L,
+    pub(super) leaves: Vec<L>,
     pub(super) root: Child,
     pub(super) bounds: Bounds,
+    /// How many triangles are in it.
+    pub(super) triangles: usize,
 }
 
-/// Builds the tree; `triangles` have finite corners. The result does not depend on the number of threads.
-pub(super) fn build<L: Leaves>(triangles: &[Input], effort: Effort) -> Built<L> {
-    let bounds = bounds_of_all(triangles);
-    let tree = binary_tree(triangles, bounds, L::MOST, effort);
+/// Builds the tree over the triangles with finite corners. The result does not depend on the number of threads.
+pub(super) fn build<L: Leaf>(triangles: &Triangles<'_>, quality: Quality) -> Built<L> {
+    let survey = Survey::new(triangles, L::MOST);
+    let (bounds, count) = (survey.bounds, survey.triangles);
+    let tree = binary_tree(triangles, survey, quality.effort(count));
+    if tree.nodes.is_empty() {
+        return Built { nodes: Vec::new(), leaves: Vec::new(), root: Child::NONE, bounds, triangles: 0 };
+    }
     let plan = Plan::new::<L>(&tree);
-    let Emitted { nodes, members, ends, root } = emit::<L>(&tree, &plan, triangles);
-    drop((tree, plan));
-    Built { nodes, leaves: L::new(triangles, members, ends), root, bounds }
-}
-
-/// The same bounds whatever the number of threads: the sign of a zero depends on the order of union.
-fn bounds_of_all(triangles: &[Input]) -> Bounds {
-    let of_some = |some: &[Input]| some.iter().fold(Bounds::EMPTY, |all, one| all.union(Bounds::of(&one.corners)));
-    let parts: Vec<Bounds> = triangles.par_chunks(GRAIN).map(of_some).collect();
-    parts.into_iter().fold(Bounds::EMPTY, Bounds::union)
+    drop(tree);
+    let Emitted { nodes, leaves, root } = emit(&plan, triangles);
+    Built { nodes, leaves, root, bounds, triangles: count }
 }
 
 #[cfg(test)]
@@ -109,6 +97,7 @@ mod tests {
     use super::super::{Bvh, Quality};
     use super::*;
     use curitiba_pipeline::scene::{Batch, Geometry};
+    use glam::Vec3;
 
     /// Waves of triangles, some of them on one spot, enough of them that the work is shared.
     fn waves(count: u32) -> Geometry {

@@ -1,17 +1,19 @@
 //! Which nodes of a binary tree become nodes and leaves of the wide one.
 
-use super::build::Leaves;
-use super::lanes::LANES;
+use super::build::Leaf;
+use super::dispatch::{Detected, Work};
+use super::lanes::{F8, LANES, Plain, Simd, lower};
 use obvhs::bvh2::Bvh2;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::marker::PhantomData;
 
-/// Cost of opening a node, one vector test of eight, in the surface area heuristic; children cost [`Leaves::CHILD_COST`]
-/// more, and leaves [`Leaves::cost`].
+/// Cost of opening a node, one vector test of eight, in the surface area heuristic; children cost [`Leaf::CHILD_COST`]
+/// more, and leaves [`Leaf::cost`].
 const NODE_COST: f32 = 1.0;
 
-/// Nodes of a subtree up to which it is planned, and written, in one go. How large a subtree is is found out by counting up
-/// to that: trees are far from balanced.
-const SMALL: usize = 1 << 12;
+/// How many times fewer nodes than there are have halves that are planned, and written, side by side. They are the first
+/// ones of the list, which obvhs fills from its end: those that it merged last, when there were so many clusters left. So
+/// the subtrees below them are of similar sizes; by levels, they would be far from that.
+const SHARE: usize = 512;
 /// Levels of nodes whose halves are planned side by side, at most.
 const DEEPEST: u32 = 64;
 
@@ -19,31 +21,25 @@ const DEEPEST: u32 = 64;
 #[derive(Debug, Clone, Copy)]
 struct Summary {
     triangles: u32,
-    /// `cost[i]`: the least cost of the subtree as at most `i + 1` children of one node.
-    cost: [f32; LANES - 1],
+    /// In lane `i` the least cost of the subtree as at most `i + 1` children of one node; the last one is not used.
+    cost: F8,
 }
 
 /// The decisions about one binary node.
 ///
 /// Three bits for each number of children from 2 to 7: how many of them the left half gets, 0 if one child fewer is as
 /// good. Three bits: how many children, less 2, the node has if it is opened; three: how many of them the left half gets.
-/// One bit: it is a leaf. One bit: it is a large subtree, whose parts are written side by side.
+/// One bit: it is a leaf.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Choice(u32);
 
 impl Choice {
     const OPENED: u32 = 3 * (LANES as u32 - 2);
     const LEAF: u32 = 1 << 24;
-    const LARGE: u32 = 1 << 25;
 
     /// Whether the subtree, as one child, is a leaf.
     pub(super) fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
-    }
-
-    /// Whether the subtree is large enough that its parts are written side by side.
-    pub(super) fn is_large(self) -> bool {
-        self.0 & Self::LARGE != 0
     }
 
     /// How many children each half of the subtree provides, as one child that is no leaf.
@@ -59,119 +55,239 @@ impl Choice {
     }
 }
 
+/// A binary node with what was decided.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    choice: Choice,
+    /// What a ray that meets the bounds of the subtree costs there, as one child; until that is known, half the area.
+    cost: f32,
+    /// The entry behind the subtree.
+    end: u32,
+    /// The first of its triangles in the plan's list.
+    first: u32,
+}
+
 /// The cheapest collapse of a binary tree into nodes of eight and leaves (Ylitie, Karras and Laine, "Efficient Incoherent
 /// Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 3.1).
+///
+/// It holds the whole tree but its boxes, in the order in which it is walked: the binary tree is all over the memory.
 pub(super) struct Plan {
-    /// By binary node: the choice in the lower half, the bits of the cost in the upper.
-    nodes: Vec<AtomicU64>,
+    /// The nodes, each before its left half, that before its right half; of a large subtree only the first one.
+    entries: Vec<Entry>,
+    /// The triangles from left to right; none of a large subtree.
+    triangles: Vec<u32>,
+    /// The halves of a large subtree, which are planned side by side.
+    halves: Option<Box<[Plan; 2]>>,
 }
 
 impl Plan {
-    pub(super) fn new<L: Leaves>(tree: &Bvh2) -> Self {
-        let plan = Self { nodes: tree.nodes.iter().map(|_| AtomicU64::new(0)).collect() };
-        if !tree.nodes.is_empty() {
-            plan.whole::<L>(tree, 0, 0);
-        }
-        plan
+    /// The plan of a tree that has nodes.
+    pub(super) fn new<L: Leaf>(tree: &Bvh2) -> Self {
+        Planner::<L> { tree, large: tree.nodes.len() / SHARE, leaf: PhantomData }.whole(0, 0).0
     }
 
-    pub(super) fn choice(&self, index: usize) -> Choice {
-        Choice(self.nodes[index].load(Ordering::Relaxed) as u32)
+    /// The whole tree.
+    pub(super) fn root(&self) -> Subtree<'_> {
+        Subtree { plan: self, index: 0 }
+    }
+}
+
+/// A part of a plan.
+#[derive(Clone, Copy)]
+pub(super) struct Subtree<'a> {
+    plan: &'a Plan,
+    index: u32,
+}
+
+impl<'a> Subtree<'a> {
+    fn entry(self) -> &'a Entry {
+        &self.plan.entries[self.index as usize]
     }
 
-    /// What a ray that meets the bounds of a subtree costs there, as one child.
-    pub(super) fn cost(&self, index: usize) -> f32 {
-        f32::from_bits((self.nodes[index].load(Ordering::Relaxed) >> 32) as u32)
+    /// What was decided about its root.
+    pub(super) fn choice(self) -> Choice {
+        self.entry().choice
     }
 
-    fn set(&self, index: u32, choice: u32, cost: f32) {
-        self.nodes[index as usize].store(u64::from(cost.to_bits()) << 32 | u64::from(choice), Ordering::Relaxed);
+    /// What a ray that meets its bounds costs there, as one child.
+    pub(super) fn cost(self) -> f32 {
+        self.entry().cost
     }
 
-    /// Plans a subtree, the halves of a large one side by side.
-    fn whole<L: Leaves>(&self, tree: &Bvh2, index: u32, depth: u32) -> Summary {
-        let most = if depth < DEEPEST { SMALL } else { usize::MAX };
-        if let Some(summary) = self.subtree::<L>(tree, index, most) {
-            return summary;
-        }
-        let first = tree.nodes[index as usize].first_index;
-        let half = |index: u32| self.whole::<L>(tree, index, depth + 1);
-        let (left, right) = rayon::join(|| half(first), || half(first + 1));
-        self.inner::<L>(tree, (index, Choice::LARGE), &left, &right)
+    /// Whether it is large enough that its parts are written side by side.
+    pub(super) fn is_large(self) -> bool {
+        self.plan.halves.is_some()
     }
 
-    /// Plans a subtree, of any depth; does nothing if it has more nodes than `most`.
-    fn subtree<L: Leaves>(&self, tree: &Bvh2, root: u32, most: usize) -> Option<Summary> {
-        // Each node before its left half, that before its right half: backwards, both halves of a node lie on the stack
-        // when it is reached.
-        let mut order = Vec::new();
-        let mut pending = vec![root];
-        while let Some(index) = pending.pop() {
-            if order.len() == most {
-                return None;
-            }
-            order.push(index);
-            let node = &tree.nodes[index as usize];
-            if !node.is_leaf() {
-                pending.extend([node.first_index + 1, node.first_index]);
-            }
-        }
-        let mut done: Vec<Summary> = Vec::new();
-        for &index in order.iter().rev() {
-            let node = &tree.nodes[index as usize];
-            let summary = if node.is_leaf() {
-                let cost = L::cost(node.prim_count as usize);
-                self.set(index, Choice::LEAF, cost);
-                Summary { triangles: node.prim_count, cost: [node.aabb().half_area() * cost; LANES - 1] }
-            } else {
-                let (left, right) = (done.pop(), done.pop());
-                let both = left.zip(right);
-                let (left, right) = both.expect("both halves come before their parent");
-                self.inner::<L>(tree, (index, 0), &left, &right)
-            };
-            done.push(summary);
-        }
-        done.pop()
-    }
-
-    /// Plans a node with two halves; `size` is [`Choice::LARGE`] or 0.
+    /// Its halves, if its root has two.
     #[inline]
-    fn inner<L: Leaves>(&self, tree: &Bvh2, (index, size): (u32, u32), left: &Summary, right: &Summary) -> Summary {
-        let area = tree.nodes[index as usize].aabb().half_area();
-        let triangles = left.triangles + right.triangles;
-        let mut splits = [(f32::INFINITY, 1_u32); LANES + 1];
-        let mut opened = (f32::INFINITY, 0, 1);
-        for (children, split) in splits.iter_mut().enumerate().skip(2) {
-            let mut best = (f32::INFINITY, 1);
-            for share in 1..children {
-                let cost = left.cost[share - 1] + right.cost[children - share - 1];
-                if cost < best.0 {
-                    best = (cost, share as u32);
-                }
-            }
-            *split = best;
-            let cost = best.0 + area * (NODE_COST + L::CHILD_COST * children as f32);
-            if cost < opened.0 {
-                opened = (cost, children as u32 - 2, best.1);
+    pub(super) fn halves(self) -> [Self; 2] {
+        match &self.plan.halves {
+            Some(halves) => [halves[0].root(), halves[1].root()],
+            None => {
+                let left = Self { index: self.index + 1, ..self };
+                [left, Self { index: left.entry().end, ..self }]
             }
         }
-        let mut choice = size | (opened.2 << 3 | opened.1) << Choice::OPENED;
-        let mut cost = [opened.0; LANES - 1];
+    }
+
+    /// Adds its triangles to a list, from left to right.
+    #[inline]
+    pub(super) fn triangles(self, list: &mut Vec<u32>) {
+        if let Some(halves) = &self.plan.halves {
+            return halves.iter().for_each(|half| half.root().triangles(list));
+        }
+        let entry = self.entry();
+        let behind =
+            self.plan.entries.get(entry.end as usize).map_or(self.plan.triangles.len(), |next| next.first as usize);
+        list.extend_from_slice(&self.plan.triangles[entry.first as usize..behind]);
+    }
+}
+
+struct Planner<'a, L> {
+    tree: &'a Bvh2,
+    /// The nodes before this one may have halves that are planned side by side.
+    large: usize,
+    leaf: PhantomData<fn() -> L>,
+}
+
+impl<L: Leaf> Planner<'_, L> {
+    /// Plans a subtree, the halves of a large one side by side.
+    fn whole(&self, index: u32, depth: u32) -> (Plan, Summary) {
+        let node = &self.tree.nodes[index as usize];
+        if index as usize >= self.large || depth >= DEEPEST || node.is_leaf() {
+            return Detected::cached().run(Small { planner: self, root: index });
+        }
+        let half = |index: u32| self.whole(index, depth + 1);
+        let (left, right) = rayon::join(|| half(node.first_index), || half(node.first_index + 1));
+        let (choice, cost, summary) = Self::inner(Plain, node.aabb().half_area(), &left.1, &right.1);
+        let entry = Entry { choice, cost, end: 1, first: 0 };
+        (Plan { entries: vec![entry], triangles: Vec::new(), halves: Some(Box::new([left.0, right.0])) }, summary)
+    }
+
+    /// Plans a node with two halves. What is done for all numbers of children is written as loops over lanes.
+    #[inline(always)]
+    fn inner<S: Simd>(simd: S, area: f32, left: &Summary, right: &Summary) -> (Choice, f32, Summary) {
+        let triangles = left.triangles + right.triangles;
+        let (costs, shares) = splits(&left.cost.0, &right.cost.0);
+        let mut totals = [f32::INFINITY; LANES];
+        for lane in 1..LANES {
+            totals[lane] = costs[lane] + area * (NODE_COST + L::CHILD_COST * (lane + 1) as f32);
+        }
+        let mut least = totals;
+        for half in [4, 2, 1] {
+            for lane in 0..half {
+                least[lane] = lower(least[lane], least[lane + half]);
+            }
+        }
+        let opened = least[0];
+        // The fewest children of those that cost the same.
+        let mut children = 2;
+        for lane in (1..LANES).rev() {
+            children = if totals[lane] == opened { lane + 1 } else { children };
+        }
+        let mut choice = (shares[children - 1] << 3 | (children as u32 - 2)) << Choice::OPENED;
+        let mut single = opened;
         if triangles as usize <= L::MOST {
             let leaf = area * L::cost(triangles as usize);
-            if leaf <= opened.0 {
-                cost[0] = leaf;
+            if leaf <= opened {
+                single = leaf;
                 choice |= Choice::LEAF;
             }
         }
-        for children in 2..LANES {
-            cost[children - 1] = cost[children - 2];
-            if splits[children].0 < cost[children - 2] {
-                cost[children - 1] = splits[children].0;
-                choice |= splits[children].1 << (3 * (children - 2));
+        let mut cost = costs;
+        cost[0] = single;
+        for step in [1, 2, 4] {
+            let before = cost;
+            for lane in step..LANES {
+                cost[lane] = lower(before[lane], before[lane - step]);
             }
         }
-        self.set(index, choice, cost[0] / area);
-        Summary { triangles, cost }
+        let mut better = [0; LANES];
+        for lane in 1..LANES - 1 {
+            better[lane] = if costs[lane] < cost[lane - 1] { shares[lane] << (3 * (lane - 1)) } else { 0 };
+        }
+        choice |= better.into_iter().fold(0, |all, bits| all | bits);
+        // Kept in one piece: parts that are stored one by one are waited for when they are loaded together.
+        let cost = simd.store(simd.load(&F8(cost)));
+        (Choice(choice), single / area, Summary { triangles, cost })
+    }
+}
+
+/// The cheapest ways to make so many children, less 1, of two halves: the costs, and how many of them are of the left one.
+#[inline(always)]
+fn splits(left: &[f32; LANES], right: &[f32; LANES]) -> ([f32; LANES], [u32; LANES]) {
+    let mut costs = [f32::INFINITY; LANES];
+    let mut shares = [1; LANES];
+    let mut padded = [f32::INFINITY; 2 * LANES];
+    padded[LANES..].copy_from_slice(right);
+    for share in 1..LANES {
+        for lane in 0..LANES {
+            let cost = left[share - 1] + padded[LANES + lane - share];
+            let better = cost < costs[lane];
+            costs[lane] = if better { cost } else { costs[lane] };
+            shares[lane] = if better { share as u32 } else { shares[lane] };
+        }
+    }
+    (costs, shares)
+}
+
+/// Plans a subtree of any depth on one thread.
+struct Small<'a, L> {
+    planner: &'a Planner<'a, L>,
+    root: u32,
+}
+
+impl<L: Leaf> Work<(Plan, Summary)> for Small<'_, L> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> (Plan, Summary) {
+        let nodes = &self.planner.tree.nodes;
+        // As many as most subtrees have, to grow seldom.
+        let mut entries = Vec::with_capacity(4 * SHARE);
+        let mut triangles = Vec::with_capacity(4 * SHARE);
+        let mut pending = Vec::with_capacity(DEEPEST as usize);
+        let mut next = Some(self.root);
+        while let Some(index) = next {
+            let node = &nodes[index as usize];
+            let area = node.aabb().half_area();
+            // Where its subtree ends is not known yet; for leaves it is this.
+            let end = entries.len() as u32 + 1;
+            let first = triangles.len() as u32;
+            next = if node.is_leaf() {
+                triangles.extend(node.first_index..node.first_index + node.prim_count);
+                entries.push(Entry { choice: Choice(Choice::LEAF), cost: area, end, first });
+                pending.pop()
+            } else {
+                entries.push(Entry { choice: Choice(0), cost: area, end: 0, first });
+                pending.push(node.first_index + 1);
+                if let Some(right) = nodes.get(node.first_index as usize + 1) {
+                    simd.prefetch(right);
+                }
+                Some(node.first_index)
+            };
+        }
+        // Backwards, both halves of a node lie on the stack when it is reached.
+        let mut done: Vec<(u32, Summary)> = Vec::with_capacity(DEEPEST as usize);
+        let mut behind = triangles.len() as u32;
+        for entry in entries.iter_mut().rev() {
+            let area = entry.cost;
+            if entry.choice.is_leaf() {
+                let count = behind - entry.first;
+                entry.cost = L::cost(count as usize);
+                let cost = simd.store(simd.splat(area * entry.cost));
+                done.push((entry.end, Summary { triangles: count, cost }));
+            } else {
+                let both = done.pop().zip(done.pop());
+                let ((_, left), (end, right)) = both.expect("both halves come before their parent");
+                let (choice, cost, summary) = Planner::<L>::inner(simd, area, &left, &right);
+                *entry = Entry { choice, cost, end, ..*entry };
+                done.push((end, summary));
+            }
+            behind = entry.first;
+        }
+        let (_, summary) = done.pop().expect("there is a root");
+        entries.shrink_to_fit();
+        triangles.shrink_to_fit();
+        (Plan { entries, triangles, halves: None }, summary)
     }
 }

@@ -4,10 +4,10 @@
 //! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 3. Leaves have up to three triangles.
 //! The tree is built and collapsed as [`Bvh`](super::Bvh) is, with the costs of this layout.
 
-use super::build::{self, Input, Leaves, MAX_DEPTH};
-use super::bvh::inputs;
+use super::build::{self, Leaf, MAX_DEPTH};
 use super::node::{Child, Node};
 use super::query::Bounds;
+use super::triangles::Triangles;
 use super::{Quality, block, lanes::LANES, offset, query};
 use bytemuck::{Pod, Zeroable};
 use curitiba_pipeline::scene::Geometry;
@@ -69,21 +69,19 @@ pub struct DeviceTree {
     pub bounds: [[f32; 3]; 2],
 }
 
-/// The members of the leaves, one after another.
+/// The triangles of a leaf.
 struct Members {
-    members: Vec<u32>,
-    /// Where each leaf ends.
-    ends: Vec<u32>,
+    count: usize,
+    ids: [u32; LEAF],
 }
 
 impl Members {
-    fn leaf(&self, leaf: usize) -> &[u32] {
-        let first = if leaf == 0 { 0 } else { self.ends[leaf - 1] as usize };
-        &self.members[first..self.ends[leaf] as usize]
+    fn as_slice(&self) -> &[u32] {
+        &self.ids[..self.count]
     }
 }
 
-impl Leaves for Members {
+impl Leaf for Members {
     const MOST: usize = LEAF;
     const CHILD_COST: f32 = 0.0;
 
@@ -91,8 +89,11 @@ impl Leaves for Members {
         triangles as f32 * TRIANGLE_COST
     }
 
-    fn new(_: &[Input], members: Vec<u32>, ends: Vec<u32>) -> Self {
-        Self { members, ends }
+    fn new(triangles: &Triangles<'_>, members: &[u32]) -> (Self, Bounds) {
+        let mut ids = [0; LEAF];
+        ids[..members.len()].copy_from_slice(members);
+        let of = |id: &u32| Bounds::of(&triangles.corners(*id));
+        (Self { count: members.len(), ids }, members.iter().map(of).fold(Bounds::EMPTY, Bounds::union))
     }
 }
 
@@ -103,14 +104,14 @@ impl DeviceTree {
     /// If there are 2³¹ triangles or more.
     #[must_use]
     pub fn build(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Self {
-        let inputs = inputs(geometry, transparent);
-        let built = build::build::<Members>(&inputs, quality.effort(inputs.len()));
+        let triangles = Triangles::new(geometry, transparent);
+        let built = build::build::<Members>(&triangles, quality);
         let mut tree = Self::default();
         if built.root == Child::NONE {
             return tree;
         }
         tree.bounds = [built.bounds.low.to_array(), built.bounds.high.to_array()];
-        tree.triangles.reserve_exact(inputs.len());
+        tree.triangles.reserve_exact(built.triangles);
         // A tree of one leaf gets a node around it.
         let mut alone = Node::EMPTY;
         alone.set(0, built.bounds, built.root);
@@ -119,7 +120,7 @@ impl DeviceTree {
         tree.nodes.push(DeviceNode::zeroed());
         let mut pending = vec![(built.root, 0)];
         while let Some((child, place)) = pending.pop() {
-            let written = tree.write(node_of(child), &built.leaves, &inputs, &mut pending);
+            let written = tree.write(node_of(child), &built.leaves, &triangles, &mut pending);
             tree.nodes[place] = written;
         }
         tree
@@ -135,8 +136,8 @@ impl DeviceTree {
     fn write(
         &mut self,
         node: &Node,
-        leaves: &Members,
-        inputs: &[Input],
+        leaves: &[Members],
+        triangles: &Triangles<'_>,
         pending: &mut Vec<(Child, usize)>,
     ) -> DeviceNode {
         let used: Vec<usize> = (0..LANES).filter(|lane| node.children[*lane] != Child::NONE).collect();
@@ -155,11 +156,11 @@ impl DeviceTree {
             written.quantise(slot, boxes[child]);
             let child = node.children[used[child]];
             if child.is_block() {
-                let members = leaves.leaf(child.index());
+                let members = leaves[child.index()].as_slice();
                 written.children[slot] = (0b111_u8 >> (LEAF - members.len())) << 5 | offset;
                 offset += members.len() as u8;
-                self.triangles.extend(members.iter().map(|member| {
-                    let Input { corners: [a, b, c], id } = inputs[*member as usize];
+                self.triangles.extend(members.iter().map(|&id| {
+                    let ([a, b, c], id) = (triangles.corners(id), triangles.marked(id));
                     [a.extend(f32::from_bits(id)), b.extend(0.0), c.extend(0.0)].map(|corner| corner.to_array())
                 }));
             } else {

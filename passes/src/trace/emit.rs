@@ -1,252 +1,279 @@
 //! Writes the wide tree that was planned.
 
-use super::build::{FREE_DEPTH, Input, Leaves};
-use super::collapse::Plan;
+use super::build::{FREE_DEPTH, GRAIN, Leaf};
+use super::collapse::{Plan, Subtree};
 use super::lanes::LANES;
 use super::node::{Child, Node};
 use super::query::Bounds;
-use obvhs::bvh2::Bvh2;
+use super::triangles::Triangles;
 use rayon::prelude::*;
 
-/// The wide tree, its leaves still lists of triangles.
-#[derive(Default)]
-pub(super) struct Emitted {
+/// The wide tree.
+pub(super) struct Emitted<L> {
+    /// Each node before its subtrees.
     pub(super) nodes: Vec<Node>,
-    /// Indices of the triangles of all leaves.
-    pub(super) members: Vec<u32>,
-    /// Where each leaf ends in `members`.
-    pub(super) ends: Vec<u32>,
+    pub(super) leaves: Vec<L>,
     pub(super) root: Child,
 }
 
-/// A subtree that is written, with its bounds.
-struct Part {
-    emitted: Emitted,
-    bounds: Bounds,
-}
-
-/// Writes the tree, each node before its subtrees.
-pub(super) fn emit<L: Leaves>(tree: &Bvh2, plan: &Plan, triangles: &[Input]) -> Emitted {
-    if triangles.is_empty() {
-        return Emitted::default();
-    }
-    let source = Source { tree, plan, triangles, most: L::MOST };
-    let mut subtrees = Vec::new();
-    source.below(0, 0, &mut subtrees);
-    let write = |&(index, depth): &(usize, usize)| {
-        let mut writer = Writer { source: &source, emitted: Emitted::default(), written: None };
-        let (root, bounds) = writer.write(index, depth);
-        Part { emitted: Emitted { root, ..writer.emitted }, bounds }
+/// Writes the tree: which nodes and leaves there are, then the leaves, and then the nodes around them.
+pub(super) fn emit<L: Leaf>(plan: &Plan, triangles: &Triangles<'_>) -> Emitted<L> {
+    let layout = Layout::new(&Source { plan, triangles, most: L::MOST });
+    let (mut leaves, mut leaf_bounds) = (Vec::new(), Vec::new());
+    let leaf = |leaf: usize| L::new(triangles, layout.leaf(leaf));
+    let count = layout.ends.len();
+    (0..count).into_par_iter().with_min_len(GRAIN / LANES).map(leaf).unzip_into_vecs(&mut leaves, &mut leaf_bounds);
+    let bounds_of = |child: Child, nodes: &[Bounds]| {
+        if child.is_block() { leaf_bounds[child.index()] } else { nodes[child.index()] }
     };
-    let parts: Vec<Part> = subtrees.par_iter().with_max_len(1).map(write).collect();
-    let total = |count: fn(&Emitted) -> usize| parts.iter().map(|part| count(&part.emitted)).sum::<usize>();
-    let emitted = Emitted {
-        nodes: Vec::with_capacity(total(|part| part.nodes.len())),
-        members: Vec::with_capacity(triangles.len()),
-        ends: Vec::with_capacity(total(|part| part.ends.len())),
-        root: Child::NONE,
+    let mut node_bounds = vec![Bounds::EMPTY; layout.nodes.len()];
+    for (slot, children) in layout.nodes.iter().enumerate().rev() {
+        let used = children.iter().filter(|child| **child != Child::NONE);
+        node_bounds[slot] = used.map(|child| bounds_of(*child, &node_bounds)).fold(Bounds::EMPTY, Bounds::union);
+    }
+    let node = |children: &[Child; LANES]| {
+        let mut node = Node::EMPTY;
+        for (lane, &child) in children.iter().enumerate().filter(|(_, child)| **child != Child::NONE) {
+            node.set(lane, bounds_of(child, &node_bounds), child);
+        }
+        node
     };
-    let mut writer = Writer { source: &source, emitted, written: Some(parts.into_iter()) };
-    let (root, _) = writer.write(0, 0);
-    let mut emitted = Emitted { root, ..writer.emitted };
-    emitted.nodes.shrink_to_fit();
-    emitted
+    let nodes = layout.nodes.par_iter().with_min_len(GRAIN / LANES).map(node).collect();
+    Emitted { nodes, leaves, root: layout.root }
 }
 
-struct Source<'a> {
-    tree: &'a Bvh2,
-    plan: &'a Plan,
-    triangles: &'a [Input],
-    /// Triangles in a leaf at most.
-    most: usize,
+/// What nodes and leaves there are.
+#[derive(Default)]
+struct Layout {
+    /// Children of the nodes, each node before its subtrees.
+    nodes: Vec<[Child; LANES]>,
+    /// The triangles of all leaves.
+    members: Vec<u32>,
+    /// Where each leaf ends in `members`.
+    ends: Vec<u32>,
+    root: Child,
 }
 
-impl Source<'_> {
-    /// Whether a subtree under so many wide nodes is written by itself.
-    fn is_part(&self, index: usize, depth: usize) -> bool {
-        !self.plan.choice(index).is_large() || depth >= FREE_DEPTH
+impl Layout {
+    fn new(source: &Source<'_>) -> Self {
+        let mut subtrees = Vec::new();
+        below(source.plan.root(), 0, &mut subtrees);
+        let write = |&(subtree, depth): &(Subtree<'_>, usize)| {
+            let mut writer = Writer { source, layout: Self::default(), written: None };
+            let root = writer.write(subtree, depth);
+            Self { root, ..writer.layout }
+        };
+        let parts: Vec<Self> = subtrees.par_iter().with_max_len(1).map(write).collect();
+        let total = |count: fn(&Self) -> usize| parts.iter().map(count).sum::<usize>();
+        let layout = Self {
+            nodes: Vec::with_capacity(total(|part| part.nodes.len())),
+            members: Vec::with_capacity(total(|part| part.members.len())),
+            ends: Vec::with_capacity(total(|part| part.ends.len())),
+            root: Child::NONE,
+        };
+        let mut writer = Writer { source, layout, written: Some(parts.into_iter()) };
+        let root = writer.write(source.plan.root(), 0);
+        Self { root, ..writer.layout }
     }
 
-    /// Lists the subtrees that are written side by side and their depths, in the order of the tree.
-    fn below(&self, index: usize, depth: usize, found: &mut Vec<(usize, usize)>) {
-        if self.plan.choice(index).is_leaf() {
-            return;
-        }
-        if self.is_part(index, depth) {
-            found.push((index, depth));
-            return;
-        }
-        for &child in self.children(index).as_slice() {
-            self.below(child, depth + 1, found);
-        }
-    }
-
-    /// The binary nodes that become the children of one wide node. Rays that ask only whether anything is in their way visit
-    /// the last child first: so leaves come last, and before them the subtrees that cost less to look through.
-    fn children(&self, index: usize) -> Children {
-        let mut found = Children { count: 0, nodes: [0; LANES] };
-        let [left, right] = self.plan.choice(index).opened();
-        let first = self.tree.nodes[index].first_index as usize;
-        self.add(first, left, &mut found);
-        self.add(first + 1, right, &mut found);
-        let (a_leaf, cost) = (|node: &usize| self.plan.choice(*node).is_leaf(), |node: &usize| self.plan.cost(*node));
-        found.nodes[..found.count].sort_by(|a, b| a_leaf(a).cmp(&a_leaf(b)).then(cost(b).total_cmp(&cost(a))));
-        found
-    }
-
-    /// Lists the triangles below a binary node, which may be deep.
-    fn gather(&self, index: usize, members: &mut Vec<u32>) {
-        let mut pending = [0; LANES];
-        let mut count = 0;
-        let mut index = index as u32;
-        let mut deep = Vec::new();
-        loop {
-            let node = &self.tree.nodes[index as usize];
-            if !node.is_leaf() {
-                if count < LANES {
-                    pending[count] = node.first_index + 1;
-                    count += 1;
-                } else {
-                    deep.push(node.first_index + 1);
-                }
-                index = node.first_index;
-                continue;
-            }
-            members.extend(node.first_index..node.first_index + node.prim_count);
-            index = match deep.pop() {
-                Some(next) => next,
-                None if count > 0 => {
-                    count -= 1;
-                    pending[count]
-                }
-                None => return,
-            };
-        }
-    }
-
-    fn bounds(&self, members: &[u32]) -> Bounds {
-        let of = |member: &u32| Bounds::of(&self.triangles[*member as usize].corners);
-        members.iter().map(of).fold(Bounds::EMPTY, Bounds::union)
-    }
-
-    /// Adds a subtree as at most so many children.
-    fn add(&self, index: usize, allowed: usize, found: &mut Children) {
-        let choice = self.plan.choice(index);
-        let mut children = allowed;
-        while children > 1 && !self.tree.nodes[index].is_leaf() {
-            let share = choice.share(children);
-            if share > 0 {
-                let first = self.tree.nodes[index].first_index as usize;
-                self.add(first, share, found);
-                return self.add(first + 1, children - share, found);
-            }
-            children -= 1;
-        }
-        found.nodes[found.count] = index;
-        found.count += 1;
-    }
-}
-
-/// Up to eight binary nodes.
-struct Children {
-    count: usize,
-    nodes: [usize; LANES],
-}
-
-impl Children {
-    fn as_slice(&self) -> &[usize] {
-        &self.nodes[..self.count]
-    }
-}
-
-struct Writer<'a> {
-    source: &'a Source<'a>,
-    emitted: Emitted,
-    /// The subtrees that are written already, in their order.
-    written: Option<std::vec::IntoIter<Part>>,
-}
-
-impl Writer<'_> {
-    /// Writes the subtree of a binary node under `depth` wide nodes.
-    fn write(&mut self, index: usize, depth: usize) -> (Child, Bounds) {
-        if self.source.plan.choice(index).is_leaf() {
-            return self.leaf(index);
-        }
-        if self.source.is_part(index, depth)
-            && let Some(written) = &mut self.written
-        {
-            let part = written.next().expect("every subtree is written");
-            return self.append(part);
-        }
-        if depth >= FREE_DEPTH {
-            let mut members = Vec::new();
-            self.source.gather(index, &mut members);
-            return self.halve(&mut members);
-        }
-        let slot = self.emitted.nodes.len();
-        self.emitted.nodes.push(Node::EMPTY);
-        let mut bounds = Bounds::EMPTY;
-        for (lane, &child) in self.source.children(index).as_slice().iter().enumerate() {
-            let (child, own) = self.write(child, depth + 1);
-            self.emitted.nodes[slot].set(lane, own, child);
-            bounds = bounds.union(own);
-        }
-        (Child::node(slot), bounds)
+    /// The triangles of a leaf.
+    fn leaf(&self, leaf: usize) -> &[u32] {
+        let first = if leaf == 0 { 0 } else { self.ends[leaf - 1] as usize };
+        &self.members[first..self.ends[leaf] as usize]
     }
 
     /// Copies a subtree behind what is written.
-    fn append(&mut self, Part { emitted: part, bounds }: Part) -> (Child, Bounds) {
-        let Emitted { nodes, members, ends, .. } = &mut self.emitted;
-        let (first_node, first_leaf, first_member) = (nodes.len(), ends.len(), members.len() as u32);
+    fn append(&mut self, part: &Self) -> Child {
+        let (first_node, first_leaf, first_member) = (self.nodes.len(), self.ends.len(), self.members.len() as u32);
         let shift = |child: Child| match child {
             Child::NONE => Child::NONE,
             child if child.is_block() => Child::block(child.index() + first_leaf),
             child => Child::node(child.index() + first_node),
         };
-        nodes.extend(part.nodes.iter().map(|node| Node { children: node.children.map(shift), ..*node }));
-        members.extend_from_slice(&part.members);
-        ends.extend(part.ends.iter().map(|end| end + first_member));
-        (shift(part.root), bounds)
+        self.nodes.extend(part.nodes.iter().map(|children| children.map(shift)));
+        self.members.extend_from_slice(&part.members);
+        self.ends.extend(part.ends.iter().map(|end| end + first_member));
+        shift(part.root)
     }
 
-    /// Adds the triangles below a binary node as a leaf.
-    fn leaf(&mut self, index: usize) -> (Child, Bounds) {
-        let first = self.emitted.members.len();
-        self.source.gather(index, &mut self.emitted.members);
-        self.end_leaf(first)
+    fn add_node(&mut self) -> usize {
+        self.nodes.push([Child::NONE; LANES]);
+        self.nodes.len() - 1
     }
 
-    fn end_leaf(&mut self, first: usize) -> (Child, Bounds) {
-        let bounds = self.source.bounds(&self.emitted.members[first..]);
-        self.emitted.ends.push(self.emitted.members.len() as u32);
-        (Child::block(self.emitted.ends.len() - 1), bounds)
+    /// Makes a leaf of the members that are in none yet.
+    fn end_leaf(&mut self) -> Child {
+        self.ends.push(self.members.len() as u32);
+        Child::block(self.ends.len() - 1)
+    }
+}
+
+/// Whether a subtree under so many wide nodes is written by itself.
+fn is_part(subtree: Subtree<'_>, depth: usize) -> bool {
+    !subtree.is_large() || depth >= FREE_DEPTH
+}
+
+/// Lists the subtrees that are written side by side and their depths, in the order of the tree.
+fn below<'a>(subtree: Subtree<'a>, depth: usize, found: &mut Vec<(Subtree<'a>, usize)>) {
+    if subtree.choice().is_leaf() {
+        return;
+    }
+    if is_part(subtree, depth) {
+        found.push((subtree, depth));
+        return;
+    }
+    for &child in Children::new(subtree).as_slice() {
+        below(child, depth + 1, found);
+    }
+}
+
+/// The subtrees that become the children of one wide node.
+struct Children<'a> {
+    count: usize,
+    subtrees: [Subtree<'a>; LANES],
+}
+
+impl<'a> Children<'a> {
+    /// Those of a subtree that is no leaf. Rays that ask only whether anything is in their way visit the last child first:
+    /// so leaves come last, and before them the subtrees that cost less to look through.
+    fn new(subtree: Subtree<'a>) -> Self {
+        let mut found = Self { count: 0, subtrees: [subtree; LANES] };
+        for (half, allowed) in subtree.halves().into_iter().zip(subtree.choice().opened()) {
+            found.add(half, allowed);
+        }
+        let mut keys = [u64::MAX; LANES];
+        for (place, (key, subtree)) in keys.iter_mut().zip(found.as_slice()).enumerate() {
+            let costs_less = u64::from(descending(subtree.cost()));
+            *key = u64::from(subtree.choice().is_leaf()) << 35 | costs_less << 3 | place as u64;
+        }
+        sort(&mut keys);
+        let subtrees = keys.map(|key| found.subtrees[key as usize % LANES]);
+        Self { subtrees, ..found }
+    }
+
+    /// Adds a subtree as at most so many children.
+    fn add(&mut self, subtree: Subtree<'a>, allowed: usize) {
+        let choice = subtree.choice();
+        for children in (2..=allowed).rev() {
+            let share = choice.share(children);
+            if share > 0 {
+                let [left, right] = subtree.halves();
+                self.add(left, share);
+                return self.add(right, children - share);
+            }
+        }
+        self.subtrees[self.count] = subtree;
+        self.count += 1;
+    }
+
+    fn as_slice(&self) -> &[Subtree<'a>] {
+        &self.subtrees[..self.count]
+    }
+}
+
+/// A number that is the smaller the larger a cost is, in the order of `total_cmp`.
+fn descending(cost: f32) -> u32 {
+    let bits = cost.to_bits();
+    bits ^ if bits >> 31 == 0 { 0x7fff_ffff } else { 0 }
+}
+
+/// Sorts without jumps, by a network of 19 comparisons.
+fn sort(keys: &mut [u64; LANES]) {
+    const ROUNDS: [&[[usize; 2]]; 6] = [
+        &[[0, 2], [1, 3], [4, 6], [5, 7]],
+        &[[0, 4], [1, 5], [2, 6], [3, 7]],
+        &[[0, 1], [2, 3], [4, 5], [6, 7]],
+        &[[2, 4], [3, 5]],
+        &[[1, 4], [3, 6]],
+        &[[1, 2], [3, 4], [5, 6]],
+    ];
+    for [a, b] in ROUNDS.into_iter().flatten().copied() {
+        (keys[a], keys[b]) = (keys[a].min(keys[b]), keys[a].max(keys[b]));
+    }
+}
+
+struct Source<'a> {
+    plan: &'a Plan,
+    triangles: &'a Triangles<'a>,
+    /// Triangles in a leaf at most.
+    most: usize,
+}
+
+struct Writer<'a> {
+    source: &'a Source<'a>,
+    layout: Layout,
+    /// The subtrees that are written already, in their order.
+    written: Option<std::vec::IntoIter<Layout>>,
+}
+
+impl Writer<'_> {
+    /// Writes a subtree under `depth` wide nodes.
+    fn write(&mut self, subtree: Subtree<'_>, depth: usize) -> Child {
+        if subtree.choice().is_leaf() {
+            subtree.triangles(&mut self.layout.members);
+            return self.layout.end_leaf();
+        }
+        if is_part(subtree, depth)
+            && let Some(written) = &mut self.written
+        {
+            let part = written.next().expect("every subtree is written");
+            return self.layout.append(&part);
+        }
+        if depth >= FREE_DEPTH {
+            let mut members = Vec::new();
+            subtree.triangles(&mut members);
+            return self.halve(&mut members);
+        }
+        let slot = self.layout.add_node();
+        for (lane, &child) in Children::new(subtree).as_slice().iter().enumerate() {
+            self.layout.nodes[slot][lane] = self.write(child, depth + 1);
+        }
+        Child::node(slot)
     }
 
     /// Writes triangles as a tree of equal parts, cut along the longest axis.
-    fn halve(&mut self, members: &mut [u32]) -> (Child, Bounds) {
+    fn halve(&mut self, members: &mut [u32]) -> Child {
         if members.len() <= self.source.most {
-            let first = self.emitted.members.len();
-            self.emitted.members.extend_from_slice(members);
-            return self.end_leaf(first);
+            self.layout.members.extend_from_slice(members);
+            return self.layout.end_leaf();
         }
-        let triangles = self.source.triangles;
-        let bounds = self.source.bounds(members);
+        let corners = |member: &u32| self.source.triangles.corners(*member);
+        let bounds = members.iter().map(|id| Bounds::of(&corners(id))).fold(Bounds::EMPTY, Bounds::union);
         let axis = (bounds.high - bounds.low).max_position();
-        let key = |&member: &u32| {
-            let [a, b, c] = triangles[member as usize].corners.map(|corner| corner[axis] / 3.0);
-            (a + b + c, member)
+        let key = |member: &u32| {
+            let [a, b, c] = corners(member).map(|corner| corner[axis] / 3.0);
+            (a + b + c, *member)
         };
         members.sort_unstable_by(|a, b| {
             let (a, b) = (key(a), key(b));
             a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
         });
-        let slot = self.emitted.nodes.len();
-        self.emitted.nodes.push(Node::EMPTY);
+        let slot = self.layout.add_node();
         let part = members.len().div_ceil(LANES);
         for (lane, part) in members.chunks_mut(part).enumerate() {
-            let (child, own) = self.halve(part);
-            self.emitted.nodes[slot].set(lane, own, child);
+            self.layout.nodes[slot][lane] = self.halve(part);
         }
-        (Child::node(slot), bounds)
+        Child::node(slot)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_network_sorts_all_there_is() {
+        // What sorts all sequences of zeros and ones sorts everything.
+        for bits in 0..1_u64 << LANES {
+            let mut keys = std::array::from_fn(|lane| bits >> lane & 1);
+            sort(&mut keys);
+            assert!(keys.is_sorted(), "{bits:b}");
+        }
+    }
+
+    #[test]
+    fn keys_have_the_order_of_costs() {
+        let costs = [f32::NEG_INFINITY, -2.0, -0.0, 0.0, 1.0e-40, 1.0, 1.5, f32::INFINITY, f32::NAN];
+        assert!(costs.is_sorted_by(|a, b| a.total_cmp(b).is_lt() && descending(*a) > descending(*b)));
     }
 }

@@ -39,6 +39,7 @@ mod query;
 mod record;
 mod snap;
 mod stack;
+mod triangles;
 mod wave;
 #[cfg(target_arch = "x86_64")]
 mod x86;

@@ -26,12 +26,6 @@ impl Bounds {
     pub(super) fn union(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
-
-    /// Half the surface area; 0 when empty.
-    pub(super) fn half_area(self) -> f32 {
-        let size = (self.high - self.low).max(Vec3::ZERO);
-        size.x * size.y + size.y * size.z + size.z * size.x
-    }
 }
 
 /// The origin and the interval of rays that start from one point.
