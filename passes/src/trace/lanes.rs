@@ -130,7 +130,7 @@ pub(crate) trait Simd: Copy {
         origin: [Self::Wide; 3],
         direction: [Self::Wide; 3],
     ) -> Self::Wide;
-    /// The first three numbers of sixteen values, those at the indices, by axis. The numbers are not looked at.
+    /// The first three of the `N` numbers of sixteen values, those at the indices, by axis. They are moved as bits.
     ///
     /// # Panics
     /// If there is no such value.

@@ -122,8 +122,8 @@ struct List {
     /// By corner and axis.
     corners: [[Coordinates; 3]; 3],
     ids: [u32; MOST + WIDE],
-    /// [`LANES`] times the block, and the lane.
-    places: [u32; MOST + WIDE],
+    /// The block and the lane of each.
+    places: [[u32; MOST + WIDE]; 2],
     len: usize,
 }
 
@@ -136,7 +136,7 @@ impl List {
         blocks: [0; MOST + LANES],
         corners: [[[F16::ZERO; MOST / WIDE + 1]; 3]; 3],
         ids: [0; MOST + WIDE],
-        places: [0; MOST + WIDE],
+        places: [[0; MOST + WIDE]; 2],
         len: 0,
     };
 
@@ -148,8 +148,11 @@ impl List {
     fn gather<S: Simd>(&mut self, simd: S, tile: &Tile<'_>, zone: &Zone, most: usize) -> bool {
         let Tile { bvh, view, .. } = tile;
         let (mut nodes, mut blocks) = (0, 0);
-        let root = if bvh.root.is_block() { (&mut self.blocks, &mut blocks) } else { (&mut self.nodes, &mut nodes) };
-        (root.0[0], *root.1) = (bvh.root.index() as u32, 1);
+        if bvh.root.is_block() {
+            (self.blocks[0], blocks) = (bvh.root.0, 1);
+        } else {
+            (self.nodes[0], nodes) = (bvh.root.0, 1);
+        }
         let mut next = 0;
         while next < nodes {
             let node = &bvh.nodes[self.nodes[next] as usize];
@@ -168,21 +171,19 @@ impl List {
             let index = Child(block).index();
             let block = &bvh.blocks[index];
             let lanes = view.triangles(simd, block, zone);
-            let mut len = self.len;
             for corner in 0..3 {
                 for axis in 0..3 {
-                    len = self.len;
                     let values: &mut [u32] = bytemuck::cast_slice_mut(&mut self.corners[corner][axis]);
-                    append(simd, values, &mut len, (block.bits(corner, axis), lanes));
+                    append(simd, values, &mut { self.len }, (block.bits(corner, axis), lanes));
                 }
             }
-            append(simd, &mut self.ids, &mut { self.len }, (block.ids(), lanes));
-            let places: [u32; LANES] = std::array::from_fn(|lane| (index * LANES + lane) as u32);
-            append(simd, &mut self.places, &mut { self.len }, (&places, lanes));
-            if len > most {
+            let [blocks, lanes_of_blocks] = &mut self.places;
+            append(simd, blocks, &mut { self.len }, (&[index as u32; LANES], lanes));
+            append(simd, lanes_of_blocks, &mut { self.len }, (&[0, 1, 2, 3, 4, 5, 6, 7], lanes));
+            append(simd, &mut self.ids, &mut self.len, (block.ids(), lanes));
+            if self.len > most {
                 return false;
             }
-            self.len = len;
         }
         true
     }
@@ -304,8 +305,8 @@ impl Tile<'_> {
                     let (stopped, possible) = outlines.stops(simd, lane, seen, open_rays);
                     open_rays &= !stopped;
                     if possible != NO_LANES {
-                        let place = list.places[first + lane] as usize;
-                        open_rays &= !self.stopped(simd, (index, possible), place, accept);
+                        let [block, lane] = [0, 1].map(|part: usize| list.places[part][first + lane] as usize);
+                        open_rays &= !self.stopped(simd, (index, possible), (block, lane), accept);
                     }
                 }
                 open[index] = open_rays;
@@ -322,14 +323,14 @@ impl Tile<'_> {
         &self,
         simd: S,
         (index, possible): (usize, Mask),
-        place: usize,
+        (block, lane): (usize, usize),
         accept: &mut impl FnMut(usize, &Hit) -> bool,
     ) -> Mask {
         let mut beam = Beam::EMPTY;
         let lanes = (possible, self.rays.class);
         beam.prepare(simd, &self.rays.packets[index], lanes, &self.bvh.bounds);
         let mut accept = |lane: usize, hit: &Hit| accept(index * PACKET + lane, hit);
-        beam.stop(simd, (&self.bvh.blocks[place / LANES], place % LANES), &mut accept);
+        beam.stop(simd, (&self.bvh.blocks[block], lane), &mut accept);
         possible & !beam.open
     }
 

@@ -87,11 +87,8 @@ impl Avx2 {
 
 /// How many of some values four numbers can be read from.
 const fn readable<const N: usize>(values: &[[f32; N]]) -> usize {
-    match N {
-        0..3 => 0,
-        3 => values.len().saturating_sub(1),
-        _ => values.len(),
-    }
+    const { assert!(N >= 3, "else the last values are too near the end") };
+    values.len().saturating_sub(if N == 3 { 1 } else { 0 })
 }
 
 /// The four numbers from a value on.
