@@ -92,8 +92,7 @@ impl Leaf for Members {
     fn new(triangles: &Triangles<'_>, members: &[u32]) -> (Self, Bounds) {
         let mut ids = [0; LEAF];
         ids[..members.len()].copy_from_slice(members);
-        let of = |id: &u32| Bounds::of(&triangles.corners(*id));
-        (Self { count: members.len(), ids }, members.iter().map(of).fold(Bounds::EMPTY, Bounds::union))
+        (Self { count: members.len(), ids }, triangles.bounds(members))
     }
 }
 

@@ -237,11 +237,11 @@ impl Writer<'_> {
             self.layout.members.extend_from_slice(members);
             return self.layout.end_leaf();
         }
-        let corners = |member: &u32| self.source.triangles.corners(*member);
-        let bounds = members.iter().map(|id| Bounds::of(&corners(id))).fold(Bounds::EMPTY, Bounds::union);
+        let triangles = self.source.triangles;
+        let bounds = triangles.bounds(members);
         let axis = (bounds.high - bounds.low).max_position();
         let key = |member: &u32| {
-            let [a, b, c] = corners(member).map(|corner| corner[axis] / 3.0);
+            let [a, b, c] = triangles.corners(*member).map(|corner| corner[axis] / 3.0);
             (a + b + c, *member)
         };
         members.sort_unstable_by(|a, b| {

@@ -160,8 +160,8 @@ impl List {
             let lanes = view.children(simd, node, zone);
             let numbers = node.numbers();
             let leaves = simd.negative(numbers) & lanes;
-            append(simd, &mut self.blocks, &mut blocks, (numbers, leaves));
-            append(simd, &mut self.nodes, &mut nodes, (numbers, lanes & !leaves));
+            blocks = append(simd, &mut self.blocks, blocks, (numbers, leaves));
+            nodes = append(simd, &mut self.nodes, nodes, (numbers, lanes & !leaves));
             if nodes > MOST || blocks > MOST {
                 return false;
             }
@@ -174,13 +174,13 @@ impl List {
             for corner in 0..3 {
                 for axis in 0..3 {
                     let values: &mut [u32] = bytemuck::cast_slice_mut(&mut self.corners[corner][axis]);
-                    append(simd, values, &mut { self.len }, (block.bits(corner, axis), lanes));
+                    append(simd, values, self.len, (block.bits(corner, axis), lanes));
                 }
             }
             let [blocks, lanes_of_blocks] = &mut self.places;
-            append(simd, blocks, &mut { self.len }, (&[index as u32; LANES], lanes));
-            append(simd, lanes_of_blocks, &mut { self.len }, (&[0, 1, 2, 3, 4, 5, 6, 7], lanes));
-            append(simd, &mut self.ids, &mut self.len, (block.ids(), lanes));
+            append(simd, blocks, self.len, (&[index as u32; LANES], lanes));
+            append(simd, lanes_of_blocks, self.len, (&[0, 1, 2, 3, 4, 5, 6, 7], lanes));
+            self.len = append(simd, &mut self.ids, self.len, (block.ids(), lanes));
             if self.len > most {
                 return false;
             }
@@ -206,11 +206,11 @@ impl List {
     }
 }
 
-/// Adds those of eight numbers that are chosen.
+/// Adds those of eight numbers that are chosen to a list of so many, and returns how many it has then.
 #[inline(always)]
-fn append<S: Simd>(simd: S, list: &mut [u32], len: &mut usize, (numbers, chosen): (&[u32; LANES], Mask)) {
-    list[*len..*len + LANES].copy_from_slice(&simd.compress(numbers, chosen));
-    *len += chosen.count_ones() as usize;
+fn append<S: Simd>(simd: S, list: &mut [u32], len: usize, (numbers, chosen): (&[u32; LANES], Mask)) -> usize {
+    list[len..len + LANES].copy_from_slice(&simd.compress(numbers, chosen));
+    len + chosen.count_ones() as usize
 }
 
 /// Rays that are answered together.

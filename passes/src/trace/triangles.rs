@@ -45,6 +45,12 @@ impl<'a> Triangles<'a> {
         Extent::of(self.wide_corners(id))
     }
 
+    /// The bounds of some triangles.
+    #[inline]
+    pub(super) fn bounds(&self, ids: &[u32]) -> Bounds {
+        ids.iter().map(|id| self.extent(*id)).fold(Extent::EMPTY, Extent::union).bounds()
+    }
+
     #[inline]
     fn position(&self, vertex: u32) -> &Vec3 {
         self.geometry.positions.get(vertex as usize).unwrap_or(&Vec3::NAN)

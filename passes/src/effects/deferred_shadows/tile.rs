@@ -94,7 +94,7 @@ impl<T: Tracer, C: Coverage> Work<()> for Rays<'_, T, C> {
                 places: chunk(&tile.shown.places, first),
                 pixels: chunk(&tile.shown.pixels, first),
                 triangles: chunk(&tile.shown.triangles, first),
-                used: (u32::from(u16::MAX) >> (PACKET - PACKET.min(count - first))) as u16,
+                used: u16::MAX >> (PACKET - PACKET.min(count - first)),
             };
             let index = tile.places.len();
             if index == tile.packets.len() {

@@ -38,19 +38,8 @@ impl Beam {
             sure &= simd.wide_below(t, simd.wide_load(&self.limit));
         }
         if transparent && sure != NO_LANES {
-            let t = simd.wide_store(t);
             let [u, v] = barycentric(simd, edges);
-            let (u, v) = (simd.wide_store(u), simd.wide_store(v));
-            let triangle = block.triangle(lane);
-            let mut asked = sure;
-            while asked != NO_LANES {
-                let ray = first_wide_lane(asked);
-                asked = without_first(asked);
-                let hit = Hit { t: t.0[ray], triangle, u: u.0[ray], v: v.0[ray] };
-                if !accept(ray, &hit) {
-                    sure &= !(1 << ray);
-                }
-            }
+            sure = accepted(simd, sure, block.triangle(lane), [t, u, v], accept);
         }
         self.open &= !sure;
         if touched != NO_LANES {
@@ -91,16 +80,7 @@ impl Beam {
         if nearer != NO_LANES {
             let [u, v] = barycentric(simd, edges);
             if block.is_transparent(lane) {
-                let (t, u, v) = (simd.wide_store(t), simd.wide_store(u), simd.wide_store(v));
-                let mut asked = nearer;
-                while asked != NO_LANES {
-                    let ray = first_wide_lane(asked);
-                    asked = without_first(asked);
-                    let hit = Hit { t: t.0[ray], triangle, u: u.0[ray], v: v.0[ray] };
-                    if !accept(ray, &hit) {
-                        nearer &= !(1 << ray);
-                    }
-                }
+                nearer = accepted(simd, nearer, triangle, [t, u, v], accept);
             }
             self.limit = simd.wide_store(simd.wide_select(nearer, t, limit));
             self.u = simd.wide_store(simd.wide_select(nearer, u, simd.wide_load(&self.u)));
@@ -235,6 +215,28 @@ struct Lines<S: Simd> {
     /// Those whose lines pass through an edge or a corner, and may.
     touched: Mask,
     edges: [S::Wide; 3],
+}
+
+/// Those of some rays whose hits on a transparent triangle, at `t` with barycentric coordinates `u` and `v`, are accepted.
+#[inline(always)]
+fn accepted<S: Simd>(
+    simd: S,
+    rays: Mask,
+    triangle: u32,
+    [t, u, v]: [S::Wide; 3],
+    accept: &mut impl FnMut(usize, &Hit) -> bool,
+) -> Mask {
+    let (t, u, v) = (simd.wide_store(t), simd.wide_store(u), simd.wide_store(v));
+    let (mut accepted, mut asked) = (rays, rays);
+    while asked != NO_LANES {
+        let ray = first_wide_lane(asked);
+        asked = without_first(asked);
+        let hit = Hit { t: t.0[ray], triangle, u: u.0[ray], v: v.0[ray] };
+        if !accept(ray, &hit) {
+            accepted &= !(1 << ray);
+        }
+    }
+    accepted
 }
 
 /// The edge function of two corners as rays see them.
