@@ -14,6 +14,10 @@ use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use glam::Vec3;
+use rayon::prelude::*;
+
+/// Nodes that a thread of the host converts at a time, at least.
+const GRAIN: usize = 4096;
 
 /// What the threads of a kernel are dealt to. A warp is 8 x 4 threads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -202,7 +206,7 @@ impl DeviceTracer for BvhTracer {
         tree: &DeviceTree,
         _: &SceneBuffers,
     ) -> Result<BuildStats, BackendError> {
-        let nodes: Vec<WideNode> = tree.nodes.iter().map(WideNode::from).collect();
+        let nodes: Vec<WideNode> = tree.nodes.par_iter().with_min_len(GRAIN).map(WideNode::from).collect();
         self.nodes = device.upload("the nodes of the tree", bytemuck::cast_slice(&nodes))?;
         self.leaves = device.upload("the triangles of the tree", tree.triangles.as_flattened().as_flattened())?;
         self.node_count = tree.nodes.len() as u32;

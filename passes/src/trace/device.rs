@@ -4,7 +4,7 @@
 //! Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 3. Leaves have up to three triangles.
 //! The tree is built and collapsed as [`Bvh`](super::Bvh) is, with the costs of this layout.
 
-use super::build::{self, Leaf, MAX_DEPTH};
+use super::build::{self, Built, GRAIN, Leaf, MAX_DEPTH};
 use super::node::{Child, Node};
 use super::query::Bounds;
 use super::triangles::Triangles;
@@ -12,6 +12,7 @@ use super::{Quality, block, lanes::LANES, offset, query};
 use bytemuck::{Pod, Zeroable};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Marks the id of a triangle whose hits are asked for.
 pub const TRANSPARENT: u32 = block::TRANSPARENT;
@@ -104,25 +105,29 @@ impl DeviceTree {
     #[must_use]
     pub fn build(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Self {
         let triangles = Triangles::new(geometry, transparent);
-        let built = build::build::<Members>(&triangles, quality);
-        let mut tree = Self::default();
-        if built.root == Child::NONE {
-            return tree;
+        let Built { mut nodes, leaves, mut root, bounds, triangles: count } =
+            build::build::<Members>(&triangles, quality);
+        if root == Child::NONE {
+            return Self::default();
         }
-        tree.bounds = [built.bounds.low.to_array(), built.bounds.high.to_array()];
-        tree.triangles.reserve_exact(built.triangles);
-        // A tree of one leaf gets a node around it.
-        let mut alone = Node::EMPTY;
-        alone.set(0, built.bounds, built.root);
-        let node_of = |child: Child| if child.is_block() { &alone } else { &built.nodes[child.index()] };
-        tree.nodes.reserve_exact(built.nodes.len().max(1));
-        tree.nodes.push(DeviceNode::zeroed());
-        let mut pending = vec![(built.root, 0)];
-        while let Some((child, place)) = pending.pop() {
-            let written = tree.write(node_of(child), &built.leaves, &triangles, &mut pending);
-            tree.nodes[place] = written;
+        if root.is_block() {
+            // A tree of one leaf gets a node around it.
+            let mut alone = Node::EMPTY;
+            alone.set(0, bounds, root);
+            (nodes, root) = (vec![alone], Child::node(0));
         }
-        tree
+        let slots: Vec<Slots> = nodes.par_iter().with_min_len(GRAIN).map(Slots::of).collect();
+        let Layout { places, ids } = Layout::new(root, &nodes, &slots, &leaves, count);
+        let node = |place: &Place| DeviceNode::new(&nodes[place.node], &slots[place.node], &leaves, place);
+        let triangle = |&id: &u32| {
+            let ([a, b, c], id) = (triangles.corners(id), triangles.marked(id));
+            [a.extend(f32::from_bits(id)), b.extend(0.0), c.extend(0.0)].map(|corner| corner.to_array())
+        };
+        Self {
+            nodes: places.par_iter().with_min_len(GRAIN).map(node).collect(),
+            triangles: ids.par_iter().with_min_len(GRAIN).map(triangle).collect(),
+            bounds: [bounds.low.to_array(), bounds.high.to_array()],
+        }
     }
 
     /// Memory of nodes and triangles, bytes.
@@ -130,46 +135,44 @@ impl DeviceTree {
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice())
     }
+}
 
-    /// Makes a node, adds its triangles, and makes room for its inner children, which become `pending`.
-    fn write(
-        &mut self,
-        node: &Node,
-        leaves: &[Members],
-        triangles: &Triangles<'_>,
-        pending: &mut Vec<(Child, usize)>,
-    ) -> DeviceNode {
-        let used: Vec<usize> = (0..LANES).filter(|lane| node.children[*lane] != Child::NONE).collect();
-        let boxes: Vec<Bounds> = used.iter().map(|lane| node.bounds(*lane)).collect();
-        let whole = boxes.iter().fold(Bounds::EMPTY, |all, bounds| all.union(*bounds));
-        let mut written = DeviceNode {
-            corner: whole.low.to_array(),
-            exponents: [0, 1, 2].map(|axis| exponent(whole.low[axis], whole.high[axis])),
-            first_child: self.nodes.len() as u32,
-            first_triangle: self.triangles.len() as u32,
-            ..DeviceNode::zeroed()
-        };
-        let mut offset = 0;
-        for (slot, child) in slots(&boxes, whole).into_iter().enumerate() {
-            let Some(child) = child else { continue };
-            written.quantise(slot, boxes[child]);
-            let child = node.children[used[child]];
-            if child.is_block() {
-                let members = leaves[child.index()].as_slice();
-                written.children[slot] = (0b111_u8 >> (LEAF - members.len())) << 5 | offset;
-                offset += members.len() as u8;
-                self.triangles.extend(members.iter().map(|&id| {
-                    let ([a, b, c], id) = (triangles.corners(id), triangles.marked(id));
-                    [a.extend(f32::from_bits(id)), b.extend(0.0), c.extend(0.0)].map(|corner| corner.to_array())
-                }));
-            } else {
-                written.inner |= 1 << slot;
-                written.children[slot] = 0x20 | (24 + slot as u8);
-                pending.push((child, self.nodes.len()));
-                self.nodes.push(DeviceNode::zeroed());
+/// Where a node comes to lie on the device, and what lies below it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Place {
+    /// The node that lies there, as the tree was built.
+    node: usize,
+    first_child: u32,
+    first_triangle: u32,
+}
+
+/// The order of nodes and triangles on the device.
+struct Layout {
+    places: Vec<Place>,
+    /// The triangles of the leaves.
+    ids: Vec<u32>,
+}
+
+impl Layout {
+    /// Children that are nodes follow each other in the order of their slots, and so do the triangles of the others.
+    fn new(root: Child, nodes: &[Node], slots: &[Slots], leaves: &[Members], triangles: usize) -> Self {
+        let mut layout = Self { places: Vec::with_capacity(nodes.len()), ids: Vec::with_capacity(triangles) };
+        layout.places.push(Place::default());
+        let mut pending = vec![(root.index(), 0)];
+        while let Some((node, place)) = pending.pop() {
+            let Self { places, ids } = &mut layout;
+            places[place] = Place { node, first_child: places.len() as u32, first_triangle: ids.len() as u32 };
+            for (_, lane) in slots[node].taken() {
+                let child = nodes[node].children[lane];
+                if child.is_block() {
+                    ids.extend_from_slice(leaves[child.index()].as_slice());
+                } else {
+                    pending.push((child.index(), places.len()));
+                    places.push(Place::default());
+                }
             }
         }
-        written
+        layout
     }
 }
 
@@ -194,16 +197,44 @@ fn exponent(low: f32, high: f32) -> u8 {
 }
 
 impl DeviceNode {
+    /// A node at its place, its children in their slots.
+    fn new(node: &Node, slots: &Slots, leaves: &[Members], place: &Place) -> Self {
+        let whole = slots.taken().fold(Bounds::EMPTY, |all, (_, lane)| all.union(node.bounds(lane)));
+        let mut written = Self {
+            corner: whole.low.to_array(),
+            exponents: [0, 1, 2].map(|axis| exponent(whole.low[axis], whole.high[axis])),
+            first_child: place.first_child,
+            first_triangle: place.first_triangle,
+            ..Self::zeroed()
+        };
+        let mut offset = 0;
+        for (slot, lane) in slots.taken() {
+            written.quantise(slot, node.bounds(lane));
+            let child = node.children[lane];
+            if child.is_block() {
+                let count = leaves[child.index()].count;
+                written.children[slot] = (0b111_u8 >> (LEAF - count)) << 5 | offset;
+                offset += count as u8;
+            } else {
+                written.inner |= 1 << slot;
+                written.children[slot] = 0x20 | (24 + slot as u8);
+            }
+        }
+        written
+    }
+
     /// Writes the box of a slot, rounded outwards.
     fn quantise(&mut self, slot: usize, bounds: Bounds) {
         for axis in 0..3 {
             let (corner, quantum) = (self.corner[axis], quantum(self.exponents[axis]));
             let steps = |coordinate: f32| (f64::from(coordinate) - f64::from(corner)) / f64::from(quantum);
-            let mut low = steps(bounds.low[axis]).floor() as u8;
+            // Conversion cuts off: `floor` and `ceil` are calls where the processor may lack the instruction.
+            let mut low = steps(bounds.low[axis]) as u8;
             while low > 0 && plane(corner, quantum, low) > bounds.low[axis] {
                 low -= 1;
             }
-            let mut high = steps(bounds.high[axis]).ceil() as u8;
+            let most = steps(bounds.high[axis]);
+            let mut high = (most as u8).saturating_add(u8::from(f64::from(most as u8) < most));
             while high < u8::MAX && plane(corner, quantum, high) < bounds.high[axis] {
                 high += 1;
             }
@@ -220,32 +251,54 @@ impl DeviceNode {
     }
 }
 
-/// Which child goes into each slot: greedily, the one that lies farthest towards the slot's corner first.
-fn slots(boxes: &[Bounds], whole: Bounds) -> [Option<usize>; LANES] {
-    let center = (whole.low + whole.high) * 0.5;
-    let towards = |slot: usize| Vec3::from_array([0, 1, 2].map(|axis| if slot >> axis & 1 == 1 { 1.0 } else { -1.0 }));
-    let mut taken = [None; LANES];
-    let mut placed = [false; LANES];
-    for _ in 0..boxes.len() {
-        let mut best: Option<(f32, usize, usize)> = None;
-        for (child, bounds) in boxes.iter().enumerate().filter(|(child, _)| !placed[*child]) {
+/// Lower than any distance that is compared.
+const OUT: f32 = f32::NEG_INFINITY;
+
+/// Where a value of a list is first.
+fn first_of(values: &[f32; LANES], value: f32) -> usize {
+    (0..LANES).rev().fold(0, |first, index| if values[index] == value { index } else { first })
+}
+
+/// Which child goes into each slot, by its lane in the node that was built.
+struct Slots([Option<u8>; LANES]);
+
+impl Slots {
+    /// Greedily, the child that lies farthest towards the slot's corner first.
+    fn of(node: &Node) -> Self {
+        let used = |lane: &usize| node.children[*lane] != Child::NONE;
+        let whole = (0..LANES).filter(used).fold(Bounds::EMPTY, |all, lane| all.union(node.bounds(lane)));
+        let center = (whole.low + whole.high) * 0.5;
+        // How far each child lies towards the corner of each slot; what is out of the choice is lower than anything.
+        let mut along = [[OUT; LANES]; LANES];
+        for lane in (0..LANES).filter(used) {
+            let bounds = node.bounds(lane);
             let from_center = (bounds.low + bounds.high) * 0.5 - center;
-            for slot in (0..LANES).filter(|slot| taken[*slot].is_none()) {
-                let along = from_center.dot(towards(slot));
-                if best.is_none_or(|best| along > best.0) {
-                    best = Some((along, child, slot));
-                }
+            // Not a number where coordinates overflow: then any slot serves.
+            along[lane] = std::array::from_fn(|slot| from_center.dot(towards(slot)).max(f32::MIN));
+        }
+        let mut taken = [None; LANES];
+        for _ in (0..LANES).filter(used) {
+            let farthest = along.map(|slots| slots.into_iter().fold(OUT, f32::max));
+            let lane = first_of(&farthest, farthest.into_iter().fold(OUT, f32::max));
+            let slot = first_of(&along[lane], farthest[lane]);
+            taken[slot] = Some(lane as u8);
+            along[lane] = [OUT; LANES];
+            for slots in &mut along {
+                slots[slot] = OUT;
             }
         }
-        // Not a number where coordinates overflow: then any place serves.
-        let (child, slot) = match best {
-            Some((_, child, slot)) => (child, slot),
-            None => break,
-        };
-        taken[slot] = Some(child);
-        placed[child] = true;
+        Self(taken)
     }
-    taken
+
+    /// The slots that are taken, and the lanes of their children.
+    fn taken(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.0.iter().enumerate().filter_map(|(slot, lane)| Some((slot, usize::from((*lane)?))))
+    }
+}
+
+/// The corner of a slot, seen from the centre of a box.
+fn towards(slot: usize) -> Vec3 {
+    Vec3::from_array([0, 1, 2].map(|axis| if slot >> axis & 1 == 1 { 1.0 } else { -1.0 }))
 }
 
 #[cfg(test)]
@@ -309,7 +362,7 @@ mod tests {
     #[test]
     fn every_triangle_is_in_the_tree_once_and_inside_all_boxes_on_its_way() {
         for (count, center, size) in
-            [(1, 0.0, 1.0), (3, 5.0, 0.0), (4, 0.0, 0.1), (5000, 0.0, 0.02), (3000, 1.0e4, 0.001)]
+            [(1, 0.0, 1.0), (3, 5.0, 0.0), (4, 0.0, 0.1), (5000, 0.0, 0.02), (3000, 1.0e4, 0.001), (900, 0.0, 3.0e38)]
         {
             let geometry = soup(count, center, size);
             let tree = DeviceTree::build(&geometry, &[false, true], Quality::Balanced);
