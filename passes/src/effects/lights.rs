@@ -2,10 +2,11 @@
 //! side, and go down the tree as packets.
 
 use super::occlusion::share_of_light;
-use super::surface::Surface;
+use super::shown::Shown;
+use super::surface::{Surface, Surfaces};
 use super::{Coverage, Pass, Pixel};
-use crate::trace::{Hit, PACKET, Packet, Tracer, snap_all};
-use glam::Vec3;
+use crate::trace::{Detected, Hit, LANES, PACKET, Packet, Points, Simd, Tracer, Work, at_vertices, vertices};
+use glam::{Vec3, Vec4};
 
 /// Pixels a side of a tile: the unit of parallel work, small enough that its rays meet the same nodes.
 pub const TILE: usize = 16;
@@ -70,9 +71,8 @@ impl Known {
 pub struct Lights {
     /// By place; empty where the program asks pixel by pixel.
     known: Vec<Known>,
-    /// Pixels whose surfaces are looked for, and their triangles and stored positions.
-    shown: Vec<(usize, Pixel)>,
-    stored: Vec<(u32, Vec3)>,
+    /// Pixels whose surfaces are looked for.
+    shown: Shown,
     packets: Vec<Packet>,
     /// The place of each ray.
     places: Vec<u16>,
@@ -105,21 +105,7 @@ impl Lights {
         wanted: impl Fn(Pixel, u32) -> bool,
     ) {
         self.clear();
-        let Self { known, shown, stored, .. } = self;
-        shown.clear();
-        stored.clear();
-        for (place, pixel) in area.pixels() {
-            if let Some(triangle) = pass.triangle(pixel).filter(|triangle| wanted(pixel, *triangle)) {
-                shown.push((place, pixel));
-                stored.push((triangle, pass.position(pixel).truncate()));
-            }
-        }
-        snap_all(&pass.job.scene.geometry, stored, |index, point| {
-            let (place, pixel) = shown[index];
-            let (surface, view) = pass.surface_of(point, pass.normal(pixel));
-            known[place].surface = Some((surface, view));
-            known[place].origin = surface.origin(surface.facing);
-        });
+        Detected::cached().run(Survey { lights: self, pass, area, wanted });
     }
 
     /// Forgets the tile before.
@@ -167,6 +153,52 @@ impl Lights {
     }
 }
 
+/// What finds the surfaces of a tile.
+struct Survey<'a, T, C, W> {
+    lights: &'a mut Lights,
+    pass: &'a Pass<'a, T, C>,
+    area: Area,
+    wanted: W,
+}
+
+impl<T: Tracer, C: Coverage, W: Fn(Pixel, u32) -> bool> Work<()> for Survey<'_, T, C, W> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { lights: Lights { known, shown, .. }, pass, area, wanted } = self;
+        let fetch = |pixel: usize| simd.prefetch(&pass.job.normal[pixel]);
+        shown.collect(simd, (pass, area), wanted, fetch);
+        for lanes in shown.sixteens() {
+            let geometry = &pass.job.scene.geometry;
+            let corners = at_vertices(simd, &geometry.positions, &vertices(simd, &geometry.triangles, lanes.triangles));
+            let stored = simd.gather(pass.job.position, lanes.pixels);
+            let normals = simd.gather(pass.job.normal, lanes.pixels);
+            for half in 0..2 {
+                let points = Points::snap(&corners, &stored, half);
+                let surfaces = Surfaces::new(&points, &normals, half, pass.job.eye);
+                let near = points.near(simd);
+                for (lane, &place) in lanes.places[half * LANES..][..LANES].iter().enumerate() {
+                    let index = half * LANES + lane;
+                    if lanes.used >> index & 1 == 0 {
+                        return;
+                    }
+                    let known = &mut known[usize::from(place)];
+                    if near >> lane & 1 == 0 {
+                        known.surface = Some(surfaces.get(&points, lane));
+                        known.origin = surfaces.origin(lane);
+                    } else {
+                        let pixel = lanes.pixels[index] as usize;
+                        let [position, normal] = [pass.job.position, pass.job.normal]
+                            .map(|buffer| Vec4::from_array(buffer[pixel]).truncate());
+                        let (surface, view) = pass.surface_of(pass.point_of(lanes.triangles[index], position), normal);
+                        known.surface = Some((surface, view));
+                        known.origin = surface.origin(surface.facing);
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// Finds out the light of a tile: `origin` gives for each pixel its share of the light where no ray is needed to know it,
 /// or else where its ray starts; neither where it is not asked for. It is shown what is known so far.
 ///
@@ -192,7 +224,13 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
 
 #[cfg(test)]
 mod tests {
-    use super::{Area, TILE};
+    use super::{Area, Lights, Survey, TILE};
+    use crate::effects::testing::{Shot, World, grid};
+    use crate::effects::{Opaque, Pass};
+    use crate::trace::{Detected, Lanes};
+    use curitiba_pipeline::backend::NO_TRIANGLE;
+    use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+    use glam::Vec3;
     use std::collections::BTreeSet;
 
     #[test]
@@ -205,6 +243,62 @@ mod tests {
                 assert_eq!((pixel.x as usize, pixel.y as usize), (32 + place % TILE, 48 + place / TILE));
                 assert_eq!(pixel.index, pixel.y as usize * 100 + pixel.x as usize);
             }
+        }
+    }
+
+    #[test]
+    fn the_surfaces_of_a_tile_are_those_of_its_pixels_one_by_one() {
+        let world = World::scattered();
+        let geometry = &world.scene.geometry;
+        // Corners and middles of borders, where rays start elsewhere, among the others.
+        let targets = grid(16, Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Y * 4.0).enumerate().map(|(index, target)| {
+            let [a, b, _] = geometry.corners(index as u32);
+            [target, target, a, a.midpoint(b)][index % 4]
+        });
+        let mut shot = Shot::of(&world, Vec3::new(1.0, 2.0, 12.0), targets).rows(16);
+        // A normal that has no direction, and a point that has no view.
+        shot.normal[0] = [0.0; 4];
+        shot.position[1] =
+            shot.job(RayProgram::Ssao, Fidelity::Corrected, RayParams::default()).eye.extend(0.0).to_array();
+        let job = shot.job(RayProgram::Ssao, Fidelity::Corrected, RayParams::default());
+        let pass = Pass {
+            job: &job,
+            tracer: &world.tree(),
+            coverage: Opaque,
+            to_light: Vec3::ZERO,
+            light_color: Vec3::ZERO,
+            occlusion: None,
+            strata: 0,
+            open_share: Vec::new(),
+        };
+        let area = Area { x: 0, y: 0, width: TILE, height: TILE, stride: TILE };
+        for simd in [Lanes::Avx512, Lanes::Avx2, Lanes::Portable].into_iter().filter_map(Detected::new) {
+            let mut lights = Lights::default();
+            lights.clear();
+            simd.run(Survey {
+                lights: &mut lights,
+                pass: &pass,
+                area,
+                wanted: |_, triangle: u32| !triangle.is_multiple_of(5),
+            });
+            let (mut found, mut drawn) = (0, 0);
+            for (place, pixel) in area.pixels() {
+                let known = lights.known(place);
+                let triangle = job.triangle[pixel.index];
+                if triangle == NO_TRIANGLE || triangle.is_multiple_of(5) {
+                    assert_eq!(known.surface, None);
+                    continue;
+                }
+                let alone @ (surface, _) = pass.surface_at(pixel, triangle, pass.normal(pixel));
+                assert_eq!(
+                    (known.surface, known.origin),
+                    (Some(alone), surface.origin(surface.facing)),
+                    "{simd:?} {place}"
+                );
+                found += 1;
+                drawn += usize::from(surface.is_drawn_in());
+            }
+            assert!(found > 100 && drawn > 10 && found - drawn > 50, "{found} {drawn}");
         }
     }
 }

@@ -41,6 +41,7 @@ mod optics;
 mod optix;
 pub mod reflection;
 pub mod refraction;
+mod shown;
 pub mod ssao;
 mod surface;
 

@@ -3,11 +3,11 @@
 use super::material::interpolate;
 use super::optics::reflect;
 use super::{Coverage, Pass, Pixel};
-use crate::trace::{Hit, Ray, SurfacePoint, Tracer};
+use crate::trace::{F16, Hit, LANES, Points, Ray, SurfacePoint, Tracer};
 use glam::Vec3;
 
 /// A point of a triangle, seen from one side.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
     point: SurfacePoint,
     /// Unit geometric normal, on the viewer's side.
@@ -17,15 +17,31 @@ pub struct Surface {
 }
 
 impl Surface {
+    #[inline(always)]
     fn new(point: SurfacePoint, normal: Vec3, view: Vec3) -> Self {
         let facing = if point.normal.dot(view) > 0.0 { -point.normal } else { point.normal };
-        let normal = normal.try_normalize().unwrap_or(facing);
+        let normal = unit_or(normal, facing);
         Self { point, facing, normal: if normal.dot(facing) < 0.0 { -normal } else { normal } }
     }
 
+    /// The surface of a point that is seen from `eye`, and the unit direction in which it is seen. Without a jump: loops over several
+    /// points become vector code.
+    #[inline(always)]
+    fn seen(point: SurfacePoint, normal: Vec3, eye: Vec3) -> (Self, Vec3) {
+        let view = unit_or(point.position - eye, -point.normal);
+        (Self::new(point, normal, view), view)
+    }
+
     /// Where a ray in this direction starts: off the triangle on the side to which it goes.
+    #[inline]
     pub fn origin(&self, direction: Vec3) -> Vec3 {
         self.point.spawn(direction)
+    }
+
+    /// Whether rays start inside of where the point is, because it is near a border.
+    #[cfg(test)]
+    pub(super) fn is_drawn_in(&self) -> bool {
+        self.point.is_drawn_in()
     }
 
     /// The normal that a mirror or pane bends the direction `view` by: the shading normal, or the geometric one where the
@@ -33,6 +49,56 @@ impl Surface {
     pub fn interface_normal(&self, view: Vec3) -> Vec3 {
         let usable = self.normal.dot(view) < 0.0 && reflect(view, self.normal).dot(self.facing) > 0.0;
         if usable { self.normal } else { self.facing }
+    }
+}
+
+/// As [`Vec3::normalize_or`], without a jump.
+#[inline(always)]
+fn unit_or(vector: Vec3, other: Vec3) -> Vec3 {
+    let reciprocal = vector.length_recip();
+    if (reciprocal > 0.0) & (reciprocal < f32::INFINITY) { vector * reciprocal } else { other }
+}
+
+/// Surfaces of eight points, `[axis][point]`, to the bit those of [`Pass::surface_of`].
+pub(super) struct Surfaces {
+    facing: [[f32; LANES]; 3],
+    normal: [[f32; LANES]; 3],
+    view: [[f32; LANES]; 3],
+    origin: [[f32; LANES]; 3],
+}
+
+impl Surfaces {
+    /// Of half of sixteen pixels, from their points and stored normals.
+    #[inline(always)]
+    pub(super) fn new(points: &Points, normals: &[F16; 3], half: usize, eye: Vec3) -> Self {
+        let zero = [[0.0; LANES]; 3];
+        let mut surfaces = Self { facing: zero, normal: zero, view: zero, origin: zero };
+        for lane in 0..LANES {
+            let stored = Vec3::from_array([0, 1, 2].map(|axis: usize| normals[axis].0[half * LANES + lane]));
+            let (surface, view) = Surface::seen(points.point(lane), stored, eye);
+            let origin = surface.origin(surface.facing);
+            for axis in 0..3 {
+                surfaces.facing[axis][lane] = surface.facing[axis];
+                surfaces.normal[axis][lane] = surface.normal[axis];
+                surfaces.view[axis][lane] = view[axis];
+                surfaces.origin[axis][lane] = origin[axis];
+            }
+        }
+        surfaces
+    }
+
+    /// One of them, and the unit direction in which it is seen; not that of its pixel where the point may be
+    /// [near a border](Points::near).
+    #[inline(always)]
+    pub(super) fn get(&self, points: &Points, lane: usize) -> (Surface, Vec3) {
+        let at = |axes: &[[f32; LANES]; 3]| Vec3::new(axes[0][lane], axes[1][lane], axes[2][lane]);
+        (Surface { point: points.point(lane), facing: at(&self.facing), normal: at(&self.normal) }, at(&self.view))
+    }
+
+    /// Where rays to the viewer's side start.
+    #[inline(always)]
+    pub(super) fn origin(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.origin[0][lane], self.origin[1][lane], self.origin[2][lane])
     }
 }
 
@@ -44,8 +110,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// The same of a point that is known.
     pub(super) fn surface_of(&self, point: SurfacePoint, normal: Vec3) -> (Surface, Vec3) {
-        let view = (point.position - self.job.eye).try_normalize().unwrap_or(-point.normal);
-        (Surface::new(point, normal, view), view)
+        Surface::seen(point, normal, self.job.eye)
     }
 
     /// The point of a triangle nearest to a pixel's stored position.

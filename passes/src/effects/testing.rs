@@ -29,6 +29,27 @@ impl World {
         Self { sun: Some(Sun { direction: direction.normalize(), color: SUN_COLOR }), ..Self::default() }
     }
 
+    /// Triangles anywhere around the origin, whose vertex normals agree with theirs, look to the other side, or each somewhere.
+    pub fn scattered() -> Self {
+        let mut state = 5_u32;
+        let mut random = move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / 8_388_608.0 - 1.0
+        };
+        let mut world = Self::lit_along(Vec3::new(0.4, -1.0, 0.3));
+        let paint = world.paint(Vec3::splat(0.5));
+        for index in 0..300 {
+            let mut vector = || Vec3::new(random(), random(), random());
+            let center = vector() * 4.0;
+            let corners = [0, 1, 2].map(|_| center + vector());
+            let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Y);
+            let bend = [0.2, 0.2, 3.0][index % 3];
+            let flat = if index % 2 == 0 { flat } else { -flat };
+            world.triangle(paint, corners, [0, 1, 2].map(|_| (flat + vector() * bend).normalize_or(flat)));
+        }
+        world
+    }
+
     fn material(&mut self, shade: Shade, glass: bool) -> u32 {
         let material = Material { name: format!("material {}", self.shades.len()), ..Material::default() };
         self.scene.materials.push(material);

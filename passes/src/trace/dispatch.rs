@@ -32,7 +32,7 @@ pub(crate) enum Detected {
 
 impl Detected {
     /// `lanes`, if this processor has it.
-    pub(super) fn new(lanes: Lanes) -> Option<Self> {
+    pub(crate) fn new(lanes: Lanes) -> Option<Self> {
         match lanes {
             #[cfg(target_arch = "x86_64")]
             Lanes::Avx512 => Avx512::detect().map(Self::Avx512),

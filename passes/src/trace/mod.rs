@@ -55,7 +55,7 @@ pub use nearby::{Nearby, Neighbourhood};
 pub use offset::SurfacePoint;
 pub use packet::{PACKET, Packet, PacketHits};
 pub use record::{Event, Outcome, RecordedRay, Recorder};
-pub(crate) use snap::{Points, at_vertices, half_of, snap_all, vertices};
+pub(crate) use snap::{Points, at_vertices, half_of, vertices};
 
 use glam::Vec3;
 

@@ -66,6 +66,12 @@ impl SurfacePoint {
         Self { position, normal, start: position, error }
     }
 
+    /// Whether rays start elsewhere than above the point.
+    #[cfg(test)]
+    pub(crate) fn is_drawn_in(&self) -> bool {
+        self.start != self.position
+    }
+
     /// The origin of a ray that leaves in `direction`: off the plane to the side the ray leaves on, by 32 times
     /// 2⁻²⁴ (Σ |nᵢ| (|aᵢ| + |u e1ᵢ| + |v e2ᵢ|) + r / 2), where r is the largest coordinate distance to a corner: the errors of
     /// the point along the normal and of the triangle test.

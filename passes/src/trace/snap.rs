@@ -1,9 +1,7 @@
 //! Points of sixteen triangles at once, to the bit those of [`SurfacePoint`].
 
-use super::dispatch::{Detected, Work};
 use super::lanes::{F8, F16, LANES, Mask, Simd, WIDE};
 use super::offset::{Place, SurfacePoint, project};
-use curitiba_pipeline::scene::Geometry;
 use glam::{DVec3, Vec3};
 
 /// The vertices of sixteen triangles, `[corner][triangle]`.
@@ -94,59 +92,57 @@ impl Points {
     }
 }
 
-struct Snap<'a> {
-    geometry: &'a Geometry,
-    triangles: &'a [u32; WIDE],
-    positions: &'a [F16; 3],
-}
-
-impl Work<([Points; 2], Mask)> for Snap<'_> {
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> ([Points; 2], Mask) {
-        let vertices = vertices(simd, &self.geometry.triangles, self.triangles);
-        let corners = at_vertices(simd, &self.geometry.positions, &vertices);
-        let [low, high] = [Points::snap(&corners, self.positions, 0), Points::snap(&corners, self.positions, 1)];
-        let near = low.near(simd) | high.near(simd) << LANES;
-        ([low, high], near)
-    }
-}
-
-/// The projections of positions onto triangles, as by [`SurfacePoint::snap`], to the bit.
-///
-/// # Panics
-/// If there is no such triangle.
-pub(crate) fn snap_all(geometry: &Geometry, positions: &[(u32, Vec3)], each: impl FnMut(usize, SurfacePoint)) {
-    snap_by(Detected::cached(), geometry, positions, each);
-}
-
-fn snap_by(simd: Detected, geometry: &Geometry, positions: &[(u32, Vec3)], mut each: impl FnMut(usize, SurfacePoint)) {
-    for (chunk, positions) in positions.chunks(WIDE).enumerate() {
-        // What the last chunk lacks is computed all the same.
-        let (mut triangles, mut stored) = ([positions[0].0; WIDE], [F16::ZERO; 3]);
-        for (lane, &(triangle, position)) in (0..WIDE).zip(positions) {
-            triangles[lane] = triangle;
-            // Number by number: of vectors in memory, parts would be read as a whole just after they were written.
-            for axis in 0..3 {
-                stored[axis].0[lane] = position[axis];
-            }
-        }
-        let (points, near) = simd.run(Snap { geometry, triangles: &triangles, positions: &stored });
-        for (lane, &(triangle, position)) in (0..WIDE).zip(positions) {
-            let point = if near >> lane & 1 == 1 {
-                SurfacePoint::snap(geometry, triangle, position)
-            } else {
-                points[lane / LANES].point(lane % LANES)
-            };
-            each(chunk * WIDE + lane, point);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trace::Lanes;
-    use curitiba_pipeline::scene::Batch;
+    use crate::trace::{Detected, Lanes, Work};
+    use curitiba_pipeline::scene::{Batch, Geometry};
+
+    struct Snap<'a> {
+        geometry: &'a Geometry,
+        triangles: &'a [u32; WIDE],
+        positions: &'a [F16; 3],
+    }
+
+    impl Work<([Points; 2], Mask)> for Snap<'_> {
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> ([Points; 2], Mask) {
+            let vertices = vertices(simd, &self.geometry.triangles, self.triangles);
+            let corners = at_vertices(simd, &self.geometry.positions, &vertices);
+            let [low, high] = [Points::snap(&corners, self.positions, 0), Points::snap(&corners, self.positions, 1)];
+            let near = low.near(simd) | high.near(simd) << LANES;
+            ([low, high], near)
+        }
+    }
+
+    /// The projections of positions onto triangles, as by [`SurfacePoint::snap`], to the bit.
+    fn snap_by(
+        simd: Detected,
+        geometry: &Geometry,
+        positions: &[(u32, Vec3)],
+        mut each: impl FnMut(usize, SurfacePoint),
+    ) {
+        for (chunk, positions) in positions.chunks(WIDE).enumerate() {
+            // What the last chunk lacks is computed all the same.
+            let (mut triangles, mut stored) = ([positions[0].0; WIDE], [F16::ZERO; 3]);
+            for (lane, &(triangle, position)) in (0..WIDE).zip(positions) {
+                triangles[lane] = triangle;
+                // Number by number: of vectors in memory, parts would be read as a whole just after they were written.
+                for axis in 0..3 {
+                    stored[axis].0[lane] = position[axis];
+                }
+            }
+            let (points, near) = simd.run(Snap { geometry, triangles: &triangles, positions: &stored });
+            for (lane, &(triangle, position)) in (0..WIDE).zip(positions) {
+                let point = if near >> lane & 1 == 1 {
+                    SurfacePoint::snap(geometry, triangle, position)
+                } else {
+                    points[lane / LANES].point(lane % LANES)
+                };
+                each(chunk * WIDE + lane, point);
+            }
+        }
+    }
 
     #[test]
     fn points_snapped_together_are_those_snapped_one_by_one() {
@@ -175,7 +171,7 @@ mod tests {
                 let (triangle, position) = positions[index];
                 assert_eq!(point, SurfacePoint::snap(&geometry, triangle, position), "{simd:?} {index}");
                 assert_eq!(index, seen);
-                drawn += usize::from(point.start != point.position);
+                drawn += usize::from(point.is_drawn_in());
                 seen += 1;
             });
             assert_eq!(seen, positions.len());

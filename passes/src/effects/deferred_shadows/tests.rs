@@ -159,23 +159,7 @@ fn a_lit_plane_does_not_shadow_itself_at_any_scale_and_place() {
 
 #[test]
 fn pixels_of_a_tile_get_what_they_get_alone() {
-    let mut state = 5_u32;
-    let mut random = move || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 8) as f32 / 8_388_608.0 - 1.0
-    };
-    let mut world = World::lit_along(Vec3::new(0.4, -1.0, 0.3));
-    let paint = world.paint(Vec3::splat(0.5));
-    for index in 0..300 {
-        let mut vector = || Vec3::new(random(), random(), random());
-        let center = vector() * 4.0;
-        let corners = [0, 1, 2].map(|_| center + vector());
-        let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Y);
-        // Normals that agree, that look to the other side, and of which each looks somewhere.
-        let bend = [0.2, 0.2, 3.0][index % 3];
-        let flat = if index % 2 == 0 { flat } else { -flat };
-        world.triangle(paint, corners, [0, 1, 2].map(|_| (flat + vector() * bend).normalize_or(flat)));
-    }
+    let world = World::scattered();
     let targets: Vec<Vec3> = grid(48, Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Y * 4.0).collect();
     let mut bare = world.scene.clone();
     bare.geometry.normals.clear();

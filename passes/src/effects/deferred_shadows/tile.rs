@@ -2,17 +2,13 @@
 //! operations of a single pixel, and the rays go down the tree as packets.
 
 use super::corrected::{CLEARLY, Light, is_lit, light_at};
-use crate::effects::lights::{Area, TILE};
+use crate::effects::lights::Area;
 use crate::effects::occlusion::SHADOWED;
+use crate::effects::shown::{PIXELS, Shown, Sixteen};
 use crate::effects::{Coverage, Pass};
 use crate::trace::{Detected, LANES, Mask, PACKET, Packet, Points, Simd, Tracer, Work, at_vertices, half_of, vertices};
 use curitiba_pipeline::backend::RayJob;
 use glam::{Vec3, Vec4};
-
-/// Pixels of a tile.
-const PIXELS: usize = TILE * TILE;
-/// Stored positions in a line of the cache.
-const PIXELS_A_LINE: usize = 4;
 
 /// What is known of a tile, and the buffers that it takes to find out.
 #[derive(Debug, Default)]
@@ -61,21 +57,6 @@ fn darken(share: &mut [f32], places: &[u8; PACKET], mut lanes: u16) {
     }
 }
 
-/// The pixels of a tile on which light falls, structure of arrays.
-#[derive(Debug)]
-struct Shown {
-    places: [u8; PIXELS],
-    /// By pixel of the image.
-    pixels: [u32; PIXELS],
-    triangles: [u32; PIXELS],
-}
-
-impl Default for Shown {
-    fn default() -> Self {
-        Self { places: [0; PIXELS], pixels: [0; PIXELS], triangles: [0; PIXELS] }
-    }
-}
-
 /// What prepares the rays of a tile.
 struct Rays<'a, T, C> {
     tile: &'a mut Tile,
@@ -87,15 +68,8 @@ impl<T: Tracer, C: Coverage> Work<()> for Rays<'_, T, C> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { tile, pass, area } = self;
-        let count = tile.shown.collect(simd, pass, area);
-        for first in (0..count).step_by(PACKET) {
-            // What the last sixteen lack is computed all the same, of pixels that were seen before.
-            let lanes = Sixteen {
-                places: chunk(&tile.shown.places, first),
-                pixels: chunk(&tile.shown.pixels, first),
-                triangles: chunk(&tile.shown.triangles, first),
-                used: u16::MAX >> (PACKET - PACKET.min(count - first)),
-            };
+        tile.shown.collect(simd, (pass, area), |pixel, _| is_lit(pass, pixel), |_| ());
+        for lanes in tile.shown.sixteens() {
             let index = tile.places.len();
             if index == tile.packets.len() {
                 tile.packets.push(Packet::new(0.0, f32::INFINITY));
@@ -112,44 +86,6 @@ impl<T: Tracer, C: Coverage> Work<()> for Rays<'_, T, C> {
             }
         }
     }
-}
-
-impl Shown {
-    /// Finds the pixels, and returns how many there are. The G-buffer of the next tile is fetched meanwhile: its short rows are too
-    /// far apart for the processor to expect them.
-    #[inline(always)]
-    fn collect<S: Simd, T: Tracer, C: Coverage>(&mut self, simd: S, pass: &Pass<'_, T, C>, area: Area) -> usize {
-        let mut count = 0;
-        for (place, pixel) in area.pixels() {
-            if place.is_multiple_of(PIXELS_A_LINE)
-                && let Some(position) = pass.job.position.get(pixel.index + TILE)
-            {
-                simd.prefetch(position);
-                simd.prefetch(&pass.job.triangle[pixel.index + TILE]);
-            }
-            let Some(triangle) = pass.triangle(pixel).filter(|_| is_lit(pass, pixel)) else { continue };
-            self.places[count] = place as u8;
-            self.pixels[count] = pixel.index as u32;
-            self.triangles[count] = triangle;
-            count += 1;
-        }
-        count
-    }
-}
-
-/// Some of a list that is a multiple of sixteen long.
-#[inline(always)]
-fn chunk<V>(list: &[V; PIXELS], first: usize) -> &[V; PACKET] {
-    let (chunks, _) = list.as_chunks();
-    &chunks[first / PACKET]
-}
-
-/// Sixteen pixels.
-struct Sixteen<'a> {
-    places: &'a [u8; PACKET],
-    pixels: &'a [u32; PACKET],
-    triangles: &'a [u32; PACKET],
-    used: u16,
 }
 
 /// One bit a pixel.

@@ -1,0 +1,87 @@
+//! The pixels of a tile that a program asks about, sixteen at a time.
+
+use super::lights::{Area, TILE};
+use super::{Coverage, Pass, Pixel};
+use crate::trace::{PACKET, Simd, Tracer};
+
+/// Pixels of a tile.
+pub(super) const PIXELS: usize = TILE * TILE;
+/// Stored positions in a line of the cache.
+const PIXELS_A_LINE: usize = 4;
+
+/// Pixels of a tile that show a triangle, structure of arrays.
+#[derive(Debug)]
+pub(super) struct Shown {
+    places: [u8; PIXELS],
+    /// By pixel of the image.
+    pixels: [u32; PIXELS],
+    triangles: [u32; PIXELS],
+    count: usize,
+}
+
+impl Default for Shown {
+    fn default() -> Self {
+        Self { places: [0; PIXELS], pixels: [0; PIXELS], triangles: [0; PIXELS], count: 0 }
+    }
+}
+
+impl Shown {
+    /// Finds those that are wanted.
+    ///
+    /// Positions and triangles of the next tile are fetched meanwhile, and what `fetch` names for a pixel of it and those in its
+    /// line: the short rows of a tile are too far apart for the processor to expect them.
+    #[inline(always)]
+    pub(super) fn collect<S: Simd, T: Tracer, C: Coverage>(
+        &mut self,
+        simd: S,
+        (pass, area): (&Pass<'_, T, C>, Area),
+        wanted: impl Fn(Pixel, u32) -> bool,
+        fetch: impl Fn(usize),
+    ) {
+        let mut count = 0;
+        for (place, pixel) in area.pixels() {
+            let next = pixel.index + TILE;
+            if place.is_multiple_of(PIXELS_A_LINE)
+                && let Some(position) = pass.job.position.get(next)
+            {
+                simd.prefetch(position);
+                simd.prefetch(&pass.job.triangle[next]);
+                fetch(next);
+            }
+            let Some(triangle) = pass.triangle(pixel).filter(|triangle| wanted(pixel, *triangle)) else { continue };
+            self.places[count] = place as u8;
+            self.pixels[count] = pixel.index as u32;
+            self.triangles[count] = triangle;
+            count += 1;
+        }
+        self.count = count;
+    }
+
+    /// All that were found. What the last sixteen lack are pixels that were found before, here or in another tile.
+    #[inline(always)]
+    pub(super) fn sixteens(&self) -> impl Iterator<Item = Sixteen<'_>> {
+        (0..self.count).step_by(PACKET).map(|first| Sixteen {
+            places: chunk(&self.places, first),
+            pixels: chunk(&self.pixels, first),
+            triangles: chunk(&self.triangles, first),
+            used: u16::MAX >> (PACKET - PACKET.min(self.count - first)),
+        })
+    }
+}
+
+/// Some of a list that is a multiple of sixteen long.
+#[inline(always)]
+fn chunk<V>(list: &[V; PIXELS], first: usize) -> &[V; PACKET] {
+    let (chunks, _) = list.as_chunks();
+    &chunks[first / PACKET]
+}
+
+/// Sixteen pixels.
+pub(super) struct Sixteen<'a> {
+    pub(super) places: &'a [u8; PACKET],
+    /// By pixel of the image.
+    pub(super) pixels: &'a [u32; PACKET],
+    pub(super) triangles: &'a [u32; PACKET],
+    /// One bit a pixel: those that were found.
+    pub(super) used: u16,
+}
