@@ -5,8 +5,8 @@ mod common;
 use common::{ALL, Random, camera, grey, job, pixels, soup, terrain};
 use curitiba_passes::raster::cpu::{CpuRasteriser, InstructionSet};
 use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect, Shade};
-use curitiba_pipeline::scene::RenderScene;
-use curitiba_pipeline::scene::texture::Texture;
+use curitiba_pipeline::scene::texture::{Texture, lod};
+use curitiba_pipeline::scene::{Batch, RenderScene};
 use glam::{DMat4, DVec2, DVec3, Vec2, Vec3, Vec4};
 
 fn draw(job: &RasterJob<'_>) -> GBuffer {
@@ -198,7 +198,7 @@ fn textures_are_sampled_at_the_pixel_with_the_level_of_its_footprint() {
         let step = 1e-3;
         let dx = (uv(x + step, y) - uv(x - step, y)) / (2.0 * step as f32);
         let dy = (uv(x, y + step) - uv(x, y - step)) / (2.0 * step as f32);
-        let texel = scene.textures[0].sample(uv(x, y), scene.textures[0].lod(dx, dy));
+        let texel = scene.textures[0].sample(uv(x, y), lod(scene.textures[0].size(), dx, dy));
         let light = target.position[index][3];
         let shade = &shades[0];
         let sun = job.sun.expect("the job has light").color.extend(1.0);
@@ -208,6 +208,38 @@ fn textures_are_sampled_at_the_pixel_with_the_level_of_its_footprint() {
         covered += 1;
     }
     assert!(covered > 6000, "{covered}");
+}
+
+#[test]
+fn triangles_side_by_side_have_their_own_textures_or_none() {
+    let mut scene = soup(0, 300, 4);
+    let solid = |name: &str, size: u32, texel: [u8; 4]| {
+        Texture::new(name.to_owned(), size, size, vec![texel; (size * size) as usize])
+    };
+    scene.textures = vec![solid("red", 16, [255, 0, 51, 255]), solid("green", 128, [51, 255, 0, 255])];
+    scene.geometry.batches = (0..300).map(|first| Batch { material: first % 3, first, count: 1 }).collect();
+    let shades = [Some(0), Some(1), None].map(|texture| Shade { texture, ..grey() });
+    let job = job(&scene, &shades, camera(1.25), 150, 120, ALL);
+    let sun = job.sun.expect("the job has light").color.extend(1.0);
+    for set in InstructionSet::ALL {
+        let Some(mut rasteriser) = CpuRasteriser::with_instruction_set(set) else { continue };
+        let mut target = GBuffer::new(150, 120, ALL);
+        rasteriser.draw(&job, &mut target).expect("drawn");
+        let mut seen = [0; 3];
+        for (index, id) in target.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
+            let material = (*id % 3) as usize;
+            let lit = shades[material].diffuse * sun * target.position[index][3];
+            let expected = match material {
+                0 => (lit + shades[0].emission + 0.3) * Vec4::new(1.0, 0.0, 0.2, 1.0),
+                1 => (lit + shades[1].emission + 0.3) * Vec4::new(0.2, 1.0, 0.0, 1.0),
+                _ => lit + shades[2].diffuse * 0.3,
+            };
+            let error = (Vec4::from(target.color[index]) - expected).abs().max_element();
+            assert!(error < 1e-6, "{set:?}, pixel {index} of triangle {id}: {:?}, not {expected}", target.color[index]);
+            seen[material] += 1;
+        }
+        assert!(seen.iter().all(|seen| *seen > 1000), "{seen:?}");
+    }
 }
 
 #[test]
@@ -222,7 +254,7 @@ fn where_alpha_is_cut_what_is_behind_is_seen() {
     scene.geometry.normals.extend([Vec3::Z; 3]);
     scene.geometry.texcoords.extend([Vec2::ZERO; 3]);
     scene.geometry.triangles.push([base, base + 1, base + 2]);
-    scene.geometry.batches.push(curitiba_pipeline::scene::Batch { material: 1, first: 2, count: 1 });
+    scene.geometry.batches.push(Batch { material: 1, first: 2, count: 1 });
     let floor = Shade { texture: Some(0), alpha_cutoff: Some(0.5), ..grey() };
     let shades = [floor, grey()];
     let job = job(&scene, &shades, camera(1.25), 160, 128, ALL);

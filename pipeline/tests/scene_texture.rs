@@ -2,7 +2,7 @@
 
 mod scene_support;
 
-use curitiba_pipeline::scene::texture::{Level, Texture};
+use curitiba_pipeline::scene::texture::{Level, Texture, lod};
 use curitiba_pipeline::scene::{BuildOptions, Group, Material, Mesh, Object, RenderScene, Scene, TextureSource};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use scene_support::Folder;
@@ -59,10 +59,10 @@ fn the_level_of_detail_is_the_logarithm_of_the_longer_footprint() {
     let texture = Texture::new("long".to_owned(), 64, 16, vec![[0; 4]; 1024]);
     let step = |x: f32, y: f32| Vec2::new(x, y);
     // Four texels along u, one along v.
-    assert_eq!(texture.lod(step(4.0 / 64.0, 0.0), step(0.0, 1.0 / 16.0)), 2.0);
-    assert_eq!(texture.lod(step(0.0, 0.5), step(0.0, 0.0)), 3.0);
-    assert_eq!(texture.lod(step(0.001, 0.0), step(0.0, 0.001)), 0.0);
-    assert_eq!(texture.lod(step(f32::NAN, 0.0), step(0.0, 0.0)), 0.0);
+    assert_eq!(lod(texture.size(), step(4.0 / 64.0, 0.0), step(0.0, 1.0 / 16.0)), 2.0);
+    assert_eq!(lod(texture.size(), step(0.0, 0.5), step(0.0, 0.0)), 3.0);
+    assert_eq!(lod(texture.size(), step(0.001, 0.0), step(0.0, 0.001)), 0.0);
+    assert_eq!(lod(texture.size(), step(f32::NAN, 0.0), step(0.0, 0.0)), 0.0);
 }
 
 /// The share of a level's texels with at least half the alpha.

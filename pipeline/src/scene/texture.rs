@@ -29,33 +29,72 @@ impl Level {
     #[must_use]
     #[inline(always)]
     pub fn sample(&self, uv: Vec2) -> Vec4 {
-        if !uv.is_finite() {
+        self.sample_at(Place::of(uv))
+    }
+
+    #[inline(always)]
+    fn sample_at(&self, Place { right, down }: Place) -> Vec4 {
+        if right.is_nan() {
             return self.texel(0, 0);
         }
-        // The fractional part first: large coordinates would lose the sub-texel position otherwise.
-        let ([left, right], fx) = around(fraction(uv.x) * self.width as f32 - 0.5, self.width);
-        let ([top, bottom], fy) = around((1.0 - fraction(uv.y)) * self.height as f32 - 0.5, self.height);
+        let ([left, right], fx) = around(right * self.width as f32 - 0.5, self.width);
+        let ([top, bottom], fy) = around(down * self.height as f32 - 0.5, self.height);
         let upper = self.texel(left, top).lerp(self.texel(right, top), fx);
         let lower = self.texel(left, bottom).lerp(self.texel(right, bottom), fx);
         upper.lerp(lower, fy)
     }
 }
 
+/// Where coordinates lie in a texture that repeats, as shares of its sides, 0..=1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// From the left; NaN where the coordinates are not finite.
+    pub right: f32,
+    /// From the top row.
+    pub down: f32,
+}
+
+impl Place {
+    /// The place of `uv`. Without a jump: loops over many become vector code.
+    #[must_use]
+    #[inline(always)]
+    pub fn of(uv: Vec2) -> Self {
+        // The fractional part first: large coordinates would lose the sub-texel position otherwise.
+        let right = if uv.is_finite() { fraction(uv.x) } else { f32::NAN };
+        Self { right, down: 1.0 - fraction(uv.y) }
+    }
+}
+
 /// `value - value.floor()`, in 0..=1. Where the processor cannot be assumed to round down, `floor` is a call.
-#[inline]
+#[inline(always)]
 fn fraction(value: f32) -> f32 {
     // From there on all numbers are whole.
     const WHOLE: f32 = 8_388_608.0;
-    if value.abs() >= WHOLE {
-        return 0.0;
-    }
     let truncated = value as i32 as f32;
-    value - if truncated > value { truncated - 1.0 } else { truncated }
+    let fraction = value - if truncated > value { truncated - 1.0 } else { truncated };
+    if value.abs() >= WHOLE { 0.0 } else { fraction }
+}
+
+/// The logarithm to base 2 of a number above 0 that is not subnormal, within 0.5001 units of its last place. The standard library's
+/// differs in the last bit from platform to platform; this one is made of what IEEE 754 rounds alike everywhere. Without a jump, as
+/// [`Place::of`].
+#[inline(always)]
+fn log2(value: f32) -> f32 {
+    // value = 2^exponent m, where m is from the root of a half to twice that.
+    const ROOT_OF_HALF: u32 = 0x3f35_04f3;
+    let exponent = value.to_bits().wrapping_sub(ROOT_OF_HALF).cast_signed() >> 23;
+    let m = f64::from(f32::from_bits(value.to_bits().wrapping_sub((exponent << 23).cast_unsigned())));
+    // ln m = 2 artanh t = 2 (t + t^3 / 3 + t^5 / 5 + ...); what is left out is below 4e-14 of it.
+    let t = (m - 1.0) / (m + 1.0);
+    let square = t * t;
+    let series = [1.0 / 13.0, 1.0 / 11.0, 1.0 / 9.0, 1.0 / 7.0, 1.0 / 5.0, 1.0 / 3.0, 1.0];
+    let sum = series.iter().fold(1.0 / 15.0, |sum, term| sum * square + term);
+    (f64::from(exponent) + 2.0 * std::f64::consts::LOG2_E * t * sum) as f32
 }
 
 /// The texels of a row or column of `count` before and after a place of -0.5 to `count - 0.5`, the first one again after the last, and how
 /// far it is from the one before.
-#[inline]
+#[inline(always)]
 fn around(place: f32, count: u32) -> ([usize; 2], f32) {
     let last = count as usize - 1;
     if place < 0.0 {
@@ -113,24 +152,37 @@ impl Texture {
     #[must_use]
     #[inline(always)]
     pub fn sample(&self, uv: Vec2, lod: f32) -> Vec4 {
+        self.sample_at(Place::of(uv), lod)
+    }
+
+    /// The same at a place.
+    #[must_use]
+    #[inline(always)]
+    pub fn sample_at(&self, place: Place, lod: f32) -> Vec4 {
         let last = self.levels.len() - 1;
         let lod = lod.clamp(0.0, last as f32);
         let fine = lod as usize;
         let blend = lod - fine as f32;
-        let color = self.levels[fine].sample(uv);
-        if blend == 0.0 { color } else { color.lerp(self.levels[fine + 1].sample(uv), blend) }
+        let color = self.levels[fine].sample_at(place);
+        if blend == 0.0 { color } else { color.lerp(self.levels[fine + 1].sample_at(place), blend) }
     }
 
-    /// Level of detail for the derivatives of the texture coordinates along the screen's x and y (in pixels):
-    /// `log2` of the longer footprint side in texels of level 0 (Vulkan 1.3, section 16.5.7).
+    /// Texels a row and rows of level 0.
     #[must_use]
-    #[inline]
-    pub fn lod(&self, duv_dx: Vec2, duv_dy: Vec2) -> f32 {
-        let size = Vec2::new(self.levels[0].width as f32, self.levels[0].height as f32);
-        let footprint = (duv_dx * size).length_squared().max((duv_dy * size).length_squared());
-        // NaN and zero footprints read level 0.
-        if footprint > 1.0 { 0.5 * footprint.log2() } else { 0.0 }
+    #[inline(always)]
+    pub fn size(&self) -> Vec2 {
+        Vec2::new(self.levels[0].width as f32, self.levels[0].height as f32)
     }
+}
+
+/// Level of detail for the derivatives of the texture coordinates along the screen's x and y (in pixels), of a texture of so many texels:
+/// `log2` of the longer footprint side in texels of level 0 (Vulkan 1.3, section 16.5.7). Without a jump, as [`Place::of`].
+#[must_use]
+#[inline(always)]
+pub fn lod(size: Vec2, duv_dx: Vec2, duv_dy: Vec2) -> f32 {
+    let footprint = (duv_dx * size).length_squared().max((duv_dy * size).length_squared());
+    // NaN and zero footprints read level 0.
+    if footprint > 1.0 { 0.5 * log2(footprint) } else { 0.0 }
 }
 
 fn chain(base: Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4]) -> Vec<Level> {
@@ -196,5 +248,28 @@ fn keep_coverage(level: &mut Level, solid: u8, covered: u64, total: u64) {
     // Rounded down: the threshold itself becomes `solid`, and all below stay below.
     for texel in &mut level.texels {
         texel[3] = (u32::from(texel[3]) * u32::from(solid) / u32::from(threshold)).min(255) as u8;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::log2;
+
+    #[test]
+    fn logarithms_are_rounded_to_nearest_but_for_ties() {
+        assert_eq!(log2(f32::INFINITY), 128.0);
+        for exponent in -126..128 {
+            assert_eq!(log2((exponent as f32).exp2()), exponent as f32);
+        }
+        let (mut largest, mut before) = (0.0_f64, f32::NEG_INFINITY);
+        for bits in (f32::MIN_POSITIVE.to_bits()..f32::INFINITY.to_bits()).step_by(4099) {
+            let value = f32::from_bits(bits);
+            let (found, exact) = (log2(value), f64::from(value).log2());
+            assert!(found >= before, "{value}");
+            before = found;
+            let unit = f64::from(found.abs().next_up()) - f64::from(found.abs());
+            largest = largest.max((f64::from(found) - exact).abs() / unit);
+        }
+        assert!((0.49..0.5001).contains(&largest), "{largest}");
     }
 }

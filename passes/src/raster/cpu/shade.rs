@@ -6,7 +6,7 @@ use super::tile::{LANES, Tile};
 use super::vertex::UNITS;
 use curitiba_pipeline::backend::{NO_TRIANGLE, Shade};
 use curitiba_pipeline::scene::Batch;
-use curitiba_pipeline::scene::texture::Texture;
+use curitiba_pipeline::scene::texture::{Place, Texture, lod};
 use glam::{Vec2, Vec3, Vec4};
 use std::ops::{Add, Mul, Range, Sub};
 
@@ -33,6 +33,7 @@ pub(super) struct Rows {
     inv_w: [Row; 3],
     u: Row,
     v: Row,
+    inv_sum: Row,
     /// Of corner 0, and the way to corners 1 and 2; then the attribute itself takes the place of the first.
     position: [[Row; 3]; 3],
     normal: [[Row; 3]; 3],
@@ -40,8 +41,25 @@ pub(super) struct Rows {
     diffuse: [Row; 4],
     unlit: [Row; 4],
     texel: [Row; 4],
+    /// The texture of each pixel, or [`NO_TEXTURE`], and how it is mapped.
+    texture: [u32; ROW],
+    mapping: MappingRows,
+    /// Where it is read: from the left, from the top, and the level of detail.
+    place: [Row; 3],
     triangle: [u32; ROW],
     batch: Batch,
+}
+
+/// Where no texture is.
+const NO_TEXTURE: u32 = u32::MAX;
+
+/// A [`Mapping`] for each pixel of a row.
+#[derive(Debug)]
+struct MappingRows {
+    corners: [[Row; 2]; 3],
+    right: [Row; 2],
+    down: [Row; 2],
+    size: [Row; 2],
 }
 
 impl Default for Rows {
@@ -54,12 +72,21 @@ impl Default for Rows {
             inv_w: [[0.0; ROW]; 3],
             u: [0.0; ROW],
             v: [0.0; ROW],
+            inv_sum: [0.0; ROW],
             position: [[[0.0; ROW]; 3]; 3],
             normal: [[[0.0; ROW]; 3]; 3],
             light: [0.0; ROW],
             diffuse: [[0.0; ROW]; 4],
             unlit: [[0.0; ROW]; 4],
-            texel: [[1.0; ROW]; 4],
+            texel: [[0.0; ROW]; 4],
+            texture: [NO_TEXTURE; ROW],
+            mapping: MappingRows {
+                corners: [[[0.0; ROW]; 2]; 3],
+                right: [[0.0; ROW]; 2],
+                down: [[0.0; ROW]; 2],
+                size: [[0.0; ROW]; 2],
+            },
+            place: [[0.0; ROW]; 3],
             triangle: [NO_TRIANGLE; ROW],
             batch: Batch { material: 0, first: 0, count: 0 },
         }
@@ -122,21 +149,56 @@ impl Barycentric {
         ]
     }
 
-    /// A filtered texel at the first pixel's row. The derivatives of `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`, where the
-    /// screen-space coordinates `l_k` are linear, are `sum(l_k' (uv_k - uv) / w_k) / sum(l_k / w_k)`.
+    /// How texture coordinates and a texture of some size lie on it.
     #[inline(always)]
-    fn texel(&self, column: f64, texture: &Texture, corners: &[Vec2; 3]) -> Vec4 {
-        let [w0, w1, w2] = self.weights(column);
-        let scale = 1.0 / (w0 + w1 + w2);
-        let uv = corners[0] + (corners[1] - corners[0]) * (w1 * scale) + (corners[2] - corners[0]) * (w2 * scale);
-        let derivative = |step: [f64; 2]| {
-            let (s1, s2) = ((step[0] * self.scale) as f32, (step[1] * self.scale) as f32);
-            let sum = (corners[0] - uv) * ((-s1 - s2) * self.inv_w[0])
-                + (corners[1] - uv) * (s1 * self.inv_w[1])
-                + (corners[2] - uv) * (s2 * self.inv_w[2]);
-            sum * scale
+    fn mapping(&self, corners: [Vec2; 3], size: Vec2) -> Mapping {
+        let slope = |step: [f64; 2]| step.map(|step| (step * self.scale) as f32);
+        Mapping { corners, right: slope(self.right), down: slope(self.down), size }
+    }
+}
+
+/// How texture coordinates run across a part of a triangle.
+#[derive(Debug, Clone, Copy)]
+struct Mapping {
+    /// Texture coordinates.
+    corners: [Vec2; 3],
+    /// What a step to the right, and one down, adds to the screen-space coordinates of corners 1 and 2.
+    right: [f32; 2],
+    down: [f32; 2],
+    /// Texels of level 0.
+    size: Vec2,
+}
+
+impl Mapping {
+    /// Where the texture is read at a pixel, and the level of detail. The derivatives of `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`, where
+    /// the screen-space coordinates `l_k` are linear, are `sum(l_k' (uv_k - uv) / w_k) / sum(l_k / w_k)`.
+    #[inline(always)]
+    fn at(&self, Perspective { u, v, inv_sum }: Perspective, inv_w: [f32; 3]) -> (Place, f32) {
+        let [a, b, c] = self.corners;
+        let uv = a + (b - a) * u + (c - a) * v;
+        let derivative = |[s1, s2]: [f32; 2]| {
+            let sum = (a - uv) * ((-s1 - s2) * inv_w[0]) + (b - uv) * (s1 * inv_w[1]) + (c - uv) * (s2 * inv_w[2]);
+            sum * inv_sum
         };
-        texture.sample(uv, texture.lod(derivative(self.right), derivative(self.down)))
+        (Place::of(uv), lod(self.size, derivative(self.right), derivative(self.down)))
+    }
+}
+
+/// Perspective-correct barycentric coordinates.
+#[derive(Debug, Clone, Copy)]
+struct Perspective {
+    /// Of corners 1 and 2.
+    u: f32,
+    v: f32,
+    /// 1 over the sum of the weights.
+    inv_sum: f32,
+}
+
+impl Perspective {
+    #[inline(always)]
+    fn new([w0, w1, w2]: [f32; 3]) -> Self {
+        let inv_sum = 1.0 / (w0 + w1 + w2);
+        Self { u: w1 * inv_sum, v: w2 * inv_sum, inv_sum }
     }
 }
 
@@ -161,8 +223,10 @@ pub(super) fn is_solid(frame: &Frame<'_>, placed: &Placed<'_>, x: i32, y: i32) -
     let (Some(texture), Some(cutoff)) = (shade.texture, shade.alpha_cutoff) else { return true };
     let uv = attribute(frame, placed, &frame.geometry.texcoords);
     let texture = &frame.job.scene.textures[texture as usize];
-    let texel = Barycentric::new(&placed.corners, x, y).texel(0.0, texture, &uv);
-    texel.w >= cutoff
+    let barycentric = Barycentric::new(&placed.corners, x, y);
+    let perspective = Perspective::new(barycentric.weights(0.0));
+    let (place, lod) = barycentric.mapping(uv, texture.size()).at(perspective, barycentric.inv_w);
+    texture.sample_at(place, lod).w >= cutoff
 }
 
 /// Which attributes are needed.
@@ -187,7 +251,6 @@ pub(super) fn shade(frame: &Frame<'_>, tile: &Tile, rows: &mut Rows, surface: &m
     if !light {
         rows.light.fill(0.0);
     }
-    rows.texel.iter_mut().for_each(|row| row.fill(1.0));
     for row in 0..surface.height {
         match tile.row(row) {
             Some(parts) => rows.shade(frame, wanted, parts, row, surface),
@@ -236,6 +299,9 @@ impl Rows {
             column = end;
         }
         self.interpolate(wanted);
+        if wanted.texture {
+            self.texels(&frame.job.scene.textures, surface.width);
+        }
         if wanted.normals {
             self.light(frame, wanted);
         }
@@ -299,7 +365,7 @@ impl Rows {
     /// Perspective-correct attributes of the whole row.
     #[inline(always)]
     fn interpolate(&mut self, wanted: Wanted) {
-        if !(wanted.position | wanted.normals) {
+        if !(wanted.position | wanted.normals | wanted.texture) {
             return;
         }
         let Self { edges: [edge1, edge2], right: [right1, right2], inv_w: [inv_w0, inv_w1, inv_w2], .. } = self;
@@ -312,9 +378,8 @@ impl Rows {
             let w0 = (e0 * self.scale[column]) as f32 * inv_w0[column];
             let w1 = (e1 * self.scale[column]) as f32 * inv_w1[column];
             let w2 = (e2 * self.scale[column]) as f32 * inv_w2[column];
-            let scale = 1.0 / (w0 + w1 + w2);
-            self.u[column] = w1 * scale;
-            self.v[column] = w2 * scale;
+            let Perspective { u, v, inv_sum } = Perspective::new([w0, w1, w2]);
+            (self.u[column], self.v[column], self.inv_sum[column]) = (u, v, inv_sum);
         }
         if wanted.position {
             blend(&mut self.position, &self.u, &self.v);
@@ -339,19 +404,47 @@ impl Rows {
             for component in 0..4 {
                 spread(&mut self.diffuse[component], column, shade.diffuse[component]);
                 spread(&mut self.unlit[component], column, unlit[component]);
-                if wanted.texture {
-                    spread(&mut self.texel[component], column, 1.0);
-                }
+            }
+            if wanted.texture {
+                spread(&mut self.texture, column, shade.texture.unwrap_or(NO_TEXTURE));
             }
         }
         if let Some(texture) = shade.texture {
-            let texture = &frame.job.scene.textures[texture as usize];
-            let uv = attribute(frame, placed, &frame.geometry.texcoords);
-            for column in run.clone() {
-                let texel = barycentric.texel(column as f64, texture, &uv);
-                for component in 0..4 {
-                    self.texel[component][column] = texel[component];
-                }
+            let size = frame.job.scene.textures[texture as usize].size();
+            let mapping = barycentric.mapping(attribute(frame, placed, &frame.geometry.texcoords), size);
+            for column in run.step_by(LANES) {
+                self.mapping.spread(column, &mapping);
+            }
+        }
+    }
+
+    /// The texture that a pixel shows.
+    #[inline(always)]
+    fn texture_at(&self, column: usize) -> Option<usize> {
+        let texture = self.texture[column];
+        (self.triangle[column] != NO_TRIANGLE && texture != NO_TEXTURE).then_some(texture as usize)
+    }
+
+    /// Filters the textures of the row: where they are read in all pixels at once, then texels pixel by pixel.
+    #[inline(always)]
+    fn texels(&mut self, textures: &[Texture], width: usize) {
+        if (0..width).any(|column| self.texture_at(column).is_some()) {
+            let Self { u, v, inv_sum, inv_w, mapping, place: [right, down, level], .. } = self;
+            for column in 0..TILE {
+                let perspective = Perspective { u: u[column], v: v[column], inv_sum: inv_sum[column] };
+                let inv_w = [inv_w[0][column], inv_w[1][column], inv_w[2][column]];
+                let (place, lod) = mapping.get(column).at(perspective, inv_w);
+                (right[column], down[column], level[column]) = (place.right, place.down, lod);
+            }
+        }
+        for column in 0..width {
+            let [right, down, lod] = [0, 1, 2].map(|part: usize| self.place[part][column]);
+            let texel = match self.texture_at(column) {
+                Some(texture) => textures[texture].sample_at(Place { right, down }, lod),
+                None => Vec4::ONE,
+            };
+            for component in 0..4 {
+                self.texel[component][column] = texel[component];
             }
         }
     }
@@ -384,6 +477,33 @@ impl Rows {
             if wanted.texture {
                 color.iter_mut().zip(&self.texel[component]).for_each(|(color, texel)| *color *= texel);
             }
+        }
+    }
+}
+
+impl MappingRows {
+    /// As [`spread`].
+    #[inline(always)]
+    fn spread(&mut self, column: usize, mapping: &Mapping) {
+        for axis in 0..2 {
+            for corner in 0..3 {
+                spread(&mut self.corners[corner][axis], column, mapping.corners[corner][axis]);
+            }
+            spread(&mut self.right[axis], column, mapping.right[axis]);
+            spread(&mut self.down[axis], column, mapping.down[axis]);
+            spread(&mut self.size[axis], column, mapping.size[axis]);
+        }
+    }
+
+    /// That of a pixel.
+    #[inline(always)]
+    fn get(&self, column: usize) -> Mapping {
+        let two = |rows: &[Row; 2]| [rows[0][column], rows[1][column]];
+        Mapping {
+            corners: [0, 1, 2].map(|corner: usize| Vec2::from_array(two(&self.corners[corner]))),
+            right: two(&self.right),
+            down: two(&self.down),
+            size: Vec2::from_array(two(&self.size)),
         }
     }
 }
