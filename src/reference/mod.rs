@@ -40,7 +40,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 /// Changes whenever the same passes give other pictures than before: references of another format are not used.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 /// How many times the estimated error of a reference is to be below what is compared with it.
 pub const MARGIN: f64 = 10.0;
