@@ -3,8 +3,8 @@
 pub mod check;
 
 use crate::effects::{
-    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, TILE, Workspace, combined, deferred_shadows, open_shares,
-    reflection, refraction, ssao,
+    AlphaTested, Area, Coverage, OfMaterials, Opaque, Pass, Pixel, TILE, Workspace, combined, deferred_shadows,
+    open_shares, reflection, refraction, ssao,
 };
 use crate::sampling::{HemisphereSampler, square_root};
 use crate::trace::{Bvh, Quality, Tracer};
@@ -143,7 +143,8 @@ fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result
     };
     let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
     let open_share = if samples == 0 { Vec::new() } else { open_shares(samples, job.params.intensity) };
-    Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata, open_share })
+    let [glass, shadow_glass] = [job.glass, job.shadow_glass].map(|glass| OfMaterials::new(&job.scene.geometry, glass));
+    Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata, open_share, glass, shadow_glass })
 }
 
 /// The pixels for which a program is run.

@@ -226,7 +226,7 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
 mod tests {
     use super::{Area, Lights, Survey, TILE};
     use crate::effects::testing::{Shot, World, grid};
-    use crate::effects::{Opaque, Pass};
+    use crate::effects::{OfMaterials, Opaque, Pass};
     use crate::trace::{Detected, Lanes};
     use curitiba_pipeline::backend::NO_TRIANGLE;
     use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
@@ -270,6 +270,8 @@ mod tests {
             occlusion: None,
             strata: 0,
             open_share: Vec::new(),
+            glass: OfMaterials::default(),
+            shadow_glass: OfMaterials::default(),
         };
         let area = Area { x: 0, y: 0, width: TILE, height: TILE, stride: TILE };
         for simd in [Lanes::Avx512, Lanes::Avx2, Lanes::Portable].into_iter().filter_map(Detected::new) {

@@ -46,7 +46,7 @@ pub mod ssao;
 mod surface;
 
 pub use lights::{Area, Lights, TILE};
-pub use material::{AlphaTested, Coverage, Opaque};
+pub use material::{AlphaTested, Coverage, OfMaterials, Opaque};
 pub use occlusion::{SHADOWED, open_shares};
 pub use optics::{Interface, fresnel, interface, reflect, schlick};
 
@@ -83,6 +83,10 @@ pub struct Pass<'a, T, C> {
     pub strata: u32,
     /// See [`open_shares`]; empty where occlusion is off.
     pub open_share: Vec<f32>,
+    /// The triangles of glass, for radiance rays.
+    pub glass: OfMaterials,
+    /// Those that shadow rays pass.
+    pub shadow_glass: OfMaterials,
 }
 
 /// A pixel of the pass.
@@ -128,7 +132,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 
     fn is_glass(&self, triangle: u32) -> bool {
-        self.job.glass[self.job.scene.geometry.material_of(triangle) as usize]
+        self.glass.contains(triangle)
     }
 
     /// Whether a hit stops light: covered, and not glass that shadow rays pass.
@@ -137,7 +141,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 
     fn passes_light(&self, hit: &Hit) -> bool {
-        self.job.shadow_glass[self.job.scene.geometry.material_of(hit.triangle) as usize]
+        self.shadow_glass.contains(hit.triangle)
     }
 }
 
