@@ -3,8 +3,8 @@
 pub mod check;
 
 use crate::effects::{
-    AlphaTested, Area, Coverage, OfMaterials, Opaque, Pass, Pixel, TILE, Workspace, combined, deferred_shadows,
-    open_shares, reflection, refraction, ssao,
+    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, TILE, Workspace, combined, deferred_shadows, open_shares,
+    reflection, refraction, ssao,
 };
 use crate::sampling::{HemisphereSampler, square_root};
 use crate::trace::{Bvh, Quality, Tracer};
@@ -12,7 +12,7 @@ use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
-use curitiba_pipeline::scene::{Geometry, RenderScene};
+use curitiba_pipeline::scene::{Geometry, RenderScene, TriangleRanges};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -143,7 +143,8 @@ fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result
     };
     let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
     let open_share = if samples == 0 { Vec::new() } else { open_shares(samples, job.params.intensity) };
-    let [glass, shadow_glass] = [job.glass, job.shadow_glass].map(|glass| OfMaterials::new(&job.scene.geometry, glass));
+    let [glass, shadow_glass] =
+        [job.glass, job.shadow_glass].map(|glass| TriangleRanges::new(&job.scene.geometry, glass));
     Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata, open_share, glass, shadow_glass })
 }
 

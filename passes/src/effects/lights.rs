@@ -5,8 +5,10 @@ use super::occlusion::share_of_light;
 use super::shown::Shown;
 use super::surface::{Surface, Surfaces};
 use super::{Coverage, Pass, Pixel};
-use crate::trace::{Detected, Hit, LANES, PACKET, Packet, Points, Simd, Tracer, Work, at_vertices, vertices};
-use glam::{Vec3, Vec4};
+use crate::trace::{
+    Detected, Hit, LANES, PACKET, Packet, Points, Simd, Tracer, Work, at_vertices, vector_at, vertices,
+};
+use glam::Vec3;
 
 /// Pixels a side of a tile: the unit of parallel work, small enough that its rays meet the same nodes.
 pub const TILE: usize = 16;
@@ -186,11 +188,9 @@ impl<T: Tracer, C: Coverage, W: Fn(Pixel, u32) -> bool> Work<()> for Survey<'_, 
                         known.surface = Some(surfaces.get(&points, lane));
                         known.origin = surfaces.origin(lane);
                     } else {
-                        let pixel = lanes.pixels[index] as usize;
-                        let [position, normal] = [pass.job.position, pass.job.normal]
-                            .map(|buffer| Vec4::from_array(buffer[pixel]).truncate());
-                        let (surface, view) = pass.surface_of(pass.point_of(lanes.triangles[index], position), normal);
-                        known.surface = Some((surface, view));
+                        let point = pass.point_of(lanes.triangles[index], vector_at(&stored, index));
+                        let seen @ (surface, _) = pass.surface_of(point, vector_at(&normals, index));
+                        known.surface = Some(seen);
                         known.origin = surface.origin(surface.facing);
                     }
                 }
@@ -226,10 +226,11 @@ pub(super) fn prepare<T: Tracer, C: Coverage>(
 mod tests {
     use super::{Area, Lights, Survey, TILE};
     use crate::effects::testing::{Shot, World, grid};
-    use crate::effects::{OfMaterials, Opaque, Pass};
+    use crate::effects::{Opaque, Pass};
     use crate::trace::{Detected, Lanes};
     use curitiba_pipeline::backend::NO_TRIANGLE;
     use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+    use curitiba_pipeline::scene::TriangleRanges;
     use glam::Vec3;
     use std::collections::BTreeSet;
 
@@ -270,8 +271,8 @@ mod tests {
             occlusion: None,
             strata: 0,
             open_share: Vec::new(),
-            glass: OfMaterials::default(),
-            shadow_glass: OfMaterials::default(),
+            glass: TriangleRanges::default(),
+            shadow_glass: TriangleRanges::default(),
         };
         let area = Area { x: 0, y: 0, width: TILE, height: TILE, stride: TILE };
         for simd in [Lanes::Avx512, Lanes::Avx2, Lanes::Portable].into_iter().filter_map(Detected::new) {

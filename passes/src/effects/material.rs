@@ -3,9 +3,8 @@
 use super::Pass;
 use crate::trace::Hit;
 use curitiba_pipeline::backend::Shade;
-use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
+use curitiba_pipeline::scene::{Geometry, RenderScene};
 use glam::{Vec2, Vec3};
-use std::ops::Range;
 
 /// The report's ambient light.
 pub const AMBIENT: f32 = 0.3;
@@ -41,35 +40,6 @@ impl Coverage for AlphaTested<'_> {
         let (Some(texture), Some(cutoff)) = (shade.texture, shade.alpha_cutoff) else { return true };
         let uv = texture_coordinates(&self.scene.geometry, hit);
         self.scene.textures[texture as usize].sample(uv, 0.0).w >= cutoff
-    }
-}
-
-/// The triangles of some materials. They are sorted by material, so these are few runs, and whether a triangle is among them takes a
-/// comparison or two where its material would have to be looked for among all.
-#[derive(Debug, Default)]
-pub struct OfMaterials(Vec<Range<u32>>);
-
-impl OfMaterials {
-    /// Those of the materials that are marked; a material beyond the list is not.
-    #[must_use]
-    pub fn new(geometry: &Geometry, marked: &[bool]) -> Self {
-        let mut runs: Vec<Range<u32>> = Vec::new();
-        let is_marked = |batch: &&Batch| marked.get(batch.material as usize) == Some(&true);
-        for &Batch { first, count, .. } in geometry.batches.iter().filter(is_marked) {
-            match runs.last_mut() {
-                Some(run) if run.end == first => run.end += count,
-                _ => runs.push(first..first + count),
-            }
-        }
-        Self(runs)
-    }
-
-    /// Whether a triangle is one of them.
-    #[inline]
-    #[must_use]
-    pub fn contains(&self, triangle: u32) -> bool {
-        let next = self.0.partition_point(|run| run.start <= triangle);
-        next > 0 && triangle < self.0[next - 1].end
     }
 }
 
@@ -109,32 +79,5 @@ impl<T, C> Pass<'_, T, C> {
                 (lit + AMBIENT) * texel.truncate()
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn triangles_of_marked_materials_are_found_as_by_their_materials() {
-        let batch = |material, first, count| Batch { material, first, count };
-        let geometry = Geometry {
-            batches: vec![batch(4, 0, 3), batch(1, 3, 2), batch(2, 5, 0), batch(0, 5, 4), batch(3, 9, 1)],
-            ..Geometry::default()
-        };
-        for marks in 0..32_u32 {
-            let marked: Vec<bool> = (0..5).map(|material| marks >> material & 1 == 1).collect();
-            let found = OfMaterials::new(&geometry, &marked);
-            for triangle in 0..10 {
-                assert_eq!(
-                    found.contains(triangle),
-                    marked[geometry.material_of(triangle) as usize],
-                    "{marks:b} {triangle}"
-                );
-            }
-            assert!(found.0.len() <= 3 && !found.contains(10) && !found.contains(u32::MAX));
-        }
-        assert!((0..10).all(|triangle| !OfMaterials::new(&geometry, &[]).contains(triangle)));
     }
 }

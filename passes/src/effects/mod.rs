@@ -46,13 +46,14 @@ pub mod ssao;
 mod surface;
 
 pub use lights::{Area, Lights, TILE};
-pub use material::{AlphaTested, Coverage, OfMaterials, Opaque};
+pub use material::{AlphaTested, Coverage, Opaque};
 pub use occlusion::{SHADOWED, open_shares};
 pub use optics::{Interface, fresnel, interface, reflect, schlick};
 
 use crate::sampling::HemisphereSampler;
 use crate::trace::{Directions, Hit, Nearby, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob};
+use curitiba_pipeline::scene::TriangleRanges;
 use glam::{Vec3, Vec4};
 
 /// What other spellings of the programs must have in common with these, beside the formulas.
@@ -84,9 +85,9 @@ pub struct Pass<'a, T, C> {
     /// See [`open_shares`]; empty where occlusion is off.
     pub open_share: Vec<f32>,
     /// The triangles of glass, for radiance rays.
-    pub glass: OfMaterials,
+    pub glass: TriangleRanges,
     /// Those that shadow rays pass.
-    pub shadow_glass: OfMaterials,
+    pub shadow_glass: TriangleRanges,
 }
 
 /// A pixel of the pass.

@@ -3,7 +3,7 @@
 use super::material::interpolate;
 use super::optics::reflect;
 use super::{Coverage, Pass, Pixel};
-use crate::trace::{F16, Hit, LANES, Points, Ray, SurfacePoint, Tracer};
+use crate::trace::{F16, Hit, LANES, Points, Ray, SurfacePoint, Tracer, vector_at};
 use glam::Vec3;
 
 /// A point of a triangle, seen from one side.
@@ -74,7 +74,7 @@ impl Surfaces {
         let zero = [[0.0; LANES]; 3];
         let mut surfaces = Self { facing: zero, normal: zero, view: zero, origin: zero };
         for lane in 0..LANES {
-            let stored = Vec3::from_array([0, 1, 2].map(|axis: usize| normals[axis].0[half * LANES + lane]));
+            let stored = vector_at(normals, half * LANES + lane);
             let (surface, view) = Surface::seen(points.point(lane), stored, eye);
             let origin = surface.origin(surface.facing);
             for axis in 0..3 {

@@ -199,7 +199,7 @@ fn exponent(low: f32, high: f32) -> u8 {
 impl DeviceNode {
     /// A node at its place, its children in their slots.
     fn new(node: &Node, slots: &Slots, leaves: &[Members], place: &Place) -> Self {
-        let whole = slots.taken().fold(Bounds::EMPTY, |all, (_, lane)| all.union(node.bounds(lane)));
+        let whole = node.whole();
         let mut written = Self {
             corner: whole.low.to_array(),
             exponents: [0, 1, 2].map(|axis| exponent(whole.low[axis], whole.high[axis])),
@@ -266,7 +266,7 @@ impl Slots {
     /// Greedily, the child that lies farthest towards the slot's corner first.
     fn of(node: &Node) -> Self {
         let used = |lane: &usize| node.children[*lane] != Child::NONE;
-        let whole = (0..LANES).filter(used).fold(Bounds::EMPTY, |all, lane| all.union(node.bounds(lane)));
+        let whole = node.whole();
         let center = (whole.low + whole.high) * 0.5;
         // How far each child lies towards the corner of each slot; what is out of the choice is lower than anything.
         let mut along = [[OUT; LANES]; LANES];

@@ -1,6 +1,6 @@
 //! Directions of many rays from one origin, as vector code reads them.
 
-use super::lanes::{F16, WIDE};
+use super::lanes::{F16, WIDE, vector_at};
 use glam::Vec3;
 
 /// Unit directions, structure of arrays, in vectors of sixteen. It pays where those of one vector are neighbours.
@@ -88,8 +88,7 @@ impl Directions {
     /// If there is no such direction.
     #[must_use]
     pub fn get(&self, index: usize) -> Vec3 {
-        let vector = &self.vectors[index / WIDE];
-        Vec3::from_array([0, 1, 2].map(|axis: usize| vector[axis].0[index % WIDE]))
+        vector_at(&self.vectors[index / WIDE], index % WIDE)
     }
 }
 

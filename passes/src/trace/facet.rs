@@ -9,7 +9,7 @@
 
 use super::block::Block;
 use super::clear::{Ball, Plane};
-use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, load_axes};
+use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, load_axes, vector_at};
 use super::query::UNIT_ROUNDOFF;
 use glam::{DVec3, Vec3};
 
@@ -273,10 +273,9 @@ impl Group {
     /// One triangle, for the watertight test, in the first lane of a block.
     pub(super) fn block(&self, lane: usize) -> Block {
         let mut block = Block::EMPTY;
-        let corner = |corner: &[F16; 3]| Vec3::new(corner[0].0[lane], corner[1].0[lane], corner[2].0[lane]);
-        let [a, b, c] = &self.corners;
+        let corners = self.corners.each_ref().map(|corner| vector_at(corner, lane));
         let flag = if self.transparent >> lane & 1 == 1 { super::block::TRANSPARENT } else { 0 };
-        block.set(0, [corner(a), corner(b), corner(c)], self.ids[lane] | flag);
+        block.set(0, corners, self.ids[lane] | flag);
         block
     }
 }

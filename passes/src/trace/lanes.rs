@@ -1,7 +1,7 @@
 //! Eight numbers at a time. But for [`Simd::about_mul_add`] nothing is fused or reassociated, so every instruction set gives
 //! the same bits.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// Triangles in a block and children of a node.
 pub(crate) const LANES: usize = 8;
@@ -18,6 +18,12 @@ pub(crate) const WIDE: usize = 2 * LANES;
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct F16(pub(crate) [f32; WIDE]);
+
+/// One of sixteen vectors, kept by axis.
+#[inline(always)]
+pub(crate) fn vector_at(axes: &[F16; 3], lane: usize) -> Vec3 {
+    Vec3::new(axes[0].0[lane], axes[1].0[lane], axes[2].0[lane])
+}
 
 impl F16 {
     pub(crate) const ZERO: Self = Self([0.0; WIDE]);

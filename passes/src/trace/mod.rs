@@ -50,7 +50,7 @@ pub use directions::Directions;
 pub use dispatch::Lanes;
 pub(crate) use dispatch::{Detected, Work};
 pub use double::Double;
-pub(crate) use lanes::{F16, LANES, Mask, Simd, higher, lower};
+pub(crate) use lanes::{F16, LANES, Mask, Simd, higher, lower, vector_at};
 pub use nearby::{Nearby, Neighbourhood};
 pub use offset::SurfacePoint;
 pub use packet::{PACKET, Packet, PacketHits};

@@ -5,7 +5,7 @@ use super::clear::{Ball, Plane, half_balls, slack};
 use super::directions::Directions;
 use super::dispatch::{Detected, Work};
 use super::facet::{Facet, Facets, Group, LONGEST, Verdict, View};
-use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, first_wide_lane, load_axes, without_first};
+use super::lanes::{F16, Mask, NO_LANES, Simd, WIDE, first_lane, first_wide_lane, load_axes, vector_at, without_first};
 use super::node::Child;
 use super::query::{Bounds, Query, UNIT_ROUNDOFF};
 use super::stack::Stack;
@@ -403,7 +403,7 @@ impl<A: FnMut(&Hit) -> bool> CountOpen<'_, A> {
         while rays != NO_LANES {
             let index = first_wide_lane(rays);
             rays = without_first(rays);
-            let direction = Vec3::new(vector[0].0[index], vector[1].0[index], vector[2].0[index]);
+            let direction = vector_at(vector, index);
             let ray = Ray { origin: nearby.origin, direction, t_min: nearby.t_min, t_max: nearby.t_max };
             let Some(query) = Query::new(&ray, &nearby.bounds) else { continue };
             stopped |= Mask::from(blocked(simd, &block, &query, &mut self.accept)) << index;

@@ -101,6 +101,11 @@ impl Node {
         Bounds { low: low.into(), high: high.into() }
     }
 
+    /// Bounds of all children: those of unused lanes are empty.
+    pub(super) fn whole(&self) -> Bounds {
+        (0..LANES).fold(Bounds::EMPTY, |all, lane| all.union(self.bounds(lane)))
+    }
+
     /// Puts a child into a lane.
     pub(super) fn set(&mut self, lane: usize, bounds: Bounds, child: Child) {
         for axis in 0..3 {

@@ -251,6 +251,47 @@ impl Geometry {
     }
 }
 
+/// The triangles of some materials. They are sorted by material, so these are few ranges of ids, and whether a triangle is among them
+/// takes a comparison or two where its material would have to be looked for among all.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct TriangleRanges(Vec<[u32; 2]>);
+
+impl TriangleRanges {
+    /// Those of the materials that are marked.
+    #[must_use]
+    pub fn new(geometry: &Geometry, marked: &[bool]) -> Self {
+        let mut ranges = Self::default();
+        ranges.find(geometry, marked);
+        ranges
+    }
+
+    /// Replaces them by those of the materials that are marked; a material beyond the list is not.
+    pub fn find(&mut self, geometry: &Geometry, marked: &[bool]) {
+        self.0.clear();
+        let is_marked = |batch: &&Batch| batch.count > 0 && marked.get(batch.material as usize) == Some(&true);
+        for &Batch { first, count, .. } in geometry.batches.iter().filter(is_marked) {
+            match self.0.last_mut() {
+                Some([_, end]) if *end == first => *end += count,
+                _ => self.0.push([first, first + count]),
+            }
+        }
+    }
+
+    /// First and end of each, in ascending order; none is empty, and no two touch.
+    #[must_use]
+    pub fn as_slice(&self) -> &[[u32; 2]] {
+        &self.0
+    }
+
+    /// Whether a triangle is in one of them.
+    #[inline]
+    #[must_use]
+    pub fn contains(&self, triangle: u32) -> bool {
+        let next = self.0.partition_point(|[first, _]| *first <= triangle);
+        next > 0 && triangle < self.0[next - 1][1]
+    }
+}
+
 /// A scene made ready for rendering: flat geometry, materials, and decoded textures.
 #[derive(Debug, Clone, Default)]
 pub struct RenderScene {
@@ -298,5 +339,32 @@ impl RenderScene {
                 .map(|material| Material { texture: material.texture.map(|texture| texture + textures), ..material }),
         );
         self.textures.extend(other.textures);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_of_marked_materials_are_found_as_by_their_materials() {
+        let batch = |material, first, count| Batch { material, first, count };
+        let geometry = Geometry {
+            batches: vec![batch(4, 0, 3), batch(1, 3, 2), batch(2, 5, 0), batch(0, 5, 4), batch(3, 9, 1)],
+            ..Geometry::default()
+        };
+        for marks in 0..32_u32 {
+            let marked: Vec<bool> = (0..5).map(|material| marks >> material & 1 == 1).collect();
+            let found = TriangleRanges::new(&geometry, &marked);
+            for triangle in 0..10 {
+                assert_eq!(
+                    found.contains(triangle),
+                    marked[geometry.material_of(triangle) as usize],
+                    "{marks:b} {triangle}"
+                );
+            }
+            assert!(found.as_slice().len() <= 3 && !found.contains(10) && !found.contains(u32::MAX));
+        }
+        assert!((0..10).all(|triangle| !TriangleRanges::new(&geometry, &[]).contains(triangle)));
     }
 }

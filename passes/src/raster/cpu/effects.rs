@@ -14,7 +14,7 @@ use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::raster_effects::EffectProgram;
-use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::scene::{RenderScene, TriangleRanges};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -140,7 +140,8 @@ impl Effects {
     ) -> Result<(), BackendError> {
         let bounds = self.scene.bounds(job.scene);
         // In a picture without a pixel of glass nothing asks the maps.
-        let wanted = job.glass.contains(&true) && job.triangle.par_iter().any(|id| effects::is_glass(job, *id));
+        let glazed = TriangleRanges::new(&job.scene.geometry, job.glass);
+        let wanted = !glazed.as_slice().is_empty() && job.triangle.par_iter().any(|id| glazed.contains(*id));
         let panes = if wanted { self.scene.panes(job.scene, job.glass) } else { &[] };
         let probes = self.probes.choose(panes, &bounds, &job.view, job.params.probes);
         let maps = probes.len() * cube::FACES;
@@ -172,7 +173,7 @@ impl Effects {
         let refracts = job.program == EffectProgram::CubeRefraction;
         let faces = &self.faces;
         stats.pixels = each_pixel(output, progress, |_, _, index| {
-            if effects::is_glass(job, job.triangle[index]) {
+            if glazed.contains(job.triangle[index]) {
                 glass(job, probes, faces, index, refracts)
             } else {
                 job.color[index]

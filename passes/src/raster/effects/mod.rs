@@ -122,14 +122,6 @@ pub fn check_map_bytes(program: EffectProgram, bytes: u64) -> Result<(), String>
     Err(format!("its maps would take {:.1} GiB, the limit is {limit} GiB; lower `mapsize` or `{other}`", gib(bytes)))
 }
 
-/// Whether the triangle that a pixel shows is glass; ids of no triangle are not.
-#[must_use]
-pub fn is_glass(job: &EffectJob<'_>, triangle: u32) -> bool {
-    let geometry = &job.scene.geometry;
-    (triangle as usize) < geometry.triangles.len()
-        && job.glass.get(geometry.material_of(triangle) as usize).copied().unwrap_or(false)
-}
-
 /// The unit direction in which the eye sees a position, and the unit normal turned to the eye. `None` where there is no normal
 /// or the position is the eye's or not a number.
 #[must_use]

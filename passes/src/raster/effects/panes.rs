@@ -3,7 +3,7 @@
 use super::bounds::{Bounds, Frustum};
 use super::cube;
 use curitiba_pipeline::backend::View;
-use curitiba_pipeline::scene::Geometry;
+use curitiba_pipeline::scene::{Geometry, TriangleRanges};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -20,9 +20,8 @@ pub struct Pane {
 /// the first triangle. Takes 24 bytes a glass triangle corner while it runs.
 #[must_use]
 pub fn find(geometry: &Geometry, glass: &[bool]) -> Vec<Pane> {
-    let is_glass = |material: u32| glass.get(material as usize).copied().unwrap_or(false);
-    let batches = geometry.batches.iter().filter(|batch| is_glass(batch.material));
-    let triangles: Vec<u32> = batches.flat_map(|batch| batch.first..batch.first + batch.count).collect();
+    let ranges = TriangleRanges::new(geometry, glass);
+    let triangles: Vec<u32> = ranges.as_slice().iter().flat_map(|&[first, end]| first..end).collect();
     // Adding 0 makes -0 the same as 0.
     let key = |position: Vec3| position.to_array().map(|value| (value + 0.0).to_bits());
     let mut corners: Vec<([u32; 3], u32)> = triangles

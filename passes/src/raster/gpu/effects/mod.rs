@@ -22,12 +22,13 @@ use super::textures::DeviceTextures;
 use super::timer::Timer;
 use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::panes::Probes;
-use crate::raster::effects::{SceneCache, check, check_map_bytes, cube, is_glass};
+use crate::raster::effects::{SceneCache, check, check_map_bytes, cube};
 use ask::Ask;
 use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, View};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::raster_effects::EffectProgram;
+use curitiba_pipeline::scene::TriangleRanges;
 use inputs::Inputs;
 use kept::Kept;
 use maps::{Maps, MapsKey};
@@ -65,8 +66,8 @@ pub(super) struct Effects {
     boxes: Table,
     probes: Probes,
     views: Vec<View>,
-    /// Of [`Self::glass`], before it is uploaded.
-    ranges: Vec<[u32; 2]>,
+    /// The triangles that are glass: what [`Self::glass`] holds.
+    ranges: TriangleRanges,
 }
 
 /// A program, the size of its output, and its maps.
@@ -165,7 +166,7 @@ impl Effects {
             boxes: Table::new(gpu)?,
             probes: Probes::default(),
             views: Vec::new(),
-            ranges: Vec::new(),
+            ranges: TriangleRanges::default(),
         })
     }
 
@@ -245,11 +246,11 @@ impl Effects {
     ) -> Result<Option<[f32; 2]>, BackendError> {
         let glass = job.program.info().glass;
         if glass {
-            glass_ranges(job, &mut self.ranges);
-            if self.glass.write(gpu, bytemuck::cast_slice(&self.ranges))? {
+            self.ranges.find(&job.scene.geometry, job.glass);
+            if self.glass.write(gpu, bytemuck::cast_slice(self.ranges.as_slice()))? {
                 self.groups.clear();
             }
-            if self.ranges.is_empty() {
+            if self.ranges.as_slice().is_empty() {
                 return Ok(None);
             }
         } else if job.program != EffectProgram::ShadowMap {
@@ -257,7 +258,7 @@ impl Effects {
         }
         if !job.resident {
             return Ok(match glass {
-                true => job.triangle.par_iter().any(|triangle| is_glass(job, *triangle)).then_some([0.0; 2]),
+                true => job.triangle.par_iter().any(|triangle| self.ranges.contains(*triangle)).then_some([0.0; 2]),
                 false => cascades::lit_depths(job),
             });
         }
@@ -265,7 +266,7 @@ impl Effects {
             Some(ask) => ask,
             none => none.insert(Ask::new(gpu, &self.inputs, glass)?),
         };
-        let ranges = self.ranges.len() as u32;
+        let ranges = self.ranges.as_slice().len() as u32;
         let depth_plane = cascades::depth_plane(&job.view);
         let params = AskUniform { depth_plane, size: [job.width, job.height], id_base, ranges };
         ask.any(gpu, gbuffer, &self.glass.buffer, params)
@@ -337,7 +338,7 @@ impl Effects {
             stats.map_count = chosen as u32;
             (stats.maps, stats.triangles, stats.bytes) = (Some(part), triangles, maps.bytes);
         }
-        let params = bytemuck::bytes_of(&CubeUniform::new(job, chosen, self.ranges.len())).to_vec();
+        let params = bytemuck::bytes_of(&CubeUniform::new(job, chosen, self.ranges.as_slice().len())).to_vec();
         Ok(Prepared { maps: Some(key), params })
     }
 
@@ -377,19 +378,5 @@ impl Effects {
         let group = compiled.bind(gpu, &output.view, &resources)?;
         self.groups.insert(key, group.clone());
         Ok(group)
-    }
-}
-
-/// First triangle and end of every run of triangles that are glass, ascending.
-fn glass_ranges(job: &EffectJob<'_>, ranges: &mut Vec<[u32; 2]>) {
-    ranges.clear();
-    for batch in &job.scene.geometry.batches {
-        if batch.count == 0 || !job.glass.get(batch.material as usize).copied().unwrap_or(false) {
-            continue;
-        }
-        match ranges.last_mut() {
-            Some(last) if last[1] == batch.first => last[1] += batch.count,
-            _ => ranges.push([batch.first, batch.first + batch.count]),
-        }
     }
 }
