@@ -152,16 +152,22 @@ fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result
 trait Runner {
     type Output;
 
-    /// Computes them; `prepare` is shown each tile before its pixels, where they are computed in tiles.
+    /// Computes them; where they are computed in tiles, `tile` is shown each before its pixels, with its rows. It may write them all
+    /// itself, and says so.
     fn each(
         self,
-        prepare: impl Fn(Area, &mut Workspace) + Sync,
+        tile: impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool + Sync,
         pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
     ) -> Self::Output;
 }
 
+/// The rows of a tile, [`TILE`] each; those that one at the lower border lacks are empty.
+type Rows<'o> = [&'o mut [[f32; 4]]; TILE];
+
 /// For programs whose pixels have nothing in common.
-fn alone(_: Area, _: &mut Workspace) {}
+fn alone(_: Area, _: &mut Rows<'_>, _: &mut Workspace) -> bool {
+    false
+}
 
 /// All of them, over rayon's global pool.
 struct Whole<'o> {
@@ -174,10 +180,10 @@ impl Runner for Whole<'_> {
 
     fn each(
         self,
-        prepare: impl Fn(Area, &mut Workspace) + Sync,
+        tile: impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool + Sync,
         pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
     ) -> RayCounts {
-        each_pixel((self.output, self.progress), prepare, pixel)
+        each_tile((self.output, self.progress), tile, pixel)
     }
 }
 
@@ -189,7 +195,7 @@ impl Runner for One {
 
     fn each(
         self,
-        _: impl Fn(Area, &mut Workspace) + Sync,
+        _: impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool + Sync,
         pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
     ) -> [f32; 4] {
         pixel(self.0, &mut Workspace::default())
@@ -202,8 +208,11 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
         (RayProgram::Dummy, _) => unreachable!("dummy traces nothing"),
         (RayProgram::DeferredShadows, Thesis) => pixels.each(alone, |p, w| deferred_shadows::thesis::pixel(pass, p, w)),
         (RayProgram::DeferredShadows, Corrected) => {
-            let prepare = |area, work: &mut Workspace| deferred_shadows::corrected::prepare(pass, area, work);
-            pixels.each(prepare, |p, w| deferred_shadows::corrected::pixel(pass, p, w))
+            let tile = |area, rows: &mut Rows<'_>, work: &mut Workspace| {
+                deferred_shadows::corrected::tile(pass, area, rows, work);
+                true
+            };
+            pixels.each(tile, |p, w| deferred_shadows::corrected::pixel(pass, p, w))
         }
         (RayProgram::Reflection, Thesis) => pixels.each(alone, |p, w| reflection::thesis::pixel(pass, p, w)),
         (RayProgram::Reflection, Corrected) => pixels.each(alone, |p, w| reflection::corrected::pixel(pass, p, w)),
@@ -211,56 +220,77 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
         (RayProgram::Refraction, Corrected) => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
         (RayProgram::Ssao, Thesis) => pixels.each(alone, |p, w| ssao::thesis::pixel(pass, p, w)),
         (RayProgram::Ssao, Corrected) => {
-            let prepare = |area, work: &mut Workspace| ssao::corrected::prepare(pass, area, work);
-            pixels.each(prepare, |p, w| ssao::corrected::pixel(pass, p, w))
+            let tile = |area, _: &mut Rows<'_>, work: &mut Workspace| {
+                ssao::corrected::prepare(pass, area, work);
+                false
+            };
+            pixels.each(tile, |p, w| ssao::corrected::pixel(pass, p, w))
         }
         (RayProgram::Final, Thesis) => pixels.each(alone, |p, w| combined::thesis::pixel(pass, p, w)),
         (RayProgram::Final, Corrected) => {
-            let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);
-            pixels.each(prepare, |p, w| combined::corrected::pixel(pass, p, w))
+            let tile = |area, _: &mut Rows<'_>, work: &mut Workspace| {
+                combined::corrected::prepare(pass, area, work);
+                false
+            };
+            pixels.each(tile, |p, w| combined::corrected::pixel(pass, p, w))
         }
     }
 }
 
-/// The rows of an image by tile, [`TILE`] each; those that a tile at the lower border lacks are empty.
-fn rows_of_tiles(image: &mut Image) -> Vec<&mut [[f32; 4]]> {
+/// Tiles side by side that a thread takes at a time.
+const RUN: usize = 8;
+
+/// The rows of an image, cut into runs of tiles: those of the first row of tiles come first.
+fn runs_of_tiles(image: &mut Image) -> Vec<Rows<'_>> {
     let width = (image.width as usize).max(1);
-    let (across, down) = (width.div_ceil(TILE), image.pixels.len().div_ceil(width).div_ceil(TILE));
-    let mut rows = Vec::new();
-    rows.resize_with(across * down * TILE, Default::default);
+    let across = width.div_ceil(RUN * TILE);
+    let mut runs = Vec::new();
+    runs.resize_with(across * image.pixels.len().div_ceil(width).div_ceil(TILE), Rows::default);
     for (y, row) in image.pixels.chunks_mut(width).enumerate() {
-        for (column, part) in row.chunks_mut(TILE).enumerate() {
-            rows[(y / TILE * across + column) * TILE + y % TILE] = part;
+        for (column, part) in row.chunks_mut(RUN * TILE).enumerate() {
+            runs[y / TILE * across + column][y % TILE] = part;
         }
     }
-    rows
+    runs
 }
 
-fn each_pixel(
+fn each_tile(
     (output, progress): (&mut Image, &Progress),
-    prepare: impl Fn(Area, &mut Workspace) + Sync,
+    tile: impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool + Sync,
     pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
 ) -> RayCounts {
     let (width, height) = (output.width as usize, output.height as usize);
-    let across = width.div_ceil(TILE).max(1);
-    let mut rows = rows_of_tiles(output);
-    progress.start((rows.len() / TILE) as u64);
-    rows.par_chunks_mut(TILE)
-        .enumerate()
-        .map_init(Workspace::default, |work, (index, rows)| {
-            work.rays = RayCounts::default();
-            let (left, top) = (index % across * TILE, index / across * TILE);
-            let area =
-                Area { x: left, y: top, width: TILE.min(width - left), height: TILE.min(height - top), stride: width };
-            prepare(area, work);
-            for (down, row) in rows.iter_mut().enumerate() {
-                for (right, out) in row.iter_mut().enumerate() {
-                    let (x, y) = (left + right, top + down);
-                    work.place = down * TILE + right;
-                    *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);
-                }
+    let across = width.div_ceil(RUN * TILE).max(1);
+    let mut runs = runs_of_tiles(output);
+    progress.start((width.div_ceil(TILE) * height.div_ceil(TILE)) as u64);
+    let each = |work: &mut Workspace, (left, top): (usize, usize), rows: &mut Rows<'_>| {
+        let area =
+            Area { x: left, y: top, width: TILE.min(width - left), height: TILE.min(height - top), stride: width };
+        if tile(area, rows, work) {
+            return;
+        }
+        for (down, row) in rows.iter_mut().enumerate() {
+            for (right, out) in row.iter_mut().enumerate() {
+                let (x, y) = (left + right, top + down);
+                work.place = down * TILE + right;
+                *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);
             }
-            progress.advance(1);
+        }
+    };
+    runs.par_iter_mut()
+        .enumerate()
+        .map_init(Workspace::default, |work, (index, run)| {
+            work.rays = RayCounts::default();
+            let (left, top) = (index % across * RUN * TILE, index / across * TILE);
+            for left in (left..width.min(left + RUN * TILE)).step_by(TILE) {
+                let mut rows = Rows::default();
+                for (row, rest) in rows.iter_mut().zip(run.iter_mut()) {
+                    let columns = TILE.min(rest.len());
+                    (*row, *rest) = std::mem::take(rest).split_at_mut(columns);
+                }
+                each(work, (left, top), &mut rows);
+                progress.advance(1);
+            }
             work.rays
         })
         .reduce(RayCounts::default, |mut sum, rays| {

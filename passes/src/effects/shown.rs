@@ -5,7 +5,7 @@ use super::{Coverage, Pass, Pixel};
 use crate::trace::{PACKET, Simd, Tracer};
 
 /// Pixels of a tile.
-pub(super) const PIXELS: usize = TILE * TILE;
+const PIXELS: usize = TILE * TILE;
 /// Stored positions in a line of the cache.
 const PIXELS_A_LINE: usize = 4;
 
@@ -55,6 +55,32 @@ impl Shown {
             count += 1;
         }
         self.count = count;
+    }
+
+    /// Forgets all.
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Their places in the tile, their pixels of the image, and their triangles.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (usize, usize, u32)> {
+        let pixels = self.places.iter().zip(&self.pixels).zip(&self.triangles).take(self.count);
+        pixels.map(|((place, pixel), triangle)| (usize::from(*place), *pixel as usize, *triangle))
+    }
+
+    /// Adds a pixel: its place in the tile, the pixel of the image, and the triangle.
+    ///
+    /// # Panics
+    /// If all pixels of a tile are there.
+    pub(super) fn push(&mut self, place: usize, pixel: usize, triangle: u32) {
+        self.places[self.count] = place as u8;
+        self.pixels[self.count] = pixel as u32;
+        self.triangles[self.count] = triangle;
+        self.count += 1;
     }
 
     /// All that were found. What the last sixteen lack are pixels that were found before, here or in another tile.

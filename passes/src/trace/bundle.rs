@@ -34,14 +34,15 @@ pub(super) fn closest_packets(
     bvh.lanes.run(ClosestPackets { bvh, packets, hits, accept });
 }
 
-/// See [`Tracer::occluded_packets`](super::Tracer::occluded_packets). Compiled once, for whatever `accept` is.
-pub(super) fn occluded_packets(
+/// See [`Tracer::occluded_packets`](super::Tracer::occluded_packets); with `LISTS`, those of rays of one direction are tried first.
+/// Compiled once, for whatever `accept` is.
+pub(super) fn occluded_packets<const LISTS: bool>(
     bvh: &Bvh,
     packets: &[Packet],
     blocked: &mut [u16],
     accept: &mut dyn FnMut(usize, &Hit) -> bool,
 ) {
-    bvh.lanes.run(OccludedPackets { bvh, packets, blocked, accept });
+    bvh.lanes.run(OccludedPackets::<_, LISTS> { bvh, packets, blocked, accept });
 }
 
 struct ClosestPackets<'a, A> {
@@ -51,7 +52,7 @@ struct ClosestPackets<'a, A> {
     accept: A,
 }
 
-struct OccludedPackets<'a, A> {
+struct OccludedPackets<'a, A, const LISTS: bool> {
     bvh: &'a Bvh,
     packets: &'a [Packet],
     blocked: &'a mut [u16],
@@ -68,7 +69,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Work<()> for ClosestPackets<'_, A> {
     }
 }
 
-impl<A: FnMut(usize, &Hit) -> bool> Work<()> for OccludedPackets<'_, A> {
+impl<A: FnMut(usize, &Hit) -> bool, const LISTS: bool> Work<()> for OccludedPackets<'_, A, LISTS> {
     #[inline(always)]
     fn run<S: Simd>(mut self, simd: S) {
         self.blocked.fill(0);
@@ -76,7 +77,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Work<()> for OccludedPackets<'_, A> {
             let first = chunk * TOGETHER;
             let (blocked, accept) = (&mut self.blocked[first..][..packets.len()], &mut self.accept);
             let mut accept = |ray: usize, hit: &Hit| accept(first * PACKET + ray, hit);
-            if !parallel::occluded(simd, self.bvh, packets, blocked, &mut accept) {
+            if !(LISTS && parallel::occluded(simd, self.bvh, packets, blocked, &mut accept)) {
                 (Sorted { bvh: self.bvh, packets, first }).each(simd, &mut self);
             }
         }
@@ -110,7 +111,7 @@ impl<A: FnMut(usize, &Hit) -> bool> Part for ClosestPackets<'_, A> {
     }
 }
 
-impl<A: FnMut(usize, &Hit) -> bool> Part for OccludedPackets<'_, A> {
+impl<A: FnMut(usize, &Hit) -> bool, const LISTS: bool> Part for OccludedPackets<'_, A, LISTS> {
     /// Nothing is shared: rays that look for anything leave their common way early, and intervals let too much through.
     #[inline(always)]
     fn beams<S: Simd>(&mut self, simd: S, beams: &mut [Beam], packet_of: &[usize; BEAMS]) {

@@ -9,10 +9,11 @@ use super::fan::CountOpen;
 use super::lanes::{NO_LANES, Simd, first_lane, without_first};
 use super::nearby::{Gather, Nearby, Neighbourhood};
 use super::node::{Child, Node};
+use super::parallel;
 use super::query::{Bounds, Query};
 use super::stack::Stack;
 use super::triangles::Triangles;
-use super::{Fan, Hit, Packet, PacketHits, Ray, Tracer};
+use super::{Decided, Estimates, Fan, Hit, Packet, PacketHits, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use obvhs::ploc::PlocSearchDistance;
@@ -174,7 +175,31 @@ impl Tracer for Bvh {
 
     fn occluded_packets(&self, packets: &[Packet], blocked: &mut [u16], mut accept: impl FnMut(usize, &Hit) -> bool) {
         assert_eq!(packets.len(), blocked.len(), "one result for each packet");
-        bundle::occluded_packets(self, packets, blocked, &mut accept);
+        bundle::occluded_packets::<true>(self, packets, blocked, &mut accept);
+    }
+
+    fn occluded_undecided(&self, packets: &[Packet], blocked: &mut [u16], mut accept: impl FnMut(usize, &Hit) -> bool) {
+        assert_eq!(packets.len(), blocked.len(), "one result for each packet");
+        bundle::occluded_packets::<false>(self, packets, blocked, &mut accept);
+    }
+
+    const DECIDES: bool = true;
+
+    fn decide(&self, estimates: &Estimates, decided: &mut Decided) {
+        self.lanes.run(Decide { bvh: self, estimates, decided });
+    }
+}
+
+struct Decide<'a> {
+    bvh: &'a Bvh,
+    estimates: &'a Estimates,
+    decided: &'a mut Decided,
+}
+
+impl Work<()> for Decide<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        parallel::decide(simd, self.bvh, self.estimates, self.decided);
     }
 }
 

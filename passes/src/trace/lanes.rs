@@ -144,6 +144,38 @@ pub(crate) trait Simd: Copy {
         gather_each(values, indices)
     }
 
+    /// Sixteen values, four a row, by component: those of the first row come first. They are moved as bits.
+    #[inline(always)]
+    fn columns(self, rows: [&[[f32; 4]; 4]; 4]) -> [F16; 4] {
+        let mut columns = [F16::ZERO; 4];
+        for (lane, value) in rows.into_iter().flatten().enumerate() {
+            for (column, component) in columns.iter_mut().zip(value) {
+                column.0[lane] = *component;
+            }
+        }
+        columns
+    }
+
+    /// Four numbers four times. Not a copy of each: the whole could not be read at once then.
+    #[inline(always)]
+    fn quarters(self, quarters: [&[u32; 4]; 4]) -> [u32; WIDE] {
+        let mut joined = [0; WIDE];
+        for (part, quarter) in joined.as_chunks_mut().0.iter_mut().zip(quarters) {
+            *part = *quarter;
+        }
+        joined
+    }
+
+    /// The lanes of a number.
+    #[inline(always)]
+    fn wide_equal(self, values: &[u32; WIDE], value: u32) -> Mask {
+        let mut mask = NO_LANES;
+        for (lane, other) in values.iter().enumerate() {
+            mask |= Mask::from(*other == value) << lane;
+        }
+        mask
+    }
+
     /// Has the memory of a value brought near, which changes nothing but the time that reading it takes.
     fn prefetch<T>(self, value: &T);
 }
@@ -365,4 +397,38 @@ fn wide_mask(a: F16, b: F16, comparison: impl Fn(f32, f32) -> bool) -> Mask {
         mask |= Mask::from(comparison(a.0[lane], b.0[lane])) << lane;
     }
     mask
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::{Detected, Lanes, Work};
+
+    struct Moves;
+
+    impl Work<([F16; 4], [u32; WIDE], [Mask; 3])> for Moves {
+        #[inline(always)]
+        fn run<S: Simd>(self, simd: S) -> ([F16; 4], [u32; WIDE], [Mask; 3]) {
+            let rows =
+                [0, 1, 2, 3].map(|row| [0, 1, 2, 3].map(|x| [0, 1, 2, 3].map(|w| (100 * row + 10 * x + w) as f32)));
+            let quarters = [[9, 8, 7, 6], [u32::MAX, 1, 2, 3], [9, 9, 0, 1 << 31], [4, 5, 6, 7]];
+            let joined = simd.quarters(quarters.each_ref());
+            let equal = [9, u32::MAX, 0].map(|value| simd.wide_equal(&joined, value));
+            (simd.columns(rows.each_ref()), joined, equal)
+        }
+    }
+
+    #[test]
+    fn values_are_moved_to_where_they_belong() {
+        for simd in [Lanes::Avx512, Lanes::Avx2, Lanes::Portable].into_iter().filter_map(Detected::new) {
+            let (columns, joined, equal) = simd.run(Moves);
+            for (component, column) in columns.iter().enumerate() {
+                let expected: [usize; WIDE] =
+                    std::array::from_fn(|lane| 100 * (lane / 4) + 10 * (lane % 4) + component);
+                assert_eq!(column.0, expected.map(|value| value as f32), "{simd:?}");
+            }
+            assert_eq!(joined, [9, 8, 7, 6, u32::MAX, 1, 2, 3, 9, 9, 0, 1 << 31, 4, 5, 6, 7]);
+            assert_eq!(equal, [0b11_0000_0001, 1 << 4, 1 << 10], "{simd:?}");
+        }
+    }
 }

@@ -24,6 +24,7 @@ mod directions;
 mod dispatch;
 mod double;
 mod emit;
+mod estimate;
 mod extremes;
 mod face;
 mod facet;
@@ -50,6 +51,8 @@ pub use directions::Directions;
 pub use dispatch::Lanes;
 pub(crate) use dispatch::{Detected, Work};
 pub use double::Double;
+pub(crate) use estimate::Faces;
+pub use estimate::{Decided, Estimates};
 pub(crate) use lanes::{F16, LANES, Mask, Simd, higher, lower, vector_at};
 pub use nearby::{Nearby, Neighbourhood};
 pub use offset::SurfacePoint;
@@ -217,6 +220,16 @@ pub trait Tracer: Sync {
         }
     }
 
+    /// Whether [`Self::decide`] is of use.
+    const DECIDES: bool = false;
+
+    /// What is certain of rays of which only estimates are known, so that the others alone need to be traced. Nothing: a
+    /// tracer may always answer so.
+    fn decide(&self, estimates: &Estimates, decided: &mut Decided) {
+        let _ = estimates;
+        decided.clear();
+    }
+
     /// Which rays of some packets meet anything, one bit a ray.
     ///
     /// The result is that of asking [`Self::occluded`] for each ray; `accept` as in [`Self::closest_packets`].
@@ -232,6 +245,14 @@ pub trait Tracer: Sync {
                 *blocked |= u16::from(stopped) << lane;
             }
         }
+    }
+
+    /// The same of rays of which [`Self::decide`] said nothing: what did not help there need not be tried again.
+    ///
+    /// # Panics
+    /// As [`Self::occluded_packets`].
+    fn occluded_undecided(&self, packets: &[Packet], blocked: &mut [u16], accept: impl FnMut(usize, &Hit) -> bool) {
+        self.occluded_packets(packets, blocked, accept);
     }
 }
 

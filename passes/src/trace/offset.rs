@@ -147,7 +147,7 @@ fn is_farther([u, v]: [f64; 2], edges: [DVec3; 3], cross: DVec3, margin: f64) ->
 }
 
 #[inline(always)]
-fn largest(vector: DVec3) -> f64 {
+pub(super) fn largest(vector: DVec3) -> f64 {
     higher(vector.z, higher(vector.x, vector.y))
 }
 
@@ -157,13 +157,13 @@ fn lower(a: f64, b: f64) -> f64 {
 }
 
 #[inline(always)]
-fn higher(a: f64, b: f64) -> f64 {
+pub(super) fn higher(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
 /// As [`DVec3::normalize_or_zero`], without a branch.
 #[inline(always)]
-fn unit_or_zero(vector: DVec3) -> DVec3 {
+pub(super) fn unit_or_zero(vector: DVec3) -> DVec3 {
     let reciprocal = 1.0 / vector.dot(vector).sqrt();
     vector * if reciprocal < f64::INFINITY && reciprocal > 0.0 { reciprocal } else { 0.0 }
 }

@@ -43,27 +43,37 @@ pub(super) struct View {
     size: Vec3,
     /// What [`DOUBT`] makes of the sum of the largest coordinates from any origin.
     doubt: f32,
+    /// By how much origins may be off, by axis, and across the direction.
+    blur: Vec3,
+    blur_across: [f32; 2],
 }
 
 /// The rays of a packet, seen along the direction.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Seen {
     /// Origins, relative to the centre.
     origin: [F16; 3],
     /// The same across the direction.
     across: [F16; 2],
     pub(super) zone: Zone,
-    /// Largest coordinates of origins.
-    pub(super) size: [f32; 3],
+    /// Bounds of the origins, relative to the centre.
+    low: [f32; 3],
+    high: [f32; 3],
 }
 
 impl Seen {
     pub(super) const NONE: Self =
-        Self { origin: [F16::ZERO; 3], across: [F16::ZERO; 2], zone: Zone::EMPTY, size: [0.0; 3] };
+        Self { origin: [F16::ZERO; 3], across: [F16::ZERO; 2], zone: Zone::EMPTY, low: [0.0; 3], high: [0.0; 3] };
+
+    /// Largest coordinates of origins.
+    #[inline(always)]
+    fn size(&self) -> Vec3 {
+        Vec3::from_array(self.high).max(-Vec3::from_array(self.low))
+    }
 }
 
 /// A rectangle across the direction, and where along it the first ray starts.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Zone {
     low: [f32; 2],
     high: [f32; 2],
@@ -90,12 +100,12 @@ impl Zone {
     }
 
     #[inline(always)]
-    fn pad(&mut self, by: f32, is_backward: bool) {
+    fn pad(&mut self, across: [f32; 2], along: f32) {
         for axis in 0..2 {
-            self.low[axis] -= by;
-            self.high[axis] += by;
+            self.low[axis] -= across[axis];
+            self.high[axis] += across[axis];
         }
-        self.first += if is_backward { by } else { -by };
+        self.first += along;
     }
 }
 
@@ -107,50 +117,87 @@ impl View {
         let direction = direction.map(|d| if d.abs() < f32::MIN_POSITIVE { d * 0.0 } else { d });
         let shear = [direction[x] / direction[z], direction[y] / direction[z]];
         let is_backward = class.backward()[z] == 1;
-        Self { axes, shear, is_backward, direction, center, size: Vec3::ZERO, doubt: f32::INFINITY }
+        Self {
+            axes,
+            shear,
+            is_backward,
+            direction,
+            center,
+            size: Vec3::ZERO,
+            doubt: f32::INFINITY,
+            blur: Vec3::ZERO,
+            blur_across: [0.0; 2],
+        }
+    }
+
+    /// The same, of origins that may be off by so much.
+    #[inline(always)]
+    pub(super) fn blurred(self, blur: Vec3) -> Self {
+        let [x, y, z] = self.axes;
+        // Somewhat more, for its own rounding.
+        let across = |side: usize, axis: usize| (blur[axis] + self.shear[side].abs() * blur[z]) * 1.001;
+        Self { blur, blur_across: [across(0, x), across(1, y)], ..self }
     }
 
     /// Takes in how far origins and the scene reach from the centre, and grows the zones by the rounding that comes of it; false
     /// if products of coordinates might overflow.
     #[inline(always)]
     pub(super) fn settle(&mut self, scene: &Bounds, seen: &mut [Seen]) -> bool {
-        self.size = seen.iter().fold(Vec3::ZERO, |size, seen| size.max(seen.size.into()));
+        self.size = seen.iter().fold(Vec3::ZERO, |size, seen| size.max(seen.size())) + self.blur;
         let center = Vec3::from_array(self.center);
         let reach = (scene.low - center).abs().max((scene.high - center).abs()) + self.size;
         self.doubt = reach.element_sum() * (DOUBT * UNIT_ROUNDOFF);
         let reach = reach.max_element();
         for seen in seen {
-            seen.zone.pad(reach * (COORDINATE * UNIT_ROUNDOFF) + TINY, self.is_backward);
+            let rounding = reach * (COORDINATE * UNIT_ROUNDOFF) + TINY;
+            let along = rounding + self.blur[self.axes[2]];
+            let across = self.blur_across.map(|blur| rounding + blur);
+            seen.zone.pad(across, if self.is_backward { along } else { -along });
         }
         reach <= LARGEST
     }
 
     #[inline(always)]
     pub(super) fn packet<S: Simd>(&self, simd: S, packet: &Packet, valid: Mask) -> Seen {
-        let zero = simd.wide_splat(0.0);
-        let (mut origin, mut size) = ([zero; 3], [0.0; 3]);
+        let mut origin = [simd.wide_splat(0.0); 3];
         for axis in 0..3 {
-            let from = simd.wide_sub(simd.wide_load(&F16(packet.origin[axis])), simd.wide_splat(self.center[axis]));
-            origin[axis] = simd.wide_select(valid, from, zero);
-            size[axis] = simd.wide_most(simd.wide_abs(origin[axis]));
+            let from = simd.wide_load(&F16(packet.origin[axis]));
+            origin[axis] = simd.wide_sub(from, simd.wide_splat(self.center[axis]));
+        }
+        self.rays(simd, origin, valid)
+    }
+
+    /// Rays whose origins are given from the centre.
+    #[inline(always)]
+    pub(super) fn rays<S: Simd>(&self, simd: S, mut origin: [S::Wide; 3], valid: Mask) -> Seen {
+        let zero = simd.wide_splat(0.0);
+        let (x_low, x_high) = reach(simd, origin[0], valid);
+        let (y_low, y_high) = reach(simd, origin[1], valid);
+        let (z_low, z_high) = reach(simd, origin[2], valid);
+        for axis in 0..3 {
+            origin[axis] = simd.wide_select(valid, origin[axis], zero);
         }
         let [x, y, z] = self.axes;
-        let (mut zone, mut stored) = (Zone::EMPTY, [F16::ZERO; 2]);
-        let (most, least) = (simd.wide_splat(f32::INFINITY), simd.wide_splat(f32::NEG_INFINITY));
-        for (side, axis) in [x, y].into_iter().enumerate() {
+        let across = |side: usize, axis: usize| {
             let moved = simd.wide_mul(origin[z], simd.wide_splat(self.shear[side]));
-            let across = simd.wide_sub(origin[axis], moved);
-            stored[side] = simd.wide_store(across);
-            zone.low[side] = simd.wide_least(simd.wide_select(valid, across, most));
-            zone.high[side] = simd.wide_most(simd.wide_select(valid, across, least));
-        }
-        zone.first = if self.is_backward {
-            simd.wide_most(simd.wide_select(valid, origin[z], least))
-        } else {
-            simd.wide_least(simd.wide_select(valid, origin[z], most))
+            simd.wide_sub(origin[axis], moved)
         };
-        let origin = [simd.wide_store(origin[0]), simd.wide_store(origin[1]), simd.wide_store(origin[2])];
-        Seen { origin, across: stored, zone, size }
+        let (a, b) = (across(0, x), across(1, y));
+        let ((a_low, a_high), (b_low, b_high)) = (reach(simd, a, valid), reach(simd, b, valid));
+        // Chosen number by number: parts of an array would be read as a whole just after they were written.
+        let of_z = |at_x: f32, at_y: f32, at_z: f32| match z {
+            0 => at_x,
+            1 => at_y,
+            _ => at_z,
+        };
+        let first = if self.is_backward { of_z(x_high, y_high, z_high) } else { of_z(x_low, y_low, z_low) };
+        Seen {
+            origin: [simd.wide_store(origin[0]), simd.wide_store(origin[1]), simd.wide_store(origin[2])],
+            across: [simd.wide_store(a), simd.wide_store(b)],
+            zone: Zone { low: [a_low, b_low], high: [a_high, b_high], first },
+            low: [x_low, y_low, z_low],
+            high: [x_high, y_high, z_high],
+        }
     }
 
     /// The children of a node that rays of a zone may enter.
@@ -205,8 +252,16 @@ impl View {
     }
 }
 
+/// The least and the greatest of some of sixteen numbers.
+#[inline(always)]
+fn reach<S: Simd>(simd: S, numbers: S::Wide, of: Mask) -> (f32, f32) {
+    let low = simd.wide_select(of, numbers, simd.wide_splat(f32::INFINITY));
+    let high = simd.wide_select(of, numbers, simd.wide_splat(f32::NEG_INFINITY));
+    (simd.wide_least(low), simd.wide_most(high))
+}
+
 /// Sixteen triangles, seen along the direction.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Outlines {
     low: [F16; 2],
     high: [F16; 2],
@@ -223,7 +278,7 @@ pub(super) struct Outlines {
 }
 
 impl Outlines {
-    const EMPTY: Self = Self {
+    pub(super) const EMPTY: Self = Self {
         low: [F16::ZERO; 2],
         high: [F16::ZERO; 2],
         edge: [[F16::ZERO; 2]; 3],
@@ -281,9 +336,14 @@ impl Outlines {
             ];
             let (a, b, c) = (dot(simd, normal, from), dot(simd, normal, to), dot(simd, normal, other));
             let least = simd.wide_min_or(simd.wide_min_or(a, b), c);
+            let mut error = edge_error;
+            for side in 0..2 {
+                let blur = simd.wide_splat(view.blur_across[side]);
+                error = simd.wide_about_mul_add(simd.wide_abs(normal[side]), blur, error);
+            }
             outlines.edge[edge] = [simd.wide_store(normal[0]), simd.wide_store(normal[1])];
-            outlines.outside[edge] = simd.wide_store(simd.wide_sub(least, edge_error));
-            outlines.inside[edge] = simd.wide_store(simd.wide_add(simd.wide_max_or(a, b), edge_error));
+            outlines.outside[edge] = simd.wide_store(simd.wide_sub(least, error));
+            outlines.inside[edge] = simd.wide_store(simd.wide_add(simd.wide_max_or(a, b), error));
         }
         outlines.set_plane(simd, view, triangles, corners[0], opaque);
         outlines
@@ -316,6 +376,8 @@ impl Outlines {
             let error = simd.wide_mul(error, simd.wide_splat(HEIGHT * UNIT_ROUNDOFF));
             let distance = simd.wide_add(simd.wide_abs(corner[axis]), simd.wide_splat(view.size[axis]));
             of_height = simd.wide_about_mul_add(error, distance, of_height);
+            let blur = simd.wide_splat(view.blur[axis]);
+            of_height = simd.wide_about_mul_add(simd.wide_abs(normal[axis]), blur, of_height);
             let direction = view.direction[axis];
             of_slope = simd.wide_about_mul_add(error, simd.wide_splat(direction.abs()), of_slope);
             slope = simd.wide_about_mul_add(normal[axis], simd.wide_splat(direction), slope);
@@ -337,9 +399,10 @@ impl Outlines {
         self.before = simd.wide_store(simd.wide_select(decides & opaque, before, simd.wide_splat(f32::NEG_INFINITY)));
     }
 
-    /// The triangles that rays of a zone may meet.
+    /// The triangles that the rays of a packet may meet.
     #[inline(always)]
-    pub(super) fn meeting<S: Simd>(&self, simd: S, zone: &Zone) -> Mask {
+    pub(super) fn meeting<S: Simd>(&self, simd: S, seen: &Seen) -> Mask {
+        let zone = &seen.zone;
         let low = [simd.wide_splat(zone.low[0]), simd.wide_splat(zone.low[1])];
         let high = [simd.wide_splat(zone.high[0]), simd.wide_splat(zone.high[1])];
         let mut apart = NO_LANES;
@@ -356,7 +419,15 @@ impl Outlines {
             }
             apart |= simd.wide_below(most, simd.wide_load(&self.outside[edge]));
         }
-        !apart
+        // Of all their origins, the lowest.
+        let mut least = simd.wide_splat(0.0);
+        for axis in 0..3 {
+            let normal = simd.wide_load(&self.normal[axis]);
+            let low = simd.wide_mul(normal, simd.wide_splat(seen.low[axis]));
+            let high = simd.wide_mul(normal, simd.wide_splat(seen.high[axis]));
+            least = simd.wide_add(least, simd.wide_min_or(low, high));
+        }
+        !(apart | simd.wide_below(simd.wide_load(&self.beyond), least))
     }
 
     /// The rays that a triangle certainly stops, and those that it may stop.
@@ -368,9 +439,6 @@ impl Outlines {
             height = simd.wide_about_mul_add(normal, simd.wide_load(&seen.origin[axis]), height);
         }
         let mut possible = open & !simd.wide_below(simd.wide_splat(self.beyond.0[lane]), height);
-        if possible == NO_LANES {
-            return (NO_LANES, NO_LANES);
-        }
         let at = [simd.wide_load(&seen.across[0]), simd.wide_load(&seen.across[1])];
         let mut inside = !NO_LANES;
         for edge in 0..3 {

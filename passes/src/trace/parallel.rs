@@ -11,19 +11,23 @@
 
 use super::Hit;
 use super::beam::Beam;
+use super::block::TRANSPARENT;
 use super::bvh::Bvh;
 use super::class::{Class, Classes};
 use super::descent::Descent;
-use super::lanes::{F16, LANES, Mask, NO_LANES, Simd, WIDE, first_wide_lane, without_first};
+use super::estimate::{Decided, Estimates};
+use super::lanes::{F16, LANES, Mask, NO_LANES, Simd, WIDE, first_wide_lane, load_axes};
 use super::node::Child;
 use super::outline::{Outlines, Seen, View, Zone};
 use super::packet::{PACKET, Packet, TOGETHER};
 use std::ops::Range;
 
 /// Triangles in a list, at most.
-const MOST: usize = 256;
-/// How many packets share a list, and its longest length; where it is longer, fewer share one, and in the end none is made.
-const LEVELS: [(usize, usize); 3] = [(TOGETHER, MOST), (4, 160), (1, 96)];
+const MOST: usize = 512;
+/// How many packets share a list; where it is too long, fewer share one, and in the end none is made.
+const LEVELS: [usize; 3] = [TOGETHER, 4, 1];
+/// Sixteens of triangles that packets are compared with at a time: the more, the fewer ends of loops are guessed wrongly.
+const GROUP: usize = 4;
 /// Lists of one length that were too long, one after the other, after which no more of that length are tried in a tile.
 const ENOUGH: u32 = 2;
 /// Rays below which a list is not worth it.
@@ -54,10 +58,120 @@ pub(super) fn occluded<S: Simd>(
         return false;
     }
     let hits_are_certain = packets[0].t_min == 0.0 && packets[0].t_max == f32::INFINITY;
-    let tile = Tile { bvh, rays: &rays, view: &view, seen: &seen, hits_are_certain };
+    let tile = Tile { bvh, valid: &rays.valid, view: &view, seen: &seen, hits_are_certain };
+    let mut exact = Exact { bvh, rays: &rays, accept };
     let mut list = List::EMPTY;
-    tile.answer(simd, 0..packets.len(), &mut list, blocked, accept);
+    tile.answer(simd, 0..packets.len(), &mut list, blocked, &mut exact);
     true
+}
+
+/// See [`Tracer::decide`](super::Tracer::decide).
+#[inline(always)]
+pub(super) fn decide<S: Simd>(simd: S, bvh: &Bvh, estimates: &Estimates, decided: &mut Decided) {
+    decided.clear();
+    let Estimates { origin, triangle, valid, center, error, direction } = estimates;
+    let mut model = Packet::new(0.0, f32::INFINITY);
+    model.set(0, *center, *direction);
+    let classes = Classes::of(&model);
+    if bvh.root == Child::NONE || classes.valid() == NO_LANES || !error.is_finite() {
+        return;
+    }
+    let valid = valid.map(Mask::from);
+    let mut view = View::new(classes.get(0), center.to_array(), direction.to_array()).blurred(*error);
+    let Decided { stopped, open, list, seen: Many(seen) } = decided;
+    for (index, valid) in valid.iter().enumerate() {
+        seen[index] = view.rays(simd, load_axes(simd, &origin[index]), *valid);
+    }
+    if !view.settle(&bvh.bounds, seen) {
+        return;
+    }
+    let mut doubts = Doubts { triangle, open: valid };
+    let tile = Tile { bvh, valid: &valid, view: &view, seen, hits_are_certain: true };
+    tile.answer(simd, 0..TOGETHER, list, stopped, &mut doubts);
+    for index in 0..TOGETHER {
+        open[index] = doubts.open[index] as u16 & !stopped[index];
+    }
+}
+
+/// What becomes of the rays of a packet of which lists say nothing certain.
+trait Undecided {
+    /// The longest list, by how many packets share it.
+    const LONGEST: [usize; LEVELS.len()];
+    /// Whether origins are estimates. Then to compare and to ask is also cheaper than to find out whether there is anything to compare
+    /// and to ask.
+    const ESTIMATED: bool;
+
+    /// Those that do not meet a triangle, whatever the list says.
+    #[inline(always)]
+    fn leaving<S: Simd>(&self, _simd: S, _packet: usize, _triangle: u32) -> Mask {
+        NO_LANES
+    }
+
+    /// Which of some rays a triangle, the lane of a block, stops.
+    fn stopped_by<S: Simd>(&mut self, simd: S, rays: (usize, Mask), triangle: (usize, usize)) -> Mask;
+
+    /// Which of some rays anything stops: there is no list for them.
+    fn stopped<S: Simd>(&mut self, simd: S, rays: (usize, Mask)) -> Mask;
+}
+
+/// They are traced.
+struct Exact<'a, A> {
+    bvh: &'a Bvh,
+    rays: &'a Rays<'a>,
+    accept: &'a mut A,
+}
+
+impl<A: FnMut(usize, &Hit) -> bool> Undecided for Exact<'_, A> {
+    const LONGEST: [usize; LEVELS.len()] = [256, 160, 96];
+    const ESTIMATED: bool = false;
+
+    #[inline(always)]
+    fn stopped_by<S: Simd>(&mut self, simd: S, rays: (usize, Mask), (block, lane): (usize, usize)) -> Mask {
+        let mut beam = Beam::EMPTY;
+        beam.prepare(simd, &self.rays.packets[rays.0], (rays.1, self.rays.class), &self.bvh.bounds);
+        let mut accept = |lane: usize, hit: &Hit| (self.accept)(rays.0 * PACKET + lane, hit);
+        beam.stop(simd, (&self.bvh.blocks[block], lane), &mut accept);
+        rays.1 & !beam.open
+    }
+
+    #[inline(always)]
+    fn stopped<S: Simd>(&mut self, simd: S, rays: (usize, Mask)) -> Mask {
+        let mut beam = Beam::EMPTY;
+        beam.prepare(simd, &self.rays.packets[rays.0], (rays.1, self.rays.class), &self.bvh.bounds);
+        let accept = |lane: usize, hit: &Hit| (self.accept)(rays.0 * PACKET + lane, hit);
+        (Descent { bvh: self.bvh, accept }).stopped(simd, &mut beam)
+    }
+}
+
+/// They are left.
+struct Doubts<'a> {
+    /// The triangle that each ray leaves.
+    triangle: &'a [[u32; PACKET]; TOGETHER],
+    /// The rays that are certainly open, if nothing stops them.
+    open: [Mask; TOGETHER],
+}
+
+impl Undecided for Doubts<'_> {
+    // To trace what is left takes more than to trace what is known, so lists may be longer.
+    const LONGEST: [usize; LEVELS.len()] = [MOST; 3];
+    const ESTIMATED: bool = true;
+
+    #[inline(always)]
+    fn leaving<S: Simd>(&self, simd: S, packet: usize, triangle: u32) -> Mask {
+        simd.wide_equal(&self.triangle[packet], triangle)
+    }
+
+    #[inline(always)]
+    fn stopped_by<S: Simd>(&mut self, _: S, (packet, lanes): (usize, Mask), _: (usize, usize)) -> Mask {
+        self.open[packet] &= !lanes;
+        NO_LANES
+    }
+
+    #[inline(always)]
+    fn stopped<S: Simd>(&mut self, _: S, (packet, lanes): (usize, Mask)) -> Mask {
+        self.open[packet] &= !lanes;
+        NO_LANES
+    }
 }
 
 /// What the rays of some packets have in common.
@@ -114,21 +228,41 @@ impl<'a> Rays<'a> {
     }
 }
 
+/// All packets, as they are seen.
+#[derive(Debug)]
+pub(super) struct Many([Seen; TOGETHER]);
+
+impl Default for Many {
+    fn default() -> Self {
+        Self([Seen::NONE; TOGETHER])
+    }
+}
+
 /// The triangles that may be in the way of some packets.
-struct List {
+#[derive(Debug)]
+pub(super) struct List {
     /// Nodes to look at, those that were looked at, and blocks.
     nodes: [u32; MOST + LANES],
     blocks: [u32; MOST + LANES],
     /// By corner and axis.
     corners: [[Coordinates; 3]; 3],
     ids: [u32; MOST + WIDE],
-    /// The block and the lane of each.
-    places: [[u32; MOST + WIDE]; 2],
+    /// What is asked of those that are looked at.
+    outlines: [Outlines; GROUP],
+    /// The block of each, and its lane there where it is to be asked for.
+    block_of: [u32; MOST + WIDE],
+    lane_of: [u32; MOST + WIDE],
     len: usize,
 }
 
 /// A coordinate of triangles.
 type Coordinates = [F16; MOST / WIDE + 1];
+
+impl Default for List {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
 
 impl List {
     const EMPTY: Self = Self {
@@ -136,16 +270,18 @@ impl List {
         blocks: [0; MOST + LANES],
         corners: [[[F16::ZERO; MOST / WIDE + 1]; 3]; 3],
         ids: [0; MOST + WIDE],
-        places: [[0; MOST + WIDE]; 2],
+        outlines: [Outlines::EMPTY; GROUP],
+        block_of: [0; MOST + WIDE],
+        lane_of: [0; MOST + WIDE],
         len: 0,
     };
 
-    /// Collects the triangles that rays of a zone may meet; false if they are more than `most`, or too much has to be looked at.
+    /// Collects the triangles that rays of a zone may meet; false if they are too many, or too much has to be looked at.
     ///
     /// All nodes come before all blocks, in the order in which they are found, so that one need not be waited for to look at the
     /// next; and what is found is added without a jump.
     #[inline(always)]
-    fn gather<S: Simd>(&mut self, simd: S, tile: &Tile<'_>, zone: &Zone, most: usize) -> bool {
+    fn gather<S: Simd, U: Undecided>(&mut self, simd: S, tile: &Tile<'_>, zone: &Zone, longest: usize) -> bool {
         let Tile { bvh, view, .. } = tile;
         let (mut nodes, mut blocks) = (0, 0);
         if bvh.root.is_block() {
@@ -162,7 +298,7 @@ impl List {
             let leaves = simd.negative(numbers) & lanes;
             blocks = append(simd, &mut self.blocks, blocks, (numbers, leaves));
             nodes = append(simd, &mut self.nodes, nodes, (numbers, lanes & !leaves));
-            if nodes > MOST || blocks > MOST {
+            if nodes > longest || blocks > longest {
                 return false;
             }
         }
@@ -177,11 +313,12 @@ impl List {
                     append(simd, values, self.len, (block.bits(corner, axis), lanes));
                 }
             }
-            let [blocks, lanes_of_blocks] = &mut self.places;
-            append(simd, blocks, self.len, (&[index as u32; LANES], lanes));
-            append(simd, lanes_of_blocks, self.len, (&[0, 1, 2, 3, 4, 5, 6, 7], lanes));
+            self.block_of[self.len..self.len + LANES].copy_from_slice(&[index as u32; LANES]);
+            if !U::ESTIMATED {
+                append(simd, &mut self.lane_of, self.len, (&[0, 1, 2, 3, 4, 5, 6, 7], lanes));
+            }
             self.len = append(simd, &mut self.ids, self.len, (block.ids(), lanes));
-            if self.len > most {
+            if self.len > longest {
                 return false;
             }
         }
@@ -216,7 +353,8 @@ fn append<S: Simd>(simd: S, list: &mut [u32], len: usize, (numbers, chosen): (&[
 /// Rays that are answered together.
 struct Tile<'a> {
     bvh: &'a Bvh,
-    rays: &'a Rays<'a>,
+    /// The rays of each packet that can meet anything.
+    valid: &'a [Mask; TOGETHER],
     view: &'a View,
     seen: &'a [Seen; TOGETHER],
     /// Whether a ray that meets an opaque triangle ahead is stopped, however far it is.
@@ -227,7 +365,7 @@ impl Tile<'_> {
     /// The zone of some packets; nothing if no ray of theirs can meet anything.
     #[inline(always)]
     fn zone(&self, packets: Range<usize>) -> Option<Zone> {
-        let mut packets = packets.filter(|&packet| self.rays.valid[packet] != NO_LANES);
+        let mut packets = packets.filter(|&packet| self.valid[packet] != NO_LANES);
         let mut zone = self.seen[packets.next()?].zone;
         for packet in packets {
             zone.join(&self.seen[packet].zone, self.view.is_backward);
@@ -237,13 +375,13 @@ impl Tile<'_> {
 
     /// Answers for some packets from lists, those of a level at first.
     #[inline(always)]
-    fn answer<S: Simd>(
+    fn answer<S: Simd, U: Undecided>(
         &self,
         simd: S,
         packets: Range<usize>,
         list: &mut List,
         blocked: &mut [u16],
-        accept: &mut impl FnMut(usize, &Hit) -> bool,
+        undecided: &mut U,
     ) {
         let mut todo = packets;
         // By level, the packet up to which it has been tried in vain; and how large the last such zone was.
@@ -253,7 +391,7 @@ impl Tile<'_> {
         let mut in_vain = [0; LEVELS.len()];
         while !todo.is_empty() {
             let level = (0..LEVELS.len()).find(|&level| tried[level] <= todo.start);
-            let (together, most) = level.map_or((1, 0), |level| LEVELS[level]);
+            let (together, longest) = level.map_or((1, 0), |level| (LEVELS[level], U::LONGEST[level]));
             let some = todo.start..todo.end.min(todo.start - todo.start % together + together);
             if let Some(zone) = self.zone(some.clone()) {
                 match level {
@@ -264,16 +402,19 @@ impl Tile<'_> {
                         (tried[level], too_large[level]) = (some.end, zone.area());
                         continue;
                     }
-                    Some(level) if !list.gather(simd, self, &zone, most) => {
+                    Some(level) if !list.gather::<S, U>(simd, self, &zone, longest) => {
                         (tried[level], too_large[level]) = (some.end, zone.area());
                         in_vain[level] += 1;
                         continue;
                     }
                     Some(level) => {
                         in_vain[level] = 0;
-                        self.test(simd, (some.clone(), &zone), list, blocked, accept);
+                        self.test(simd, (some.clone(), &zone), list, blocked, undecided);
                     }
-                    None => self.descend(simd, todo.start, blocked, accept),
+                    None => {
+                        let rays = (todo.start, self.valid[todo.start]);
+                        blocked[todo.start] = undecided.stopped(simd, rays) as u16;
+                    }
                 }
             }
             todo.start = some.end;
@@ -282,71 +423,51 @@ impl Tile<'_> {
 
     /// Answers for some packets, whose zone is given, from a list.
     #[inline(always)]
-    fn test<S: Simd>(
+    fn test<S: Simd, U: Undecided>(
         &self,
         simd: S,
         (packets, zone): (Range<usize>, &Zone),
-        list: &List,
+        list: &mut List,
         blocked: &mut [u16],
-        accept: &mut impl FnMut(usize, &Hit) -> bool,
+        undecided: &mut U,
     ) {
-        let mut open = self.rays.valid;
-        for first in (0..list.len).step_by(WIDE) {
-            let outlines = list.outlines(simd, self, zone, first / WIDE);
-            let used = ((1_u64 << WIDE.min(list.len - first)) - 1) as Mask;
+        let mut open = *self.valid;
+        for first in (0..list.len).step_by(GROUP * WIDE) {
+            let count = (list.len - first).min(GROUP * WIDE);
+            let chunks = count.div_ceil(WIDE);
+            for chunk in 0..chunks {
+                list.outlines[chunk] = list.outlines(simd, self, zone, first / WIDE + chunk);
+            }
+            let used = u64::MAX >> (GROUP * WIDE - count);
             for index in packets.clone() {
                 let seen = &self.seen[index];
                 let mut open_rays = open[index];
-                let mut lanes =
-                    if open_rays == NO_LANES { NO_LANES } else { outlines.meeting(simd, &seen.zone) & used };
-                while lanes != NO_LANES && open_rays != NO_LANES {
-                    let lane = first_wide_lane(lanes);
-                    lanes = without_first(lanes);
-                    let (stopped, possible) = outlines.stops(simd, lane, seen, open_rays);
+                if open_rays == NO_LANES {
+                    continue;
+                }
+                let mut lanes = 0;
+                for chunk in 0..chunks {
+                    lanes |= u64::from(list.outlines[chunk].meeting(simd, seen) as u16) << (chunk * WIDE);
+                }
+                lanes &= used;
+                while lanes != 0 && open_rays != NO_LANES {
+                    let lane = lanes.trailing_zeros() as usize % (GROUP * WIDE);
+                    lanes &= lanes - 1;
+                    let (stopped, mut possible) = list.outlines[lane / WIDE].stops(simd, lane % WIDE, seen, open_rays);
                     open_rays &= !stopped;
-                    if possible != NO_LANES {
-                        let [block, lane] = [0, 1].map(|part: usize| list.places[part][first + lane] as usize);
-                        open_rays &= !self.stopped(simd, (index, possible), (block, lane), accept);
+                    if U::ESTIMATED || possible != NO_LANES {
+                        possible &= !undecided.leaving(simd, index, list.ids[first + lane] & !TRANSPARENT);
+                        if U::ESTIMATED || possible != NO_LANES {
+                            let place = (list.block_of[first + lane] as usize, list.lane_of[first + lane] as usize);
+                            open_rays &= !undecided.stopped_by(simd, (index, possible), place);
+                        }
                     }
                 }
                 open[index] = open_rays;
             }
         }
         for index in packets {
-            blocked[index] = (self.rays.valid[index] & !open[index]) as u16;
+            blocked[index] = (self.valid[index] & !open[index]) as u16;
         }
-    }
-
-    /// Which of some rays of a packet a triangle stops, by the watertight test.
-    #[inline(always)]
-    fn stopped<S: Simd>(
-        &self,
-        simd: S,
-        (index, possible): (usize, Mask),
-        (block, lane): (usize, usize),
-        accept: &mut impl FnMut(usize, &Hit) -> bool,
-    ) -> Mask {
-        let mut beam = Beam::EMPTY;
-        let lanes = (possible, self.rays.class);
-        beam.prepare(simd, &self.rays.packets[index], lanes, &self.bvh.bounds);
-        let mut accept = |lane: usize, hit: &Hit| accept(index * PACKET + lane, hit);
-        beam.stop(simd, (&self.bvh.blocks[block], lane), &mut accept);
-        possible & !beam.open
-    }
-
-    /// Answers for a packet without a list.
-    #[inline(always)]
-    fn descend<S: Simd>(
-        &self,
-        simd: S,
-        index: usize,
-        blocked: &mut [u16],
-        accept: &mut impl FnMut(usize, &Hit) -> bool,
-    ) {
-        let valid = self.rays.valid[index];
-        let mut beam = Beam::EMPTY;
-        beam.prepare(simd, &self.rays.packets[index], (valid, self.rays.class), &self.bvh.bounds);
-        let accept = |lane: usize, hit: &Hit| accept(index * PACKET + lane, hit);
-        blocked[index] = (Descent { bvh: self.bvh, accept }).stopped(simd, &mut beam) as u16;
     }
 }

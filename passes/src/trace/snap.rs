@@ -33,7 +33,7 @@ pub(crate) fn half_of<S: Simd>(simd: S, axes: &[F16; 3], half: usize) -> [S::Vec
 }
 
 #[inline(always)]
-fn double(axes: &[F16; 3], lane: usize) -> DVec3 {
+pub(super) fn double(axes: &[F16; 3], lane: usize) -> DVec3 {
     DVec3::new(axes[0].0[lane].into(), axes[1].0[lane].into(), axes[2].0[lane].into())
 }
 

@@ -352,6 +352,20 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn wide_equal(self, values: &[u32; 16], value: u32) -> Mask {
+        let mut mask = 0;
+        // SAFETY: AVX2 is present, since `self` exists; each half of sixteen numbers is 32 bytes.
+        unsafe {
+            for half in 0..2 {
+                let values = _mm256_loadu_si256(values[8 * half..].as_ptr().cast());
+                let equal = _mm256_cmpeq_epi32(values, _mm256_set1_epi32(value as i32));
+                mask |= (_mm256_movemask_ps(_mm256_castsi256_ps(equal)) as Mask) << (8 * half);
+            }
+        }
+        mask
+    }
+
+    #[inline(always)]
     fn wide_plane(
         self,
         normal: DVec3,
@@ -525,6 +539,50 @@ impl Simd for Avx512 {
             ]
         };
         [self.wide_store(x), self.wide_store(y), self.wide_store(z)]
+    }
+
+    #[inline(always)]
+    fn columns(self, rows: [&[[f32; 4]; 4]; 4]) -> [F16; 4] {
+        // SAFETY: AVX-512 F is present, since `self` exists; four values of four numbers are 64 bytes.
+        let columns = unsafe {
+            let load = |row: usize| _mm512_loadu_ps(rows[row].as_ptr().cast());
+            let [a, b, c, d] = [load(0), load(1), load(2), load(3)];
+            let low = [_mm512_unpacklo_ps(a, b), _mm512_unpacklo_ps(c, d)];
+            let high = [_mm512_unpackhi_ps(a, b), _mm512_unpackhi_ps(c, d)];
+            // Four of a column of the rows each.
+            let by_row = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
+            [
+                _mm512_permutexvar_ps(by_row, _mm512_shuffle_ps::<0b01_00_01_00>(low[0], low[1])),
+                _mm512_permutexvar_ps(by_row, _mm512_shuffle_ps::<0b11_10_11_10>(low[0], low[1])),
+                _mm512_permutexvar_ps(by_row, _mm512_shuffle_ps::<0b01_00_01_00>(high[0], high[1])),
+                _mm512_permutexvar_ps(by_row, _mm512_shuffle_ps::<0b11_10_11_10>(high[0], high[1])),
+            ]
+        };
+        let [x, y, z, w] = columns;
+        [self.wide_store(x), self.wide_store(y), self.wide_store(z), self.wide_store(w)]
+    }
+
+    #[inline(always)]
+    fn quarters(self, [a, b, c, d]: [&[u32; 4]; 4]) -> [u32; 16] {
+        let mut joined = [0; 16];
+        // SAFETY: AVX-512 F is present, since `self` exists; four numbers are 16 bytes, sixteen 64.
+        unsafe {
+            let all = _mm512_castsi128_si512(_mm_loadu_si128(a.as_ptr().cast()));
+            let all = _mm512_inserti32x4::<1>(all, _mm_loadu_si128(b.as_ptr().cast()));
+            let all = _mm512_inserti32x4::<2>(all, _mm_loadu_si128(c.as_ptr().cast()));
+            let all = _mm512_inserti32x4::<3>(all, _mm_loadu_si128(d.as_ptr().cast()));
+            _mm512_storeu_si512(joined.as_mut_ptr().cast(), all);
+        }
+        joined
+    }
+
+    #[inline(always)]
+    fn wide_equal(self, values: &[u32; 16], value: u32) -> Mask {
+        // SAFETY: AVX-512 F is present, since `self` exists; sixteen numbers are 64 bytes.
+        unsafe {
+            let values = _mm512_loadu_si512(values.as_ptr().cast());
+            Mask::from(_mm512_cmpeq_epi32_mask(values, _mm512_set1_epi32(value as i32)))
+        }
     }
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! With the geometric normal deciding the side, and exact origins.
 
 use crate::effects::occlusion::SHADOWED;
-use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, material, opaque};
+use crate::effects::{Area, Coverage, Pass, Pixel, TILE, Workspace, material, opaque};
 use crate::trace::{SurfacePoint, Tracer};
 use glam::Vec3;
 
@@ -12,27 +12,26 @@ pub(super) const CLEARLY: f32 = 1.0e-2;
 ///
 /// The cosine is the shading normal's, so the geometric normal is turned to its side where the scene has vertex normals,
 /// and else to the viewer. A triangle turned away from the light is in its own shadow: no ray.
-#[inline]
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
-    let share = work.shadows.share(work.place).unwrap_or_else(|| alone(pass, pixel, work));
-    opaque(Vec3::splat(share))
-}
-
-/// The light's share of a pixel by itself.
-#[cold]
-fn alone<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> f32 {
-    match light(pass, pixel) {
+    let share = match light(pass, pixel) {
         Light::Certain(share) => share,
         Light::Ray(origin) => {
             work.rays.shadow += 1;
             if pass.sees_light(origin, |hit| pass.coverage.covers(hit)) { 1.0 } else { SHADOWED }
         }
-    }
+    };
+    opaque(Vec3::splat(share))
 }
 
-/// Traces the rays of a tile together, before its pixels ask.
-pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
-    work.rays.shadow += work.shadows.prepare(pass, area);
+/// The same of all pixels of a tile, whose rays are traced together.
+pub fn tile<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    area: Area,
+    rows: &mut [&mut [[f32; 4]]; TILE],
+    work: &mut Workspace,
+) {
+    work.rays.shadow += work.shadows.prepare(pass, &area);
+    work.shadows.write(rows);
 }
 
 /// What a pixel's light depends on.

@@ -4,6 +4,7 @@
 //! already.
 
 pub mod corrected;
+mod estimate;
 pub mod thesis;
 mod tile;
 

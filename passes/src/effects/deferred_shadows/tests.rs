@@ -1,9 +1,11 @@
 use crate::cpu::trace_pixel;
 use crate::effects::testing::{Shot, World, grid};
+use crate::trace::{Bvh, Decided, Estimates, Hit, Lanes, Packet, Ray, Tracer};
 use curitiba_pipeline::backend::NO_TRIANGLE;
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::{Mat3, Vec3, Vec4};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 const EYE: Vec3 = Vec3::new(0.3, 9.0, 4.0);
 
@@ -181,4 +183,118 @@ fn pixels_of_a_tile_get_what_they_get_alone() {
             assert!(dark > 200 && dark < seen && (rays.shadow as usize) < seen, "{dark} {seen} {rays:?}");
         }
     }
+}
+
+/// A tree that counts the rays that it is asked to trace.
+struct Counting<'a> {
+    tree: &'a Bvh,
+    traced: AtomicU64,
+}
+
+impl Counting<'_> {
+    fn note(&self, rays: u32) {
+        self.traced.fetch_add(rays.into(), Ordering::Relaxed);
+    }
+}
+
+impl Tracer for Counting<'_> {
+    fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
+        self.tree.closest(ray, accept)
+    }
+
+    fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool {
+        self.note(1);
+        self.tree.occluded(ray, accept)
+    }
+
+    const DECIDES: bool = true;
+
+    fn decide(&self, estimates: &Estimates, decided: &mut Decided) {
+        self.tree.decide(estimates, decided);
+    }
+
+    fn occluded_packets(&self, packets: &[Packet], blocked: &mut [u16], accept: impl FnMut(usize, &Hit) -> bool) {
+        self.note(packets.iter().map(|packet| packet.active.count_ones()).sum());
+        self.tree.occluded_packets(packets, blocked, accept);
+    }
+}
+
+/// A floor with a step, of a few large triangles, under what casts shadows.
+fn under_a_roof() -> World {
+    let mut world = World::scattered();
+    let paint = world.paint(Vec3::splat(0.5));
+    world.quad(paint, Vec3::new(-4.0, -4.0, 0.0), Vec3::Z * 8.0, Vec3::X * 4.0);
+    world.quad(paint, Vec3::new(4.0, -3.5, 0.0), Vec3::Z * 8.0, Vec3::X * 4.0);
+    world.quad(paint, Vec3::new(0.0, -3.75, 0.0), Vec3::Z * 8.0, Vec3::Y * 0.25);
+    world
+}
+
+#[test]
+fn most_rays_are_decided_by_estimates_as_they_are_alone() {
+    let rotation = Mat3::from_axis_angle(Vec3::new(0.3, 1.0, -0.7).normalize(), 1.1);
+    let (mut all, mut traced_of_all, mut dark) = (0, 0, 0);
+    for (scale, distance) in [(1.0, 0.0), (1.0, 30.0), (1.0, 1e3), (1e-3, 10.0), (1e3, 1.0)] {
+        for light in [Vec3::new(0.4, -1.0, 0.3), Vec3::new(-0.9, -0.3, 0.1), Vec3::NEG_Y, Vec3::new(0.0, -0.1, -1.0)] {
+            let mut world = under_a_roof();
+            world.sun.as_mut().expect("a sun").direction = light.normalize();
+            let turn = if distance == 30.0 { Mat3::IDENTITY } else { rotation };
+            let offset = Vec3::new(0.7, -0.3, 0.6) * distance * scale;
+            world.transform(turn, scale, offset);
+            let place = |p: Vec3| turn * p * scale + offset;
+            let targets = grid(64, Vec3::NEG_Y * 4.0, Vec3::X * 5.0, Vec3::Z * 5.0).map(place);
+            let shot = Shot::of(&world, place(Vec3::new(1.0, 9.0, 7.0)), targets).rows(64);
+            let mut bare = world.scene.clone();
+            bare.geometry.normals.clear();
+            for scene in [&world.scene, &bare] {
+                let mut job = shot.job(RayProgram::DeferredShadows, Corrected, RayParams::default());
+                job.scene = scene;
+                for lanes in [Lanes::Avx512, Lanes::Avx2, Lanes::Portable] {
+                    let Some(tree) = world.tree().with_lanes(lanes) else { continue };
+                    let counting = Counting { tree: &tree, traced: AtomicU64::new(0) };
+                    let (pixels, rays) = shot.run_on(&counting, &job);
+                    let alone: Vec<[f32; 4]> = (0..64 * 64)
+                        .map(|index| trace_pixel(&tree, &job, index % 64, index / 64).expect("a complete job"))
+                        .collect();
+                    assert_eq!(pixels, alone, "scale {scale}, distance {distance}, light {light}, {lanes:?}");
+                    all += rays.shadow;
+                    traced_of_all += counting.traced.into_inner();
+                    dark += pixels.iter().filter(|pixel| pixel[0] == 0.5).count();
+                }
+            }
+        }
+    }
+    assert!(traced_of_all * 2 < all, "{traced_of_all} of {all} rays were traced");
+    assert!(dark > 10_000, "{dark} pixels are dark");
+}
+
+#[test]
+fn positions_off_their_triangle_are_decided_as_alone() {
+    let world = under_a_roof();
+    let targets: Vec<Vec3> = grid(32, Vec3::NEG_Y * 4.0, Vec3::X * 5.0, Vec3::Z * 5.0).collect();
+    let eye = Vec3::new(1.0, 9.0, 7.0);
+    let mut shot = Shot::of(&world, eye, targets).rows(32);
+    let mut state = 3_u32;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / 8_388_608.0 - 1.0
+    };
+    for (index, position) in shot.position.iter_mut().enumerate() {
+        // Of low precision; far off; no numbers.
+        let off = [2e-3, 0.0, 0.3, 1e-6, 0.0, 5.0, 1e-4, 0.0][index % 8];
+        for coordinate in &mut position[..3] {
+            *coordinate += off * random();
+        }
+        match index % 97 {
+            0 => position[index % 3] = f32::NAN,
+            1 => position[index % 3] = f32::INFINITY,
+            2 => position[index % 3] = 3e38,
+            _ => {}
+        }
+    }
+    let job = shot.job(RayProgram::DeferredShadows, Corrected, RayParams::default());
+    let tree = world.tree();
+    let (pixels, _) = shot.run_on(&tree, &job);
+    let alone: Vec<[f32; 4]> =
+        (0..32 * 32).map(|index| trace_pixel(&tree, &job, index % 32, index / 32).expect("a complete job")).collect();
+    assert_eq!(pixels, alone);
 }

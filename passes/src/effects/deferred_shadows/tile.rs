@@ -2,19 +2,29 @@
 //! operations of a single pixel, and the rays go down the tree as packets.
 
 use super::corrected::{CLEARLY, Light, is_lit, light_at};
-use crate::effects::lights::Area;
+use super::estimate::{Draw, PART, PARTS, Sketch, corner};
+use crate::effects::lights::{Area, TILE};
 use crate::effects::occlusion::SHADOWED;
-use crate::effects::shown::{PIXELS, Shown, Sixteen};
+use crate::effects::shown::{Shown, Sixteen};
 use crate::effects::{Coverage, Pass};
-use crate::trace::{Detected, LANES, Mask, PACKET, Packet, Points, Simd, Tracer, Work, at_vertices, half_of, vertices};
+use crate::trace::{
+    Decided, Detected, F16, Hit, LANES, Mask, PACKET, Packet, Points, Simd, Tracer, Work, at_vertices, half_of,
+    vertices,
+};
 use curitiba_pipeline::backend::RayJob;
 use glam::{Vec3, Vec4};
+
+/// Pixels up to which each is looked at by itself.
+const FEW: usize = 4;
 
 /// What is known of a tile, and the buffers that it takes to find out.
 #[derive(Debug, Default)]
 pub struct Tile {
-    /// The light's share by place; empty where pixels are computed one by one.
-    share: Vec<f32>,
+    /// By part, one bit a pixel: those in shadow.
+    dark: [u16; PARTS],
+    sketch: Sketch,
+    decided: Decided,
+    /// Pixels whose rays are traced.
     shown: Shown,
     /// Those of the tile come first.
     packets: Vec<Packet>,
@@ -24,36 +34,162 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// The light's share at a place of the tile, if the tile was looked at.
-    #[inline(always)]
-    pub(super) fn share(&self, place: usize) -> Option<f32> {
-        self.share.get(place).copied()
-    }
-
     /// Finds out the light of a tile's pixels, and returns the number of rays that it took.
-    pub(super) fn prepare<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: Area) -> u64 {
-        self.share.clear();
-        self.share.resize(PIXELS, 1.0);
+    pub(super) fn prepare<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
+        self.dark = [0; PARTS];
         self.places.clear();
-        Detected::cached().run(Rays { tile: self, pass, area });
+        let simd = Detected::cached();
+        let is_sketched = T::DECIDES && simd.run(Draw { sketch: &mut self.sketch, pass, area });
+        let mut rays = 0;
+        if is_sketched {
+            rays += self.decide(pass, area);
+        } else {
+            simd.run(Collect { shown: &mut self.shown, pass, area });
+        }
+        if self.shown.len() <= FEW {
+            return rays + self.one_by_one(pass);
+        }
+        simd.run(Rays { tile: self, pass });
         let packets = &self.packets[..self.places.len()];
         self.blocked.clear();
         self.blocked.resize(packets.len(), 0);
-        pass.tracer.occluded_packets(packets, &mut self.blocked, |_, hit| pass.coverage.covers(hit));
-        let mut rays = 0;
+        let accept = |_, hit: &Hit| pass.coverage.covers(hit);
+        if is_sketched {
+            pass.tracer.occluded_undecided(packets, &mut self.blocked, accept);
+        } else {
+            pass.tracer.occluded_packets(packets, &mut self.blocked, accept);
+        }
         for ((packet, places), blocked) in packets.iter().zip(&self.places).zip(&self.blocked) {
             rays += u64::from(packet.active.count_ones());
-            darken(&mut self.share, places, packet.active & blocked);
+            darken(&mut self.dark, places, packet.active & blocked);
         }
         rays
     }
+
+    /// Finds out the light of pixels that are too few to be looked at together; returns the number of rays that it took.
+    fn one_by_one<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>) -> u64 {
+        let mut rays = 0;
+        for (place, pixel, triangle) in self.shown.iter() {
+            let stored = Vec4::from_array(pass.job.position[pixel]).truncate();
+            let is_dark = match light_at(pass, triangle, &pass.point_of(triangle, stored)) {
+                Light::Certain(share) => share == SHADOWED,
+                Light::Ray(origin) => {
+                    rays += 1;
+                    !pass.sees_light(origin, |hit| pass.coverage.covers(hit))
+                }
+            };
+            let (part, lane) = part_of(place);
+            self.dark[part] |= u16::from(is_dark) << lane;
+        }
+        rays
+    }
+
+    /// Takes what is certain of a tile that was sketched, and puts all other pixels among those that are shown; returns the number
+    /// of rays that need not be traced.
+    fn decide<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
+        let Self { dark, sketch, decided, shown, .. } = self;
+        if sketch.is_of_use {
+            pass.tracer.decide(&sketch.estimates, decided);
+        } else {
+            decided.clear();
+        }
+        shown.clear();
+        let mut rays = 0;
+        for (part, dark) in dark.iter_mut().enumerate() {
+            let (left, top) = corner(part);
+            let certain = decided.stopped[part] | decided.open[part];
+            rays += u64::from(certain.count_ones());
+            *dark = sketch.dark[part] | decided.stopped[part];
+            let mut rest = sketch.shown[part] & !(sketch.dark[part] | certain);
+            while rest != 0 {
+                let lane = rest.trailing_zeros() as usize % PACKET;
+                rest &= rest - 1;
+                let (x, y) = (left + lane % PART, top + lane / PART);
+                let pixel = (area.y + y) * area.stride + area.x + x;
+                shown.push(y * TILE + x, pixel, sketch.estimates.triangle[part][lane]);
+            }
+        }
+        rays
+    }
+
+    /// Writes the light's share of all pixels.
+    pub(super) fn write(&self, rows: &mut [&mut [[f32; 4]]; TILE]) {
+        Detected::cached().run(Write { dark: &self.dark, rows });
+    }
+}
+
+struct Write<'a, 'o> {
+    dark: &'a [u16; PARTS],
+    rows: &'a mut [&'o mut [[f32; 4]]; TILE],
+}
+
+impl Work<()> for Write<'_, '_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let shares = [1.0, SHADOWED].map(|share| {
+            let mut shares = F16([share; PACKET]);
+            for share in shares.0.iter_mut().skip(3).step_by(4) {
+                *share = 1.0;
+            }
+            shares
+        });
+        let (lit, dark) = (simd.wide_load(&shares[0]), simd.wide_load(&shares[1]));
+        for (part, pixels) in self.dark.iter().enumerate() {
+            let (left, top) = corner(part);
+            for row in 0..PART {
+                let pixels = usize::from(pixels >> (row * PART) & 0xf);
+                let values = simd.wide_store(simd.wide_select(COMPONENTS[pixels], dark, lit));
+                let out: &mut [f32] = bytemuck::cast_slice_mut(&mut self.rows[top + row][..]);
+                // What lies outside of the image is not there.
+                match out.get_mut(4 * left..4 * (left + PART)) {
+                    Some(out) => out.copy_from_slice(&values.0),
+                    None => out.iter_mut().skip(4 * left).zip(values.0).for_each(|(out, value)| *out = value),
+                }
+            }
+        }
+    }
+}
+
+/// By a mask of four pixels, that of their components.
+const COMPONENTS: [Mask; 16] = {
+    let mut components = [0; 16];
+    let mut pixels = 0;
+    while pixels < 16 {
+        let spread = (pixels & 1) | (pixels & 2) << 3 | (pixels & 4) << 6 | (pixels & 8) << 9;
+        components[pixels] = spread as Mask * 0xf;
+        pixels += 1;
+    }
+    components
+};
+
+/// The part that a place of a tile lies in, and where there.
+fn part_of(place: usize) -> (usize, usize) {
+    let (x, y) = (place % TILE / PART, place / TILE / PART);
+    let part = (y / 2 * 2 + x / 2) * 4 + y % 2 * 2 + x % 2;
+    (part, place / TILE % PART * PART + place % PART)
 }
 
 /// Puts the pixels of some lanes into shadow.
-fn darken(share: &mut [f32], places: &[u8; PACKET], mut lanes: u16) {
+fn darken(dark: &mut [u16; PARTS], places: &[u8; PACKET], mut lanes: u16) {
     while lanes != 0 {
-        share[usize::from(places[lanes.trailing_zeros() as usize])] = SHADOWED;
+        let (part, lane) = part_of(usize::from(places[lanes.trailing_zeros() as usize % PACKET]));
+        dark[part] |= 1 << lane;
         lanes &= lanes - 1;
+    }
+}
+
+/// Finds the pixels of a tile on which light falls.
+struct Collect<'a, T, C> {
+    shown: &'a mut Shown,
+    pass: &'a Pass<'a, T, C>,
+    area: &'a Area,
+}
+
+impl<T: Tracer, C: Coverage> Work<()> for Collect<'_, T, C> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { shown, pass, area } = self;
+        shown.collect(simd, (pass, *area), |pixel, _| is_lit(pass, pixel), |_| ());
     }
 }
 
@@ -61,14 +197,12 @@ fn darken(share: &mut [f32], places: &[u8; PACKET], mut lanes: u16) {
 struct Rays<'a, T, C> {
     tile: &'a mut Tile,
     pass: &'a Pass<'a, T, C>,
-    area: Area,
 }
 
 impl<T: Tracer, C: Coverage> Work<()> for Rays<'_, T, C> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Self { tile, pass, area } = self;
-        tile.shown.collect(simd, (pass, area), |pixel, _| is_lit(pass, pixel), |_| ());
+        let Self { tile, pass } = self;
         for lanes in tile.shown.sixteens() {
             let index = tile.places.len();
             if index == tile.packets.len() {
@@ -79,7 +213,7 @@ impl<T: Tracer, C: Coverage> Work<()> for Rays<'_, T, C> {
             if doubtful & lanes.used != 0 {
                 dark = lanes.settle(pass, packet, dark, doubtful);
             }
-            darken(&mut tile.share, lanes.places, lanes.used & dark);
+            darken(&mut tile.dark, lanes.places, lanes.used & dark);
             packet.active = lanes.used & !dark;
             if packet.active != 0 {
                 tile.places.push(*lanes.places);
@@ -164,17 +298,17 @@ impl Sixteen<'_> {
 }
 
 /// The lanes of eight.
-const ALL: Mask = (1 << LANES) - 1;
+pub(super) const ALL: Mask = (1 << LANES) - 1;
 
 /// As [`Vec3::dot`].
 #[inline(always)]
-fn dot<S: Simd>(simd: S, [ax, ay, az]: [S::Vector; 3], [bx, by, bz]: [S::Vector; 3]) -> S::Vector {
+pub(super) fn dot<S: Simd>(simd: S, [ax, ay, az]: [S::Vector; 3], [bx, by, bz]: [S::Vector; 3]) -> S::Vector {
     simd.add(simd.add(simd.mul(ax, bx), simd.mul(ay, by)), simd.mul(az, bz))
 }
 
 /// The lanes above 0, and those below.
 #[inline(always)]
-fn signs<S: Simd>(simd: S, a: S::Vector) -> (Mask, Mask) {
+pub(super) fn signs<S: Simd>(simd: S, a: S::Vector) -> (Mask, Mask) {
     let zero = simd.splat(0.0);
     let (not_above, not_below) = (simd.at_most(a, zero), simd.at_most(zero, a));
     (not_below & !not_above, not_above & !not_below)
@@ -182,7 +316,7 @@ fn signs<S: Simd>(simd: S, a: S::Vector) -> (Mask, Mask) {
 
 /// Where the normal at a corner is clearly on the side of the triangle's normal, and where on the other.
 #[inline(always)]
-fn sides<S: Simd>(simd: S, normal: [S::Vector; 3], corner: [S::Vector; 3]) -> (Mask, Mask) {
+pub(super) fn sides<S: Simd>(simd: S, normal: [S::Vector; 3], corner: [S::Vector; 3]) -> (Mask, Mask) {
     let cosine = dot(simd, normal, corner);
     let least = simd.mul(simd.splat(CLEARLY), simd.max_or(dot(simd, corner, corner), simd.splat(1.0)));
     let opposite = simd.sub(simd.splat(0.0), cosine);

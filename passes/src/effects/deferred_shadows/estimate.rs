@@ -1,0 +1,250 @@
+//! What light falls on the pixels of a tile, as far as it can be told without knowing exactly where their rays start.
+
+use super::tile::{ALL, dot, sides, signs};
+use crate::effects::lights::{Area, TILE};
+use crate::effects::{Coverage, Pass};
+use crate::trace::{
+    Estimates, Faces, LANES, Mask, PACKET, Simd, Tracer, Work, at_vertices, half_of, vector_at, vertices,
+};
+use curitiba_pipeline::backend::NO_TRIANGLE;
+use curitiba_pipeline::scene::Geometry;
+use glam::Vec3;
+
+/// Pixels a side of a part, whose rays are a packet.
+pub(super) const PART: usize = 4;
+/// Parts of a tile.
+pub(super) const PARTS: usize = TILE * TILE / PACKET;
+/// Triangles that a tile may show.
+const MOST: usize = 64;
+/// Cosine between the triangle and the light from which on it is certain which side is lit.
+const GRAZING: f32 = 1.0e-4;
+/// Units of rounding error, of coordinates, by which the viewer must be off a triangle's plane.
+const ASIDE: f32 = 32.0 / 16_777_216.0;
+
+/// What is known of the pixels of a tile, by part.
+#[derive(Debug)]
+pub(super) struct Sketch {
+    pub(super) estimates: Estimates,
+    /// Whether there is any.
+    pub(super) is_of_use: bool,
+    /// One bit a pixel: those that show a triangle on which light falls, by its shading normal.
+    pub(super) shown: [u16; PARTS],
+    /// Those whose triangle is not known yet.
+    left: [u16; PARTS],
+    /// Those whose triangle is turned away from the light.
+    pub(super) dark: [u16; PARTS],
+    /// The triangles shown, and sixteen a vector, what is to be known of them.
+    triangles: [u32; MOST],
+    faces: [Faces; MOST / PACKET],
+    count: usize,
+    /// By triangle and part, one bit a pixel: those that show it.
+    showing: [[u16; PARTS]; MOST],
+}
+
+impl Default for Sketch {
+    fn default() -> Self {
+        Self {
+            estimates: Estimates::default(),
+            is_of_use: false,
+            shown: [0; PARTS],
+            left: [0; PARTS],
+            dark: [0; PARTS],
+            triangles: [0; MOST],
+            faces: [Faces::EMPTY; MOST / PACKET],
+            count: 0,
+            showing: [[0; PARTS]; MOST],
+        }
+    }
+}
+
+/// Column and row of the first pixel of a part. Four parts that follow each other are a square.
+pub(super) fn corner(part: usize) -> (usize, usize) {
+    let (square, part) = (part / 4, part % 4);
+    ((square % 2 * 2 + part % 2) * PART, (square / 2 * 2 + part / 2) * PART)
+}
+
+/// Sketches a tile; false if it shows too many triangles, or is cut off at the image's border.
+pub(super) struct Draw<'a, T, C> {
+    pub(super) sketch: &'a mut Sketch,
+    pub(super) pass: &'a Pass<'a, T, C>,
+    /// Not a copy: a whole whose parts were just written has to wait for all that was written before.
+    pub(super) area: &'a Area,
+}
+
+impl<T: Tracer, C: Coverage> Work<bool> for Draw<'_, T, C> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> bool {
+        let Self { sketch, pass, area } = self;
+        if area.width < TILE || area.height < TILE {
+            return false;
+        }
+        sketch.is_of_use = false;
+        if !sketch.find(simd, pass, area) {
+            return false;
+        }
+        let Some(extent) = sketch.center(simd) else { return true };
+        let eye = pass.job.eye;
+        let light = pass.to_light;
+        sketch.estimates.direction = light;
+        let (mut dark, mut doubtful) = (0_u64, 0_u64);
+        let mut error = Vec3::ZERO;
+        for chunk in 0..sketch.count.div_ceil(PACKET) {
+            let used = u32::MAX >> (32 - PACKET.min(sketch.count - chunk * PACKET));
+            let scene = &pass.job.scene.geometry;
+            let (turned, doubts) = sketch.triangles_of(simd, chunk, scene, (eye, light), extent);
+            dark |= u64::from(turned & used) << (chunk * PACKET);
+            doubtful |= u64::from(doubts & used) << (chunk * PACKET);
+            let of = used & !turned & !doubts;
+            error = error.max(sketch.faces[chunk].error(simd, of, sketch.estimates.center, extent));
+        }
+        sketch.estimates.error = error;
+        for (index, showing) in sketch.showing[..sketch.count].iter().enumerate() {
+            if dark >> index & 1 == 1 {
+                for (dark, showing) in sketch.dark.iter_mut().zip(showing) {
+                    *dark |= showing;
+                }
+            } else if doubtful >> index & 1 == 0 {
+                let face = (&sketch.faces[index / PACKET], index % PACKET);
+                sketch.is_of_use |= sketch.estimates.estimate(simd, showing, face);
+            }
+        }
+        true
+    }
+}
+
+impl Sketch {
+    /// Finds which triangles the pixels show; false if those are too many.
+    #[inline(always)]
+    fn find<S: Simd, T: Tracer, C: Coverage>(&mut self, simd: S, pass: &Pass<'_, T, C>, area: &Area) -> bool {
+        (self.dark, self.estimates.valid) = ([0; PARTS], [0; PARTS]);
+        let zero = simd.wide_splat(0.0);
+        for part in 0..PARTS {
+            let (right, down) = corner(part);
+            let first = (area.y + down) * area.stride + area.x + right;
+            let rows = [first, first + area.stride, first + 2 * area.stride, first + 3 * area.stride];
+            for row in rows {
+                if let Some(position) = pass.job.position.get(row + TILE) {
+                    simd.prefetch(position);
+                    if right == 0 {
+                        simd.prefetch(&pass.job.triangle[row + TILE]);
+                    }
+                }
+            }
+            let [x, y, z, w] = simd.columns(four_each(pass.job.position, &rows));
+            self.estimates.origin[part] = [x, y, z];
+            let ids = simd.quarters(four_each(pass.job.triangle, &rows));
+            self.estimates.triangle[part] = ids;
+            let background = simd.wide_equal(&ids, NO_TRIANGLE);
+            let shown = (simd.wide_below(zero, simd.wide_load(&w)) & !background) as u16;
+            (self.shown[part], self.left[part]) = (shown, shown);
+        }
+        self.count = 0;
+        for part in 0..PARTS {
+            while self.left[part] != 0 {
+                if self.count == MOST {
+                    return false;
+                }
+                let id = self.estimates.triangle[part][self.left[part].trailing_zeros() as usize % PACKET];
+                self.triangles[self.count] = id;
+                // Those before are done; to leave them out would take a jump.
+                for (part, left) in self.left.iter_mut().enumerate() {
+                    let showing = *left & simd.wide_equal(&self.estimates.triangle[part], id) as u16;
+                    self.showing[self.count][part] = showing;
+                    *left &= !showing;
+                }
+                self.count += 1;
+            }
+        }
+        true
+    }
+
+    /// Counts positions from a centre, and returns how far they reach from it by axis; nothing if there are none.
+    #[inline(always)]
+    fn center<S: Simd>(&mut self, simd: S) -> Option<Vec3> {
+        let part = self.shown.iter().position(|shown| *shown != 0)?;
+        let center = vector_at(&self.estimates.origin[part], self.shown[part].trailing_zeros() as usize);
+        self.estimates.center = center;
+        let zero = simd.wide_splat(0.0);
+        let mut extent = [zero; 3];
+        for (origin, shown) in self.estimates.origin.iter_mut().zip(self.shown) {
+            for (axis, origin) in origin.iter_mut().enumerate() {
+                let from = simd.wide_sub(simd.wide_load(origin), simd.wide_splat(center[axis]));
+                let from = simd.wide_select(Mask::from(shown), from, zero);
+                *origin = simd.wide_store(from);
+                extent[axis] = simd.wide_max_or(simd.wide_abs(from), extent[axis]);
+            }
+        }
+        Some(Vec3::from_array(extent.map(|extent| simd.wide_most(extent))))
+    }
+
+    /// Prepares sixteen triangles, and says which are turned away from the light and of which that is not certain.
+    #[inline(always)]
+    fn triangles_of<S: Simd>(
+        &mut self,
+        simd: S,
+        chunk: usize,
+        geometry: &Geometry,
+        (eye, light): (Vec3, Vec3),
+        extent: Vec3,
+    ) -> (Mask, Mask) {
+        // What the last sixteen lack.
+        let first = self.triangles[0];
+        self.triangles[self.count.min((chunk + 1) * PACKET)..(chunk + 1) * PACKET].fill(first);
+        let ids = &self.triangles.as_chunks().0[chunk];
+        let vertices = vertices(simd, &geometry.triangles, ids);
+        let corners = at_vertices(simd, &geometry.positions, &vertices);
+        let normals = (!geometry.normals.is_empty()).then(|| at_vertices(simd, &geometry.normals, &vertices));
+        let faces = &mut self.faces[chunk];
+        let (mut dark, mut doubtful) = (0, 0);
+        for half in 0..2 {
+            faces.set(&corners, half, light, (self.estimates.center, extent));
+            let normal = half_of(simd, &faces.normal, half);
+            let (above, below) = match &normals {
+                Some([a, b, c]) => {
+                    let (above_a, below_a) = sides(simd, normal, half_of(simd, a, half));
+                    let (above_b, below_b) = sides(simd, normal, half_of(simd, b, half));
+                    let (above_c, below_c) = sides(simd, normal, half_of(simd, c, half));
+                    (above_a & above_b & above_c, below_a & below_b & below_c)
+                }
+                None => {
+                    let [a, b, c] = corners.each_ref().map(|corner| half_of(simd, corner, half));
+                    eye_sides(simd, normal, [a, b, c], eye)
+                }
+            };
+            let towards = dot(simd, normal, [simd.splat(light.x), simd.splat(light.y), simd.splat(light.z)]);
+            let faces_light = simd.at_most(simd.splat(GRAZING), towards);
+            dark |= (below & faces_light) << (half * LANES);
+            doubtful |= (!((above | below) & faces_light) & ALL) << (half * LANES);
+        }
+        (dark, doubtful)
+    }
+}
+
+/// Four values that follow each other, from four places on.
+///
+/// # Panics
+/// If there are not so many.
+#[inline(always)]
+fn four_each<'v, V>(values: &'v [V], [a, b, c, d]: &[usize; PART]) -> [&'v [V; PART]; PART] {
+    let four = |first: usize| &values[first..first + PART].as_chunks().0[0];
+    [four(*a), four(*b), four(*c), four(*d)]
+}
+
+/// Where the viewer is clearly on the side of the triangle's normal, and where on the other.
+#[inline(always)]
+fn eye_sides<S: Simd>(simd: S, normal: [S::Vector; 3], corners: [[S::Vector; 3]; 3], eye: Vec3) -> (Mask, Mask) {
+    let eye = eye.to_array().map(|eye| simd.splat(eye));
+    let [a, ..] = corners;
+    let to_eye = [simd.sub(eye[0], a[0]), simd.sub(eye[1], a[1]), simd.sub(eye[2], a[2])];
+    let zero = simd.splat(0.0);
+    let mut size = zero;
+    for point in [eye].into_iter().chain(corners) {
+        for coordinate in point {
+            size = simd.add(size, simd.max_or(coordinate, simd.sub(zero, coordinate)));
+        }
+    }
+    let (height, margin) = (dot(simd, normal, to_eye), simd.mul(size, simd.splat(ASIDE)));
+    let (above, _) = signs(simd, simd.sub(height, margin));
+    let (_, below) = signs(simd, simd.add(height, margin));
+    (above, below)
+}
