@@ -1,5 +1,6 @@
 //! Whether a job has all that its program reads, so that no pixel needs to ask.
 
+use crate::trace::{Detected, Simd, Work};
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
@@ -101,5 +102,14 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError
 /// How many triangles there are at least, if pixels show these. A maximum, and not a search: it becomes vector code.
 fn most_triangles(shown: &[u32]) -> usize {
     const { assert!(NO_TRIANGLE.wrapping_add(1) == 0) }
-    shown.iter().fold(0, |most, id| most.max(id.wrapping_add(1))) as usize
+    Detected::cached().run(Most(shown)) as usize
+}
+
+struct Most<'a>(&'a [u32]);
+
+impl Work<u32> for Most<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> u32 {
+        self.0.iter().fold(0, |most, id| most.max(id.wrapping_add(1)))
+    }
 }

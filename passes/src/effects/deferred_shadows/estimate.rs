@@ -15,7 +15,7 @@ pub(super) const PART: usize = 4;
 /// Parts of a tile.
 pub(super) const PARTS: usize = TILE * TILE / PACKET;
 /// Triangles that a tile may show.
-const MOST: usize = 64;
+const MOST: usize = 128;
 /// Cosine between the triangle and the light from which on it is certain which side is lit.
 const GRAZING: f32 = 1.0e-4;
 /// Units of rounding error, of coordinates, by which the viewer must be off a triangle's plane.
@@ -86,14 +86,14 @@ impl<T: Tracer, C: Coverage> Work<bool> for Draw<'_, T, C> {
         let eye = pass.job.eye;
         let light = pass.to_light;
         sketch.estimates.direction = light;
-        let (mut dark, mut doubtful) = (0_u64, 0_u64);
+        let (mut dark, mut doubtful) = (0_u128, 0_u128);
         let mut error = Vec3::ZERO;
         for chunk in 0..sketch.count.div_ceil(PACKET) {
             let used = u32::MAX >> (32 - PACKET.min(sketch.count - chunk * PACKET));
             let scene = &pass.job.scene.geometry;
             let (turned, doubts) = sketch.triangles_of(simd, chunk, scene, (eye, light), extent);
-            dark |= u64::from(turned & used) << (chunk * PACKET);
-            doubtful |= u64::from(doubts & used) << (chunk * PACKET);
+            dark |= u128::from(turned & used) << (chunk * PACKET);
+            doubtful |= u128::from(doubts & used) << (chunk * PACKET);
             let of = used & !turned & !doubts;
             error = error.max(sketch.faces[chunk].error(simd, of, sketch.estimates.center, extent));
         }

@@ -15,7 +15,7 @@ use curitiba_pipeline::backend::RayJob;
 use glam::{Vec3, Vec4};
 
 /// Pixels up to which each is looked at by itself.
-const FEW: usize = 4;
+const FEW: usize = 7;
 
 /// What is known of a tile, and the buffers that it takes to find out.
 #[derive(Debug, Default)]
