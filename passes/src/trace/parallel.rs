@@ -26,10 +26,10 @@ use std::ops::Range;
 const MOST: usize = 512;
 /// How many packets share a list; where it is too long, fewer share one, and in the end none is made.
 const LEVELS: [usize; 3] = [TOGETHER, 4, 1];
+/// Blocks that are brought near before they are looked at.
+const AHEAD: usize = 3;
 /// Sixteens of triangles that packets are compared with at a time: the more, the fewer ends of loops are guessed wrongly.
 const GROUP: usize = 4;
-/// Lists of one length that were too long, one after the other, after which no more of that length are tried in a tile.
-const ENOUGH: u32 = 2;
 /// Rays below which a list is not worth it.
 const FEW: u32 = 16;
 
@@ -303,8 +303,11 @@ impl List {
             }
         }
         self.len = 0;
-        for &block in &self.blocks[..blocks] {
-            let index = Child(block).index();
+        for place in 0..blocks {
+            if place + AHEAD < blocks {
+                simd.prefetch(&bvh.blocks[Child(self.blocks[place + AHEAD]).index()]);
+            }
+            let index = Child(self.blocks[place]).index();
             let block = &bvh.blocks[index];
             let lanes = view.triangles(simd, block, zone);
             for corner in 0..3 {
@@ -387,8 +390,8 @@ impl Tile<'_> {
         // By level, the packet up to which it has been tried in vain; and how large the last such zone was.
         let mut tried = [0; LEVELS.len()];
         let mut too_large = [f32::INFINITY; LEVELS.len()];
-        // How many lists of a level in a row were too long.
-        let mut in_vain = [0; LEVELS.len()];
+        // Levels of which a list was too long: no more of it are tried.
+        let mut in_vain = [false; LEVELS.len()];
         while !todo.is_empty() {
             let level = (0..LEVELS.len()).find(|&level| tried[level] <= todo.start);
             let (together, longest) = level.map_or((1, 0), |level| (LEVELS[level], U::LONGEST[level]));
@@ -396,21 +399,16 @@ impl Tile<'_> {
             if let Some(zone) = self.zone(some.clone()) {
                 match level {
                     // What is nearly as large as what it is a part of would hold as much, and so would what is like others.
-                    Some(level)
-                        if level > 0 && zone.area() > 0.5 * too_large[level - 1] || in_vain[level] >= ENOUGH =>
-                    {
+                    Some(level) if level > 0 && zone.area() > 0.5 * too_large[level - 1] || in_vain[level] => {
                         (tried[level], too_large[level]) = (some.end, zone.area());
                         continue;
                     }
                     Some(level) if !list.gather::<S, U>(simd, self, &zone, longest) => {
                         (tried[level], too_large[level]) = (some.end, zone.area());
-                        in_vain[level] += 1;
+                        in_vain[level] = true;
                         continue;
                     }
-                    Some(level) => {
-                        in_vain[level] = 0;
-                        self.test(simd, (some.clone(), &zone), list, blocked, undecided);
-                    }
+                    Some(_) => self.test(simd, (some.clone(), &zone), list, blocked, undecided),
                     None => {
                         let rays = (todo.start, self.valid[todo.start]);
                         blocked[todo.start] = undecided.stopped(simd, rays) as u16;
