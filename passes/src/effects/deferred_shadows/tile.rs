@@ -1,5 +1,6 @@
-//! The light of a tile's pixels, found out together: where their rays start is computed sixteen pixels at a time, by the
-//! operations of a single pixel, and the rays go down the tree as packets.
+//! The light of a tile's pixels, found out together. Most of it is certain from estimates (`estimate.rs`); of the other pixels,
+//! where their rays start is computed sixteen at a time, by the operations of a single pixel, and the rays go down the tree as
+//! packets.
 
 use super::corrected::{CLEARLY, Light, is_lit, light_at};
 use super::estimate::{Draw, PART, PARTS, Sketch, corner};
