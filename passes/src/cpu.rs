@@ -254,6 +254,13 @@ fn runs_of_tiles(image: &mut Image) -> Vec<Rows<'_>> {
     runs
 }
 
+/// A workspace on the heap. A worker that waits for a part of its work runs other parts on the same stack, and a workspace in each of
+/// these frames overflows it. Not inlined, so that none of them has the room in which it is made.
+#[inline(never)]
+fn workspace() -> Box<Workspace> {
+    Box::default()
+}
+
 fn each_tile(
     (output, progress): (&mut Image, &Progress),
     tile: impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool + Sync,
@@ -279,7 +286,7 @@ fn each_tile(
     };
     runs.par_iter_mut()
         .enumerate()
-        .map_init(Workspace::default, |work, (index, run)| {
+        .map_init(workspace, |work, (index, run)| {
             work.rays = RayCounts::default();
             let (left, top) = (index % across * RUN * TILE, index / across * TILE);
             for left in (left..width.min(left + RUN * TILE)).step_by(TILE) {
