@@ -22,7 +22,7 @@ pub enum Operand {
 }
 
 impl Operand {
-    /// Reads the name of a picture (`.png`, `.exr`) or a [`Spec`].
+    /// Reads the name of a picture (`.png`, `.exr`) or a [`Spec`] of a project or scene.
     ///
     /// # Errors
     /// If it is neither.
@@ -37,8 +37,8 @@ impl Operand {
         Err(SpecError {
             text: text.to_owned(),
             position: 1,
-            message: "this is neither a picture nor a project".to_owned(),
-            help: "valid: FILE.png, FILE.exr, or PROJECT.xml@SETTING,SETTING".to_owned(),
+            message: "this is neither a picture nor a project or scene".to_owned(),
+            help: "valid: FILE.png, FILE.exr, or PROJECT.xml@SETTING,SETTING, or a scene (.glb, .gltf, .obj, .cbo, .nbo, a folder) likewise".to_owned(),
         })
     }
 }

@@ -29,6 +29,7 @@ pub mod environment;
 pub mod reference;
 pub mod report;
 pub mod spec;
+pub mod visibility;
 
 #[cfg(feature = "cuda")]
 pub use curitiba_cuda as cuda;
@@ -39,7 +40,8 @@ pub use engines::{BackendChoice, Choice, Gpus, RasterChoice};
 use pipeline::diagnostic::Problems;
 use pipeline::executor::{Engines, Observer, RenderError, Renderer};
 use pipeline::plan::{Plan, PlanError, PlannedPass, Settings};
-use pipeline::project::PassKind;
+use pipeline::project::{PassKind, SourceError};
+use pipeline::scene::SceneError;
 use std::path::Path;
 
 /// Why a project could not be opened.
@@ -48,6 +50,12 @@ pub enum OpenError {
     /// The project file or a material library; holds every problem of them.
     #[error(transparent)]
     Project(#[from] Problems),
+    /// A scene file of which a project was to be made, or a file that is neither.
+    #[error(transparent)]
+    Source(#[from] SceneError),
+    /// Options that do not fit what is named.
+    #[error("{0}")]
+    Option(String),
     /// The settings do not fit the project.
     #[error(transparent)]
     Plan(#[from] PlanError),
@@ -59,7 +67,18 @@ pub enum OpenError {
     Render(#[from] RenderError),
 }
 
-/// Reads a project, makes its plan, chooses engines, loads the scenes and builds what the plan needs.
+impl From<SourceError> for OpenError {
+    fn from(error: SourceError) -> Self {
+        match error {
+            SourceError::Project(problems) => Self::Project(problems),
+            SourceError::Scene(error) => Self::Source(error),
+            SourceError::Option(message) => Self::Option(message),
+        }
+    }
+}
+
+/// Reads a project, makes its plan, chooses engines, loads the scenes and builds what the plan needs. `project` may also be a
+/// scene file or a folder of them: [`Settings::scene`] says what project is made of it.
 ///
 /// # Errors
 /// All problems of the project's files together; or the first of what follows.
@@ -69,7 +88,7 @@ pub fn open(
     choice: Choice,
     observer: &mut dyn Observer,
 ) -> Result<Renderer, OpenError> {
-    let project = pipeline::project::load(project.as_ref())?;
+    let project = settings.open(project.as_ref())?;
     let plan = Plan::new(project, settings)?;
     let raster = engines::rasteriser(choice.raster)?;
     let engines = Engines::first_of(raster, choice.ray_backends()).map_err(|error| {

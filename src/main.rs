@@ -1,15 +1,59 @@
 //! The command line. Exit codes: 0 done; 1 the work failed, or a comparison is beyond a limit; 2 the
 //! command line is wrong; 3 a project, scene or picture file is wrong.
-#![forbid(unsafe_code)]
-
+mod allocator;
 mod cli;
 
-use clap::{CommandFactory as _, Parser as _};
+use clap::Parser as _;
+use cli::Failure;
 use cli::args::{Cli, Command};
 use std::process::ExitCode;
 
+// Loaders turn panics of the crates that they call into errors (`pipeline/src/guard.rs`).
+const _: () = assert!(cfg!(panic = "unwind"), "the program has to be built with panic = \"unwind\"");
+
+#[global_allocator]
+static ALLOCATOR: allocator::Counting = allocator::Counting;
+
+/// Of the thread that runs the command, bytes. All of it is asked for at once: where a limit leaves no room for the first
+/// thread's stack to grow, the system ends the process without a word.
+const STACK: usize = 8 << 20;
+
 fn main() -> ExitCode {
-    let result = match Cli::parse().command {
+    allocator::end_with_an_error();
+    match std::thread::Builder::new().stack_size(STACK).spawn(command) {
+        // A panic has printed its message.
+        Ok(thread) => thread.join().unwrap_or(ExitCode::from(101)),
+        Err(error) => {
+            let failure = Failure::Work(format!("no thread can be started: {error}"));
+            failure.print();
+            failure.exit_code()
+        }
+    }
+}
+
+fn command() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return cli::usage(&error),
+    };
+    let code = match run(cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.print();
+            failure.exit_code()
+        }
+    };
+    if code == ExitCode::SUCCESS && cli::unheard() { ExitCode::FAILURE } else { code }
+}
+
+fn run(cli: Cli) -> Result<(), Failure> {
+    if let Some(bytes) = cli.command.max_memory() {
+        allocator::limit(bytes);
+    }
+    #[cfg(unix)]
+    cli::signals::handle().map_err(Failure::work)?;
+    cli::confine(cli.confine.as_deref())?;
+    match cli.command {
         Command::Render(args) => cli::render::run(&args),
         Command::Plan(args) => cli::plan::run(&args),
         Command::Check(args) => cli::check::run(&args),
@@ -18,16 +62,7 @@ fn main() -> ExitCode {
         Command::Report(args) => cli::report::run(&args),
         Command::Scene(args) => cli::scene::run(&args),
         Command::Bench(args) => cli::bench::run(&args),
-        Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "curitiba", &mut std::io::stdout());
-            Ok(())
-        }
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            failure.print();
-            failure.exit_code()
-        }
+        Command::Visibility(args) => cli::visibility::run(&args),
+        Command::Completions { shell } => cli::completions(shell),
     }
 }

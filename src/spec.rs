@@ -3,6 +3,7 @@
 use crate::pipeline::diagnostic::valid_names;
 use crate::pipeline::plan::Settings;
 use crate::pipeline::programs::Fidelity;
+use crate::pipeline::project::{SCENE_EXTENSIONS, SceneOptions, names_scenes};
 use crate::{BackendChoice, Choice, RasterChoice};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -17,16 +18,22 @@ pub const SETTINGS: &[(&str, &str)] = &[
     ("size", "WIDTHxHEIGHT of the window"),
     ("seed", "N, of the random numbers"),
     ("pipeline", "NAME of a pipeline of the project"),
+    ("effects", "of scene files: shadows, ao, glass with + between, or none"),
+    ("look-from", "of scene files: X/Y/Z, where the camera stands"),
+    ("look-at", "of scene files: X/Y/Z, what it looks at"),
+    ("fov", "of scene files: DEGREES, vertical"),
+    ("sun", "of scene files: X/Y/Z, the direction in which the sun stands"),
+    ("background", "of scene files: R/G/B from 0 to 1, or #rrggbb"),
     ("PASS.NAME", "VALUE of a parameter of a pass"),
     ("TEXTURE.format", "RGBA32F, RGBA16F, RGBA8, R32F or R8: how a render target stores it"),
 ];
 
 const FIDELITIES: [(&str, Fidelity); 2] = [("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)];
 
-/// A project file, and what differs from its defaults.
+/// A project file, or scene files of which one is made, and what differs from its defaults.
 #[derive(Debug, Clone)]
 pub struct Spec {
-    /// The project file.
+    /// The project file, scene file or folder.
     pub project: PathBuf,
     /// What the plan is made from.
     pub settings: Settings,
@@ -58,11 +65,11 @@ impl fmt::Display for SpecError {
 impl std::error::Error for SpecError {}
 
 impl Spec {
-    /// Whether a text names a project and not another file: `x.xml`, `x.xml@` or `x.xml@setting`.
+    /// Whether a text names a project, scene file or folder of those and not another file: `x.xml`, `x.xml@` or `x.xml@setting`.
     #[must_use]
     pub fn is_project(text: &str) -> bool {
         let path = Path::new(split(text).0);
-        path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml"))
+        path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) || names_scenes(path)
     }
 
     /// Reads `project.xml@setting,setting`. The project's own values stand where nothing is set, so `project.xml@` and
@@ -131,6 +138,26 @@ impl Spec {
                     || (true, format!("`{value}` is no size"), "valid: WIDTHxHEIGHT, such as 512x512".to_owned());
                 self.settings.size = Some(sides.ok_or_else(wrong)?);
             }
+            "effects" => {
+                self.settings.scene.effects = Some(value.parse().map_err(|help| in_value(key, value, help))?);
+            }
+            "look-from" | "look-at" | "sun" => {
+                let parse = if key == "sun" { SceneOptions::parse_direction } else { SceneOptions::parse_vector };
+                let vector = Some(parse(value).map_err(|help| in_value(key, value, help))?);
+                match key {
+                    "sun" => self.settings.scene.sun = vector,
+                    "look-at" => self.settings.scene.look_at = vector,
+                    _ => self.settings.scene.look_from = vector,
+                }
+            }
+            "fov" => {
+                self.settings.scene.fov =
+                    Some(SceneOptions::parse_fov(value).map_err(|help| in_value(key, value, help))?);
+            }
+            "background" => {
+                let color = SceneOptions::parse_color(value).map_err(|help| in_value(key, value, help))?;
+                self.settings.scene.background = Some(color);
+            }
             _ if key.rsplit_once('.').is_some_and(|(pass, name)| !pass.is_empty() && !name.is_empty()) => {
                 self.settings.set.push(format!("{key}={value}"));
             }
@@ -143,6 +170,11 @@ impl Spec {
     }
 }
 
+/// A value that its own reader refused.
+fn in_value(key: &str, value: &str, help: String) -> (bool, String, String) {
+    (true, format!("`{value}` is no value of `{key}`"), help)
+}
+
 fn named<T: Copy>(key: &str, value: &str, valid: &[(&str, T)]) -> Result<T, (bool, String, String)> {
     valid.iter().find(|(name, _)| *name == value).map(|(_, choice)| *choice).ok_or_else(|| {
         let help = valid_names(value, valid.iter().map(|(name, _)| *name));
@@ -150,11 +182,13 @@ fn named<T: Copy>(key: &str, value: &str, valid: &[(&str, T)]) -> Result<T, (boo
     })
 }
 
-/// At the first `@` behind `.xml`, since folders may have one in their names; else at the last.
+/// At the first `@` behind `.xml` or a scene's extension, since folders may have one in their names; else at the last.
 fn split(text: &str) -> (&str, Option<&str>) {
     let lower = text.to_ascii_lowercase();
-    let at = lower.find(".xml@").map(|dot| dot + 4);
-    let at = at.or_else(|| if lower.ends_with(".xml") { None } else { text.rfind('@') });
+    let extensions = || ["xml"].into_iter().chain(SCENE_EXTENSIONS).map(|extension| format!(".{extension}"));
+    let at = extensions().filter_map(|end| Some(lower.find(&format!("{end}@"))? + end.len())).min();
+    let whole = || extensions().any(|end| lower.ends_with(&end)) || Path::new(text).is_dir();
+    let at = at.or_else(|| if whole() { None } else { text.rfind('@') });
     at.map_or((text, None), |at| (&text[..at], Some(&text[at + 1..])))
 }
 

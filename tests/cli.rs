@@ -147,7 +147,11 @@ fn a_wrong_command_line_exits_with_2_and_says_what_is_valid() {
     assert!(with(&["--set", "pass2.samples=7", "--fidelity", "thesis"]).contains("such as 4"));
     assert!(with(&["--show", "position"]).contains("pos"));
     assert!(with(&["--size", "70000x1"]).contains("65536"));
-    assert!(with(&["--size", "65536x65536"]).contains("--max-memory"));
+    assert!(with(&["--size", "65536x65536", "--max-memory", "64MiB"]).contains("--max-memory"));
+    assert!(with(&["--size", "64x64", "--crop", "40,0,32x32"]).contains("does not lie in the window"));
+    assert!(with(&["--crop", "0,0,8x8,8"]).contains("512,256,128x64"));
+    assert!(with(&["--bands", "2", "--show", "pos", "--size", "64x256"]).contains("--show"));
+    assert!(with(&["--crop", "0,0,8x8", "--size", "640x640", "--pixel", "1,1"]).contains("whole pictures"));
     assert_eq!(files(folder.path()), [] as [&str; 0]);
 }
 

@@ -4,8 +4,8 @@
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::pipeline::backend::{
-    Attachments, BackendError, BuildStats, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, RasterJob, Rasteriser,
-    RayBackend, RayJob, RayStats,
+    Attachments, BackendError, BuildStats, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, RasterJob,
+    Rasteriser, RayBackend, RayJob, RayStats,
 };
 use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent, Spare, StepKind};
 use curitiba::pipeline::image::Image;
@@ -47,6 +47,7 @@ struct Drawer {
 fn only(wanted: Attachments, from: &GBuffer) -> GBuffer {
     let channel = |wanted: bool, pixels: &[[f32; 4]]| if wanted { pixels.to_vec() } else { Vec::new() };
     GBuffer {
+        origin: from.origin,
         width: from.width,
         height: from.height,
         color: channel(wanted.color, &from.color),
@@ -59,6 +60,9 @@ fn only(wanted: Attachments, from: &GBuffer) -> GBuffer {
 impl Rasteriser for Drawer {
     fn name(&self) -> &'static str {
         "wgpu"
+    }
+    fn limits(&self) -> Limits {
+        self.inner.limits()
     }
     fn device(&self) -> String {
         "made up".to_owned()

@@ -57,6 +57,7 @@ fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBu
         view,
         sun: Some(Sun { direction: Vec3::new(0.597, -0.39, 0.7).normalize(), color: Vec3::splat(0.9) }),
         shades: &shades,
+        culled: &[],
         viewport,
         clear_color: Vec4::W + clear_color,
         attachments,

@@ -31,7 +31,7 @@ use curitiba::environment::Environment;
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::trace::{Bvh, Quality};
 use curitiba::pipeline::backend::RayBackend as _;
-use curitiba::pipeline::image::write_atomically;
+use curitiba::pipeline::files::write_atomically;
 use curitiba::pipeline::scene::Geometry;
 use duel::{RayRow, Tree, duel, pool};
 use effects::Picture;

@@ -7,7 +7,7 @@ use crate::scenes::Subject;
 use curitiba::passes::effects::{Area, Pixel, TILE};
 use curitiba::passes::sampling::hash::{self, pixel_key};
 use curitiba::passes::sampling::hemisphere::{Basis, cosine};
-use curitiba::passes::trace::{Bvh, Fan, Hit, Nearby, PACKET, Packet, PacketHits, SurfacePoint, Tracer};
+use curitiba::passes::trace::{Bvh, Candidates, Fan, Hit, PACKET, Packet, PacketHits, SurfacePoint, Tracer};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -208,7 +208,7 @@ const BLOCKED: Hit = Hit { t: 0.0, triangle: 0, u: 0.0, v: 0.0 };
 
 /// Traces with our tree on the current pool, and returns the number of rays that hit.
 pub fn ours(rays: &Rays, bvh: &Bvh, mode: Mode, sink: &impl Sink) -> u64 {
-    let trace = |nearby: &mut Nearby, range: std::ops::Range<usize>| {
+    let trace = |candidates: &mut Candidates, range: std::ops::Range<usize>| {
         let packets = &rays.packets[range.clone()];
         let mut hits = 0;
         match (mode, rays.question) {
@@ -241,7 +241,7 @@ pub fn ours(rays: &Rays, bvh: &Bvh, mode: Mode, sink: &impl Sink) -> u64 {
             (Mode::Near, _) => {
                 let fans: Vec<Fan<'_>> = range.clone().map(|index| rays.fan(index)).collect();
                 let mut open = vec![0; fans.len()];
-                bvh.count_open_near(&fans, &mut open, nearby, |_, _| true);
+                bvh.count_open_near(&fans, &mut open, candidates, |_, _| true);
                 for (index, open) in range.clone().zip(open) {
                     hits += sink.count_fan(index, PACKET as u32 - open);
                 }
@@ -261,7 +261,7 @@ pub fn ours(rays: &Rays, bvh: &Bvh, mode: Mode, sink: &impl Sink) -> u64 {
         }
         hits
     };
-    rays.ranges().into_par_iter().map_init(Nearby::default, trace).sum()
+    rays.ranges().into_par_iter().map_init(Candidates::default, trace).sum()
 }
 
 /// Traces with Embree on the current pool, and returns the number of rays that hit.

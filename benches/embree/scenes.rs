@@ -103,6 +103,7 @@ impl OwnedJob {
 
     pub fn job<'a>(&'a self, scene: &'a RenderScene) -> RayJob<'a> {
         RayJob {
+            origin: [0; 2],
             scene,
             program: self.program,
             params: self.params,

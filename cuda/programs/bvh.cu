@@ -14,7 +14,7 @@ DEVICE Pass<Bvh> pass_at(const Params &params, const Bvh &tracer, unsigned colum
 
 // What is called for the picture.
 #if defined(CURITIBA_FINAL) && defined(CURITIBA_CORRECTED)
-#include "surfaces.cuh"
+#include "final_stages.cuh"
 #define CURITIBA_LISTS
 #define CURITIBA_PICTURE sum_surfaces
 #elif defined(CURITIBA_SSAO) && defined(CURITIBA_CORRECTED)

@@ -1,7 +1,7 @@
 // How many rays of fans are open, on our own traversal. The threads of a warp work together, in two steps, which kernels of their
 // own take: what the triangles near the points say (`settle`), then the rays of which these do not (`trace_shared`).
 #pragma once
-#include "together.cuh"
+#include "ray_pool.cuh"
 
 // How far kernels have come: how many surfaces were found; the next that is to be lit, and the next of which is asked what is near;
 // groups of points that have rays to be traced, and the next of them.
@@ -57,7 +57,18 @@ DEVICE float reach_of(const Params &params, unsigned part) {
 // That is asked of so many rays at most.
 constexpr unsigned REMEMBERED = 128;
 
-// Looks at what is near the points of a warp. Counts their rays.
+// Settles the rays of the points of a warp from the triangles near them, as far as these tell, and counts the rays.
+//
+// With R the radius and r_0 = R > r_1 > r_2 the reaches (`reach_of`), until no point is left:
+//   1. The first point left is the leader L. Members are the points p with |p - L| <= NEIGHBOURS R: they share a list.
+//   2. For k = 0, 1, 2 the triangles in reach r_k of any member are gathered; the first list that is not too long is taken. It holds
+//      every triangle that a ray of a member may meet before r_k.
+//   3. Each member tests its rays against the list, all threads together, up to r_k; if the member sees too many triangles, up to the
+//      next reach.
+//        r = R: the count of open rays is exact, and nothing is left to trace.
+//        r < R: rays that were stopped are stopped; the others are open before r (`beyond`), and are traced from there.
+//   4. No list for any reach: all rays are traced.
+// At the end, points that saw no triangle within a smaller reach ask once whether their whole half ball is clear (`is_clear`).
 template <Accept ACCEPT>
 DEVICE Settled settle(const Params &params, bool wanted, const Fan &fan, unsigned samples, SettlingMemory &memory, unsigned lane,
                       RayCounts &rays) {

@@ -20,7 +20,7 @@ DEVICE float2 jittered_point(const Params &params, unsigned sample, unsigned key
 // The sample that is `turn`th in an order in which the rays of any two fans go to the same part of their hemispheres, as far as
 // the points are spread. How many rays are open does not depend on the order.
 //
-// The table has blocks of 4^m points, as `points.rs` says, which fill as many squares of the unit square. The scrambling
+// The table has blocks of 4^m points, as `sobol_table.rs` says, which fill as many squares of the unit square. The scrambling
 // permutes the first m digits among themselves, so the point that it takes into a square is found by its inverse.
 DEVICE unsigned sample_of_turn(const Params &params, unsigned turn, uint2 seeds) {
     unsigned digits = (31u - (unsigned)__clz(params.samples)) / 2u, first = 0;

@@ -4,7 +4,7 @@
 
 // The fastest of 1, 8, 10, 12 and 16 on an H100.
 constexpr unsigned RESIDENT_BLOCKS = 8;
-// Of the kernels of `surfaces.cuh`, which our own traversal calls in corrected fidelity.
+// Of the kernels of `final_stages.cuh`, which our own traversal calls in corrected fidelity.
 #define CURITIBA_FINAL
 constexpr unsigned LISTING_BLOCKS = 8, LIGHTING_BLOCKS = 10;
 

@@ -1,4 +1,4 @@
-// Points on surfaces, origins of the rays that leave them, and smooth interfaces (`trace/offset.rs`, `effects/surface.rs`,
+// Points on surfaces, origins of the rays that leave them, and smooth interfaces (`trace/origin/surface_point.rs`, `effects/surface.rs`,
 // `effects/optics.rs`).
 #pragma once
 #include "scene.cuh"

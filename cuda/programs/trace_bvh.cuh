@@ -1,7 +1,7 @@
-// Our own traversal of the wide tree that `trace/device.rs` writes, one ray a thread.
+// Our own traversal of the wide tree that `trace/build/gpu_tree.rs` writes, one ray a thread.
 //
 // The tree only leads to triangles: its boxes are quantised outwards, and the box test is conservative against the one of
-// `trace/query.rs`, so the answers are those of the processor, bit for bit.
+// `trace/tree/prepared_ray.rs`, so the answers are those of the processor, bit for bit.
 //
 // Traversal by groups of children in the order of the ray's octant: Ylitie, Karras and Laine, "Efficient Incoherent Ray
 // Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 4.

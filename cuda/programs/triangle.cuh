@@ -1,4 +1,4 @@
-// The watertight triangle test of `trace/block.rs`, operation by operation: what a ray hits, and at what distance, is that of the
+// The watertight triangle test of `trace/single/leaf_test.rs`, operation by operation: what a ray hits, and at what distance, is that of the
 // processor, bit for bit.
 #pragma once
 #include "pass.cuh"
@@ -64,22 +64,22 @@ DEVICE float3 reach_from(const Params &params, float3 point) {
     return vec3(fmaxf(a.x, b.x), fmaxf(a.y, b.y), fmaxf(a.z, b.z));
 }
 
-// How far the origin of the slabs is moved outwards along each axis, as in `Query::new`.
+// How far the origin of the slabs is moved outwards along each axis, as in `PreparedRay::new`.
 DEVICE float3 slab_padding(const Params &params, const Query &query) {
     float3 reach = reach_from(params, query.origin);
-    reach = vec3(fminf(reach.x, 1.0e30f), fminf(reach.y, 1.0e30f), fminf(reach.z, 1.0e30f));
+    reach = vec3(fminf(reach.x, LARGEST_REACH), fminf(reach.y, LARGEST_REACH), fminf(reach.z, LARGEST_REACH));
     float along = component(reach, query.longest);
-    return (reach + splat(along)) * (8.0f * UNIT_ROUNDOFF) + absolute(query.origin) * (2.0f * UNIT_ROUNDOFF);
+    return (reach + splat(along)) * SLAB_ERROR + absolute(query.origin) * SLAB_ORIGIN_ERROR;
 }
 
-// The interval in which the ray is in the bounds of a triangle, as in `Query::interval`.
+// The interval in which the ray is in the bounds of a triangle, as in `PreparedRay::span`.
 DEVICE float2 interval_axis(float2 range, float origin, float direction, float pad, float a, float b, float c) {
     float inverse = 1.0f / direction;
     float toward = copysignf(pad, inverse);
     float least = fminf(fminf(a, b), c), most = fmaxf(fmaxf(a, b), c);
     bool backward = signbit(inverse);
     float near = ((backward ? most : least) - (origin + toward)) * inverse;
-    float far = ((backward ? least : most) - (origin - toward)) * (inverse * (1.0f + 8.0f * UNIT_ROUNDOFF));
+    float far = ((backward ? least : most) - (origin - toward)) * (inverse * FAR_PLANES);
     return make_float2(near > range.x ? near : range.x, far < range.y ? far : range.y);
 }
 

@@ -3,13 +3,13 @@
 use crate::device::{Buffer, Device};
 use crate::layout::{BLOCK_HEIGHT, BLOCK_WIDTH, LISTED, Params, REACHES, SETTLED_BYTES, SURFACE_BYTES, TRACING_WARPS};
 use crate::nodes::WideNode;
+use crate::one_gpu::DeviceTracer;
 use crate::programs;
-use crate::rays::DeviceTracer;
 use crate::scene::SceneBuffers;
 use cudarc::driver::{CudaFunction, DriverError, LaunchConfig, PushKernelArg as _};
 use cudarc::nvrtc::Ptx;
 use curitiba_passes::trace::Quality;
-use curitiba_passes::trace::device::DeviceTree;
+use curitiba_passes::trace::gpu_tree::DeviceTree;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
@@ -214,6 +214,10 @@ impl DeviceTracer for BvhTracer {
         Ok(BuildStats { bytes: self.nodes.bytes() + self.leaves.bytes(), nodes: tree.nodes.len() as u64 })
     }
 
+    fn program(program: RayProgram, fidelity: Fidelity) -> Option<&'static str> {
+        programs::on_bvh(program, fidelity)
+    }
+
     fn clear(&mut self) {
         (self.nodes, self.leaves, self.node_count) = (Buffer::default(), Buffer::default(), 0);
         (self.surfaces, self.first_surface) = (Buffer::default(), Buffer::default());
@@ -230,7 +234,8 @@ impl DeviceTracer for BvhTracer {
         if self.kernels.iter().any(|kernel| (kernel.program, kernel.fidelity) == (program, fidelity)) {
             return Ok(());
         }
-        let loaded = device.context().load_module(Ptx::from_src(programs::on_bvh(program, fidelity)));
+        let text = Self::program(program, fidelity).ok_or_else(|| programs::not_written(Self::NAME, program))?;
+        let loaded = device.context().load_module(Ptx::from_src(text));
         let kernel = loaded.and_then(|module| {
             let load = |stage: &Stage| Ok((*stage, module.load_function(stage.entry)?));
             let stages = stages(program, fidelity).iter().map(load).collect::<Result<_, DriverError>>()?;

@@ -3,7 +3,7 @@
 use crate::device::Address;
 use cudarc::driver::DeviceRepr;
 use curitiba_passes::effects::constants as effects;
-use curitiba_passes::trace::device as tree;
+use curitiba_passes::trace::gpu_tree;
 use std::fmt::Write as _;
 
 /// Declares structs in Rust and says how they are spelled in CUDA C++.
@@ -98,7 +98,7 @@ shared_structs! {
         textures: Address = "const TextureInfo *",
         /// Texels of all textures.
         texels: Address = "const uchar4 *",
-        /// Occlusion points: both dimensions of the Sobol sequence, bits reversed; then their numbers (`points.rs`).
+        /// Occlusion points: both dimensions of the Sobol sequence, bits reversed; then their numbers (`sobol_table.rs`).
         sobol: Address = "const uint2 *",
         /// By the number of open rays: their share to the power of the intensity.
         open_share: Address = "const float *",
@@ -226,7 +226,7 @@ pub fn header() -> String {
     let integers = [
         ("NO_TRIANGLE", curitiba_pipeline::backend::NO_TRIANGLE),
         ("NO_TEXTURE", NO_TEXTURE),
-        ("TRANSPARENT", tree::TRANSPARENT),
+        ("TRANSPARENT", gpu_tree::TRANSPARENT),
         ("SHADE_GLASS", SHADE_GLASS),
         ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
         ("SHADE_CUT", SHADE_CUT),
@@ -239,7 +239,7 @@ pub fn header() -> String {
         ("MAX_DEPTH", MAX_DEPTH),
         ("MAX_CROSSINGS", MAX_CROSSINGS),
         ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),
-        ("STACK", tree::STACK as u32),
+        ("STACK", gpu_tree::STACK as u32),
         ("SURFACE_BYTES", SURFACE_BYTES),
         ("SETTLED_BYTES", SETTLED_BYTES),
         ("BLOCK_WIDTH", BLOCK_WIDTH),
@@ -262,14 +262,11 @@ pub fn header() -> String {
         ("THESIS_EPSILON", effects::EPSILON),
         ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
         ("GLASS_BOUNCE", effects::BOUNCE),
-        ("OFFSET_UNITS", tree::OFFSET_UNITS),
-        ("OFFSET_REACH", tree::OFFSET_REACH),
-        ("OFFSET_MARGIN", tree::OFFSET_MARGIN),
-        ("UNIT_ROUNDOFF", tree::UNIT_ROUNDOFF),
     ];
-    for (name, value) in floats {
+    for (name, value) in floats.into_iter().chain(gpu_tree::BOUNDS.iter().copied()) {
         writeln!(text, "constexpr float {name} = {value:e}f;").expect("strings grow");
     }
+    writeln!(text, "constexpr double DEVICE_SHARPEST = {:e};", gpu_tree::DEVICE_SHARPEST).expect("strings grow");
     text + &structs()
 }
 

@@ -10,16 +10,16 @@
 pub mod bvh;
 pub mod device;
 pub mod fault;
-mod join;
 pub mod layout;
+pub mod multi_gpu;
 mod nodes;
+pub mod one_gpu;
 pub mod optix;
 mod peers;
-mod points;
 pub mod programs;
-pub mod rays;
 pub mod scene;
-pub mod split;
+mod shared_gbuffer;
+mod sobol_table;
 mod staging;
 
-pub use split::{CudaRays, DeviceRays, OptixRays};
+pub use multi_gpu::{CudaRays, DeviceRays, OptixRays};

@@ -1,7 +1,7 @@
 //! The nodes of the tree as kernels read them.
 
 use bytemuck::{Pod, Zeroable};
-use curitiba_passes::trace::device::DeviceNode;
+use curitiba_passes::trace::gpu_tree::DeviceNode;
 
 /// Children of a node.
 const CHILDREN: usize = 8;

@@ -1,37 +1,54 @@
 //! The device programs, as PTX that the driver compiles for its GPU; `programs/build.sh` writes them.
 
+use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 
-macro_rules! texts {
-    ($folder:literal, $program:expr) => {
-        match $program {
-            RayProgram::Dummy => include_str!(concat!("../programs/ptx/", $folder, "/dummy.ptx")),
-            RayProgram::DeferredShadows => include_str!(concat!("../programs/ptx/", $folder, "/deferredShadows.ptx")),
-            RayProgram::Reflection => include_str!(concat!("../programs/ptx/", $folder, "/reflection.ptx")),
-            RayProgram::Refraction => include_str!(concat!("../programs/ptx/", $folder, "/refraction.ptx")),
-            RayProgram::Ssao => include_str!(concat!("../programs/ptx/", $folder, "/ssao.ptx")),
-            RayProgram::Final => include_str!(concat!("../programs/ptx/", $folder, "/final.ptx")),
-        }
+macro_rules! text {
+    ($folder:literal, $stem:literal) => {
+        include_str!(concat!("../programs/ptx/", $folder, $stem, ".ptx"))
     };
 }
+macro_rules! table {
+    ($($program:ident $stem:literal),* $(,)?) => {
+        /// The programs that have device programs: on our own traversal and on OptiX, corrected and thesis.
+        const TABLE: &[(RayProgram, [[&str; 2]; 2])] = &[$((RayProgram::$program, [
+            [text!("bvh/corrected/", $stem), text!("bvh/thesis/", $stem)],
+            [text!("optix/corrected/", $stem), text!("optix/thesis/", $stem)],
+        ])),*];
+    };
+}
+table! {
+    Dummy "dummy",
+    DeferredShadows "deferredShadows",
+    Reflection "reflection",
+    Refraction "refraction",
+    Ssao "ssao",
+    Final "final",
+}
 
-/// A program on our own traversal: one kernel, called as the ray-generation program is.
+fn text(program: RayProgram, tracer: usize, fidelity: Fidelity) -> Option<&'static str> {
+    let (_, texts) = TABLE.iter().find(|(own, _)| *own == program)?;
+    Some(texts[tracer][usize::from(fidelity == Fidelity::Thesis)])
+}
+
+/// A program on our own traversal: one kernel, called as the ray-generation program is. `None` if it exists in Rust alone.
 #[must_use]
-pub fn on_bvh(program: RayProgram, fidelity: Fidelity) -> &'static str {
-    match fidelity {
-        Fidelity::Corrected => texts!("bvh/corrected", program),
-        Fidelity::Thesis => texts!("bvh/thesis", program),
-    }
+pub fn on_bvh(program: RayProgram, fidelity: Fidelity) -> Option<&'static str> {
+    text(program, 0, fidelity)
 }
 
 /// A program on OptiX: everything that a project may name, as `__raygen__buffer_camera` or `__closesthit__closest_hit`. Both
-/// fidelities have the same names.
+/// fidelities have the same names. `None` if it exists in Rust alone.
 #[must_use]
-pub fn on_optix(program: RayProgram, fidelity: Fidelity) -> &'static str {
-    match fidelity {
-        Fidelity::Corrected => texts!("optix/corrected", program),
-        Fidelity::Thesis => texts!("optix/thesis", program),
-    }
+pub fn on_optix(program: RayProgram, fidelity: Fidelity) -> Option<&'static str> {
+    text(program, 1, fidelity)
+}
+
+/// The error of a program that has no device program.
+#[must_use]
+pub fn not_written(backend: &'static str, program: RayProgram) -> BackendError {
+    let why = "it is written for the processor alone; `--backend cpu` runs it".to_owned();
+    BackendError::Unsupported { backend, what: program.info().stem.to_owned(), why }
 }
 
 #[cfg(test)]
@@ -69,6 +86,7 @@ mod tests {
                 for (tracer, text) in
                     [("bvh", on_bvh(info.program, fidelity)), ("optix", on_optix(info.program, fidelity))]
                 {
+                    let Some(text) = text else { continue };
                     assert_eq!(
                         text.lines().next(),
                         Some(first_line.as_str()),
@@ -90,7 +108,10 @@ mod tests {
     fn every_module_has_all_programs_for_every_gpu_since_turing() {
         for info in RAY_PROGRAMS {
             for fidelity in FIDELITIES {
-                let [kernel, module] = [on_bvh(info.program, fidelity), on_optix(info.program, fidelity)];
+                let (Some(kernel), Some(module)) = (on_bvh(info.program, fidelity), on_optix(info.program, fidelity))
+                else {
+                    continue;
+                };
                 assert!(kernel.contains(&format!(".entry {}(", info.entry)), "{}", info.stem);
                 for (kind, proc) in PROCS.iter().flat_map(|(kind, procs)| procs.iter().map(move |proc| (kind, proc))) {
                     assert!(
@@ -142,7 +163,7 @@ mod tests {
                     let info = info.unwrap_or_else(|| panic!("{}: {file}", path.display()));
                     let Some(entry) = entry(&kind, &proc) else { continue };
                     for fidelity in FIDELITIES {
-                        let module = on_optix(info.program, fidelity);
+                        let module = on_optix(info.program, fidelity).expect("projects name programs that OptiX has");
                         assert!(module.contains(&entry), "{}: {file} {kind} {proc}", path.display());
                     }
                     found += 1;

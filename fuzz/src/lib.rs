@@ -1,8 +1,12 @@
-//! What the fuzz targets share: the bodies, which the ordinary tests run too (`pipeline/tests/fuzz_brief.rs`), and how a
-//! process starts.
+//! What the fuzz targets share: the bodies, which the ordinary tests run too (`pipeline/tests/fuzz_brief.rs`,
+//! `passes/tests/fuzz_render`), and how a process starts.
 
+#[path = "../../passes/tests/fuzz_render/body.rs"]
+pub mod body;
 #[path = "../../pipeline/tests/fuzz_targets/mod.rs"]
 pub mod fuzz_targets;
+#[path = "../../passes/tests/fuzz_render/input.rs"]
+pub mod input;
 
 /// Makes the calling thread the only one that works: an input then takes the same path in every run, and no time goes
 /// into waking others.

@@ -8,7 +8,7 @@
 mod trace_scenes;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use curitiba_passes::trace::{Bvh, Fan, Hit, Lanes, Quality, Ray, SurfacePoint, Tracer};
+use curitiba_passes::trace::{Bvh, Fan, Hit, InstructionSet, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use obvhs::BvhBuildParams;
@@ -104,8 +104,9 @@ fn bundle_rays(bundles: &[Bundle], t_max: f32) -> Vec<Ray> {
     bundles.iter().flat_map(rays).collect()
 }
 
-fn instruction_sets() -> impl Iterator<Item = (&'static str, Lanes)> {
-    [("avx512", Lanes::Avx512), ("avx2", Lanes::Avx2), ("portable", Lanes::Portable)].into_iter()
+fn instruction_sets() -> impl Iterator<Item = (&'static str, InstructionSet)> {
+    [("avx512", InstructionSet::Avx512), ("avx2", InstructionSet::Avx2), ("portable", InstructionSet::Portable)]
+        .into_iter()
 }
 
 fn trace(criterion: &mut Criterion) {
@@ -135,7 +136,7 @@ fn trace(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group(*name);
         group.throughput(Throughput::Elements(set.len() as u64)).sample_size(10);
         for (name, lanes) in instruction_sets() {
-            let Some(bvh) = Bvh::build(&geometry, &[], Quality::Balanced).with_lanes(lanes) else { continue };
+            let Some(bvh) = Bvh::build(&geometry, &[], Quality::Balanced).with_instruction_set(lanes) else { continue };
             group.bench_function(name, |bencher| bencher.iter(|| ours(&bvh)));
         }
         group.bench_function("obvhs", |bencher| bencher.iter(theirs));

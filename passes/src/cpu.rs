@@ -3,18 +3,18 @@
 pub mod check;
 
 use crate::effects::{
-    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, TILE, Workspace, combined, deferred_shadows, open_shares,
+    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, combined, deferred_shadows,
     reflection, refraction, ssao,
 };
-use crate::sampling::{HemisphereSampler, square_root};
+use crate::sampling::HemisphereSampler;
 use crate::trace::{Bvh, Quality, Tracer};
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::{Geometry, RenderScene, TriangleRanges};
-use glam::Vec3;
 use rayon::prelude::*;
+use std::cell::RefCell;
 use std::sync::Arc;
 
 const NAME: &str = "cpu";
@@ -92,9 +92,9 @@ fn in_host(job: &RayJob<'_>) -> Result<(), BackendError> {
 /// Whether a job can trace any ray: where it cannot, the executor builds no structure.
 #[must_use]
 pub fn may_trace(job: &RayJob<'_>) -> bool {
-    let needs_glass = matches!(job.program, RayProgram::Reflection | RayProgram::Refraction);
+    // In thesis fidelity a pixel is glass by its colour, whatever its material.
     let finds_glass = job.fidelity == Fidelity::Thesis || job.glass.contains(&true);
-    job.program.can_trace(&job.params) && (!needs_glass || finds_glass)
+    job.program.info().needs_structure(&job.params, finds_glass).0
 }
 
 /// Runs a program other than `dummy` on any tracer of the job's scene.
@@ -108,7 +108,8 @@ pub fn trace<T: Tracer>(
     progress: &Progress,
 ) -> Result<RayStats, BackendError> {
     check::images(NAME, job, output)?;
-    let rays = run(tracer, job, Whole { output, progress })?;
+    let tiles = tiles_at_a_time(job.program);
+    let rays = run(tracer, job, Whole { output, progress, tiles })?;
     Ok(RayStats { rays, ..RayStats::default() })
 }
 
@@ -134,15 +135,12 @@ fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<
 }
 
 fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result<Pass<'a, T, C>, BackendError> {
-    let samples = if job.program.info().params.contains(&"samples") { job.params.samples } else { 0 };
-    let wrong = |why: String| check::missing(NAME, job, &why);
-    let (occlusion, strata) = match job.fidelity {
-        _ if samples == 0 => (None, 0),
-        Fidelity::Corrected => (Some(HemisphereSampler::new(job.params.sampler, samples).map_err(wrong)?), 0),
-        Fidelity::Thesis => (None, square_root(samples).map_err(wrong)?),
+    let prepared = Preparation::of(job).map_err(|why| check::missing(NAME, job, &why))?;
+    let Preparation { sampler, open_share, to_light, light_color } = prepared;
+    let (occlusion, strata) = match (job.fidelity, sampler) {
+        (Fidelity::Thesis, Some(HemisphereSampler::Strata { side })) => (None, side),
+        (_, sampler) => (sampler, 0),
     };
-    let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
-    let open_share = if samples == 0 { Vec::new() } else { open_shares(samples, job.params.intensity) };
     let [glass, shadow_glass] =
         [job.glass, job.shadow_glass].map(|glass| TriangleRanges::new(&job.scene.geometry, glass));
     Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata, open_share, glass, shadow_glass })
@@ -169,10 +167,20 @@ fn alone(_: Area, _: &mut Rows<'_>, _: &mut Workspace) -> bool {
     false
 }
 
+/// For programs that prepare a tile before its pixels are computed.
+fn before(prepare: impl Fn(Area, &mut Workspace)) -> impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool {
+    move |area, _, work| {
+        prepare(area, work);
+        false
+    }
+}
+
 /// All of them, over rayon's global pool.
 struct Whole<'o> {
     output: &'o mut Image,
     progress: &'o Progress,
+    /// Tiles side by side that a thread takes at a time.
+    tiles: usize,
 }
 
 impl Runner for Whole<'_> {
@@ -183,7 +191,7 @@ impl Runner for Whole<'_> {
         tile: impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool + Sync,
         pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
     ) -> RayCounts {
-        each_tile((self.output, self.progress), tile, pixel)
+        each_tile(self, tile, pixel)
     }
 }
 
@@ -202,10 +210,12 @@ impl Runner for One {
     }
 }
 
+/// The table of the programs' implementations: for each program and fidelity what computes a pixel, and where its pixels have something
+/// in common, what is done with a tile before.
 fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     use Fidelity::{Corrected, Thesis};
     match (pass.job.program, pass.job.fidelity) {
-        (RayProgram::Dummy, _) => unreachable!("dummy traces nothing"),
+        (RayProgram::Dummy, _) => pixels.each(alone, |p, _| pass.job.color[p.index]),
         (RayProgram::DeferredShadows, Thesis) => pixels.each(alone, |p, w| deferred_shadows::thesis::pixel(pass, p, w)),
         (RayProgram::DeferredShadows, Corrected) => {
             let tile = |area, rows: &mut Rows<'_>, work: &mut Workspace| {
@@ -220,90 +230,99 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
         (RayProgram::Refraction, Corrected) => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
         (RayProgram::Ssao, Thesis) => pixels.each(alone, |p, w| ssao::thesis::pixel(pass, p, w)),
         (RayProgram::Ssao, Corrected) => {
-            let tile = |area, _: &mut Rows<'_>, work: &mut Workspace| {
-                ssao::corrected::prepare(pass, area, work);
-                false
-            };
-            pixels.each(tile, |p, w| ssao::corrected::pixel(pass, p, w))
+            let prepare = |area, work: &mut Workspace| ssao::corrected::prepare(pass, area, work);
+            pixels.each(before(prepare), |p, w| ssao::corrected::pixel(pass, p, w))
         }
         (RayProgram::Final, Thesis) => pixels.each(alone, |p, w| combined::thesis::pixel(pass, p, w)),
         (RayProgram::Final, Corrected) => {
-            let tile = |area, _: &mut Rows<'_>, work: &mut Workspace| {
-                combined::corrected::prepare(pass, area, work);
-                false
-            };
-            pixels.each(tile, |p, w| combined::corrected::pixel(pass, p, w))
+            let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);
+            pixels.each(before(prepare), |p, w| combined::corrected::pixel(pass, p, w))
         }
     }
 }
 
-/// Tiles side by side that a thread takes at a time.
-const RUN: usize = 8;
+/// Tiles side by side that a thread takes at a time. Many spare the shadow program, whose pixels take about 70 cycles, what each
+/// start costs. Of the others a pixel may take a thousand times as long as its neighbour: with few tiles at a time no thread is left
+/// with the last ones.
+fn tiles_at_a_time(program: RayProgram) -> usize {
+    if program == RayProgram::DeferredShadows { 8 } else { 2 }
+}
 
-/// The rows of an image, cut into runs of tiles: those of the first row of tiles come first.
-fn runs_of_tiles(image: &mut Image) -> Vec<Rows<'_>> {
+/// The rows of an image, cut into runs of some tiles: those of the first row of tiles come first.
+fn runs_of_tiles(image: &mut Image, tiles: usize) -> Vec<Rows<'_>> {
     let width = (image.width as usize).max(1);
-    let across = width.div_ceil(RUN * TILE);
+    let across = width.div_ceil(tiles * TILE);
     let mut runs = Vec::new();
     runs.resize_with(across * image.pixels.len().div_ceil(width).div_ceil(TILE), Rows::default);
     for (y, row) in image.pixels.chunks_mut(width).enumerate() {
-        for (column, part) in row.chunks_mut(RUN * TILE).enumerate() {
+        for (column, part) in row.chunks_mut(tiles * TILE).enumerate() {
             runs[y / TILE * across + column][y % TILE] = part;
         }
     }
     runs
 }
 
-/// A workspace on the heap. A worker that waits for a part of its work runs other parts on the same stack, and a workspace in each of
-/// these frames overflows it. Not inlined, so that none of them has the room in which it is made.
-#[inline(never)]
-fn workspace() -> Box<Workspace> {
-    Box::default()
+thread_local! {
+    /// What the tiles of this thread need, kept from frame to frame. It lives on the heap: a thread that waits for others may
+    /// start their tiles on top of its own stack, many deep.
+    static WORKSPACE: RefCell<Box<Workspace>> = RefCell::default();
 }
 
 fn each_tile(
-    (output, progress): (&mut Image, &Progress),
+    Whole { output, progress, tiles }: Whole<'_>,
     tile: impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool + Sync,
     pixel: impl Fn(Pixel, &mut Workspace) -> [f32; 4] + Sync,
 ) -> RayCounts {
     let (width, height) = (output.width as usize, output.height as usize);
-    let across = width.div_ceil(RUN * TILE).max(1);
-    let mut runs = runs_of_tiles(output);
+    let across = width.div_ceil(tiles * TILE).max(1);
+    let mut runs = runs_of_tiles(output, tiles);
     progress.start((width.div_ceil(TILE) * height.div_ceil(TILE)) as u64);
-    let each = |work: &mut Workspace, (left, top): (usize, usize), rows: &mut Rows<'_>| {
+    let each = |(index, run): (usize, &mut Rows<'_>)| {
+        let corner = (index % across * tiles * TILE, index / across * TILE);
+        WORKSPACE.with_borrow_mut(|work| run_of_tiles(work, (width, height), corner, run, progress, &tile, &pixel))
+    };
+    let add = |mut sum: RayCounts, rays| {
+        sum += rays;
+        sum
+    };
+    runs.par_iter_mut().enumerate().with_max_len(1).map(each).reduce(RayCounts::default, add)
+}
+
+/// Computes a run of tiles, the first of which has its upper left pixel at `(left, top)`.
+///
+/// Never inlined: its frame would become part of the frame that splits the work, which may lie on the stack many times.
+#[inline(never)]
+fn run_of_tiles(
+    work: &mut Workspace,
+    (width, height): (usize, usize),
+    (left, top): (usize, usize),
+    run: &mut Rows<'_>,
+    progress: &Progress,
+    tile: &impl Fn(Area, &mut Rows<'_>, &mut Workspace) -> bool,
+    pixel: &impl Fn(Pixel, &mut Workspace) -> [f32; 4],
+) -> RayCounts {
+    work.begin();
+    let end = left + run[0].len();
+    for left in (left..end).step_by(TILE) {
+        let mut rows = Rows::default();
+        for (row, rest) in rows.iter_mut().zip(run.iter_mut()) {
+            let columns = TILE.min(rest.len());
+            (*row, *rest) = std::mem::take(rest).split_at_mut(columns);
+        }
         let area =
             Area { x: left, y: top, width: TILE.min(width - left), height: TILE.min(height - top), stride: width };
-        if tile(area, rows, work) {
-            return;
-        }
-        for (down, row) in rows.iter_mut().enumerate() {
-            for (right, out) in row.iter_mut().enumerate() {
-                let (x, y) = (left + right, top + down);
-                work.place = down * TILE + right;
-                *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);
-            }
-        }
-    };
-    runs.par_iter_mut()
-        .enumerate()
-        .map_init(workspace, |work, (index, run)| {
-            work.rays = RayCounts::default();
-            let (left, top) = (index % across * RUN * TILE, index / across * TILE);
-            for left in (left..width.min(left + RUN * TILE)).step_by(TILE) {
-                let mut rows = Rows::default();
-                for (row, rest) in rows.iter_mut().zip(run.iter_mut()) {
-                    let columns = TILE.min(rest.len());
-                    (*row, *rest) = std::mem::take(rest).split_at_mut(columns);
+        if !tile(area, &mut rows, work) {
+            for (down, row) in rows.iter_mut().enumerate() {
+                for (right, out) in row.iter_mut().enumerate() {
+                    let (x, y) = (left + right, top + down);
+                    work.place = down * TILE + right;
+                    *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);
                 }
-                each(work, (left, top), &mut rows);
-                progress.advance(1);
             }
-            work.rays
-        })
-        .reduce(RayCounts::default, |mut sum, rays| {
-            sum += rays;
-            sum
-        })
+        }
+        progress.advance(1);
+    }
+    work.rays
 }
 
 #[cfg(test)]

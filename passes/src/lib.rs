@@ -1,4 +1,6 @@
-//! What the steps of a plan do: rasterisers, the ray tracer, and one module per effect.
+//! What the steps of a plan do: rasterisers, the ray tracer, one module per effect, and visibility between triangles.
+//!
+//! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `explain`, `visibility`; imports run down. `docs/architecture.md` is the map.
 
 pub mod cpu;
 pub mod effects;
@@ -6,3 +8,9 @@ pub mod explain;
 pub mod raster;
 pub mod sampling;
 pub mod trace;
+pub mod visibility;
+
+/// The examples of `docs/architecture.md`, which are compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/architecture.md")]
+pub struct Architecture;

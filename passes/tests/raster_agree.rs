@@ -233,6 +233,35 @@ fn one_wrong_attachment_is_found_out() {
 }
 
 #[test]
+fn both_leave_out_the_same_back_faces() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let mut covered = Vec::new();
+    for turn in [false, true] {
+        let mut setup = hills(40);
+        if turn {
+            let mut scene = (*setup.scene).clone();
+            scene.geometry.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+            setup.scene = std::sync::Arc::new(scene);
+        }
+        let culled = vec![true; setup.shades.len()];
+        let job = RasterJob { culled: &culled, ..setup.job(150, 90, ALL) };
+        let [a, b] =
+            [render(&mut CpuRasteriser::new(), &setup, &job, 150, 90), render(&mut gpu, &setup, &job, 150, 90)];
+        let agreement = Agreement::of(&job, &a, &b);
+        let wrong = agreement.coverage
+            + agreement.triangle.saturating_sub(8)
+            + agreement.position
+            + agreement.normal
+            + agreement.color;
+        // Eight pixels of 13,500 may show a neighbour where triangles meet.
+        assert!(agreement.same > 1000 && wrong == 0, "{agreement:?}");
+        covered.push(a.triangle.iter().filter(|id| **id != NO_TRIANGLE).count());
+    }
+    covered.sort_unstable();
+    assert!(covered[0] < covered[1] / 2, "one side of the hills is seen: {covered:?}");
+}
+
+#[test]
 fn both_leave_what_is_outside_of_the_viewport() {
     let Some(mut gpu) = rasteriser() else { return };
     let setup = hills(40);

@@ -210,6 +210,7 @@ fn raster_job(shot: &Shot, attachments: Attachments) -> RasterJob<'_> {
         view: shot.view,
         sun: shot.sun,
         shades: &shot.shades,
+        culled: &[],
         viewport: Rect { x: 0, y: 0, width: shot.buffer.width, height: shot.buffer.height },
         clear_color: Vec4::from_array(BACKGROUND),
         attachments,

@@ -3,7 +3,7 @@
 mod trace_scenes;
 
 use curitiba_passes::trace::{
-    BruteForce, Bvh, Directions, Fan, Hit, Lanes, Nearby, Neighbourhood, Quality, Ray, Tracer,
+    BruteForce, Bvh, Candidates, Directions, Fan, Hit, InstructionSet, Neighbourhood, Quality, Ray, Tracer,
 };
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::{DVec3, Vec3};
@@ -126,10 +126,12 @@ fn results_do_not_depend_on_the_tree_or_the_instruction_set() {
         let results = |bvh: Bvh| -> Vec<(Option<Hit>, bool)> {
             rays.iter().map(|ray| (bvh.closest(ray, NONE), bvh.occluded(ray, NONE))).collect()
         };
-        let expected = results(Bvh::build(&geometry, &[], Quality::Balanced).with_lanes(Lanes::Portable).unwrap());
+        let expected = results(
+            Bvh::build(&geometry, &[], Quality::Balanced).with_instruction_set(InstructionSet::Portable).unwrap(),
+        );
         for quality in [Quality::Fast, Quality::Balanced, Quality::Slow] {
             for lanes in SETS {
-                match Bvh::build(&geometry, &[], quality).with_lanes(lanes) {
+                match Bvh::build(&geometry, &[], quality).with_instruction_set(lanes) {
                     Some(bvh) => assert!(results(bvh) == expected, "{name}, {quality:?}, {lanes:?}"),
                     None => println!("skipped: this processor lacks {lanes:?}"),
                 }
@@ -205,16 +207,21 @@ fn open_one_by_one(bvh: &Bvh, fan: &Fan<'_>, accept: impl Fn(&Hit) -> bool) -> u
 }
 
 /// The same of triangles that were gathered; `None` where they were not.
-fn open_gathered(bvh: &Bvh, fan: &Fan<'_>, nearby: &mut Nearby, accept: impl Fn(&Hit) -> bool) -> Option<usize> {
+fn open_gathered(
+    bvh: &Bvh,
+    fan: &Fan<'_>,
+    candidates: &mut Candidates,
+    accept: impl Fn(&Hit) -> bool,
+) -> Option<usize> {
     let Fan { origin, above, t_min, t_max, directions } = *fan;
     let around = Neighbourhood { origins: [origin; 2], above, t_min, t_max, rays: directions.len() };
     let mut vectors = Directions::default();
     vectors.extend(directions.iter().copied());
-    if !bvh.gather(&around, nearby) {
+    if !bvh.gather(&around, candidates) {
         return None;
     }
-    let may_be_blocked = nearby.turn_to(origin, above);
-    let open = nearby.count_open(&vectors, &accept)? as usize;
+    let may_be_blocked = candidates.turn_to(origin, above);
+    let open = candidates.count_open(&vectors, &accept)? as usize;
     assert!(may_be_blocked || open == directions.len());
     Some(open)
 }
@@ -227,13 +234,13 @@ fn rays_of_a_neighbourhood_count_what_they_count_one_by_one() {
             let rest = geometry.triangles.len() as u32 - half;
             geometry.batches =
                 vec![Batch { material: 0, first: 0, count: half }, Batch { material: 1, first: half, count: rest }];
-            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_lanes(lanes) else {
+            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_instruction_set(lanes) else {
                 println!("skipped: this processor has no {lanes:?}");
                 continue;
             };
             let accept = |hit: &Hit| !hit.triangle.is_multiple_of(3);
             let mut random = Random::new(9);
-            let (mut nearby, mut directions) = (Nearby::default(), Directions::default());
+            let (mut candidates, mut directions) = (Candidates::default(), Directions::default());
             let (mut partly, mut clear, mut control) = (0, 0, 0);
             for round in 0..600 {
                 let t_max = [0.02, 0.1, 0.3][round % 3];
@@ -254,11 +261,11 @@ fn rays_of_a_neighbourhood_count_what_they_count_one_by_one() {
                 let fans: Vec<Fan<'_>> =
                     origins.iter().copied().zip(rays.iter().map(Vec::as_slice)).map(fan).cycle().take(40).collect();
                 let mut open = vec![0; fans.len()];
-                bvh.count_open_near(&fans, &mut open, &mut nearby, |_, hit| accept(hit));
+                bvh.count_open_near(&fans, &mut open, &mut candidates, |_, hit| accept(hit));
                 for (fan, open) in fans.iter().zip(open) {
                     assert_eq!(open as usize, open_one_by_one(&bvh, fan, accept), "{name} {lanes:?} {t_max} {size}");
                 }
-                if !bvh.gather(&around, &mut nearby) {
+                if !bvh.gather(&around, &mut candidates) {
                     continue;
                 }
                 for origin in origins {
@@ -269,8 +276,8 @@ fn rays_of_a_neighbourhood_count_what_they_count_one_by_one() {
                     directions.extend(rays.iter().copied());
                     let fan = Fan { origin, above: Some(above), t_min, t_max, directions: &rays };
                     let expected = open_one_by_one(&bvh, &fan, accept);
-                    let may_be_blocked = nearby.turn_to(origin, Some(above));
-                    let found = nearby.count_open(&directions, accept).expect("unit directions") as usize;
+                    let may_be_blocked = candidates.turn_to(origin, Some(above));
+                    let found = candidates.count_open(&directions, accept).expect("unit directions") as usize;
                     assert_eq!(found, expected, "{name} {lanes:?} {t_max} {size}");
                     assert!(may_be_blocked || found == rays.len(), "{name} {lanes:?}");
                     partly += usize::from(found > 0 && found < rays.len());
@@ -290,7 +297,7 @@ fn a_fan_counts_what_its_rays_count() {
     for (name, geometry) in scenes() {
         let bvh = Bvh::build(&geometry, &[], Quality::Balanced);
         let mut random = Random::new(5);
-        let (mut partly, mut gathered, mut nearby) = (0, 0, Nearby::default());
+        let (mut partly, mut gathered, mut candidates) = (0, 0, Candidates::default());
         for t_max in [0.01, 0.1, 0.5, 3.0, 50.0, f32::INFINITY] {
             for round in 0..400 {
                 let triangle = random.below(geometry.triangles.len()) as u32;
@@ -309,7 +316,7 @@ fn a_fan_counts_what_its_rays_count() {
                     let open = bvh.count_open(&fan, NONE) as usize;
                     assert_eq!(open, open_one_by_one(&bvh, &fan, NONE), "{name} {t_max}");
                     partly += usize::from(open > 0 && open < directions.len());
-                    if let Some(near) = open_gathered(&bvh, &fan, &mut nearby, NONE) {
+                    if let Some(near) = open_gathered(&bvh, &fan, &mut candidates, NONE) {
                         assert_eq!(near, open, "{name} {t_max}, gathered");
                         gathered += usize::from(open > 0 && open < directions.len());
                     }
@@ -339,7 +346,7 @@ fn a_fan_counts_rays_of_any_direction_on_every_instruction_set() {
     for (name, geometry) in scenes() {
         let mut expected = None;
         for lanes in SETS {
-            let Some(bvh) = Bvh::build(&geometry, &[], Quality::Balanced).with_lanes(lanes) else { continue };
+            let Some(bvh) = Bvh::build(&geometry, &[], Quality::Balanced).with_instruction_set(lanes) else { continue };
             let (mut random, mut counts, mut partly) = (Random::new(17), Vec::new(), 0);
             for round in 0..300 {
                 let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
@@ -371,7 +378,7 @@ fn a_fan_asks_for_hits_on_transparent_triangles() {
     geometry.batches = vec![Batch { material: 0, first: 0, count: half }, Batch { material: 1, first: half, count }];
     let bvh = Bvh::build(&geometry, &[false, true], Quality::Balanced);
     let accept = |hit: &Hit| hit.triangle.is_multiple_of(3);
-    let (mut random, mut refused, mut gathered, mut nearby) = (Random::new(6), 0, 0, Nearby::default());
+    let (mut random, mut refused, mut gathered, mut candidates) = (Random::new(6), 0, 0, Candidates::default());
     for _ in 0..2000 {
         let corners = geometry.corners(random.below(geometry.triangles.len()) as u32);
         let origin = (corners[0] + corners[1] + corners[2]) / 3.0 + random.cube() * 0.05;
@@ -380,7 +387,7 @@ fn a_fan_asks_for_hits_on_transparent_triangles() {
         let fan = Fan { origin, above: Some(above), t_min: 0.0, t_max: 0.5, directions: &directions };
         let open = bvh.count_open(&fan, accept) as usize;
         assert_eq!(open, open_one_by_one(&bvh, &fan, accept));
-        if let Some(near) = open_gathered(&bvh, &fan, &mut nearby, accept) {
+        if let Some(near) = open_gathered(&bvh, &fan, &mut candidates, accept) {
             assert_eq!(near, open);
             gathered += 1;
         }
@@ -402,14 +409,14 @@ fn fans_agree_whatever_the_scale_and_the_distance_from_the_origin() {
             .collect();
         let geometry = geometry(&[(0, triangles)]);
         let bvh = Bvh::build(&geometry, &[], Quality::Balanced);
-        let (mut nearby, mut gathered) = (Nearby::default(), 0);
+        let (mut candidates, mut gathered) = (Candidates::default(), 0);
         for _ in 0..500 {
             let origin = random.cube() * scale + Vec3::splat(distance);
             let directions: Vec<Vec3> = (0..50).map(|_| random.direction()).collect();
             let fan = Fan { origin, above: None, t_min: 0.0, t_max: 0.4 * scale, directions: &directions };
             let expected = open_one_by_one(&bvh, &fan, NONE);
             assert_eq!(bvh.count_open(&fan, NONE) as usize, expected, "{scale} {distance}");
-            if let Some(near) = open_gathered(&bvh, &fan, &mut nearby, NONE) {
+            if let Some(near) = open_gathered(&bvh, &fan, &mut candidates, NONE) {
                 assert_eq!(near, expected, "{scale} {distance}, gathered");
                 gathered += 1;
             }

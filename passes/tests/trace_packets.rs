@@ -120,7 +120,7 @@ fn packets_find_what_their_rays_find_one_by_one() {
     for (name, geometry) in scenes() {
         let packets = all_packets(&geometry);
         for lanes in SETS {
-            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_lanes(lanes) else {
+            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_instruction_set(lanes) else {
                 continue;
             };
             let mut hits = vec![PacketHits::NONE; packets.len()];

@@ -104,7 +104,7 @@ fn rays_of_one_direction_find_together_what_they_find_one_by_one() {
     let (mut rays, mut met) = (0, 0);
     for (name, geometry) in scenes() {
         for lanes in SETS {
-            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_lanes(lanes) else {
+            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_instruction_set(lanes) else {
                 continue;
             };
             let mut random = Random::new(21);

@@ -2,7 +2,7 @@
 
 mod trace_scenes;
 
-use curitiba_passes::trace::{BruteForce, Bvh, Fan, Hit, Nearby, Quality, Ray, Tracer};
+use curitiba_passes::trace::{BruteForce, Bvh, Candidates, Fan, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use std::collections::BTreeSet;
@@ -96,16 +96,16 @@ fn accepts(fan: usize, hit: &Hit) -> bool {
 #[test]
 fn fans_together_count_what_their_rays_find_one_by_one() {
     let mut random = Random::new(23);
-    let (mut rays, mut open_rays, mut nearby) = (0, 0, Nearby::default());
+    let (mut rays, mut open_rays, mut candidates) = (0, 0, Candidates::default());
     for (name, geometry) in scenes() {
         let owned = fans(&geometry, &mut random);
         let fans: Vec<Fan<'_>> = owned.iter().map(Owned::fan).collect();
         for lanes in SETS {
-            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_lanes(lanes) else {
+            let Some(bvh) = Bvh::build(&geometry, &[false, true], Quality::Balanced).with_instruction_set(lanes) else {
                 continue;
             };
             let mut open = vec![u32::MAX; fans.len()];
-            bvh.count_open_near(&fans, &mut open, &mut nearby, accepts);
+            bvh.count_open_near(&fans, &mut open, &mut candidates, accepts);
             for (index, fan) in fans.iter().enumerate() {
                 let alone = fan.rays().filter(|ray| !bvh.occluded(ray, |hit| accepts(index, hit))).count();
                 assert_eq!(open[index] as usize, alone, "{name}, {lanes:?}, fan {index}: {:?}", fan.origin);
@@ -125,7 +125,7 @@ fn fans_together_show_every_transparent_hit_of_rays_that_nothing_stops() {
     let fans: Vec<Fan<'_>> = owned.iter().map(Owned::fan).collect();
     let bvh = Bvh::build(&geometry, &[false, true], Quality::Balanced);
     let mut shown = vec![BTreeSet::new(); fans.len()];
-    bvh.count_open_near(&fans, &mut vec![0; fans.len()], &mut Nearby::default(), |fan, hit| {
+    bvh.count_open_near(&fans, &mut vec![0; fans.len()], &mut Candidates::default(), |fan, hit| {
         shown[fan].insert(bits(hit));
         false
     });
@@ -164,9 +164,9 @@ fn the_comparison_notices_a_ray_that_is_left_out() {
     let up = [Vec3::new(0.1, 0.9, 0.2).normalize(); 40];
     let fans = [fan(&down), fan(&down[..39]), fan(&up), fan(&up[..39])];
     let (mut open, mut reference) = ([7; 4], [9; 4]);
-    let mut nearby = Nearby::default();
-    bvh.count_open_near(&fans, &mut open, &mut nearby, |_, _| true);
-    brute.count_open_near(&fans, &mut reference, &mut nearby, |_, _| true);
+    let mut candidates = Candidates::default();
+    bvh.count_open_near(&fans, &mut open, &mut candidates, |_, _| true);
+    brute.count_open_near(&fans, &mut reference, &mut candidates, |_, _| true);
     assert_eq!(open, [0, 0, 40, 39]);
     assert_eq!(reference, open);
     let blocked = fans.map(|fan| fan.directions.len() as u32);

@@ -2,6 +2,8 @@
 
 use crate::executor::Progress;
 use crate::image::Image;
+use crate::memory::{self, Refused};
+use crate::plan::ALIGNMENT;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
 use crate::raster_effects::{EffectParams, EffectProgram};
 use crate::scene::RenderScene;
@@ -56,6 +58,37 @@ pub struct Rect {
     pub height: u32,
 }
 
+/// What of a viewport a target holds that is `held` of the picture, in pixels from the viewport's corner. `None` for nothing,
+/// and where the target cuts the viewport elsewhere than at multiples of [`ALIGNMENT`] pixels from its corner: a rasteriser that
+/// works in tiles would make others than those of the whole viewport.
+#[must_use]
+pub fn drawn_part(viewport: Rect, held: Rect) -> Option<Rect> {
+    let axis = |start: u32, length: u32, held: u32, room: u32| {
+        let end = start.checked_add(length)?.min(held.checked_add(room)?);
+        let first = start.max(held);
+        let (from, part) = (first - start, end.checked_sub(first)?);
+        let on_tiles = |pixels: u32| pixels.is_multiple_of(ALIGNMENT);
+        (part > 0 && on_tiles(from) && (on_tiles(from + part) || from + part == length)).then_some((from, part))
+    };
+    let (x, width) = axis(viewport.x, viewport.width, held.x, held.width)?;
+    let (y, height) = axis(viewport.y, viewport.height, held.y, held.height)?;
+    Some(Rect { x, y, width, height })
+}
+
+/// The largest pictures that an engine can do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Pixels a side.
+    pub side: u32,
+    /// Whether it does a part of a picture as it would do the whole.
+    pub parts: bool,
+}
+
+impl Limits {
+    /// As large as memory allows, and parts.
+    pub const NONE: Self = Self { side: u32::MAX, parts: true };
+}
+
 /// Which attachments a raster pass writes: those that something reads later.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct Attachments {
@@ -95,7 +128,11 @@ pub struct RasterJob<'a> {
     pub sun: Option<Sun>,
     /// By material index.
     pub shades: &'a [Shade],
-    /// The part of the attachments that is cleared and drawn into; inside their size.
+    /// By material index: whether triangles are left out that are seen from behind, where their corners go clockwise. None where
+    /// it is empty.
+    pub culled: &'a [bool],
+    /// The part of the picture that is seen by [`Self::view`]. What of it the target holds is cleared and drawn into: the
+    /// whole viewport, unless the target is cut at multiples of [`ALIGNMENT`] pixels from its corner.
     pub viewport: Rect,
     /// What clears the colour; the other attachments are cleared to 0, and the triangle id to [`NO_TRIANGLE`].
     pub clear_color: Vec4,
@@ -114,6 +151,8 @@ pub const NO_TRIANGLE: u32 = u32::MAX;
 /// The attachments of one raster pass, in host memory. Those not asked for are empty.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct GBuffer {
+    /// Column and row, in the picture, of the top left pixel that is held: viewports count from the picture's.
+    pub origin: [u32; 2],
     /// Pixels a row.
     pub width: u32,
     /// Rows.
@@ -130,18 +169,36 @@ pub struct GBuffer {
 
 impl GBuffer {
     /// Allocates the attachments asked for, cleared to 0 (triangles to [`NO_TRIANGLE`]).
+    ///
+    /// # Panics
+    /// If there is not so much memory; [`Self::try_new`] says so.
     #[must_use]
     pub fn new(width: u32, height: u32, attachments: Attachments) -> Self {
+        Self::try_new(width, height, attachments).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// What it holds of the picture.
+    #[must_use]
+    pub fn held(&self) -> Rect {
+        Rect { x: self.origin[0], y: self.origin[1], width: self.width, height: self.height }
+    }
+
+    /// [`Self::new`] where memory may be short.
+    ///
+    /// # Errors
+    /// If there is not so much.
+    pub fn try_new(width: u32, height: u32, attachments: Attachments) -> Result<Self, Refused> {
         let pixels = width as usize * height as usize;
-        let channel = |wanted: bool| if wanted { vec![[0.0; 4]; pixels] } else { Vec::new() };
-        Self {
+        let channel = |wanted: bool| if wanted { memory::zeroed(pixels) } else { Ok(Vec::new()) };
+        Ok(Self {
+            origin: [0; 2],
             width,
             height,
-            color: channel(attachments.color),
-            position: channel(attachments.position),
-            normal: channel(attachments.normal),
-            triangle: if attachments.triangle { vec![NO_TRIANGLE; pixels] } else { Vec::new() },
-        }
+            color: channel(attachments.color)?,
+            position: channel(attachments.position)?,
+            normal: channel(attachments.normal)?,
+            triangle: if attachments.triangle { memory::filled(NO_TRIANGLE, pixels)? } else { Vec::new() },
+        })
     }
 }
 
@@ -191,6 +248,8 @@ impl BackendError {
 pub trait Rasteriser {
     /// `cpu` or `wgpu`.
     fn name(&self) -> &'static str;
+    /// The largest viewport that it draws.
+    fn limits(&self) -> Limits;
     /// The device and driver, in words.
     fn device(&self) -> String;
     /// Makes the scene ready to draw; the executor times it as an upload.
@@ -338,6 +397,8 @@ pub struct RayJob<'a> {
     pub eye: Vec3,
     /// The light, for programs that read it.
     pub sun: Option<Sun>,
+    /// Column and row, in the picture, of the images' top left pixel: random numbers belong to a pixel's place in the picture.
+    pub origin: [u32; 2],
     /// Pixels a row.
     pub width: u32,
     /// Rows.
@@ -432,6 +493,10 @@ pub struct Gpu {
 pub trait RayBackend {
     /// `cpu`, and later `wgpu`, `cuda`, `optix`.
     fn name(&self) -> &'static str;
+    /// The largest job that it runs.
+    fn limits(&self) -> Limits {
+        Limits::NONE
+    }
     /// The device and driver, in words.
     fn device(&self) -> String;
     /// The graphics devices among what it uses; none for the processor.

@@ -179,6 +179,20 @@ impl Warnings {
         self.groups.append(&mut other.groups);
     }
 
+    /// Adds those of a later part of the same work: as if both had been counted in one.
+    pub(crate) fn merge(&mut self, other: Warnings) {
+        for mut later in other.groups {
+            match self.groups.iter_mut().find(|group| group.what == later.what && group.file == later.file) {
+                Some(group) => {
+                    group.count += later.count;
+                    later.places.truncate(WarningGroup::PLACES - group.places.len());
+                    group.places.append(&mut later.places);
+                }
+                None => self.groups.push(later),
+            }
+        }
+    }
+
     /// The groups.
     #[must_use]
     pub fn groups(&self) -> &[WarningGroup] {

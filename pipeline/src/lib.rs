@@ -8,7 +8,10 @@
 pub mod backend;
 pub mod diagnostic;
 pub mod executor;
+pub mod files;
+mod guard;
 pub mod image;
+pub mod memory;
 pub mod metrics;
 pub mod paths;
 pub mod plan;

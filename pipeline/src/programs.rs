@@ -220,13 +220,43 @@ pub struct ProcInfo {
     pub required: bool,
 }
 
-/// A ray program: what a project must hand it.
+/// When a ray program traces rays, and so needs an acceleration structure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Traces {
+    /// Never.
+    Nothing,
+    /// At every pixel that it computes: shadow rays, whatever else.
+    ShadowRays,
+    /// Where it takes samples of occlusion: with `samples` above 0.
+    Samples,
+    /// Where a pixel shows glass.
+    FromGlass,
+}
+
+/// What the numbers that a program writes are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Writes {
+    /// A linear colour.
+    Color,
+    /// A share from 0 to 1, the same in red, green and blue.
+    Share,
+}
+
+/// A ray program: what a project must hand it, and what it does with it.
+///
+/// The table of these entries is the one place that tells programs apart: plan, executor, reports, benches and help read it.
 #[derive(Debug, Clone, Copy)]
 pub struct RayProgramInfo {
     /// Which.
     pub program: RayProgram,
     /// Stem of the program file, as in `optix/final.ptx`.
     pub stem: &'static str,
+    /// Its name in bench ids and reports.
+    pub short: &'static str,
+    /// When it traces rays.
+    pub traces: Traces,
+    /// What it writes.
+    pub writes: Writes,
     /// Ray-generation program.
     pub entry: &'static str,
     /// What it computes, in one sentence.
@@ -276,6 +306,9 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
     RayProgramInfo {
         program: RayProgram::Dummy,
         stem: "dummy",
+        short: "dummy",
+        traces: Traces::Nothing,
+        writes: Writes::Color,
         entry: "buffer_camera",
         about: "writes the input colour: the cost of joining two systems",
         buffers: &["color_buffer"],
@@ -288,6 +321,9 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
     RayProgramInfo {
         program: RayProgram::DeferredShadows,
         stem: "deferredShadows",
+        short: "shadows",
+        traces: Traces::ShadowRays,
+        writes: Writes::Share,
         entry: "buffer_camera",
         about: "hard shadow of a directional light: 0.5 in shadow, 1 in light",
         buffers: &["pos_buffer"],
@@ -300,6 +336,9 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
     RayProgramInfo {
         program: RayProgram::Reflection,
         stem: "reflection",
+        short: "reflection",
+        traces: Traces::FromGlass,
+        writes: Writes::Color,
         entry: "buffer_camera",
         about: "mirror reflection in glass; other pixels keep their colour",
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
@@ -316,6 +355,9 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
     RayProgramInfo {
         program: RayProgram::Refraction,
         stem: "refraction",
+        short: "refraction",
+        traces: Traces::FromGlass,
+        writes: Writes::Color,
         entry: "buffer_camera",
         about: "reflection and refraction in glass; other pixels keep their colour",
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
@@ -332,6 +374,9 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
     RayProgramInfo {
         program: RayProgram::Ssao,
         stem: "ssao",
+        short: "ao",
+        traces: Traces::Samples,
+        writes: Writes::Share,
         entry: "buffer_camera",
         about: "ambient occlusion: the open share of the cosine-weighted hemisphere, to the power of `intensity`",
         buffers: &["pos_buffer", "norm_buffer"],
@@ -344,6 +389,9 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
     RayProgramInfo {
         program: RayProgram::Final,
         stem: "final",
+        short: "all",
+        traces: Traces::ShadowRays,
+        writes: Writes::Color,
         entry: "buffer_camera",
         about: "shadows, reflection, refraction and ambient occlusion, at every hit",
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
@@ -372,10 +420,39 @@ impl RayProgram {
     /// Whether it traces rays with these parameters, in a scene that has what it looks for.
     #[must_use]
     pub fn can_trace(self, params: &RayParams) -> bool {
-        match self {
-            Self::Dummy => false,
-            Self::Ssao => params.samples > 0,
-            Self::DeferredShadows | Self::Reflection | Self::Refraction | Self::Final => true,
+        self.info().needs_structure(params, true).0
+    }
+}
+
+impl RayProgramInfo {
+    /// Whether it reads a parameter of [`PARAMS`].
+    #[must_use]
+    pub fn reads(&self, param: &str) -> bool {
+        self.params.contains(&param)
+    }
+
+    /// Whether projects may name this hit or miss program for it.
+    #[must_use]
+    pub fn names(&self, proc: &str) -> bool {
+        self.procs.iter().any(|info| info.proc == proc)
+    }
+
+    /// The occlusion rays of a shaded point; 0 where the program traces none.
+    #[must_use]
+    pub fn samples(&self, params: &RayParams) -> u32 {
+        if self.reads("samples") { params.samples } else { 0 }
+    }
+
+    /// Whether it needs an acceleration structure, and why; `finds_glass` says whether any pixel may show glass.
+    #[must_use]
+    pub fn needs_structure(&self, params: &RayParams, finds_glass: bool) -> (bool, String) {
+        match self.traces {
+            Traces::Nothing => (false, format!("program {} traces no ray", self.stem)),
+            Traces::ShadowRays => (true, "it traces shadow rays".into()),
+            Traces::Samples if params.samples == 0 => (false, "samples is 0".into()),
+            Traces::Samples => (true, "it traces occlusion rays".into()),
+            Traces::FromGlass if finds_glass => (true, "rays leave its glass".into()),
+            Traces::FromGlass => (false, "no material of the scene is mapped to `closest_hit_glass`".into()),
         }
     }
 }

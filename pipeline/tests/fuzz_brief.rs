@@ -7,9 +7,10 @@ mod mutate;
 #[path = "fuzz_targets/seeds.rs"]
 mod seeds;
 
+use curitiba_pipeline::image::{Image, Picture, Variance};
 use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Object, RenderScene, Scene, load};
 use fuzz_targets::check::{self, Outcome};
-use fuzz_targets::{Folder, TARGETS, Target};
+use fuzz_targets::{Folder, TARGETS, Target, picture};
 use glam::{Mat4, Vec3};
 use mutate::{Tally, run, run_one};
 use std::panic::catch_unwind;
@@ -127,6 +128,33 @@ fn scenes_that_break_a_promise_are_found_out() {
         let mut built = built.clone();
         damage(&mut built);
         assert!(catch_unwind(|| check::render_scene(&built, &options)).is_err(), "{what} is not noticed");
+    }
+}
+
+/// The same for pictures.
+#[test]
+fn pictures_that_break_a_promise_are_found_out() {
+    let pixels = vec![[0.0, 1.0, 102.0 / 255.0, 1.0]; 6];
+    let image = Image { width: 3, height: 2, pixels };
+    let variance = Some(Variance { of_mean: image.clone(), samples: Some(2) });
+    let whole = Picture { image, channels: ["R", "G", "B", "A"].map(str::to_owned), steps: Some(255), variance };
+    picture::check(&whole);
+    let broken: [Change<Picture>; 7] = [
+        ("a pixel too few", |picture| picture.image.pixels.truncate(5)),
+        ("no size", |picture| picture.image = Image { width: 0, height: 2, pixels: Vec::new() }),
+        ("a value between two steps", |picture| picture.image.pixels[4][2] = 0.4001),
+        ("a value above 1", |picture| picture.image.pixels[4][2] = 256.0 / 255.0),
+        ("steps of no format", |picture| picture.steps = Some(1)),
+        ("one sample", |picture| picture.variance.as_mut().expect("it is there").samples = Some(1)),
+        ("a variance of another size", |picture| {
+            let of_mean = &mut picture.variance.as_mut().expect("it is there").of_mean;
+            std::mem::swap(&mut of_mean.width, &mut of_mean.height);
+        }),
+    ];
+    for (what, damage) in broken {
+        let mut picture = whole.clone();
+        damage(&mut picture);
+        assert!(catch_unwind(|| picture::check(&picture)).is_err(), "{what} is not noticed");
     }
 }
 

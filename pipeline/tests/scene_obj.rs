@@ -250,6 +250,30 @@ fn map_options_names_with_blanks_and_backslashes_are_understood() {
 }
 
 #[test]
+fn holes_of_a_colour_texture_cut_out_unless_the_material_is_glass_or_has_a_mask_of_its_own() {
+    let folder = Folder::new();
+    folder.png("leaf.png", 2, 2, [9, 99, 9, 0]);
+    folder.png("haze.png", 2, 2, [9, 99, 9, 200]);
+    folder.png("mask.png", 2, 2, [255, 255, 255, 255]);
+    let text = "newmtl leaf\nmap_Kd leaf.png\nnewmtl twin\nmap_Kd leaf.png\nnewmtl haze\nmap_Kd haze.png\n\
+                newmtl glass\nillum 4\nmap_Kd leaf.png\nnewmtl masked\nmap_Kd leaf.png\nmap_d mask.png\n";
+    folder.write("a.mtl", text);
+    let uses =
+        ["leaf", "twin", "haze", "glass", "masked"].map(|name| format!("usemtl {name}\nf 1/1/1/ 2/1/1/ 3/1/1/\n"));
+    let faces = format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 1 1\nvn 0 0 1\n{}", uses.concat());
+    let scene = load_one(&folder.write("a.obj", faces)).unwrap();
+    assert_eq!(triangles(&scene), 5, "a slash at the end of a corner means nothing");
+    let cutoffs = ["leaf", "twin", "haze", "glass", "masked"].map(|name| named(&scene, name).alpha_cutoff);
+    assert_eq!(cutoffs, [Some(0.5), Some(0.5), None, None, Some(0.5)]);
+    assert!(matches!(
+        &scene.textures[named(&scene, "masked").texture.unwrap() as usize],
+        TextureSource::Masked { mask, .. } if *mask == folder.path("mask.png")
+    ));
+    let broken = load_one(&folder.write("b.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1//// 2//// 3////\nf 1/1/1/1 2 3\n"));
+    assert_eq!(triangles(&broken.unwrap()), 0, "but neither two nor a fourth field");
+}
+
+#[test]
 fn a_missing_library_and_undeclared_materials_are_warnings() {
     let scene = obj(
         "mtllib no.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl stone\nf 1 2 3\nusemtl wood\nf 1 2 3\nusemtl stone\nf 1 2 3",

@@ -2,8 +2,8 @@
 
 use super::model::Technique;
 use crate::pipeline::plan::{Plan, PlannedPass, Settings, Work};
-use crate::pipeline::programs::{Fidelity, RayProgram};
-use crate::pipeline::project::{self, PassKind};
+use crate::pipeline::programs::{Fidelity, RayProgram, Traces};
+use crate::pipeline::project::PassKind;
 use crate::{Choice, OpenError};
 use std::path::{Path, PathBuf};
 
@@ -20,7 +20,7 @@ pub struct Case {
     pub technique: Technique,
     /// The view: `Fonte`, `Vidro`, or the camera's name.
     pub view: String,
-    /// Project file.
+    /// Project file, or scene files of which a project is made.
     pub project: PathBuf,
     /// What is asked of it.
     pub settings: Settings,
@@ -34,12 +34,12 @@ fn view_of(camera: &str) -> String {
 }
 
 impl Case {
-    /// Reads what the project computes, and names the case after it. Scenes are not loaded.
+    /// Reads what the project computes, and names the case after it. Scenes are not loaded, unless the project is made of them.
     ///
     /// # Errors
     /// All problems of the project's files together; or why its plan cannot be made.
     pub fn new(path: &Path, settings: Settings, choice: Choice) -> Result<Self, OpenError> {
-        let plan = Plan::new(project::load(path)?, settings)?;
+        let plan = Plan::new(settings.open(path)?, settings)?;
         let camera = plan.passes.iter().find_map(|planned| match &plan.pass(planned).kind {
             PassKind::Raster(raster) => Some(raster.camera),
             _ => None,
@@ -67,22 +67,16 @@ pub fn fidelity_name(fidelity: Fidelity) -> &'static str {
 /// The name of an effect in files and reports.
 #[must_use]
 pub fn effect_name(program: RayProgram) -> &'static str {
-    match program {
-        RayProgram::Dummy => "dummy",
-        RayProgram::DeferredShadows => "shadows",
-        RayProgram::Reflection => "reflection",
-        RayProgram::Refraction => "refraction",
-        RayProgram::Ssao => "ao",
-        RayProgram::Final => "all",
-    }
+    program.info().short
 }
 
 fn effect(plan: &Plan) -> (String, Technique) {
     for planned in &plan.passes {
         if let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &plan.pass(planned).kind) {
-            let without_occlusion = ray.program == RayProgram::Final && params.samples == 0;
-            let name = if without_occlusion { "all-but-ao" } else { effect_name(ray.program) };
-            return (name.to_owned(), Technique::Rays);
+            let (info, name) = (ray.program.info(), effect_name(ray.program));
+            // What else it computes is measured without occlusion.
+            let without_occlusion = info.traces != Traces::Samples && info.reads("samples") && params.samples == 0;
+            return (if without_occlusion { format!("{name}-but-ao") } else { name.to_owned() }, Technique::Rays);
         }
         if let PassKind::Effect(effect) = &plan.pass(planned).kind {
             return (effect_name(effect.program.info().counterpart).to_owned(), Technique::Raster);
@@ -134,5 +128,6 @@ fn key(path: &Path, plan: &Plan, view: &str, choice: Choice) -> String {
         format!("rays {}", choice.rays_in_words()),
     ];
     parts.extend(settings.set.iter().cloned());
+    parts.extend(settings.scene.words());
     parts.join(" | ")
 }

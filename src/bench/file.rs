@@ -2,10 +2,13 @@
 
 use super::model::{BenchFile, BenchRow, FORMAT, Unavailable};
 use crate::environment::Environment;
-use crate::pipeline::image::write_atomically;
+use crate::pipeline::files::{self, write_atomically};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Largest file that is read, bytes.
+pub(super) const MOST_BYTES: u64 = 1 << 30;
 
 /// Why a benchmark's file cannot be read, continued or written.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +22,7 @@ pub enum FileError {
         message: String,
     },
     /// It is no benchmark, or not a whole one.
-    #[error("{}: this is no benchmark file: {message}\n       remove it, or name another file", path.display())]
+    #[error("{}: this is no benchmark file: {message}\n       name another file; without --resume, --overwrite replaces it", path.display())]
     Broken {
         /// The file.
         path: PathBuf,
@@ -36,7 +39,7 @@ pub enum FileError {
     },
     /// It holds rows that starting again would throw away.
     #[error(
-        "{}: holds an interrupted benchmark of {rows} rows\n       --resume continues it; remove the file to start again", path.display()
+        "{}: holds an interrupted benchmark of {rows} rows\n       --resume continues it; --overwrite starts again", path.display()
     )]
     Interrupted {
         /// The file.
@@ -69,13 +72,15 @@ impl BenchFile {
     /// # Errors
     /// If it cannot be read or holds anything else.
     pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
-        let text = match std::fs::read_to_string(path) {
+        let text = match files::read(path, MOST_BYTES) {
+            // An empty file is one that something made to be written into.
+            Ok(text) if text.is_empty() => return Ok(None),
             Ok(text) => text,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(FileError::Io { path: path.to_owned(), message: error.to_string() }),
         };
         let broken = |message: String| FileError::Broken { path: path.to_owned(), message };
-        let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| broken(error.to_string()))?;
+        let value: serde_json::Value = serde_json::from_slice(&text).map_err(|error| broken(error.to_string()))?;
         match value["format"].as_u64() {
             Some(format) if format == u64::from(FORMAT) => {}
             Some(format) => return Err(broken(format!("its format is {format}, and this program writes {FORMAT}"))),
@@ -87,15 +92,10 @@ impl BenchFile {
     /// What a benchmark that is begun as `self` goes on from: the rows of the file at `path` with `resume`, none without.
     ///
     /// # Errors
-    /// If the file is broken, holds another benchmark, or (without `resume`) an interrupted one.
+    /// If the file is no benchmark of this program or is broken, holds another benchmark, or (without `resume`) an
+    /// interrupted one: none of these is replaced.
     pub fn continued(self, path: &Path, resume: bool) -> Result<Self, FileError> {
-        let found = match Self::read(path) {
-            Ok(Some(found)) => found,
-            Ok(None) => return Ok(self),
-            // Without --resume a file of the same name is replaced, whatever it is.
-            Err(FileError::Broken { .. }) if !resume => return Ok(self),
-            Err(error) => return Err(error),
-        };
+        let Some(found) = Self::read(path)? else { return Ok(self) };
         if !resume {
             return if found.complete || found.rows.is_empty() {
                 Ok(self)

@@ -6,6 +6,7 @@ pub mod measure;
 pub mod model;
 pub mod table2;
 pub mod text;
+pub mod threads;
 
 pub use case::Case;
 pub use file::FileError;

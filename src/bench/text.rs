@@ -5,6 +5,53 @@ use crate::pipeline::backend::RayCounts;
 use crate::pipeline::executor::StepKind;
 use std::fmt::Write as _;
 
+/// What a page of Markdown begins with.
+const MARKDOWN_TITLE: &str = "# Benchmark";
+/// The columns of a CSV file.
+const CSV_HEADER: [&str; 34] = [
+    "label",
+    "effect",
+    "technique",
+    "view",
+    "project",
+    "set",
+    "width",
+    "height",
+    "fidelity",
+    "seed",
+    "triangles",
+    "raster",
+    "rays",
+    "n",
+    "median_ms",
+    "mean_ms",
+    "sd_ms",
+    "min_ms",
+    "max_ms",
+    "device_median_ms",
+    "ray_device_ms",
+    "ray_share",
+    "rays_per_frame",
+    "mrays_per_second",
+    "held_bytes",
+    "peak_memory_bytes",
+    "rmse",
+    "flip",
+    "ssim",
+    "reference_error",
+    "reference",
+    "thesis_ms",
+    "thesis_machine",
+    "ratio",
+];
+
+/// Whether a text begins as [`csv`] and [`markdown`] write it, so that it may be replaced by another of them.
+#[must_use]
+pub fn is_ours(text: &[u8]) -> bool {
+    let columns: Vec<&[u8]> = text.split(|byte| *byte == b',').take(3).collect();
+    text.starts_with(MARKDOWN_TITLE.as_bytes()) || columns == CSV_HEADER.map(str::as_bytes)[..3]
+}
+
 /// Rays of one frame.
 #[must_use]
 pub fn rays(row: &BenchRow) -> Option<u64> {
@@ -32,46 +79,10 @@ pub fn ray_device_ms(row: &BenchRow) -> Option<f64> {
 /// A CSV file: one line a row. What is not known is an empty field; times are milliseconds.
 #[must_use]
 pub fn csv(file: &BenchFile) -> String {
-    const HEADER: [&str; 34] = [
-        "label",
-        "effect",
-        "technique",
-        "view",
-        "project",
-        "set",
-        "width",
-        "height",
-        "fidelity",
-        "seed",
-        "triangles",
-        "raster",
-        "rays",
-        "n",
-        "median_ms",
-        "mean_ms",
-        "sd_ms",
-        "min_ms",
-        "max_ms",
-        "device_median_ms",
-        "ray_device_ms",
-        "ray_share",
-        "rays_per_frame",
-        "mrays_per_second",
-        "held_bytes",
-        "peak_memory_bytes",
-        "rmse",
-        "flip",
-        "ssim",
-        "reference_error",
-        "reference",
-        "thesis_ms",
-        "thesis_machine",
-        "ratio",
-    ];
-    let mut text = HEADER.join(",") + "\n";
+    let mut text = CSV_HEADER.join(",") + "\n";
     for row in &file.rows {
         let fields: Vec<String> = fields(row).iter().map(|field| quoted(field)).collect();
-        debug_assert_eq!(fields.len(), HEADER.len());
+        debug_assert_eq!(fields.len(), CSV_HEADER.len());
         text += &(fields.join(",") + "\n");
     }
     text
@@ -163,7 +174,7 @@ pub fn reference(row: &BenchRow) -> &str {
 pub fn markdown(file: &BenchFile) -> String {
     let mut text = String::new();
     let machine = &file.environment;
-    let _ = writeln!(text, "# Benchmark\n\n`{}`\n", file.command);
+    let _ = writeln!(text, "{MARKDOWN_TITLE}\n\n`{}`\n", file.command);
     let _ = writeln!(
         text,
         "{}, {} threads, {}; curitiba {} ({}), {} build, {}. {} frames a row after {} of warm-up.",

@@ -1,7 +1,10 @@
 //! The arguments of the command line; help and completions come from here.
 
 use super::bench_args::BenchArgs;
+use super::scene_args::SceneFlags;
+use super::visibility_args::VisibilityArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
+use curitiba::pipeline::backend::Rect;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
 use curitiba::{BackendChoice, Choice, Gpus, RasterChoice};
@@ -17,6 +20,7 @@ use std::path::PathBuf;
     after_help = "\
 Examples:
   curitiba render xml_projects/SceneFinal.xml
+  curitiba render model.glb --size 1024x768
   curitiba render xml_projects/SceneSSAO.xml --set pass2.samples=16 --size 512x512 -o ao.exr
   curitiba plan xml_projects/SceneReflect.xml
   curitiba compare a.exr b.exr --max-flip 0.05
@@ -28,14 +32,19 @@ pub struct Cli {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
+    /// Read and write no file outside this folder, wherever symbolic links lead: for projects of strangers
+    #[arg(long, global = true, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub confine: Option<PathBuf>,
 }
 
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Render a project and print what each step took.
+    /// Render a project, or a scene without one, and print what each step took.
     #[command(after_help = "\
 Examples:
+  curitiba render model.glb
+  curitiba render house.obj garden.obj --look-from 12,4,-9 --effects shadows,ao -o house.png
   curitiba render xml_projects/SceneFinal.xml -o final.png
   curitiba render xml_projects/SceneFinal.xml --camera Vidro --fidelity thesis
   curitiba render xml_projects/SceneShadows.xml --show pos --show norm -o out.png
@@ -43,6 +52,7 @@ Examples:
   curitiba render xml_projects/SceneSSAO.xml --frames 10 --json
   curitiba render xml_projects/SceneRefract.xml --camera Vidro --pixel 512,512
   curitiba render xml_projects/SceneFinal.xml --check-numerics
+  curitiba render xml_projects/SceneFinal.xml --size 16384x16384 --bands 16 -o large.exr
   curitiba render xml_projects/SceneFinal.xml --backend optix --fallback cuda,cpu")]
     Render(RenderArgs),
     /// Print what would be done for a project, and why.
@@ -68,6 +78,7 @@ Formulas, settings and exit codes: curitiba compare --help")]
     #[command(after_help = "\
 Examples:
   curitiba scene model.obj
+  curitiba scene model.glb --project model.xml
   curitiba scene a.obj b.obj -o largoCamoes.cbo
   curitiba scene model.glb -o model.nbo
   curitiba scene --generate 1000000 -o square/")]
@@ -80,6 +91,7 @@ Examples:
   curitiba bench --table2 --json table2.json --resume
   curitiba bench xml_projects/SceneSSAO.xml --sweep samples=1,4,9,16 --size 512x512
   curitiba bench xml_projects/SceneShadows.xml --compare cpu,wgpu
+  curitiba bench xml_projects/SceneFinal.xml --sweep-threads 1,2,4,8,16 --json threads.json --plots .
 
 A row's error is of its window picture, in linear values, against a reference that this program renders itself:
 in f64 where there is no noise, else with as many samples as it takes for an error of its own that is ten times
@@ -98,12 +110,39 @@ Examples:
   curitiba report --size 1024x1024 my_projects"
     )]
     Report(ReportArgs),
+    /// How much triangles see of each other, and form factors, for lists of pairs of any length.
+    #[command(after_help = "\
+Examples:
+  curitiba visibility model.obj -o seen.csv
+  curitiba visibility room.glb --pairs all --quantity form-factor -o matrix.npy
+  curitiba visibility xml_projects/SceneFinal.xml --pairs near:0.001 --error 0.02 -o square.csv
+  curitiba visibility model.obj --pairs list.csv --facing zero -o seen.csv --resume
+
+A pair is exact where it faces away, where nothing is between, or where a surface closes it; else it is sampled, with a
+standard error. Columns, policies and limits: docs/visibility.md")]
+    Visibility(VisibilityArgs),
     /// Print completions for a shell.
     #[command(after_help = "Example:\n  curitiba completions bash > /etc/bash_completion.d/curitiba")]
     Completions {
         /// The shell.
         shell: clap_complete::Shell,
     },
+}
+
+impl Command {
+    /// The most memory that the command may take, bytes; `None` for commands that take next to none.
+    pub fn max_memory(&self) -> Option<u64> {
+        match self {
+            Self::Render(args) => Some(args.project.max_memory),
+            Self::Plan(args) | Self::Check(args) => Some(args.max_memory),
+            Self::Compare(args) => Some(args.max_memory),
+            Self::Scene(args) => Some(args.max_memory),
+            Self::Bench(args) => Some(args.max_memory),
+            Self::Report(args) => Some(args.max_memory),
+            Self::Visibility(args) => Some(args.max_memory),
+            Self::List { .. } | Self::Completions { .. } => None,
+        }
+    }
 }
 
 /// Arguments of `render`.
@@ -135,9 +174,14 @@ pub struct RenderArgs {
 /// A project and what is asked of it.
 #[derive(Debug, Args)]
 pub struct ProjectArgs {
-    /// The project file
-    #[arg(value_name = "PROJECT.xml", value_hint = ValueHint::FilePath)]
+    /// The project file; or a scene file (.glb, .gltf, .obj, .cbo, .nbo), or a folder of them, of which a project is made
+    #[arg(value_name = "PROJECT.xml|SCENE", value_hint = ValueHint::AnyPath)]
     pub path: PathBuf,
+    /// Scene files that are joined with the first
+    #[arg(value_name = "SCENE", value_hint = ValueHint::FilePath)]
+    pub more: Vec<PathBuf>,
+    #[command(flatten)]
+    pub scene: SceneFlags,
     /// Window size; render targets scale with it [default: the project's]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
@@ -168,10 +212,17 @@ pub struct ProjectArgs {
     /// Set a parameter of a ray pass; `curitiba list` names them
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     pub set: Vec<String>,
+    /// Render only these pixels of the window, the same as in the whole picture: column and row from the top left, and size
+    #[arg(long, value_name = "X,Y,WxH", value_parser = parse_crop)]
+    pub crop: Option<Rect>,
+    /// Render in at most so many bands of rows, one after the other, the same picture in less memory [default: as many as
+    /// --max-memory asks for]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub bands: Option<u32>,
     /// Threads of the cpu engines [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Most memory that scenes and targets may take, in bytes or with a unit: 512MiB, 8GiB
+    /// Most memory that the program may take, in bytes or with a unit: 512MiB, 8GiB
     #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
     pub max_memory: u64,
 }
@@ -212,7 +263,7 @@ pub struct CompareArgs {
     /// Threads of the cpu engines [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Most memory that the scenes and targets of a project may take, in bytes or with a unit: 512MiB, 8GiB
+    /// Most memory that the program may take, in bytes or with a unit: 512MiB, 8GiB
     #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
     pub max_memory: u64,
 }
@@ -253,20 +304,28 @@ pub struct LimitArgs {
 /// Arguments of `scene`.
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// Scene files (.cbo, .nbo, .obj, .gltf, .glb); several are merged
+    /// Scene files (.cbo, .nbo, .obj, .gltf, .glb), or folders of them; several are merged
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath, required_unless_present = "generate")]
     pub files: Vec<PathBuf>,
     /// Generate the stand-in square with about this many triangles (10 000 to 10 000 000)
     #[arg(long, value_name = "TRIANGLES", conflicts_with = "files", requires = "output",
           value_parser = clap::value_parser!(u32).range(10_000..=10_000_000))]
     pub generate: Option<u32>,
+    /// Write a project that shows the scene here: FILE.xml, and FILE.mlib beside it
+    #[arg(long, value_name = "FILE.xml", value_hint = ValueHint::FilePath, conflicts_with = "generate")]
+    pub project: Option<PathBuf>,
+    /// Window of that project [default: 1024x1024]
+    #[arg(long, value_name = "WxH", value_parser = parse_size, requires = "project")]
+    pub size: Option<[u32; 2]>,
+    #[command(flatten)]
+    pub scene: SceneFlags,
     /// Write the scene here: .cbo (2014 layout), .nbo (today's), or a folder for --generate
     #[arg(short, long, value_name = "PATH", value_hint = ValueHint::AnyPath)]
     pub output: Option<PathBuf>,
     /// Print the description as JSON
     #[arg(long)]
     pub json: bool,
-    /// Most memory that the scene may take, in bytes or with a unit: 512MiB, 8GiB
+    /// Most memory that the program may take, in bytes or with a unit: 512MiB, 8GiB
     #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
     pub max_memory: u64,
 }
@@ -274,12 +333,15 @@ pub struct SceneArgs {
 /// Arguments of `report`.
 #[derive(Debug, Args)]
 pub struct ReportArgs {
-    /// The folder with SceneNoEffects.xml and the other projects, those of raster effects in its folder raster
-    #[arg(value_name = "PROJECTS-DIR", default_value = "xml_projects", value_hint = ValueHint::DirPath)]
+    /// The folder with SceneNoEffects.xml and the other projects, those of raster effects in its folder raster; or a scene
+    /// file, or a folder of them, of which these projects are made
+    #[arg(value_name = "PROJECTS-DIR|SCENE", default_value = "xml_projects", value_hint = ValueHint::AnyPath)]
     pub projects: PathBuf,
     /// Window size [default: 512x512, with --quick 256x256]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
+    #[command(flatten)]
+    pub scene: SceneFlags,
     /// The report's folder; a report that is there already is replaced when the new one is complete
     #[arg(short, long, value_name = "DIR", default_value = "report", value_hint = ValueHint::DirPath)]
     pub output: PathBuf,
@@ -304,7 +366,7 @@ pub struct ReportArgs {
     /// Threads of the cpu engines [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Most memory that a scene may take, in bytes or with a unit: 512MiB, 8GiB
+    /// Most memory that the program may take, in bytes or with a unit: 512MiB, 8GiB
     #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
     pub max_memory: u64,
 }
@@ -400,6 +462,9 @@ impl ProjectArgs {
             show: self.show.clone(),
             set: self.set.clone(),
             max_memory: self.max_memory,
+            scene: self.scene.options(&self.more),
+            crop: self.crop,
+            bands: self.bands,
         }
     }
 
@@ -413,6 +478,13 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let wrong = || format!("`{text}` is not WIDTHxHEIGHT, such as 1024x1024");
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
     Ok([width.trim().parse().map_err(|_| wrong())?, height.trim().parse().map_err(|_| wrong())?])
+}
+
+fn parse_crop(text: &str) -> Result<Rect, String> {
+    let wrong = || format!("`{text}` is not COLUMN,ROW,WIDTHxHEIGHT, such as 512,256,128x64");
+    let (corner, size) = text.rsplit_once(',').ok_or_else(wrong)?;
+    let ([x, y], [width, height]) = (parse_pixel(corner).map_err(|_| wrong())?, parse_size(size).map_err(|_| wrong())?);
+    Ok(Rect { x, y, width, height })
 }
 
 fn parse_pixel(text: &str) -> Result<[u32; 2], String> {
@@ -466,6 +538,12 @@ mod tests {
     fn pixels_are_a_column_and_a_row() {
         assert_eq!(parse_pixel("3, 40"), Ok([3, 40]));
         assert!(parse_pixel("3").is_err() && parse_pixel("3x4").is_err() && parse_pixel("-1,2").is_err());
+    }
+
+    #[test]
+    fn crops_are_a_corner_and_a_size() {
+        assert_eq!(parse_crop("3, 40,5x6"), Ok(Rect { x: 3, y: 40, width: 5, height: 6 }));
+        assert!(parse_crop("3,4").is_err() && parse_crop("3,4,5").is_err() && parse_crop("-3,4,5x6").is_err());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::bench_args::{BenchArgs, EngineArg};
 use super::bench_table::Table;
 use super::progress::Bars;
-use super::{Failure, failure, set_threads};
+use super::{Failure, bench_threads, check_references, failure, set_threads};
 use curitiba::bench::model::{BenchFile, RowError};
 use curitiba::bench::table2::{self, TableRow};
 use curitiba::bench::{Case, FileError, MeasureOptions, measure, text};
@@ -13,11 +13,13 @@ use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use curitiba::pipeline::backend::{BackendError, Rasteriser as _};
 use curitiba::pipeline::diagnostic::WarningGroup;
 use curitiba::pipeline::executor::RenderError;
-use curitiba::pipeline::image::write_atomically;
-use curitiba::pipeline::project::{self, PassKind};
+use curitiba::pipeline::files::{self, check_outputs, write_atomically};
+use curitiba::pipeline::plan::Settings;
+use curitiba::pipeline::project::PassKind;
 use curitiba::reference::References;
 use curitiba::{BackendChoice, Choice, OpenError, RasterChoice};
 use std::collections::BTreeSet;
+use std::io::{ErrorKind, Read as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -39,12 +41,24 @@ struct Job {
 
 /// Measures row after row; prints and writes each as soon as it is there.
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
+    if !args.sweep_threads.is_empty() {
+        return bench_threads::run(args);
+    }
     set_threads(args.threads)?;
     let choice = args.project(Path::new("").to_owned(), None).choice();
     let environment = Environment::probe(if args.compare.is_empty() { choice } else { Choice::CPU });
     let mut file = BenchFile::begin(args.command(), environment, args.frames, args.warmup);
-    if let Some(path) = &args.json {
-        file = file.continued(path, args.resume)?;
+    let outputs = [(&args.json, "--json"), (&args.csv, "--csv"), (&args.markdown, "--markdown")];
+    check_outputs(outputs.iter().filter_map(|(path, what)| Some((path.as_deref()?, *what))))?;
+    if !args.no_error {
+        let folder = args.references.clone().unwrap_or_else(References::default_folder);
+        check_references(&folder, "--references names another folder, and --no-error does without")?;
+    }
+    if !args.overwrite {
+        [&args.csv, &args.markdown].into_iter().flatten().try_for_each(|path| check_ours(path))?;
+        if let Some(path) = &args.json {
+            file = file.continued(path, args.resume)?;
+        }
     }
     let choices = choices(args, choice, &mut file);
     let jobs = jobs(args, &choices)?;
@@ -56,6 +70,26 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         return Err(Failure::Work("none of the engines that were asked for is there".to_owned()));
     }
     failure.map_or(Ok(()), Err)
+}
+
+/// Refuses to replace a file that is neither empty nor a table that an earlier benchmark wrote.
+fn check_ours(path: &Path) -> Result<(), Failure> {
+    let begin = match files::open(path) {
+        Ok(file) => {
+            let mut begin = Vec::new();
+            file.take(256).read_to_end(&mut begin).map(|_| begin)
+        }
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) => Err(error),
+    };
+    match begin {
+        Ok(begin) if begin.is_empty() || text::is_ours(&begin) => Ok(()),
+        Ok(_) => Err(Failure::Usage(format!(
+            "{}: this file is no table of a benchmark\n       name another file, or replace it with --overwrite",
+            path.display()
+        ))),
+        Err(error) => Err(Failure::Work(format!("{}: {error}", path.display()))),
+    }
 }
 
 /// The engines on which every row is measured. Those that are not there are noted in the file.
@@ -124,7 +158,7 @@ fn jobs(args: &BenchArgs, choices: &[Choice]) -> Result<Vec<Job>, Failure> {
         for camera in &cameras {
             let settings = args.project(path.clone(), camera.clone()).settings();
             let sweep = match &args.sweep {
-                Some(sweep) => swept(path, sweep, args.pipeline.as_deref())?.into_iter().map(Some).collect(),
+                Some(sweep) => swept(path, sweep, &settings)?.into_iter().map(Some).collect(),
                 None => vec![None],
             };
             for set in sweep {
@@ -147,7 +181,7 @@ fn jobs(args: &BenchArgs, choices: &[Choice]) -> Result<Vec<Job>, Failure> {
 }
 
 /// The assignments of a sweep: `PASS.NAME=VALUE` for each of its values.
-fn swept(path: &Path, sweep: &str, pipeline: Option<&str>) -> Result<Vec<String>, Failure> {
+fn swept(path: &Path, sweep: &str, settings: &Settings) -> Result<Vec<String>, Failure> {
     let wrong = |help: &str| Failure::Usage(format!("`--sweep {sweep}`: {help}"));
     let Some((name, values)) = sweep.split_once('=') else {
         return Err(wrong("this is not NAME=A,B,… such as samples=1,4,9"));
@@ -155,8 +189,8 @@ fn swept(path: &Path, sweep: &str, pipeline: Option<&str>) -> Result<Vec<String>
     let pass = if name.contains('.') {
         name.to_owned()
     } else {
-        let project = project::load(path)?;
-        let index = project.pipeline(pipeline).map_err(Failure::Usage)?;
+        let project = settings.open(path).map_err(OpenError::from)?;
+        let index = project.pipeline(settings.pipeline.as_deref()).map_err(Failure::Usage)?;
         let reads = |kind: &PassKind| match kind {
             PassKind::Ray(ray) => ray.program.info().params.contains(&name),
             PassKind::Effect(effect) => effect.program.info().params.contains(&name),
@@ -196,7 +230,7 @@ fn measure_all(args: &BenchArgs, jobs: &[Job], file: &mut BenchFile) -> Result<O
             table.print(row);
             continue;
         }
-        anstream::eprintln!(
+        crate::tell!(
             "row {} of {}: {}, {} ({:.0} s so far)",
             index + 1,
             jobs.len(),

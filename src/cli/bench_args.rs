@@ -1,6 +1,7 @@
 //! The arguments of `bench`.
 
 use super::args::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_size};
+use super::scene_args::SceneFlags;
 use clap::{Args, ValueEnum, ValueHint};
 use curitiba::Gpus;
 use std::path::PathBuf;
@@ -8,8 +9,8 @@ use std::path::PathBuf;
 /// Arguments of `bench`.
 #[derive(Debug, Args)]
 pub struct BenchArgs {
-    /// Project files, one row each
-    #[arg(value_name = "PROJECT.xml", value_hint = ValueHint::FilePath, required_unless_present = "table2")]
+    /// Project files, one row each; or scene files or folders of them, one project each
+    #[arg(value_name = "PROJECT.xml|SCENE", value_hint = ValueHint::FilePath, required_unless_present = "table2")]
     pub projects: Vec<PathBuf>,
     /// Measure the 19 rows of the report's table 2, beside its figures
     #[arg(long, conflicts_with_all = ["projects", "camera", "sweep", "pipeline"])]
@@ -39,6 +40,18 @@ pub struct BenchArgs {
     /// or a texture with each format: norm.format=RGBA32F,RGBA16F
     #[arg(long, value_name = "[PASS.]NAME=A,B,…")]
     pub sweep: Option<String>,
+    /// Measure time against threads instead: every step on a pool of each of these sizes, with wall time and processor time
+    /// (auto takes the cpu here); no errors
+    #[arg(long, value_name = "N,N,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=1024),
+          conflicts_with_all = ["table2", "sweep", "compare", "csv", "resume", "threads"])]
+    pub sweep_threads: Vec<u16>,
+    /// How often --sweep-threads opens each project with each number of threads
+    #[arg(long, value_name = "N", default_value_t = 3, requires = "sweep_threads",
+          value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub rounds: u32,
+    /// Folder for an SVG of the curves of each project and camera, with --sweep-threads
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, requires = "sweep_threads")]
+    pub plots: Option<PathBuf>,
     /// Rasteriser; auto takes a real GPU if there is one, else the cpu
     #[arg(long, value_enum, default_value_t = Raster::Auto)]
     pub raster: Raster,
@@ -69,6 +82,9 @@ pub struct BenchArgs {
     /// Go on with the benchmark that the file of --json holds; rows that are there are not measured again
     #[arg(long, requires = "json")]
     pub resume: bool,
+    /// Replace the files of --json, --csv and --markdown whatever they hold, also an interrupted benchmark
+    #[arg(long, conflicts_with = "resume")]
+    pub overwrite: bool,
     /// Measure times only, and no error
     #[arg(long)]
     pub no_error: bool,
@@ -78,10 +94,12 @@ pub struct BenchArgs {
     /// Longest time for refining one reference; rows say where it was not enough
     #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub reference_seconds: u32,
+    #[command(flatten)]
+    pub scene: SceneFlags,
     /// Threads of the cpu engines [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Most memory that scenes and targets may take, in bytes or with a unit: 512MiB, 8GiB
+    /// Most memory that the program may take, in bytes or with a unit: 512MiB, 8GiB
     #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
     pub max_memory: u64,
 }
@@ -116,6 +134,8 @@ impl BenchArgs {
     pub fn project(&self, path: PathBuf, camera: Option<String>) -> ProjectArgs {
         ProjectArgs {
             path,
+            more: Vec::new(),
+            scene: self.scene.clone(),
             size: self.size,
             camera,
             pipeline: self.pipeline.clone(),
@@ -128,6 +148,8 @@ impl BenchArgs {
             set: self.set.clone(),
             threads: self.threads,
             max_memory: self.max_memory,
+            crop: None,
+            bands: None,
         }
     }
 
@@ -159,10 +181,16 @@ impl BenchArgs {
         if self.gpus != Gpus::default() {
             words.extend(named("gpus", self.gpus.to_string()));
         }
+        if !self.sweep_threads.is_empty() {
+            let threads: Vec<String> = self.sweep_threads.iter().map(u16::to_string).collect();
+            words.extend(named("sweep-threads", threads.join(",")));
+            words.extend(named("rounds", self.rounds.to_string()));
+        }
         words.extend(self.sweep.iter().flat_map(|sweep| named("sweep", sweep.clone())));
         words.extend(named("fidelity", value(name_of(self.fidelity))));
         words.extend(named("seed", self.seed.to_string()));
         words.extend(self.set.iter().flat_map(|set| named("set", set.clone())));
+        words.extend(self.scene.options(&[]).words().into_iter().map(|word| format!("--{}", word.replace('=', " "))));
         if self.no_error {
             words.push("--no-error".to_owned());
         } else {

@@ -1,17 +1,21 @@
 //! `curitiba check`: every problem of a project, its libraries and its scenes.
 
 use super::args::ProjectArgs;
-use super::{Failure, failure, print_warnings};
+use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads};
 use curitiba::OpenError;
+use curitiba::pipeline::files::record_files_read;
 use curitiba::pipeline::plan::Plan;
-use curitiba::pipeline::project;
 use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, RenderScene};
 
 /// Reads everything that `render` would read, renders nothing, and prints what it finds.
 pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
-    let project = project::load(&args.path)?;
+    set_threads(args.threads)?;
+    record_files_read();
+    let settings = args.settings();
+    let project = settings.open(&args.path).map_err(OpenError::from)?;
     failure::print_problems(&project.problems);
-    let plan = Plan::new(project, args.settings()).map_err(|error| Failure::from(OpenError::from(error)))?;
+    let mut plan = Plan::new(project, settings).map_err(|error| Failure::from(OpenError::from(error)))?;
+    ask_engines(&mut plan, args.choice())?;
     print_warnings(&plan.warnings);
     let mut failures = Vec::new();
     let mut warnings = plan.project.problems.0.len() + plan.warnings.groups().len();
@@ -43,6 +47,7 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
         let files = if count == 1 { "scene file is" } else { "scene files are" };
         return Err(Failure::Input(format!("{}\n{count} {files} wrong", failures.join("\nerror: "))));
     }
+    print_outside(&args.path, []);
     let passes = plan.passes.len();
     crate::say!("{}: ok, passes that run: {passes}, notes and warnings: {warnings}", args.path.display());
     Ok(())

@@ -2,12 +2,13 @@
 
 use super::args::CompareArgs;
 use super::progress::Bars;
-use super::{Failure, failure, render, set_threads};
+use super::{Failure, failure, set_threads};
 use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
 use curitiba::compare::{CompareError, Compared, Operand, Rendered, Side};
 use curitiba::environment::Environment;
 use curitiba::pipeline::diagnostic::valid_names;
+use curitiba::pipeline::files::{self, check_outputs, record_files_read};
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::metrics::{
     Better, Comparison, EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, METRICS, Options, Verdict, ZTest, heat_map, strip,
@@ -30,7 +31,6 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
         if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
             return Err(Failure::Usage(format!("{}: this picture is written as .png", path.display())));
         }
-        render::check_output(path)?;
     }
     let mut operands = [&args.test, &args.reference].map(|text| Operand::parse(text).map_err(Failure::from));
     for operand in operands.iter_mut().flatten() {
@@ -40,6 +40,15 @@ pub fn run(args: &CompareArgs) -> Result<(), Failure> {
     }
     let [test, reference] = operands;
     let (test, reference) = (test?, reference?);
+    record_files_read();
+    for operand in [&test, &reference] {
+        if let Operand::Picture(path) = operand {
+            // What is wrong with it is told when it is read.
+            let _ = files::open(path);
+        }
+    }
+    let heat = args.heat.as_deref().map(|path| (path, "--heat"));
+    check_outputs(heat.into_iter().chain(args.strip.as_deref().map(|path| (path, "--strip"))))?;
     let options = Options {
         outlier_threshold: args.outlier_threshold.unwrap_or(Options::default().outlier_threshold),
         pixels_per_degree: args.pixels_per_degree,

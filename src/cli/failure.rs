@@ -4,10 +4,12 @@ use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
 use curitiba::pipeline::diagnostic::{Problem, Problems, Severity};
 use curitiba::pipeline::executor::RenderError;
+use curitiba::pipeline::files::OutputError;
+use curitiba::pipeline::project::WriteError;
 use curitiba::pipeline::scene::SceneError;
 use miette::{GraphicalReportHandler, GraphicalTheme, LabeledSpan, MietteDiagnostic, NamedSource, Report};
 use std::fmt::Display;
-use std::io::IsTerminal as _;
+use std::io::{ErrorKind, IsTerminal as _};
 use std::process::ExitCode;
 
 const ERROR: Style = AnsiColor::Red.on_default().bold();
@@ -64,9 +66,9 @@ impl Failure {
     pub fn print(&self) {
         match self {
             Self::Work(message) | Self::Usage(message) | Self::Input(message) => {
-                anstream::eprintln!("{ERROR}error:{ERROR:#} {message}");
+                crate::tell!("{ERROR}error:{ERROR:#} {message}");
             }
-            Self::Beyond(metrics) => anstream::eprintln!("{ERROR}beyond:{ERROR:#} {metrics}"),
+            Self::Beyond(metrics) => crate::tell!("{ERROR}beyond:{ERROR:#} {metrics}"),
             Self::Problems(problems) => print_problems(problems),
         }
     }
@@ -76,6 +78,8 @@ impl From<OpenError> for Failure {
     fn from(error: OpenError) -> Self {
         match error {
             OpenError::Project(problems) => Self::Problems(problems),
+            OpenError::Source(error) => error.into(),
+            OpenError::Option(message) => Self::Usage(message),
             OpenError::Plan(error) => Self::Usage(error.to_string()),
             OpenError::Engine(error) => Self::work(error),
             OpenError::Render(error) => error.into(),
@@ -87,7 +91,22 @@ impl From<RenderError> for Failure {
     fn from(error: RenderError) -> Self {
         match error {
             error @ RenderError::Scene { .. } => Self::Input(error.to_string()),
-            error @ (RenderError::Pass { .. } | RenderError::Memory { .. }) => Self::work(error),
+            RenderError::Plan(error) => Self::Usage(error.to_string()),
+            error => Self::work(error),
+        }
+    }
+}
+
+impl From<OutputError> for Failure {
+    fn from(error: OutputError) -> Self {
+        match &error {
+            OutputError::Io { error: found, .. } => match found.kind() {
+                ErrorKind::NotFound | ErrorKind::IsADirectory | ErrorKind::NotADirectory | ErrorKind::InvalidInput => {
+                    Self::Usage(error.to_string())
+                }
+                _ => Self::work(error),
+            },
+            OutputError::Twice { .. } | OutputError::Read { .. } => Self::Usage(error.to_string()),
         }
     }
 }
@@ -95,6 +114,16 @@ impl From<RenderError> for Failure {
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
         Self::Input(error.to_string())
+    }
+}
+
+impl From<WriteError> for Failure {
+    fn from(error: WriteError) -> Self {
+        match error {
+            WriteError::Exists(_) => Self::Usage(error.to_string()),
+            WriteError::Text(_) => Self::Input(error.to_string()),
+            WriteError::Io { .. } => Self::work(error),
+        }
     }
 }
 
@@ -106,7 +135,7 @@ impl From<Problems> for Failure {
 
 /// Prints a counted warning.
 pub fn print_warning(text: &str) {
-    anstream::eprintln!("{WARNING}warning:{WARNING:#} {text}");
+    crate::tell!("{WARNING}warning:{WARNING:#} {text}");
 }
 
 /// Prints the problems that are worth interrupting a rendering for; `check` and `plan` print the notes too.
@@ -119,18 +148,24 @@ pub fn print_warnings_of(problems: &Problems) {
 pub fn print_problems(problems: &Problems) {
     let graphical = std::io::stderr().is_terminal();
     for problem in &problems.0 {
-        if graphical && problem.severity != Severity::Note {
-            anstream::eprint!("{}", graphical_problem(problem));
+        if graphical && problem.severity != Severity::Note && may_be_shown(problem) {
+            crate::tell!("{}", graphical_problem(problem).trim_end_matches('\n'));
         } else {
-            anstream::eprintln!("{problem}");
+            crate::tell!("{problem}");
         }
     }
     let count = |severity: Severity| problems.0.iter().filter(|problem| problem.severity == severity).count();
     let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
     if errors > 0 {
         let plural = |count: usize| if count == 1 { "" } else { "s" };
-        anstream::eprintln!("{errors} error{}, {warnings} warning{}", plural(errors), plural(warnings));
+        crate::tell!("{errors} error{}, {warnings} warning{}", plural(errors), plural(warnings));
     }
+}
+
+/// Whether the lines around a problem may be shown: not those of a file that is no XML, which a project may have named to
+/// have it shown.
+fn may_be_shown(problem: &Problem) -> bool {
+    problem.place.as_ref().is_none_or(|(source, _)| source.text.trim_start().starts_with('<'))
 }
 
 fn graphical_problem(problem: &Problem) -> String {

@@ -4,6 +4,7 @@ pub mod args;
 pub mod bench;
 mod bench_args;
 mod bench_table;
+mod bench_threads;
 pub mod check;
 pub mod compare;
 mod failure;
@@ -14,11 +15,25 @@ mod progress;
 pub mod render;
 pub mod report;
 pub mod scene;
+mod scene_args;
+#[cfg(unix)]
+pub mod signals;
 mod table;
+pub mod visibility;
+mod visibility_args;
 
 pub use failure::Failure;
 
+use clap::CommandFactory as _;
 use curitiba::pipeline::diagnostic::Warnings;
+use curitiba::pipeline::files;
+use curitiba::pipeline::plan::Plan;
+use curitiba::pipeline::project::PassKind;
+use curitiba::{Choice, engines};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Prints a line to the output stream, with colours only where it is a terminal.
 ///
@@ -28,22 +43,129 @@ macro_rules! say {
     ($($argument:tt)*) => { $crate::cli::print_line(format_args!($($argument)*)) };
 }
 
+/// Prints a line to the error stream, with colours only where it is a terminal. See [`unheard`].
+#[macro_export]
+macro_rules! tell {
+    ($($argument:tt)*) => { $crate::cli::tell_line(format_args!($($argument)*)) };
+}
+
+/// Whether the error stream failed.
+static UNHEARD: AtomicBool = AtomicBool::new(false);
+
 /// See [`say!`].
 pub fn print_line(line: std::fmt::Arguments<'_>) {
-    use std::io::Write as _;
-    match writeln!(anstream::stdout(), "{line}") {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Failure::Work(format!("the output stream cannot be written: {error}")).print();
-            std::process::exit(1);
-        }
-        _ => {}
+    if let Err(failure) = printed(writeln!(anstream::stdout(), "{line}")) {
+        failure.print();
+        // Nothing is dropped from here on.
+        files::abandon();
+        std::process::exit(1);
     }
 }
 
-/// Sets the number of threads of the cpu engines.
+/// See [`tell!`].
+pub fn tell_line(line: std::fmt::Arguments<'_>) {
+    if printed(writeln!(anstream::stderr(), "{line}")).is_err() {
+        UNHEARD.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Whether the error stream could not be written, other than because its reader went away. Nothing can say so but the exit
+/// code.
+pub fn unheard() -> bool {
+    UNHEARD.load(Ordering::Relaxed)
+}
+
+/// What a stream that failed means. A closed pipe means nothing.
+fn printed(result: std::io::Result<()>) -> Result<(), Failure> {
+    match result {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::Work(format!("the output stream cannot be written: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints the completions of a shell.
+pub fn completions(shell: clap_complete::Shell) -> Result<(), Failure> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut args::Cli::command(), "curitiba", &mut script);
+    let mut stream = std::io::stdout().lock();
+    printed(stream.write_all(&script).and_then(|()| stream.flush()))
+}
+
+/// Prints help, or what is wrong with the command line, and says with which code to exit.
+pub fn usage(error: &clap::Error) -> ExitCode {
+    match printed(error.print().and_then(|()| std::io::stdout().flush())) {
+        // Help was asked for.
+        Err(failure) if error.exit_code() == 0 => {
+            failure.print();
+            failure.exit_code()
+        }
+        _ => ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2)),
+    }
+}
+
+/// Confines the process to the folder of `--confine`.
+pub fn confine(folder: Option<&Path>) -> Result<(), Failure> {
+    let Some(folder) = folder else { return Ok(()) };
+    files::confine(folder).map_err(|error| Failure::Usage(format!("--confine {}: {error}", folder.display())))
+}
+
+/// Whether references may be kept where they are, if the process is confined.
+fn check_references(folder: &Path, remedy: &str) -> Result<(), Failure> {
+    files::check_place(folder)
+        .map_err(|error| Failure::Usage(format!("references cannot be kept: {error}\n       {remedy}")))
+}
+
+/// Says where the files lie that were read and are not in the project's folder, or in one of its folders.
+fn print_outside(project: &Path, more: impl IntoIterator<Item = PathBuf>) {
+    let outside = files::outside(project.parent().unwrap_or(Path::new("")), more);
+    if outside.is_empty() {
+        return;
+    }
+    crate::say!("\nfiles outside the project's folder: {} (--confine DIR refuses those outside DIR)", outside.len());
+    for path in outside {
+        crate::say!("  {}", path.display());
+    }
+}
+
+/// What a thread of the pool takes beside its stack: guard pages, the stack of its signal handler, its allocator's arena.
+const BESIDE_STACK: usize = 256 << 10;
+
+/// Starts the threads of the cpu engines: all cores, unless a number is named.
 fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
-    let Some(threads) = threads else { return Ok(()) };
-    rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global().map_err(Failure::work)
+    let count = threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
+    let stack = std::env::var("RUST_MIN_STACK").ok().and_then(|bytes| bytes.parse().ok()).unwrap_or(2 << 20);
+    let refused = |why: &dyn std::fmt::Display| {
+        let plural = if count == 1 { " thread" } else { " threads" };
+        Failure::Work(format!("{count}{plural} cannot be started: {why}\n       --threads takes fewer"))
+    };
+    // A thread that has a stack and no room for anything else cannot report it.
+    let room = count.saturating_mul(BESIDE_STACK.saturating_add(stack));
+    curitiba::pipeline::memory::probe(room as u64).map_err(|error| refused(&error))?;
+    rayon::ThreadPoolBuilder::new().num_threads(count).stack_size(stack).build_global().map_err(|error| refused(&error))
+}
+
+/// Asks the engines that would do the work for what they cannot do: before anything is loaded, not at the first frame. What
+/// is not there is told, and only `render` fails for it.
+fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
+    let (raster, rays) = match (engines::rasteriser(choice.raster), engines::ray_backend(choice)) {
+        (Ok(raster), Ok(rays)) => (raster, rays),
+        (Err(error), _) | (_, Err(error)) => {
+            failure::print_warning(&format!("what it cannot do is not known here: {error}"));
+            return Ok(());
+        }
+    };
+    plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))
+        .map_err(|error| Failure::Usage(error.to_string()))?;
+    for planned in &plan.passes {
+        let pass = plan.pass(planned);
+        if let PassKind::Ray(ray) = &pass.kind {
+            rays.supports(ray.program, plan.settings.fidelity)
+                .map_err(|error| Failure::Work(format!("pass `{}`: {error}", pass.name)))?;
+        }
+    }
+    Ok(())
 }
 
 /// Prints counted warnings to the terminal's error stream.

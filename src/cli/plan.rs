@@ -1,21 +1,27 @@
 //! `curitiba plan`: what would be done, and why.
 
 use super::args::ProjectArgs;
-use super::{Failure, failure, print_warnings};
+use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads};
 use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
+use curitiba::pipeline::files::record_files_read;
 use curitiba::pipeline::plan::{Decision, Plan, Work, mebibytes};
-use curitiba::pipeline::project::{self, PassKind};
-use curitiba::pipeline::scene::{self, LoadOptions, Needs};
+use curitiba::pipeline::project::PassKind;
+use curitiba::pipeline::scene::{self, LoadOptions, Needs, Scene, TextureSource};
+use std::path::PathBuf;
 
 const BUILT: Style = AnsiColor::Green.on_default();
 const LEFT_OUT: Style = AnsiColor::Yellow.on_default();
 
 /// Prints the plan of a project; its scenes are read for their materials.
 pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
-    let project = project::load(&args.path)?;
+    set_threads(args.threads)?;
+    record_files_read();
+    let settings = args.settings();
+    let project = settings.open(&args.path).map_err(OpenError::from)?;
     failure::print_problems(&project.problems);
-    let plan = Plan::new(project, args.settings()).map_err(|error| Failure::from(OpenError::from(error)))?;
+    let mut plan = Plan::new(project, settings).map_err(|error| Failure::from(OpenError::from(error)))?;
+    ask_engines(&mut plan, args.choice())?;
     print_warnings(&plan.warnings);
     let [width, height] = plan.window;
     crate::say!(
@@ -29,14 +35,35 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
         crate::say!("  {}", describe(&plan, planned));
     }
     crate::say!("\ndecisions");
-    let structures = structures(&plan);
+    let scenes = plan.scene_sets.iter().map(|set| load(&plan, set)).collect::<Result<Vec<_>, _>>();
     for decision in &plan.decisions {
         print_decision(decision);
     }
-    for decision in structures? {
+    let scenes = scenes?;
+    for decision in structures(&plan, &scenes) {
         print_decision(&decision);
     }
+    let textures = scenes.iter().flat_map(|scene| &scene.textures).flat_map(texture_files);
+    print_outside(&args.path, textures.cloned());
     Ok(())
+}
+
+/// The files of a set of scenes as far as a plan needs them: materials, and which textures they name.
+fn load(plan: &Plan, set: &[usize]) -> Result<Scene, Failure> {
+    let files = set.iter().flat_map(|index| &plan.project.scenes[*index].files).map(|file| file.path.clone());
+    let needs = Needs { normals: false, ..plan.needs };
+    let options = LoadOptions { needs, max_bytes: plan.settings.max_memory };
+    let loaded = scene::load(&files.collect::<Vec<_>>(), &options, &|_| {})?;
+    print_warnings(&loaded.warnings);
+    Ok(loaded)
+}
+
+fn texture_files(source: &TextureSource) -> Vec<&PathBuf> {
+    match source {
+        TextureSource::File(path) => vec![path],
+        TextureSource::Masked { color, mask } => vec![color, mask],
+        TextureSource::Embedded { .. } => Vec::new(),
+    }
 }
 
 fn describe(plan: &Plan, planned: &curitiba::pipeline::plan::PlannedPass) -> String {
@@ -64,21 +91,15 @@ fn describe(plan: &Plan, planned: &curitiba::pipeline::plan::PlannedPass) -> Str
 }
 
 /// Whether each ray pass needs an acceleration structure, which the scene's materials decide.
-fn structures(plan: &Plan) -> Result<Vec<Decision>, Failure> {
+fn structures(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     let mut decisions = Vec::new();
     for planned in &plan.passes {
         let Work::Rays { scene_set, .. } = planned.work else { continue };
-        let declared = plan.scene_sets[scene_set].iter().flat_map(|index| &plan.project.scenes[*index].files);
-        let files: Vec<_> = declared.map(|file| file.path.clone()).collect();
-        let options =
-            LoadOptions { needs: Needs { normals: false, textures: false }, max_bytes: plan.settings.max_memory };
-        let loaded = scene::load(&files, &options, &|_| {})?;
-        print_warnings(&loaded.warnings);
-        let (built, why) = plan.needs_structure(planned, &loaded.materials);
+        let (built, why) = plan.needs_structure(planned, &scenes[scene_set].materials);
         let what = format!("acceleration structure for pass `{}`", plan.pass(planned).name);
         decisions.push(Decision { what, built, why });
     }
-    Ok(decisions)
+    decisions
 }
 
 fn print_decision(decision: &Decision) {

@@ -27,7 +27,7 @@ impl Observer for Bars {
         }
         let (stop, stopped) = channel::<()>();
         let (label, progress) = (format!("{} {name}", kind.name()), Arc::clone(progress));
-        let watcher = std::thread::spawn(move || {
+        let watch = move || {
             let start = Instant::now();
             let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
             while stopped.recv_timeout(TICK) == Err(RecvTimeoutError::Timeout) {
@@ -37,8 +37,9 @@ impl Observer for Bars {
                 show(&bar, &label, &progress);
             }
             bar.finish_and_clear();
-        });
-        self.running = Some((stop, watcher));
+        };
+        // Where no thread can be started, there is no bar.
+        self.running = std::thread::Builder::new().spawn(watch).ok().map(|watcher| (stop, watcher));
     }
 
     fn end(&mut self) {

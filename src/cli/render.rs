@@ -7,6 +7,7 @@ use super::{Failure, failure, print_warnings, set_threads, table};
 use curitiba::environment::{Environment, peak_memory};
 use curitiba::pipeline::diagnostic::WarningGroup;
 use curitiba::pipeline::executor::{Fallback, Renderer, Row, Written};
+use curitiba::pipeline::files::{check_outputs, record_files_read};
 use curitiba::pipeline::plan::{Decision, mebibytes};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -14,14 +15,11 @@ use std::path::{Path, PathBuf};
 /// Renders, writes the pictures and prints the table or the JSON report.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     set_threads(args.project.threads)?;
-    if args.project.path.is_dir() {
-        return Err(Failure::Usage(format!(
-            "{}: this is a folder; name a project file in it",
-            args.project.path.display()
-        )));
-    }
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.project.path));
-    check_output(&output)?;
+    check_extension(&output)?;
+    check_outputs([(&*output, "window")])?;
+    // No file that the project consists of is to be replaced.
+    record_files_read();
     let mut inspector = Inspector::new(Bars::default(), args.pixel, args.check_numerics);
     let settings = args.project.settings();
     let may_fall_back = !args.fallback.is_empty();
@@ -29,26 +27,36 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         .map_err(|error| Failure::of_rendering(error, may_fall_back))?;
     failure::print_warnings_of(&renderer.plan().project.problems);
     print_warnings(renderer.warnings());
+    let outputs = renderer.outputs(&output);
+    check_outputs(outputs.iter().map(|(path, what)| (&**path, &**what)))?;
     if !args.json {
         print_header(&renderer);
     }
     if args.pixel.is_some() || args.check_numerics {
         inspector.check_pixel(renderer.plan().window)?;
+        if renderer.plan().in_parts() {
+            return Err(Failure::Usage(
+                "--pixel and --check-numerics look at whole pictures; leave --crop and --bands out, and raise --max-memory \
+                 if the picture does not fit"
+                    .to_owned(),
+            ));
+        }
         renderer.read_back_everything();
     }
-    let mut picture = renderer.window_image();
-    for _ in 0..args.frames {
-        let frame = renderer.frame(&mut inspector);
-        picture = frame.map_err(|error| Failure::of_rendering(error, may_fall_back))?;
+    for _ in 1..args.frames {
+        let frame = renderer.draw_frame(&mut inspector);
+        frame.map_err(|error| Failure::of_rendering(error, may_fall_back))?;
         inspector.print_pixel()?;
     }
-    let bad = picture.count_non_finite();
+    let saved = renderer.render_and_save(&output, &mut inspector);
+    let saved = saved.map_err(|error| Failure::of_rendering(error, may_fall_back))?;
+    inspector.print_pixel()?;
+    let (files, bad) = (saved.files, saved.not_finite);
     if bad > 0 {
         failure::print_warning(&format!(
             "{bad} pixels of the picture are not finite numbers; they are written as 0 to .png"
         ));
     }
-    let files = renderer.save(&output, &mut inspector).map_err(Failure::work)?;
     if args.json {
         print_json(&renderer, args.frames, &files)?;
     } else {
@@ -63,27 +71,23 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     inspector.verdict(args.json)
 }
 
-fn default_output(project: &Path) -> PathBuf {
-    PathBuf::from(project.file_stem().unwrap_or(project.as_os_str())).with_extension("png")
+/// The name of the project, scene file or folder, in this folder.
+fn default_output(path: &Path) -> PathBuf {
+    // A folder may be `.`, and what follows its last point is no extension.
+    let whole = std::fs::canonicalize(path).ok().filter(|whole| whole.is_dir());
+    let name = whole.as_deref().map_or(path.file_stem(), Path::file_name);
+    let mut name = name.unwrap_or_else(|| "picture".as_ref()).to_owned();
+    name.push(".png");
+    PathBuf::from(name)
 }
 
-/// Found out before the work, not after it.
-pub(super) fn check_output(output: &Path) -> Result<(), Failure> {
+/// Whether a file name asks for a picture that can be written.
+pub(super) fn check_extension(output: &Path) -> Result<(), Failure> {
     let extension = output.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
     if !matches!(extension.as_str(), "png" | "exr") {
         return Err(Failure::Usage(format!("{}: a picture is written as .png or .exr", output.display())));
     }
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() {
-        return Err(Failure::Usage(format!("there is no folder {}", folder.display())));
-    }
-    if output.is_dir() {
-        return Err(Failure::Usage(format!("{}: this is a folder; a picture needs a file name", output.display())));
-    }
-    let writable = tempfile::Builder::new().prefix(".curitiba-").tempfile_in(folder);
-    writable.map(drop).map_err(|error| {
-        Failure::Work(format!("nothing can be written into the folder {}: {}", folder.display(), error.kind()))
-    })
+    Ok(())
 }
 
 fn print_header(renderer: &Renderer) {
@@ -98,6 +102,9 @@ fn print_header(renderer: &Renderer) {
         fidelity(renderer),
         plan.settings.seed
     );
+    for decision in plan.decisions.iter().filter(|decision| decision.what.starts_with("parts of")) {
+        crate::say!("{}: {}", decision.what, decision.why);
+    }
     crate::say!("raster {}: {}", engines.raster.name(), engines.raster.device());
     crate::say!("rays   {}: {}", engines.rays.name(), engines.rays.device());
     crate::say!("{}, {} threads, {} build", environment.cpu, environment.threads, environment.profile);

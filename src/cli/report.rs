@@ -2,23 +2,28 @@
 
 use super::args::ReportArgs;
 use super::progress::Bars;
-use super::{Failure, set_threads};
-use curitiba::Choice;
+use super::{Failure, check_references, set_threads};
+use curitiba::pipeline::files::{TemporaryFolder, create_folder};
+use curitiba::pipeline::project::{self, names_scenes};
 use curitiba::reference::References;
 use curitiba::report::{self, ReportError, Request, Told, Wanted, number, summary};
+use curitiba::{Choice, OpenError};
+use std::path::{Path, PathBuf};
 
 /// Makes the report and prints its summary.
 pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
-    if !args.projects.is_dir() {
+    let made = projects_of_scene(args)?;
+    if made.is_none() && !args.projects.is_dir() {
         return Err(Failure::Usage(format!(
-            "{}: there is no such folder; name the one that holds SceneNoEffects.xml and the other projects",
+            "{}: there is no such folder; name the one that holds SceneNoEffects.xml and the other projects, or a scene",
             args.projects.display()
         )));
     }
     if args.size.is_some_and(|size| size.iter().any(|side| !(16..=8192).contains(side))) {
         return Err(Failure::Usage("--size: a report's window has 16 to 8192 pixels a side".to_owned()));
     }
+    check_references(&References::default_folder(), "the variable CURITIBA_CACHE names another folder")?;
     let mut wanted = Wanted::new(args.quick, args.size);
     if let Some(seconds) = args.time {
         wanted.budget_s = f64::from(seconds);
@@ -26,8 +31,13 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     if let Some(most) = args.max_triangles {
         wanted.triangles.retain(|triangles| *triangles <= most);
     }
+    if made.is_some() {
+        // The generated square is another scene.
+        wanted.triangles.clear();
+    }
     let request = Request {
-        projects: args.projects.clone(),
+        projects: made.as_ref().map_or(&args.projects, |made| &made.1).clone(),
+        made: made.is_some(),
         wanted,
         choice: Choice {
             raster: args.raster.choice(),
@@ -59,10 +69,42 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The projects of a scene, one for each technique, in a folder that goes when the first of the two does; `None` where a folder
+/// of projects is named.
+fn projects_of_scene(args: &ReportArgs) -> Result<Option<(TemporaryFolder, PathBuf)>, Failure> {
+    const FIRST: &str = "SceneNoEffects.xml";
+    let options = args.scene.options(&[]);
+    // A folder without any scene is refused as one of projects.
+    let has_scenes = !args.projects.is_dir() || project::scene_files(&args.projects).is_ok();
+    let is_scene = names_scenes(&args.projects) && has_scenes && !args.projects.join(FIRST).is_file();
+    if !is_scene {
+        return match options.given().first() {
+            None => Ok(None),
+            Some(first) => Err(Failure::Usage(format!(
+                "{}: projects have their own cameras, lights and passes; leave out --{first}, or name a scene",
+                args.projects.display()
+            ))),
+        };
+    }
+    let projects =
+        project::open_scenes(&args.projects, &options, args.size, args.max_memory).map_err(OpenError::from)?;
+    let Some(projects) = projects else { return Ok(None) };
+    // Beside the report: whoever confines all files to a folder has room for them there.
+    let beside = args.output.parent().unwrap_or(Path::new("."));
+    let folder = TemporaryFolder::new(beside).map_err(Failure::work)?;
+    // Written projects name their scenes by whole paths.
+    let path = std::fs::canonicalize(folder.path()).map_err(Failure::work)?;
+    create_folder(&path.join("raster")).map_err(Failure::work)?;
+    for (file, project) in projects.by_technique() {
+        project.write(&path.join(file))?;
+    }
+    Ok(Some((folder, path)))
+}
+
 /// One line a row, on the error stream.
 fn print(told: &Told<'_>) {
     let left = (told.time.total_s - told.time.spent_s).max(0.0);
-    anstream::eprintln!(
+    crate::tell!(
         "{:>3} of {}, {} spent, at most {} left: {}",
         told.done + 1,
         told.of,

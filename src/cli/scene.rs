@@ -2,9 +2,12 @@
 
 use super::args::SceneArgs;
 use super::progress::Bars;
-use super::{Failure, print_warnings};
+use super::{Failure, print_warnings, set_threads};
 use anstyle::Style;
+use curitiba::OpenError;
 use curitiba::pipeline::executor::{Observer as _, Progress, StepKind};
+use curitiba::pipeline::files::{self, check_outputs};
+use curitiba::pipeline::project;
 use curitiba::pipeline::scene::{self, Layout, LoadOptions, Needs, Scene, Statistics, statistics};
 use curitiba::pipeline::square;
 use std::path::Path;
@@ -14,9 +17,11 @@ const HEADER: Style = Style::new().bold();
 
 /// Loads or generates, describes, and writes if an output is named.
 pub fn run(args: &SceneArgs) -> Result<(), Failure> {
+    set_threads(None)?;
     let output = args.output.as_deref();
     if let Some(triangles) = args.generate {
         let folder = output.ok_or_else(|| Failure::Usage("--generate needs a folder: -o FOLDER".to_owned()))?;
+        files::check_folder(folder)?;
         let square = working(StepKind::Load, "generating the square", || square::generate(triangles));
         describe(&square.scene, args.json)?;
         let path = working(StepKind::Write, "writing", || square.write(folder))?;
@@ -24,13 +29,40 @@ pub fn run(args: &SceneArgs) -> Result<(), Failure> {
         return Ok(());
     }
     let layout = output.map(layout_of).transpose()?;
+    check_outputs(output.map(|path| (path, "scene")))?;
+    if let Some(path) = &args.project {
+        write_project(args, path)?;
+    }
     let options = LoadOptions { needs: Needs::ALL, max_bytes: args.max_memory };
-    let scene = working(StepKind::Load, "scene files", || scene::load(&args.files, &options, &|_| {}))?;
+    let mut files = Vec::new();
+    for path in &args.files {
+        // What is no scene is refused where it is read.
+        let found = project::scene_files(path).map_err(OpenError::from)?;
+        files.extend(found.unwrap_or_else(|| vec![path.clone()]));
+    }
+    let scene = working(StepKind::Load, "scene files", || scene::load(&files, &options, &|_| {}))?;
     print_warnings(&scene.warnings);
     describe(&scene, args.json)?;
     if let (Some(path), Some(layout)) = (output, layout) {
         print_warnings(&working(StepKind::Write, "scene file", || scene::write_cbo(&scene, path, layout))?);
         say(args.json, &format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+/// Writes the project with which `render` shows the scene.
+fn write_project(args: &SceneArgs, path: &Path) -> Result<(), Failure> {
+    if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("xml")) {
+        return Err(Failure::Usage(format!("{}: a project is written as .xml", path.display())));
+    }
+    let [first, more @ ..] = &args.files[..] else { return Ok(()) };
+    let options = args.scene.options(more);
+    let made = working(StepKind::Load, "scene files", || {
+        project::open_scenes(first, &options, args.size, args.max_memory).map_err(OpenError::from)
+    })?;
+    let made = made.ok_or_else(|| Failure::Usage(format!("{}: this is a project already", first.display())))?;
+    for file in made.project().write(path)? {
+        say(args.json, &format!("wrote {}", file.display()));
     }
     Ok(())
 }
@@ -59,7 +91,7 @@ fn layout_of(path: &Path) -> Result<Layout, Failure> {
 
 /// With `--json` the output stream holds nothing but JSON.
 fn say(json: bool, line: &str) {
-    if json { anstream::eprintln!("{line}") } else { crate::say!("{line}") }
+    if json { crate::tell!("{line}") } else { crate::say!("{line}") }
 }
 
 fn describe(scene: &Scene, json: bool) -> Result<(), Failure> {

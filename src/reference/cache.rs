@@ -1,11 +1,17 @@
 //! The folder in which references are kept.
 
-use crate::pipeline::image::{Image, Layer, read_image, write_atomically, write_exr};
+use crate::pipeline::files;
+use crate::pipeline::image::{Image, Layer, read_image, write_exr};
 use crate::pipeline::scene::fnv1a;
 use serde::{Deserialize, Serialize};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+
+/// Largest JSON file of a reference, bytes.
+const MOST_SIDECAR: u64 = 16 << 20;
+/// Largest picture of a reference, bytes: four floats for each pixel of the largest one.
+const MOST_EXR: u64 = 8 << 30;
 
 /// A folder of EXR files, each with a JSON file that says what it is and vouches for its bytes.
 pub(super) struct Folder(PathBuf);
@@ -48,12 +54,12 @@ impl Folder {
     pub fn load(&self, material: &str, size: [u32; 2]) -> Result<Option<Entry>, String> {
         let (exr, json) = self.files(material);
         // The JSON file is written last: without it there is nothing, or what an interrupted run left.
-        let text = match std::fs::read_to_string(&json) {
+        let text = match files::read(&json, MOST_SIDECAR) {
             Ok(text) => text,
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(damaged(&json, error)),
         };
-        let sidecar: Sidecar = serde_json::from_str(&text).map_err(|error| damaged(&json, error))?;
+        let sidecar: Sidecar = serde_json::from_slice(&text).map_err(|error| damaged(&json, error))?;
         if sidecar.material.join("\n") != material {
             return Err(damaged(&json, "it is of another reference"));
         }
@@ -61,7 +67,7 @@ impl Folder {
             return Err(damaged(&json, "its error is not a number"));
         }
         let took = Duration::try_from_secs_f64(sidecar.seconds).map_err(|error| damaged(&json, error))?;
-        let bytes = std::fs::read(&exr).map_err(|error| damaged(&exr, error))?;
+        let bytes = files::read(&exr, MOST_EXR).map_err(|error| damaged(&exr, error))?;
         if format!("{:032x}", fnv1a(&bytes)) != sidecar.exr {
             return Err(damaged(&exr, "its bytes are not those that were written"));
         }
@@ -77,10 +83,10 @@ impl Folder {
         let (exr, json) = self.files(material);
         let wrong =
             |error: &dyn std::fmt::Display| format!("the reference cannot be kept in {}: {error}", self.0.display());
-        std::fs::create_dir_all(&self.0).map_err(|error| wrong(&error))?;
+        files::create_folder(&self.0).map_err(|error| wrong(&error))?;
         let layer = Layer { name: "reference", channels: ["R", "G", "B", "A"], image: &entry.picture };
         write_exr(&exr, layer).map_err(|error| wrong(&error))?;
-        let bytes = std::fs::read(&exr).map_err(|error| wrong(&error))?;
+        let bytes = files::read(&exr, MOST_EXR).map_err(|error| wrong(&error))?;
         let sidecar = Sidecar {
             material: material.split('\n').map(str::to_owned).collect(),
             own_error: entry.own_error,
@@ -88,7 +94,7 @@ impl Folder {
             exr: format!("{:032x}", fnv1a(&bytes)),
         };
         let text = serde_json::to_string_pretty(&sidecar).map_err(|error| wrong(&error))?;
-        write_atomically(&json, text.as_bytes()).map_err(|error| wrong(&error))
+        files::write_atomically(&json, text.as_bytes()).map_err(|error| wrong(&error))
     }
 
     /// Removes a reference that a better one replaces. One that stays behind does no harm.

@@ -6,7 +6,7 @@ use crate::bench::Case;
 use crate::pipeline::image::PixelFormat;
 use crate::pipeline::plan::{Plan, PlanError, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, Sampler};
-use crate::pipeline::project::{self, ChannelRef, EffectPass, Pass, PassKind, RayPass};
+use crate::pipeline::project::{ChannelRef, EffectPass, Pass, PassKind, RayPass};
 use crate::pipeline::raster_effects::EffectParams;
 
 /// How a reference is rendered.
@@ -30,7 +30,7 @@ impl Request {
     /// The plan of a case's reference: corrected programs, rays in the place of raster effects, Sobol points, exact Fresnel
     /// weights, and 32-bit floats in the place of 16-bit ones.
     pub fn new(case: &Case) -> Result<Self, OpenError> {
-        let mut project = project::load(&case.project)?;
+        let mut project = case.settings.open(&case.project)?;
         let wrong = |message: String| OpenError::Plan(PlanError { message, help: None });
         let pipeline = project.pipeline(case.settings.pipeline.as_deref()).map_err(wrong)?;
         for pass in &mut project.pipelines[pipeline].passes {

@@ -46,6 +46,8 @@ pub enum ReportError {
 pub struct Request {
     /// Folder of the projects.
     pub projects: PathBuf,
+    /// Whether they were made for this report: their folder is temporary, and means nothing to a reader.
+    pub made: bool,
     /// Sizes and time.
     pub wanted: Wanted,
     /// Rasteriser, ray backend and GPUs. Nothing takes over where they fail: such a row is missing, with the reason.
@@ -322,7 +324,11 @@ impl<'a> Collector<'a> {
             // A scene without a view of the panes shows the same twice.
             return Ok(());
         }
-        row.thesis = figure_of_2014(entry, &row);
+        if self.request.made {
+            row.project = entry.file.into();
+        } else {
+            row.thesis = figure_of_2014(entry, &row);
+        }
         row.error = self.judge(entry, &case, &row, &picture, observer);
         if entry.in_table {
             self.table.push(row.key.clone());

@@ -1,12 +1,15 @@
 //! The folder of a report: complete or not at all.
 
 use super::page::GENERATOR;
-use crate::pipeline::image::write_atomically;
+use crate::pipeline::files::{self, TemporaryFolder, write_atomically};
 use std::io;
 use std::path::{Path, PathBuf};
 
 /// What a report's folder holds.
 const ENTRIES: [&str; 5] = ["index.html", "data.json", "data.csv", "pictures", "plots"];
+
+/// Largest page that is looked at, bytes.
+const MOST_PAGE: u64 = 64 << 20;
 
 /// Why a report cannot be written where it was asked for.
 #[derive(Debug, thiserror::Error)]
@@ -33,7 +36,7 @@ pub enum FolderError {
 #[derive(Debug)]
 pub struct Folder {
     target: PathBuf,
-    staging: tempfile::TempDir,
+    staging: TemporaryFolder,
 }
 
 impl Folder {
@@ -44,10 +47,8 @@ impl Folder {
     pub fn begin(target: &Path) -> Result<Self, FolderError> {
         check(target)?;
         let parent = target.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let staging = tempfile::Builder::new()
-            .prefix(".curitiba-report-")
-            .tempdir_in(parent)
-            .map_err(|error| FolderError::Io { path: parent.to_owned(), error: io::Error::from(error.kind()) })?;
+        let staging =
+            TemporaryFolder::new(parent).map_err(|error| FolderError::Io { path: parent.to_owned(), error })?;
         for sub in ["pictures", "plots"] {
             make(&staging.path().join(sub))?;
         }
@@ -64,9 +65,8 @@ impl Folder {
     ///
     /// # Errors
     /// If it cannot be made.
-    pub fn scratch(&self) -> io::Result<tempfile::TempDir> {
-        let parent = self.path().parent().unwrap_or(Path::new("."));
-        tempfile::Builder::new().prefix(".curitiba-scratch-").tempdir_in(parent)
+    pub fn scratch(&self) -> io::Result<TemporaryFolder> {
+        TemporaryFolder::new(self.path().parent().unwrap_or(Path::new(".")))
     }
 
     /// Writes a file of the report; `name` is relative, with `/`.
@@ -78,8 +78,7 @@ impl Folder {
         write_atomically(&path, bytes).map_err(|error| FolderError::Io { path, error })
     }
 
-    /// Puts the complete report in its place. A report that was there before is set aside until the new one stands, and
-    /// put back if that fails.
+    /// Puts the complete report in its place: a report that was there before is replaced when the new one stands.
     ///
     /// # Errors
     /// If something else came there meanwhile, or the file system fails.
@@ -89,31 +88,20 @@ impl Folder {
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt as _;
-            // Temporary folders are private; a report is like any folder that its user makes.
-            std::fs::set_permissions(self.staging.path(), std::fs::Permissions::from_mode(0o755)).map_err(failed)?;
+            // Temporary folders are private; a report is like the one that it replaces, or any folder that its user makes.
+            let permissions = match std::fs::metadata(&self.target) {
+                Ok(old) => old.permissions(),
+                Err(_) => std::fs::Permissions::from_mode(0o755),
+            };
+            std::fs::set_permissions(self.staging.path(), permissions).map_err(failed)?;
         }
-        let new = self.staging.keep();
-        let mut aside = None;
-        if self.target.exists() {
-            let parent = new.parent().unwrap_or(Path::new("."));
-            let old = tempfile::Builder::new().prefix(".curitiba-old-").tempdir_in(parent).map_err(failed)?;
-            std::fs::rename(&self.target, old.path().join("report")).map_err(failed)?;
-            aside = Some(old);
-        }
-        if let Err(error) = std::fs::rename(&new, &self.target) {
-            if let Some(old) = &aside {
-                std::fs::rename(old.path().join("report"), &self.target).map_err(failed)?;
-            }
-            // What could not be moved is worth nothing to anybody.
-            let _ = std::fs::remove_dir_all(&new);
-            return Err(FolderError::Io { path: self.target.clone(), error });
-        }
+        self.staging.rename(&self.target).map_err(failed)?;
         Ok(self.target)
     }
 }
 
 fn make(path: &Path) -> Result<(), FolderError> {
-    std::fs::create_dir(path).map_err(|error| FolderError::Io { path: path.to_owned(), error })
+    files::create_folder(path).map_err(|error| FolderError::Io { path: path.to_owned(), error })
 }
 
 /// Whether a report may be put there.
@@ -136,8 +124,8 @@ fn check(target: &Path) -> Result<(), FolderError> {
         return occupied(format!("the folder holds `{other}`, which is no part of a report"));
     }
     let marker = format!("<meta name=\"generator\" content=\"{GENERATOR}\">");
-    match std::fs::read_to_string(target.join("index.html")) {
-        Ok(page) if page.contains(&marker) => Ok(()),
+    match files::read(&target.join("index.html"), MOST_PAGE) {
+        Ok(page) if String::from_utf8_lossy(&page).contains(&marker) => Ok(()),
         _ => occupied("the folder is not empty and its index.html is not a report of this program".to_owned()),
     }
 }

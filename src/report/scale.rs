@@ -6,11 +6,15 @@ use super::folder::Folder;
 use super::model::{Against, Scaling, ScalingSeries};
 use super::plan::{self, Entry, Stage};
 use crate::pipeline::executor::Observer;
+use crate::pipeline::files::{self, TemporaryFolder};
 use crate::pipeline::square;
 use std::fs;
 use std::io;
 use std::path::Path;
 use std::time::Instant;
+
+/// Largest project file that is copied, bytes: no larger one is loaded.
+const MOST_FILE: u64 = 16 << 20;
 
 fn empty(lines: &[Entry]) -> Vec<ScalingSeries> {
     let series =
@@ -111,12 +115,12 @@ fn measure_lines(
 }
 
 /// Copies project files and material libraries into a temporary folder, with a generated square in the scene's place.
-fn copy_with_square(projects: &Path, folder: &Folder, triangles: u32) -> io::Result<tempfile::TempDir> {
+fn copy_with_square(projects: &Path, folder: &Folder, triangles: u32) -> io::Result<TemporaryFolder> {
     let copy = folder.scratch()?;
     copy_files(projects, copy.path(), "xml")?;
     for sub in ["raster", "mlibs"] {
         if projects.join(sub).is_dir() {
-            fs::create_dir(copy.path().join(sub))?;
+            files::create_folder(&copy.path().join(sub))?;
             copy_files(&projects.join(sub), &copy.path().join(sub), if sub == "mlibs" { "mlib" } else { "xml" })?;
         }
     }
@@ -129,7 +133,7 @@ fn copy_files(from: &Path, to: &Path, extension: &str) -> io::Result<()> {
         let path = entry?.path();
         let wanted = path.extension().is_some_and(|found| found.eq_ignore_ascii_case(extension));
         if let (true, Some(name)) = (wanted && path.is_file(), path.file_name()) {
-            fs::copy(&path, to.join(name))?;
+            files::write_atomically(&to.join(name), &files::read(&path, MOST_FILE)?)?;
         }
     }
     Ok(())

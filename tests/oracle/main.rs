@@ -183,6 +183,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         view,
         sun: Some(sun),
         shades: &shades,
+        culled: &[],
         viewport: Rect { x: 0, y: 0, width, height },
         clear_color: Vec4::ZERO,
         attachments,
@@ -206,6 +207,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
     };
     change(&mut params);
     let job = RayJob {
+        origin: [0; 2],
         scene: &scene,
         program,
         params,

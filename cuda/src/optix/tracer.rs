@@ -5,8 +5,8 @@ use super::api::{Api, BuildSizes, Mesh, Pipeline};
 use super::entries;
 use crate::device::{Buffer, Device};
 use crate::layout::Params;
+use crate::one_gpu::{DeviceTracer, Table};
 use crate::programs;
-use crate::rays::{DeviceTracer, Table};
 use crate::scene::SceneBuffers;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
@@ -146,6 +146,10 @@ impl DeviceTracer for OptixTracer {
         Ok(BuildStats { bytes: self.structure.bytes(), nodes: 0 })
     }
 
+    fn program(program: RayProgram, fidelity: Fidelity) -> Option<&'static str> {
+        programs::on_optix(program, fidelity)
+    }
+
     fn clear(&mut self) {
         self.structure = Buffer::default();
         (self.handle, self.materials) = (0, 0);
@@ -159,7 +163,8 @@ impl DeviceTracer for OptixTracer {
         let (program, fidelity, info) = (job.program, job.fidelity, job.program.info());
         let is_this = |loaded: &Loaded| (loaded.program, loaded.fidelity) == (program, fidelity);
         if !self.programs.iter().any(is_this) {
-            let compiled = self.api.pipeline(info, programs::on_optix(program, fidelity));
+            let text = Self::program(program, fidelity).ok_or_else(|| programs::not_written(Self::NAME, program))?;
+            let compiled = self.api.pipeline(info, text);
             let pipeline = compiled.map_err(|why| refused(device, &format!("loading `{}`", info.stem), why))?;
             self.programs.push(Loaded { program, fidelity, pipeline, records: Table::default() });
         }

@@ -1,9 +1,13 @@
 //! Whether a job has all that its program reads, so that no pixel needs to ask.
 
-use crate::trace::{Detected, Simd, Work};
+use crate::trace::{Detected, Kernel, Simd};
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, Traces};
+use rayon::prelude::*;
+
+/// Pixels whose triangles a thread looks at.
+const PART: usize = 1 << 15;
 
 /// The error of a job that lacks something.
 #[must_use]
@@ -36,7 +40,7 @@ pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
     let size = format!("{} x {}", job.width, job.height);
     let pixels = job.width as usize * job.height as usize;
     let reads = |name: &str| job.program.info().buffers.contains(&name);
-    let triangles = job.program != RayProgram::Dummy && job.fidelity == Fidelity::Corrected;
+    let triangles = job.program.info().traces != Traces::Nothing && job.fidelity == Fidelity::Corrected;
     let buffers = [
         ("pos_buffer", reads("pos_buffer"), job.position.len()),
         ("norm_buffer", reads("norm_buffer"), job.normal.len()),
@@ -68,7 +72,7 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError
     let tables = [
         ("shades", hits_are_shaded || cuts, job.shades.len()),
         ("glass", hits_are_shaded, job.glass.len()),
-        ("shadow_glass", job.program == RayProgram::Final, job.shadow_glass.len()),
+        ("shadow_glass", job.program.info().names("any_hit_shadow_glass"), job.shadow_glass.len()),
     ];
     for (name, needed, found) in tables {
         if needed && found != materials {
@@ -102,12 +106,13 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError
 /// How many triangles there are at least, if pixels show these. A maximum, and not a search: it becomes vector code.
 fn most_triangles(shown: &[u32]) -> usize {
     const { assert!(NO_TRIANGLE.wrapping_add(1) == 0) }
-    Detected::cached().run(Most(shown)) as usize
+    let most = shown.par_chunks(PART).map(|part| Detected::cached().run(Most(part))).max();
+    most.unwrap_or(0) as usize
 }
 
 struct Most<'a>(&'a [u32]);
 
-impl Work<u32> for Most<'_> {
+impl Kernel<u32> for Most<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, _: S) -> u32 {
         self.0.iter().fold(0, |most, id| most.max(id.wrapping_add(1)))

@@ -1,5 +1,5 @@
 use super::CpuRays;
-use crate::effects::testing::{Shot, World, grid};
+use crate::effects::tests::world::{Shot, World, grid};
 use crate::sampling::hash::{pcg4d, unit};
 use crate::trace::{Bvh, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayCounts, RayJob, Shade};

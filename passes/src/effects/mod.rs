@@ -1,4 +1,4 @@
-//! The six ray programs, one folder each, generic over [`Tracer`].
+//! The six ray programs, one folder each, generic over [`Tracer`](crate::trace::Tracer).
 //!
 //! A program is a function of a pixel. Each exists twice: `thesis` follows the report's device code to the letter,
 //! `corrected` mends the differences that are numbered below and in `docs/fidelity.md`.
@@ -30,130 +30,52 @@
 //!   a ray meets nothing and counts as open. So does each ray of a background pixel, whose normal is 0.
 //! - `ssao` divides by 0 for 0 samples; here they switch it off, as in `final`.
 
+//!
+//! From the ground up: `interpolate`, `coverage`, `pass`, `tile`; then `light`, `material`, `surface`, `optics` and `thesis`, which are
+//! about one point; `visible_pixels` and `tile_surfaces`, about a tile; `workspace`; `occlusion` and `tile_occlusion`; and above them
+//! the programs, one folder each. May use: `trace`, `sampling`.
+
 pub mod combined;
+mod coverage;
 pub mod deferred_shadows;
 pub mod dummy;
-mod lights;
+mod interpolate;
+mod light;
 mod material;
-mod neighbours;
 mod occlusion;
 mod optics;
-mod optix;
+mod pass;
+mod preparation;
 pub mod reflection;
 pub mod refraction;
-mod shown;
 pub mod ssao;
 mod surface;
+mod thesis;
+mod tile;
+mod tile_occlusion;
+mod tile_surfaces;
+mod visible_pixels;
+mod workspace;
 
-pub use lights::{Area, Lights, TILE};
-pub use material::{AlphaTested, Coverage, Opaque};
-pub use occlusion::{SHADOWED, open_shares};
+pub use coverage::{AlphaTested, Coverage, Opaque};
+pub use light::SHADOWED;
+pub use occlusion::open_shares;
 pub use optics::{Interface, fresnel, interface, reflect, schlick};
-
-use crate::sampling::HemisphereSampler;
-use crate::trace::{Directions, Hit, Nearby, Tracer};
-use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob};
-use curitiba_pipeline::scene::TriangleRanges;
-use glam::{Vec3, Vec4};
+pub(crate) use pass::opaque;
+pub use pass::{Pass, Pixel};
+pub use preparation::Preparation;
+pub use tile::{Area, TILE};
+pub use tile_surfaces::TileSurfaces;
+pub use workspace::Workspace;
 
 /// What other spellings of the programs must have in common with these, beside the formulas.
 pub mod constants {
+    pub use super::light::{SHADOWED, THROUGH_GLASS};
     pub use super::material::AMBIENT;
-    pub use super::occlusion::{SHADOWED, THROUGH_GLASS};
-    pub use super::optix::{BOUNCE, EPSILON, REFRACTED_EPSILON};
     pub use super::refraction::corrected::{REFLECTED, REFRACTED};
+    pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};
     pub use crate::sampling::hash::{DIMENSIONS, PATH, PIXEL, SCRAMBLE};
 }
 
-/// What the pixels of one pass have in common. The job's slices were checked against its sizes.
-#[derive(Debug)]
-pub struct Pass<'a, T, C> {
-    /// The job.
-    pub job: &'a RayJob<'a>,
-    /// Its scene's acceleration structure.
-    pub tracer: &'a T,
-    /// Where its triangles are cut out.
-    pub coverage: C,
-    /// Unit vector towards the light; 0 where the program does not read it.
-    pub to_light: Vec3,
-    /// The light's colour; 0 where the program does not read it.
-    pub light_color: Vec3,
-    /// Occlusion directions in `corrected`; `None` switches occlusion off.
-    pub occlusion: Option<HemisphereSampler>,
-    /// Strata a side in `thesis`; 0 switches occlusion off.
-    pub strata: u32,
-    /// See [`open_shares`]; empty where occlusion is off.
-    pub open_share: Vec<f32>,
-    /// The triangles of glass, for radiance rays.
-    pub glass: TriangleRanges,
-    /// Those that shadow rays pass.
-    pub shadow_glass: TriangleRanges,
-}
-
-/// A pixel of the pass.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Pixel {
-    /// Column.
-    pub x: u32,
-    /// Row from the top.
-    pub y: u32,
-    /// `y * width + x`.
-    pub index: usize,
-}
-
-/// Buffers that a worker keeps from pixel to pixel, and its counts.
-#[derive(Debug, Default)]
-pub struct Workspace {
-    /// Rays traced.
-    pub rays: RayCounts,
-    /// The place of the pixel that is computed in its tile, row by row, [`TILE`] a row.
-    pub place: usize,
-    /// What is known of the tile's pixels before they are computed.
-    pub lights: Lights,
-    /// The same of a tile of the shadow program.
-    shadows: deferred_shadows::Tile,
-    directions: Directions,
-    /// The same where rays are traced one by one.
-    loose: Vec<Vec3>,
-    nearby: Nearby,
-    crossings: Vec<f32>,
-}
-
-impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
-    fn position(&self, pixel: Pixel) -> Vec4 {
-        Vec4::from_array(self.job.position[pixel.index])
-    }
-
-    fn normal(&self, pixel: Pixel) -> Vec3 {
-        Vec4::from_array(self.job.normal[pixel.index]).truncate()
-    }
-
-    fn triangle(&self, pixel: Pixel) -> Option<u32> {
-        Some(self.job.triangle[pixel.index]).filter(|triangle| *triangle != NO_TRIANGLE)
-    }
-
-    fn is_glass(&self, triangle: u32) -> bool {
-        self.glass.contains(triangle)
-    }
-
-    /// Whether a hit stops light: covered, and not glass that shadow rays pass.
-    fn stops_light(&self, hit: &Hit) -> bool {
-        !self.passes_light(hit) && self.coverage.covers(hit)
-    }
-
-    fn passes_light(&self, hit: &Hit) -> bool {
-        self.shadow_glass.contains(hit.triangle)
-    }
-}
-
-/// A colour with alpha 1.
-fn opaque(color: Vec3) -> [f32; 4] {
-    color.extend(1.0).to_array()
-}
-
 #[cfg(test)]
-mod agreement;
-#[cfg(test)]
-mod terminator;
-#[cfg(test)]
-pub(crate) mod testing;
+pub(crate) mod tests;

@@ -1,15 +1,14 @@
 //! Ambient occlusion and light: the rays that only ask whether something is in the way.
 
+use super::coverage::Coverage;
+use super::light::{SHADOWED, share_of_light};
+use super::pass::Pass;
 use super::surface::Surface;
-use super::{Coverage, Pass, Workspace, optix};
+use super::thesis;
+use super::workspace::Workspace;
 use crate::sampling::sine_noise;
-use crate::trace::{Announcement, Fan, Hit, Neighbourhood, Purpose, Ray, Tracer};
+use crate::trace::{Fan, Hit, Neighbourhood, Purpose, Tracer};
 use glam::Vec3;
-
-/// What light keeps behind an opaque surface.
-pub const SHADOWED: f32 = 0.5;
-/// What light keeps at each glass surface that it crosses.
-pub const THROUGH_GLASS: f32 = 0.9;
 
 /// By the number of open samples, what occlusion leaves: their share to the power of the intensity.
 #[must_use]
@@ -34,7 +33,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let Some(sampler) = &self.occlusion else { return 1.0 };
         let (origin, facing) = (surface.origin(surface.facing), surface.facing);
         let around = self.around([origin; 2], Some(facing), 0.0, sampler.samples() as usize);
-        let gathered = self.tracer.gather(&around, &mut work.nearby);
+        let gathered = self.tracer.gather(&around, &mut work.candidates);
         self.hemisphere(gathered, origin, surface, key, work, stops)
     }
 
@@ -51,7 +50,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let Some(sampler) = &self.occlusion else { return 1.0 };
         let (samples, above) = (sampler.samples(), Some(surface.facing));
         let clear = if gathered {
-            !work.nearby.turn_to(origin, above)
+            !work.candidates.turn_to(origin, above)
         } else {
             self.tracer.clear_above(origin, surface.facing, self.job.params.radius)
         };
@@ -77,7 +76,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         work: &mut Workspace,
         mut stops: impl FnMut(&Hit) -> bool,
     ) -> u32 {
-        if gathered && let Some(open) = work.nearby.count_open(&work.directions, &mut stops) {
+        if gathered && let Some(open) = work.candidates.count_open(&work.directions, &mut stops) {
             return open;
         }
         work.loose.clear();
@@ -104,24 +103,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             let traced = work.directions.len();
             work.rays.occlusion += traced as u64;
             self.announce_visibility(Purpose::Occlusion, 1.0 / samples as f32);
-            let around = self.around([position; 2], None, optix::EPSILON, traced);
-            let gathered = self.tracer.gather(&around, &mut work.nearby);
+            let around = self.around([position; 2], None, thesis::EPSILON, traced);
+            let gathered = self.tracer.gather(&around, &mut work.candidates);
             if gathered {
-                work.nearby.turn_to(position, None);
+                work.candidates.turn_to(position, None);
             }
-            open = self.count_open(gathered, (position, None, optix::EPSILON), work, stops) + invalid;
+            open = self.count_open(gathered, (position, None, thesis::EPSILON), work, stops) + invalid;
         }
         self.open_share[open as usize]
-    }
-
-    /// Whether nothing lies between an origin off its surface and the light.
-    pub(super) fn sees_light(&self, origin: Vec3, stops: impl FnMut(&Hit) -> bool) -> bool {
-        self.announce_visibility(Purpose::Shadow, 1.0);
-        !self.tracer.occluded(&self.light_ray(origin), stops)
-    }
-
-    pub(super) fn announce_visibility(&self, purpose: Purpose, weight: f32) {
-        self.tracer.announce(Announcement { purpose, bounce: 0, weight });
     }
 
     /// What reaches a surface of the light in `final`: [`SHADOWED`] where the side of normal `facing` is turned away or
@@ -137,54 +126,5 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         self.announce_visibility(Purpose::Shadow, 1.0);
         let blocked = self.tracer.occluded(&ray, |hit| self.blocks_light(hit, || crossings.push(hit.t)));
         share_of_light(blocked, crossings)
-    }
-
-    /// Whether a hit stops light; `crosses` is called where it passes glass instead.
-    pub(super) fn blocks_light(&self, hit: &Hit, crosses: impl FnOnce()) -> bool {
-        if !self.coverage.covers(hit) {
-            return false;
-        }
-        let glass = self.passes_light(hit);
-        if glass {
-            crosses();
-        }
-        !glass
-    }
-
-    fn light_ray(&self, origin: Vec3) -> Ray {
-        Ray { origin, direction: self.to_light, t_min: 0.0, t_max: f32::INFINITY }
-    }
-}
-
-/// What is left of light that is blocked, or else crosses glass at these distances, in any order.
-pub(super) fn share_of_light(blocked: bool, crossings: &mut [f32]) -> f32 {
-    if blocked {
-        SHADOWED
-    } else if crossings.is_empty() {
-        1.0
-    } else {
-        THROUGH_GLASS.powi(distinct(crossings) as i32)
-    }
-}
-
-/// How many surfaces these hit distances belong to. A tracer may show a hit twice, and a ray through the edge between two
-/// triangles meets both: distances no farther apart than the rounding of their computation are one surface.
-fn distinct(distances: &mut [f32]) -> usize {
-    const ROUNDING: f32 = 8.0 * f32::EPSILON;
-    distances.sort_unstable_by(f32::total_cmp);
-    let steps = distances.windows(2).filter(|pair| pair[1] - pair[0] > ROUNDING * pair[1]).count();
-    steps + usize::from(!distances.is_empty())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::distinct;
-
-    #[test]
-    fn surfaces_are_counted_once() {
-        assert_eq!(distinct(&mut []), 0);
-        assert_eq!(distinct(&mut [2.0]), 1);
-        assert_eq!(distinct(&mut [2.0, 2.0, 2.000_000_2]), 1);
-        assert_eq!(distinct(&mut [3.0, 2.0, 3.0, 2.001]), 3);
     }
 }

@@ -1,9 +1,10 @@
 //! Points on surfaces in corrected fidelity: exact triangles, a side, and origins for rays that leave them.
 
-use super::material::interpolate;
+use super::coverage::Coverage;
+use super::interpolate::interpolate;
 use super::optics::reflect;
-use super::{Coverage, Pass, Pixel};
-use crate::trace::{F16, Hit, LANES, Points, Ray, SurfacePoint, Tracer, vector_at};
+use super::pass::{Pass, Pixel};
+use crate::trace::{F16, Hit, LANES, Ray, SurfacePoint, SurfacePoints, Tracer, vector_at};
 use glam::Vec3;
 
 /// A point of a triangle, seen from one side.
@@ -70,7 +71,7 @@ pub(super) struct Surfaces {
 impl Surfaces {
     /// Of half of sixteen pixels, from their points and stored normals.
     #[inline(always)]
-    pub(super) fn new(points: &Points, normals: &[F16; 3], half: usize, eye: Vec3) -> Self {
+    pub(super) fn new(points: &SurfacePoints, normals: &[F16; 3], half: usize, eye: Vec3) -> Self {
         let zero = [[0.0; LANES]; 3];
         let mut surfaces = Self { facing: zero, normal: zero, view: zero, origin: zero };
         for lane in 0..LANES {
@@ -88,9 +89,9 @@ impl Surfaces {
     }
 
     /// One of them, and the unit direction in which it is seen; not that of its pixel where the point may be
-    /// [near a border](Points::near).
+    /// [near a border](SurfacePoints::near).
     #[inline(always)]
-    pub(super) fn get(&self, points: &Points, lane: usize) -> (Surface, Vec3) {
+    pub(super) fn get(&self, points: &SurfacePoints, lane: usize) -> (Surface, Vec3) {
         let at = |axes: &[[f32; LANES]; 3]| Vec3::new(axes[0][lane], axes[1][lane], axes[2][lane]);
         (Surface { point: points.point(lane), facing: at(&self.facing), normal: at(&self.normal) }, at(&self.view))
     }

@@ -1,6 +1,6 @@
 use super::{PixelRays, pixel, pixel_on};
 use crate::effects::fresnel;
-use crate::effects::testing::{Shot, World, grid};
+use crate::effects::tests::world::{Shot, World, grid};
 use crate::trace::{Event, Outcome, Purpose, RecordedRay, SurfacePoint};
 use curitiba_pipeline::backend::{RayCounts, RayJob};
 use curitiba_pipeline::programs::Fidelity::{Corrected, Thesis};

@@ -3,7 +3,7 @@
 use super::hash::unit;
 use super::hemisphere::{Basis, cosine, mirrored};
 use super::owen_sobol::scramble_reversed;
-use crate::trace::{Detected, Directions, F16, Simd, Work};
+use crate::trace::{Detected, Directions, F16, Kernel, Simd};
 use glam::{Vec2, Vec3};
 
 /// Points that are computed together: loops of this fixed length become vector code.
@@ -29,7 +29,7 @@ struct Fill<'a> {
     directions: &'a mut Directions,
 }
 
-impl Work<()> for Fill<'_> {
+impl Kernel<()> for Fill<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, _: S) {
         let Self { points, seeds, basis, above, directions } = self;

@@ -111,6 +111,7 @@ pub fn job<'a>(
         view,
         sun: Some(Sun { direction: Vec3::new(0.36, -0.48, -0.8), color: Vec3::new(0.9, 0.8, 0.7) }),
         shades,
+        culled: &[],
         viewport: Rect { x: 0, y: 0, width, height },
         clear_color: Vec4::new(0.1, 0.2, 0.3, 0.4),
         attachments,

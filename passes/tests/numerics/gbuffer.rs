@@ -58,6 +58,7 @@ fn setting(offset: Vec3) -> Setting {
         view,
         sun: Some(sun),
         shades: &shades,
+        culled: &[],
         viewport,
         clear_color: Vec4::ZERO,
         attachments,
@@ -74,6 +75,7 @@ impl Setting {
     fn run(&self, program: RayProgram, fidelity: Fidelity, position: &[[f32; 4]]) -> Vec<f32> {
         let none = vec![false; self.shades.len()];
         let job = RayJob {
+            origin: [0; 2],
             scene: &self.scene,
             program,
             params: RayParams { samples: 16, intensity: 1.0, ..RayParams::default() },

@@ -106,6 +106,7 @@ impl World {
             view,
             sun,
             shades: &shades,
+            culled: &[],
             viewport: Rect { x: 0, y: 0, width, height },
             clear_color: Vec4::from_array(BACKGROUND),
             attachments,
@@ -167,6 +168,7 @@ impl Shot {
         rays.build(&self.scene, &vec![true; self.glass.len()]).expect("host memory");
         let none = vec![false; self.glass.len()];
         let job = RayJob {
+            origin: [0; 2],
             scene: &self.scene,
             program: program.info().counterpart,
             params,

@@ -37,6 +37,7 @@ impl Setup {
             view: self.view(width, height),
             sun: self.sun,
             shades: &self.shades,
+            culled: &[],
             viewport: Rect { x: 0, y: 0, width, height },
             clear_color: Vec4::new(0.25, 0.5, 0.75, 1.0),
             attachments,

@@ -1,13 +1,13 @@
 //! Generated scenes and rays for the tracer's tests and benches.
 #![allow(dead_code, reason = "each test binary uses a part")]
 
-use curitiba_passes::trace::{Hit, Lanes, Ray};
+use curitiba_passes::trace::{Hit, InstructionSet, Ray};
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::Vec3;
 use std::collections::HashMap;
 
 /// The instruction sets to try; a processor need not have all.
-pub const SETS: [Lanes; 3] = [Lanes::Avx512, Lanes::Avx2, Lanes::Portable];
+pub const SETS: [InstructionSet; 3] = [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable];
 
 /// A rule about transparent triangles that depends on nothing but the hit.
 pub fn accepts(hit: &Hit) -> bool {

@@ -9,7 +9,11 @@ impl Renderer {
     /// Lets the rasteriser and the ray backend share the G-buffer of the first ray pass that can read it in place, where
     /// both work on one device. Where they do not manage to, that is a warning, and the host copies.
     pub(super) fn join_engines(&mut self) {
-        if !self.engines.raster.shares().is_some_and(|device| self.engines.rays.joins(device)) {
+        // What is drawn in parts is not where a whole G-buffer would be.
+        if self.plan.in_parts()
+            || self.plan.block.is_some()
+            || !self.engines.raster.shares().is_some_and(|device| self.engines.rays.joins(device))
+        {
             return;
         }
         let first = self.plan.passes.iter().find_map(|planned| match planned.work {

@@ -4,6 +4,7 @@ mod effect;
 mod fallback;
 mod join;
 mod output;
+mod parts;
 mod prepare;
 mod quad;
 mod save;
@@ -11,15 +12,16 @@ mod timeline;
 
 pub use fallback::{Fallback, Spare};
 pub use output::{Faults, Output, Range, Triangles};
-pub use save::Written;
+pub use save::{Saved, Written};
 pub use timeline::{Observer, Progress, Row, Silent, StepKind, Timeline, median};
 
 use crate::backend::{
-    Attachments, BackendError, GBuffer, RasterJob, Rasteriser, RayBackend, RayCounts, RayJob, Shade, Sun,
+    Attachments, BackendError, GBuffer, RasterJob, Rasteriser, RayBackend, RayCounts, RayJob, Rect, Shade, Sun,
 };
 use crate::diagnostic::Warnings;
 use crate::image::{Image, PixelFormat};
-use crate::plan::{Decision, Plan, PlannedPass, Work};
+use crate::memory::{self, Refused};
+use crate::plan::{Decision, Plan, PlanError, PlannedPass, PlannedTarget, Work};
 use crate::project::{ChannelRef, PassKind};
 use crate::scene::{RenderScene, SceneError};
 use fallback::of_frame;
@@ -72,6 +74,15 @@ pub enum RenderError {
         /// What is left.
         left: String,
     },
+    /// Memory for targets, pictures or the acceleration structure.
+    #[error(transparent)]
+    Refused(#[from] Refused),
+    /// A picture that is written while it is rendered.
+    #[error(transparent)]
+    Write(#[from] std::io::Error),
+    /// What the plan asks for is more than an engine can do.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
 }
 
 /// A scene that is loaded, and what passes see of its materials.
@@ -85,6 +96,8 @@ struct LoadedScenes {
 #[derive(Default)]
 struct PassMaterials {
     shades: Vec<Shade>,
+    /// Those whose back faces a raster pass leaves out.
+    culled: Vec<bool>,
     glass: Vec<bool>,
     shadow_glass: Vec<bool>,
 }
@@ -115,6 +128,8 @@ pub struct Renderer {
     handed_over: u64,
     /// Frames begun.
     frame: u32,
+    /// The part of the picture that the targets hold: an index of its list.
+    part: usize,
     timeline: Timeline,
     warnings: Warnings,
 }
@@ -124,21 +139,26 @@ impl Renderer {
     ///
     /// # Errors
     /// If a scene cannot be loaded, or a backend cannot run a pass.
-    pub fn new(plan: Plan, engines: Engines, observer: &mut dyn Observer) -> Result<Self, RenderError> {
+    pub fn new(mut plan: Plan, engines: Engines, observer: &mut dyn Observer) -> Result<Self, RenderError> {
+        let (raster, rays) = (&engines.raster, &engines.rays);
+        plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))?;
+        let in_parts = plan.in_parts();
+        let largest = plan.parts.largest();
+        let target = |target: &PlannedTarget| {
+            let (width, height) = if in_parts { largest } else { (target.width, target.height) };
+            GBuffer::try_new(width, height, target.stored)
+        };
         let mut renderer = Self {
             scenes: Vec::new(),
             materials: Vec::new(),
-            targets: plan
-                .targets
-                .iter()
-                .map(|target| GBuffer::new(target.width, target.height, target.stored))
-                .collect(),
-            window: prepare::window(plan.window),
+            targets: plan.targets.iter().map(target).collect::<Result<_, _>>()?,
+            window: prepare::window(if in_parts { largest.into() } else { plan.window })?,
             uploaded: None,
             built: None,
             joined: None,
             handed_over: 0,
             frame: 0,
+            part: 0,
             timeline: Timeline::default(),
             warnings: plan.warnings.clone(),
             plan,
@@ -202,7 +222,37 @@ impl Renderer {
     /// # Errors
     /// If a backend fails and no other may stand in for it; names the pass and the frame. What was rendered before stays.
     pub fn frame(&mut self, observer: &mut dyn Observer) -> Result<Image, RenderError> {
-        self.frame = self.frame.saturating_add(1);
+        let parts = self.plan.parts.clone();
+        if let [part] = parts.list[..] {
+            self.draw_frame(observer)?;
+            return Ok(self.picture(part.written)?);
+        }
+        let mut pixels = memory::with_capacity(parts.crop.width as usize * parts.crop.height as usize)?;
+        self.begin_frame();
+        for (index, part) in parts.list.iter().enumerate() {
+            self.draw_part(index, observer)?;
+            self.copy_rows(part.written, &mut pixels);
+        }
+        self.end_frame();
+        Ok(Image { width: parts.crop.width, height: parts.crop.height, pixels })
+    }
+
+    /// [`Self::frame`] without a copy of the picture: of one that is rendered in bands only the last one is kept.
+    ///
+    /// # Errors
+    /// As [`Self::frame`].
+    pub fn draw_frame(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        self.begin_frame();
+        for index in 0..self.plan.parts.list.len() {
+            self.draw_part(index, observer)?;
+        }
+        self.end_frame();
+        Ok(())
+    }
+
+    /// Runs every pass for a part of the picture.
+    fn draw_part(&mut self, part: usize, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        self.place_targets(part)?;
         let frame = Some(self.frame);
         let mut index = 0;
         while index < self.plan.passes.len() {
@@ -227,13 +277,17 @@ impl Renderer {
             self.show_outputs(&planned, observer);
             index += 1;
         }
-        Ok(self.window_image())
+        Ok(())
     }
 
-    /// The window's picture as the last frame left it; black before the first.
+    /// The picture as the last frame left it, what is cut off left out; black before the first. Of one that is rendered in
+    /// bands, the last band.
+    ///
+    /// # Panics
+    /// If there is no memory for it.
     #[must_use]
     pub fn window_image(&self) -> Image {
-        Image { width: self.window.width, height: self.window.height, pixels: self.window.color.clone() }
+        self.picture(self.plan.parts.list[self.part].written).unwrap_or_else(|error| panic!("{error}"))
     }
 
     /// A channel that the plan keeps for inspection or for a later pass.
@@ -259,10 +313,37 @@ impl Renderer {
         self.upload(scene_set, observer)?;
         let mut buffer = std::mem::take(self.buffer(target));
         let scene = Arc::clone(&self.scenes[scene_set].scene);
-        let shades = &self.materials[index].shades;
+        let PassMaterials { shades, culled, .. } = &self.materials[index];
         let (shared, half) = (self.in_shared_memory(target, traced), self.half_floats(target));
-        let job =
-            RasterJob { scene: &scene, program, view, sun, shades, viewport, clear_color, attachments, shared, half };
+        let blocks = self.blocks(view, viewport, &buffer);
+        let job = RasterJob {
+            scene: &scene,
+            program,
+            view,
+            sun,
+            shades,
+            culled,
+            viewport,
+            clear_color,
+            attachments,
+            shared,
+            half,
+        };
+        if self.plan.block.is_some() {
+            let (host, raster) = (self.in_host(target, host, traced), &mut self.engines.raster);
+            observer.begin(StepKind::Raster, name, &Arc::new(Progress::default()));
+            let start = Instant::now();
+            let drawn = parts::draw_blocks(raster.as_mut(), &job, &blocks, host, &mut buffer);
+            let elapsed = start.elapsed();
+            observer.end();
+            *self.buffer(target) = buffer;
+            self.round_to_formats(target);
+            let (triangles, blocks) = (drawn?, blocks.len());
+            let engine = self.engines.raster.name();
+            self.timeline.record(StepKind::Raster, name, elapsed).note =
+                format!("{triangles} triangles on {engine}, in {blocks} blocks");
+            return Ok(());
+        }
         let progress = Arc::new(Progress::default());
         observer.begin(StepKind::Raster, name, &progress);
         let start = Instant::now();
@@ -347,6 +428,7 @@ impl Renderer {
             seed: self.plan.settings.seed,
             eye: view.eye,
             sun: ray.light.and_then(|light| self.sun(light)),
+            origin: buffer.origin,
             width: output.width,
             height: output.height,
             position: read(ray.position, "pos_buffer"),
@@ -379,9 +461,13 @@ impl Renderer {
         self.timeline.rows.iter_mut().filter(|row| row.kind == StepKind::Rays).for_each(|row| row.bytes = 0);
         let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
         row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
-        row.rays = Some(stats.rays);
+        let mut rays = stats.rays;
+        if self.part > 0 {
+            rays += row.rays.unwrap_or_default();
+        }
+        row.rays = Some(rays);
         row.bytes = stats.held_bytes;
-        row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(stats.rays));
+        row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(rays));
         // Times of two backends stand in one row.
         for fallback in &self.engines.fallbacks {
             if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
@@ -394,7 +480,7 @@ impl Renderer {
         Ok(())
     }
 
-    fn quad(&mut self, planned: &PlannedPass, name: &str, viewport: crate::backend::Rect, observer: &mut dyn Observer) {
+    fn quad(&mut self, planned: &PlannedPass, name: &str, viewport: Rect, observer: &mut dyn Observer) {
         let pass = self.plan.pass(planned);
         let PassKind::Quad(quad) = &pass.kind else { return };
         let (source, target) = (quad.source, pass.target);
@@ -402,6 +488,11 @@ impl Renderer {
         let start = Instant::now();
         let mut buffer = std::mem::take(self.buffer(target));
         let width = buffer.width;
+        // Of a part all is filled: passes that fill a part of the whole are not rendered in parts.
+        let viewport = match self.plan.in_parts() {
+            true => Rect { x: 0, y: 0, width, height: buffer.height },
+            false => viewport,
+        };
         quad::fill(&mut buffer.color, width, viewport, source, |channel| {
             let read = &self.targets[channel.target];
             (read.width, read.height, channel_of(read, channel.channel))

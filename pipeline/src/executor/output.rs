@@ -3,7 +3,7 @@
 use super::{Observer, Renderer, channel_of};
 use crate::backend::{GBuffer, NO_TRIANGLE};
 use crate::plan::{PlannedPass, Work};
-use crate::programs::RayProgram;
+use crate::programs::Writes;
 use crate::project::PassKind;
 use crate::raster_effects::EffectProgram;
 use rayon::prelude::*;
@@ -220,11 +220,9 @@ impl Renderer {
             }
             (_, PassKind::Ray(ray)) => show(
                 0,
-                match ray.program {
-                    RayProgram::DeferredShadows | RayProgram::Ssao => Range::Share,
-                    RayProgram::Dummy | RayProgram::Reflection | RayProgram::Refraction | RayProgram::Final => {
-                        Range::Color
-                    }
+                match ray.program.info().writes {
+                    Writes::Share => Range::Share,
+                    Writes::Color => Range::Color,
                 },
             ),
             (_, PassKind::Effect(effect)) => show(

@@ -2,6 +2,7 @@
 
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, StepKind};
 use crate::backend::{Attachments, BackendError, GBuffer, Shade};
+use crate::memory::{self, Refused};
 use crate::plan::{Decision, Work, mebibytes};
 use crate::programs::Fidelity;
 use crate::project::{ColorMap, MaterialPattern, PassKind};
@@ -10,10 +11,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// The window before the first frame: black and opaque.
-pub(super) fn window([width, height]: [u32; 2]) -> GBuffer {
-    let mut window = GBuffer::new(width, height, Attachments { color: true, ..Attachments::default() });
+pub(super) fn window([width, height]: [u32; 2]) -> Result<GBuffer, Refused> {
+    let mut window = GBuffer::try_new(width, height, Attachments { color: true, ..Attachments::default() })?;
     window.color.fill([0.0, 0.0, 0.0, 1.0]);
-    window
+    Ok(window)
 }
 
 impl Renderer {
@@ -125,6 +126,12 @@ impl Renderer {
             let matches = |material: &Material| patterns.iter().any(|pattern| pattern.matches(&material.name));
             materials.iter().map(matches).collect()
         };
+        // The report's programs draw both sides of everything.
+        if let PassKind::Raster(_) = &pass.kind
+            && corrected
+        {
+            resolved.culled = materials.iter().map(|material| material.single_sided).collect();
+        }
         if let PassKind::Effect(effect) = &pass.kind {
             resolved.glass = matching(&effect.glass);
         }
@@ -213,7 +220,9 @@ impl Renderer {
             return Ok(());
         }
         let geometry = &loaded.scene.geometry;
-        let held = geometry.positions.len() as u64 * 32 + geometry.triangles.len() as u64 * 12;
+        let texels = loaded.scene.textures.iter().flat_map(|texture| &texture.levels);
+        let textures: u64 = texels.map(|level| 4 * level.texels.len() as u64).sum();
+        let held = geometry.positions.len() as u64 * 32 + geometry.triangles.len() as u64 * 12 + textures;
         let left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes() + held);
         let needed = geometry.triangles.len() as u64 * self.engines.rays.bytes_per_triangle();
         if needed > left {
@@ -223,6 +232,8 @@ impl Renderer {
                 left: mebibytes(left),
             });
         }
+        // The builder's lists are a crate's, which takes what it gets.
+        memory::probe(needed)?;
         Ok(())
     }
 }

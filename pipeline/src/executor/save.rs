@@ -1,7 +1,13 @@
 //! Writing what was rendered.
 
-use super::{Observer, Progress, Renderer, StepKind};
-use crate::image::{Content, Image, Layer, make_visible, write_exr, write_png};
+use super::parts::{Told, append};
+use super::{Observer, Progress, RenderError, Renderer, StepKind};
+use crate::backend::Rect;
+use crate::image::{
+    Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, write_exr, write_exr_rows, write_png,
+    write_png_rows,
+};
+use crate::memory::{self, Refused};
 use crate::plan::Work;
 use crate::project::ChannelRef;
 use std::io;
@@ -18,60 +24,171 @@ pub struct Written {
     pub what: String,
 }
 
+/// What [`Renderer::render_and_save`] wrote.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Saved {
+    /// The files.
+    pub files: Vec<Written>,
+    /// Pixels of the picture with a value that is not finite.
+    pub not_finite: usize,
+}
+
 impl Renderer {
+    /// The files that [`Self::save`] writes: where, and what each holds. A channel is named as in the project where no
+    /// other shown one has that name, else with its library before it: `out.pos.exr`, `out.Deferred.pos.exr`. Letters that
+    /// file names cannot have everywhere (`/ \ : * ? " < > |` and control characters) become `_`.
+    #[must_use]
+    pub fn outputs(&self, path: &Path) -> Vec<(PathBuf, String)> {
+        let mut files = vec![(path.to_owned(), "window".to_owned())];
+        for (channel, name) in self.plan.shown.iter().zip(self.shown_names()) {
+            let full = self.full_name(*channel);
+            files.push((path.with_extension(format!("{name}.exr")), full.clone()));
+            files.push((path.with_extension(format!("{name}.png")), format!("{full}, made visible")));
+        }
+        files
+    }
+
     /// Writes the window to `path` (`.png` or `.exr`) and every shown channel beside it, as `.exr` with named channels
-    /// and as `.png` made visible: `out.pos.exr`, `out.pos.png`.
+    /// and as `.png` made visible: the files of [`Self::outputs`]. [`check_outputs`](crate::files::check_outputs) tells
+    /// before a frame is rendered whether they can be written.
     ///
     /// # Errors
     /// If a file cannot be written, or the extension is neither; files written before stay.
     pub fn save(&mut self, path: &Path, observer: &mut dyn Observer) -> io::Result<Vec<Written>> {
+        let exr = is_exr(path)?;
         let mut written = Vec::new();
-        let window = self.window_image();
-        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
-        let exr = match extension.as_str() {
-            "png" => false,
-            "exr" => true,
-            _ => {
-                let message = format!("{}: a picture is written as .png or .exr", path.display());
-                return Err(io::Error::new(io::ErrorKind::InvalidInput, message));
-            }
-        };
-        self.timed(path, "window", &mut written, observer, || {
+        let files = self.outputs(path);
+        let (window_file, channel_files) = files.split_at(1);
+        let window = self.lend(None)?;
+        let result = self.timed(&window_file[0], &mut written, observer, |path| {
             if exr {
                 write_exr(path, Layer { name: "window", channels: ["R", "G", "B", "A"], image: &window })
             } else {
                 write_png(path, &window)
             }
-        })?;
-        for channel in self.plan.shown.clone() {
-            self.save_channel(path, channel, &mut written, observer)?;
+        });
+        self.take_back(None, window);
+        result?;
+        for (channel, files) in self.plan.shown.clone().into_iter().zip(channel_files.chunks_exact(2)) {
+            self.save_channel(channel, [&files[0], &files[1]], &mut written, observer)?;
         }
         Ok(written)
     }
 
+    /// Writes a shown channel as `.exr`, and made visible as `.png`.
     fn save_channel(
         &mut self,
-        path: &Path,
         channel: ChannelRef,
+        [exr, png]: [&(PathBuf, String); 2],
         written: &mut Vec<Written>,
         observer: &mut dyn Observer,
     ) -> io::Result<()> {
-        let target = &self.plan.project.targets[channel.target];
-        let name = target.channels[channel.channel].name.clone();
-        let full = format!("{}::{name}", target.library);
-        let planned = self.plan.targets[channel.target];
-        let image = Image { width: planned.width, height: planned.height, pixels: self.channel(channel).to_vec() };
-        let content = self.content(channel);
+        let image = self.lend(Some(channel))?;
+        let (name, content) = (self.full_name(channel), self.content(channel));
         let channels = match content {
             Content::Color => ["R", "G", "B", "A"],
             Content::Position => ["X", "Y", "Z", "cosine"],
             Content::Normal => ["X", "Y", "Z", "W"],
         };
-        let beside = |extension: &str| path.with_extension(format!("{name}.{extension}"));
-        let (exr, png) = (beside("exr"), beside("png"));
-        self.timed(&exr, &full, written, observer, || write_exr(&exr, Layer { name: &full, channels, image: &image }))?;
-        let visible = make_visible(&image, content);
-        self.timed(&png, &format!("{full}, made visible"), written, observer, || write_png(&png, &visible))
+        let layer = Layer { name: &name, channels, image: &image };
+        let mut result = self.timed(exr, written, observer, |path| write_exr(path, layer));
+        if result.is_ok() {
+            let mut visible = VisibleRows::new(&image, content);
+            result = self.timed(png, written, observer, |path| write_png_rows(path, &mut visible));
+        }
+        self.take_back(Some(channel), image);
+        result
+    }
+
+    /// What is written of a channel, or of the window: lent to the writer where that is all of it, and a copy of the crop
+    /// otherwise. Targets of another size than the window are written whole.
+    fn lend(&mut self, channel: Option<ChannelRef>) -> Result<Image, Refused> {
+        let (whole, written) = (self.plan.window, self.plan.parts.list[self.part].written);
+        let in_parts = self.plan.in_parts();
+        let (buffer, pixels) = self.pixels_mut(channel);
+        let (width, height) = (buffer.width, buffer.height);
+        let of_window = in_parts || [width, height] == whole;
+        if !of_window || written == buffer {
+            return Ok(Image { width, height, pixels: std::mem::take(pixels) });
+        }
+        let mut cut = memory::with_capacity(written.width as usize * written.height as usize)?;
+        append(buffer, pixels, written, &mut cut);
+        Ok(Image { width: written.width, height: written.height, pixels: cut })
+    }
+
+    /// The end of [`Self::lend`].
+    fn take_back(&mut self, channel: Option<ChannelRef>, image: Image) {
+        let (_, pixels) = self.pixels_mut(channel);
+        if pixels.is_empty() {
+            *pixels = image.pixels;
+        }
+    }
+
+    /// What a target, or the window, holds of the picture, and the pixels of a channel.
+    fn pixels_mut(&mut self, channel: Option<ChannelRef>) -> (Rect, &mut Vec<[f32; 4]>) {
+        let (buffer, channel) = match channel {
+            None => (&mut self.window, 0),
+            Some(channel) => (&mut self.targets[channel.target], channel.channel),
+        };
+        let held = buffer.held();
+        let pixels = match channel {
+            0 => &mut buffer.color,
+            1 => &mut buffer.position,
+            _ => &mut buffer.normal,
+        };
+        (held, pixels)
+    }
+
+    /// Renders a frame and writes it as [`Self::save`] does. A picture that is rendered in bands is written band by band, and
+    /// never there as a whole.
+    ///
+    /// # Errors
+    /// As [`Self::frame`] and [`Self::save`].
+    pub fn render_and_save(&mut self, path: &Path, observer: &mut dyn Observer) -> Result<Saved, RenderError> {
+        if self.plan.parts.list.len() == 1 {
+            self.draw_frame(observer)?;
+            let not_finite = count_non_finite(&self.window.color);
+            return Ok(Saved { files: self.save(path, observer)?, not_finite });
+        }
+        let exr = is_exr(path)?;
+        let name = path.display().to_string();
+        let start = Instant::now();
+        let mut rows = self.rows(observer);
+        let result = if exr {
+            let channels = ["R", "G", "B", "A"];
+            write_exr_rows(path, &mut [RowLayer { name: "window", channels, rows: &mut rows }])
+        } else {
+            write_png_rows(path, &mut rows)
+        };
+        let Told { failed, not_finite, took } = rows.told();
+        if let Some(error) = failed {
+            return Err(error);
+        }
+        result.map_err(|error| io::Error::new(error.kind(), format!("{name}: {error}")))?;
+        self.timeline.record(StepKind::Write, &name, start.elapsed().saturating_sub(took));
+        Ok(Saved { files: vec![Written { path: path.to_owned(), what: "window".to_owned() }], not_finite })
+    }
+
+    /// `library::channel`.
+    fn full_name(&self, channel: ChannelRef) -> String {
+        let target = &self.plan.project.targets[channel.target];
+        format!("{}::{}", target.library, target.channels[channel.channel].name)
+    }
+
+    /// What the names of the shown channels' files have in the middle.
+    fn shown_names(&self) -> Vec<String> {
+        let targets = &self.plan.project.targets;
+        let own = |channel: &ChannelRef| safe(&targets[channel.target].channels[channel.channel].name);
+        // File systems may not tell `pos` from `Pos`.
+        let alike = |name: &str| {
+            let same = |other: &&ChannelRef| own(other).to_lowercase() == name.to_lowercase();
+            self.plan.shown.iter().filter(same).count()
+        };
+        let name = |channel: &ChannelRef| match own(channel) {
+            name if alike(&name) > 1 => format!("{}.{name}", safe(&targets[channel.target].library)),
+            name => name,
+        };
+        self.plan.shown.iter().map(name).collect()
     }
 
     /// What a channel holds: raster passes write positions and normals, all others colours.
@@ -88,20 +205,39 @@ impl Renderer {
 
     fn timed(
         &mut self,
-        path: &Path,
-        what: &str,
+        (path, what): &(PathBuf, String),
         written: &mut Vec<Written>,
         observer: &mut dyn Observer,
-        write: impl FnOnce() -> io::Result<()>,
+        write: impl FnOnce(&Path) -> io::Result<()>,
     ) -> io::Result<()> {
         let name = path.display().to_string();
         observer.begin(StepKind::Write, &name, &Arc::new(Progress::default()));
         let start = Instant::now();
-        let result = write();
+        let result = write(path);
         observer.end();
         result.map_err(|error| io::Error::new(error.kind(), format!("{name}: {error}")))?;
         self.timeline.record(StepKind::Write, &name, start.elapsed());
-        written.push(Written { path: path.to_owned(), what: what.to_owned() });
+        written.push(Written { path: path.clone(), what: what.clone() });
         Ok(())
     }
+}
+
+/// Whether a picture is written as EXR, and not as PNG, by the ending of its name.
+fn is_exr(path: &Path) -> io::Result<bool> {
+    let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
+    match extension.as_str() {
+        "png" => Ok(false),
+        "exr" => Ok(true),
+        _ => {
+            let message = format!("{}: a picture is written as .png or .exr", path.display());
+            Err(io::Error::new(io::ErrorKind::InvalidInput, message))
+        }
+    }
+}
+
+/// The name with `_` for every letter that is not allowed in names of files everywhere.
+fn safe(name: &str) -> String {
+    let bad = |letter: char| letter.is_control() || "/\\:*?\"<>|".contains(letter);
+    let safe: String = name.chars().map(|letter| if bad(letter) { '_' } else { letter }).collect();
+    if safe.trim().is_empty() { "_".to_owned() } else { safe }
 }

@@ -112,6 +112,9 @@ pub fn median(samples: &[f64]) -> f64 {
 pub struct Timeline {
     /// The steps.
     pub rows: Vec<Row>,
+    /// Samples of each row, on the host and on the device, when the frame began that is rendered in parts.
+    #[serde(skip)]
+    before: Vec<[usize; 2]>,
 }
 
 impl Timeline {
@@ -132,6 +135,25 @@ impl Timeline {
         let row = &mut self.rows[index];
         row.host_ms.push(host.as_secs_f64() * 1e3);
         row
+    }
+
+    /// A frame begins that is rendered in parts.
+    pub(super) fn begin_parts(&mut self) {
+        self.before = self.rows.iter().map(|row| [row.host_ms.len(), row.device_ms.len()]).collect();
+    }
+
+    /// It has ended: a step's time is the sum over the parts.
+    pub(super) fn end_parts(&mut self) {
+        let before = std::mem::take(&mut self.before);
+        for (index, row) in self.rows.iter_mut().enumerate().filter(|(_, row)| row.kind.per_frame()) {
+            let starts = before.get(index).copied().unwrap_or_default();
+            for (samples, start) in [&mut row.host_ms, &mut row.device_ms].into_iter().zip(starts) {
+                if samples.len() > start + 1 {
+                    let sum = samples.drain(start..).sum();
+                    samples.push(sum);
+                }
+            }
+        }
     }
 
     /// Forgets the steps that are done again for every frame: what follows a warm-up is measured by itself.

@@ -1,12 +1,17 @@
 //! Images: the attachments of render targets and the picture that is shown; reading, writing and making them visible.
 
+pub(crate) mod decode;
 mod read;
+mod rows;
 mod visible;
 mod write;
 
 pub use read::{Picture, ReadImageError, Variance, read_image};
-pub use visible::{Content, make_visible};
-pub use write::{Layer, write_atomically, write_exr, write_exr_layers, write_png};
+pub use rows::{ImageRows, Rows};
+pub use visible::{Content, VisibleRows, make_visible};
+pub use write::{
+    Layer, RowLayer, encode_exr, encode_png, write_exr, write_exr_layers, write_exr_rows, write_png, write_png_rows,
+};
 
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
@@ -130,8 +135,14 @@ impl Image {
     /// How many pixels hold a value that is not finite.
     #[must_use]
     pub fn count_non_finite(&self) -> usize {
-        self.pixels.par_iter().filter(|pixel| pixel.iter().any(|value| !value.is_finite())).count()
+        count_non_finite(&self.pixels)
     }
+}
+
+/// How many pixels hold a value that is not finite.
+#[must_use]
+pub fn count_non_finite(pixels: &[[f32; 4]]) -> usize {
+    pixels.par_iter().filter(|pixel| pixel.iter().any(|value| !value.is_finite())).count()
 }
 
 #[cfg(test)]

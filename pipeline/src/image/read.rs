@@ -1,13 +1,21 @@
 //! Reading pictures that were written, by this program or by another.
 
 use super::Image;
+use super::decode::{self, Fault};
+use crate::files;
+use crate::guard;
+use crate::memory;
 use crate::metrics::VARIANCE_LAYER;
 use crate::plan::MAX_SIDE;
-use exr::image::read::read;
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::math::Vec2;
 use exr::meta::MetaData;
-use exr::prelude::{AnyChannel, FlatSamples, ReadChannels as _, ReadLayers as _, Text};
-use image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, Limits};
-use std::fs::File;
+use exr::meta::attribute::SampleType;
+use exr::meta::header::Header;
+use exr::prelude::Text;
+use half::f16;
+use image::{ImageDecoder as _, ImageFormat, ImageReader, Limits};
+use rayon::prelude::*;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +23,9 @@ use std::path::{Path, PathBuf};
 const MAX_PIXELS: u64 = 1 << 28;
 /// Most values of all layers of an EXR file: sixteen channels of the largest picture.
 const MAX_SAMPLES: u64 = 16 * MAX_PIXELS;
+
+/// Blocks of an EXR file that are decompressed at once.
+const BATCH: usize = 64;
 
 /// Why a picture could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -66,11 +77,11 @@ pub fn read_image(path: &Path) -> Result<Picture, ReadImageError> {
     picture.map_err(|message| ReadImageError { path: path.to_owned(), message })
 }
 
-fn open(path: &Path) -> Result<BufReader<File>, String> {
+fn open(path: &Path) -> Result<BufReader<files::Input>, String> {
     if path.is_dir() {
         return Err("this is a folder; name a picture in it".to_owned());
     }
-    File::open(path).map(BufReader::new).map_err(|error| format!("the file cannot be opened: {error}"))
+    files::open(path).map(BufReader::new).map_err(|error| format!("the file cannot be opened: {error}"))
 }
 
 fn check_size(width: u64, height: u64) -> Result<(), String> {
@@ -88,18 +99,15 @@ fn read_png(path: &Path) -> Result<Picture, String> {
     // Eight bytes a pixel at most, and what the decoder needs beside.
     limits.max_alloc = Some(10 * MAX_PIXELS);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(broken)?;
+    let decoder = guard::call("image", || reader.into_decoder())?.map_err(broken)?;
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into())?;
-    let decoded = DynamicImage::from_decoder(decoder).map_err(broken)?;
-    let bits = decoded.color().bytes_per_pixel() / decoded.color().channel_count();
-    let steps = if bits == 1 { 255 } else { 65_535 };
-    let pixels = if bits == 1 {
-        // Divided, not multiplied by the inverse: what was written as n / 255 is read as the same float.
-        decoded.into_rgba8().pixels().map(|pixel| pixel.0.map(|value| f32::from(value) / 255.0)).collect()
-    } else {
-        decoded.into_rgba16().pixels().map(|pixel| pixel.0.map(|value| f32::from(value) / 65_535.0)).collect()
-    };
+    let color = decoder.color_type();
+    let steps = if color.bytes_per_pixel() == color.channel_count() { 255 } else { 65_535 };
+    let pixels = decode::floats(decoder).map_err(|fault| match fault {
+        Fault::Broken(why) => format!("this is no whole PNG file: {why}"),
+        Fault::Refused(refused) => refused.to_string(),
+    })?;
     let channels = ["R", "G", "B", "A"].map(str::to_owned);
     Ok(Picture { image: Image { width, height, pixels }, channels, steps: Some(steps), variance: None })
 }
@@ -107,7 +115,8 @@ fn read_png(path: &Path) -> Result<Picture, String> {
 fn read_exr(path: &Path) -> Result<Picture, String> {
     let broken = |error: exr::error::Error| format!("this is no whole EXR file: {error}");
     // The headers first: what they claim is checked before anything of that size is allocated.
-    let meta = MetaData::read_from_buffered(open(path)?, false).map_err(broken)?;
+    let file = open(path)?;
+    let meta = guard::call("exr", || MetaData::read_from_buffered(file, false))?.map_err(broken)?;
     let mut samples = 0_u64;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.0 as u64, header.layer_size.1 as u64);
@@ -120,17 +129,52 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
             return Err("a channel has fewer samples than pixels (chroma subsampling); write it with all".to_owned());
         }
     }
-    let file = read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
-    let file = file.from_buffered(open(path)?).map_err(broken)?;
     let mut shown = None;
     let mut variance = None;
-    for layer in &file.layer_data {
-        let name = layer.attributes.layer_name.as_ref().map(Text::to_string).unwrap_or_default();
-        let size = [layer.size.0, layer.size.1];
-        if let Some(samples) = variance_samples(&name)? {
-            variance = Some(Variance { of_mean: assemble(&name, size, &layer.channel_data.list)?.0, samples });
-        } else if shown.is_none() {
-            shown = Some(assemble(&name, size, &layer.channel_data.list)?);
+    // By layer of the file: whether it is read, where its pixels go, and which component each of its channels is.
+    let mut layers = Vec::new();
+    for header in &meta.headers {
+        let name = header.own_attributes.layer_name.as_ref().map(Text::to_string).unwrap_or_default();
+        let samples = variance_samples(&name)?;
+        if header.deep || (samples.is_none() && shown.is_some()) {
+            layers.push(None);
+            continue;
+        }
+        let (image, names, components) = prepare(&name, header)?;
+        match samples {
+            Some(samples) => variance = Some(Variance { of_mean: image, samples }),
+            None => shown = Some((image, names)),
+        }
+        layers.push(Some((samples.is_some(), components)));
+    }
+    let file = open(path)?;
+    let reader = guard::call("exr", || exr::block::read(file, false))?.map_err(broken)?;
+    let wanted = |block: BlockIndex| block.level == Vec2(0, 0) && layers.get(block.layer).is_some_and(Option::is_some);
+    let chunks = guard::call("exr", || reader.filter_chunks(false, |_, _, block| wanted(block)))?;
+    let mut chunks = chunks.map_err(broken)?;
+    loop {
+        let batch = guard::call("exr", || chunks.by_ref().take(BATCH).collect::<Result<Vec<_>, _>>())?;
+        let batch = batch.map_err(broken)?;
+        if batch.is_empty() {
+            break;
+        }
+        let blocks = batch.into_par_iter().map(|chunk| {
+            guard::call("exr", || UncompressedBlock::decompress_chunk(chunk, &meta, false))?.map_err(broken)
+        });
+        for block in blocks.collect::<Result<Vec<_>, String>>()? {
+            let (Some(Some((is_variance, components))), Some(header)) =
+                (layers.get(block.index.layer), meta.headers.get(block.index.layer))
+            else {
+                continue;
+            };
+            let image = if *is_variance {
+                variance.as_mut().map(|variance| &mut variance.of_mean)
+            } else {
+                shown.as_mut().map(|(image, _)| image)
+            };
+            if let Some(image) = image.filter(|_| block.index.level == Vec2(0, 0)) {
+                store(&block, header, components, image);
+            }
         }
     }
     let Some((image, channels)) = shown else {
@@ -159,14 +203,15 @@ fn variance_samples(name: &str) -> Result<Option<Option<u32>>, String> {
 /// The sets of channels that are read, in the order in which a pixel holds them; the last may be missing.
 const CHANNELS: [[&str; 4]; 3] = [["R", "G", "B", "A"], ["X", "Y", "Z", "cosine"], ["X", "Y", "Z", "W"]];
 
-fn assemble(
-    layer: &str,
-    [width, height]: [usize; 2],
-    list: &[AnyChannel<FlatSamples>],
-) -> Result<(Image, [String; 4]), String> {
+/// The picture that a layer's pixels go into, black and opaque; the names of its components; and by channel of the layer
+/// which components it is.
+type Prepared = (Image, [String; 4], Vec<[bool; 4]>);
+
+fn prepare(layer: &str, header: &Header) -> Result<Prepared, String> {
+    let list = &header.channels.list;
     // Other programs write `layer.R`, also where the layer has that name already.
     let short = |name: &Text| name.to_string().rsplit('.').next().unwrap_or_default().to_owned();
-    let find = |wanted: &str| list.iter().find(|channel| short(&channel.name) == wanted);
+    let find = |wanted: &str| list.iter().position(|channel| short(&channel.name) == wanted);
     let colored = CHANNELS.iter().find(|names| names[..3].iter().all(|name| find(name).is_some()));
     // `X Y Z` alone are a prefix of two sets.
     let colored = colored.map(|names| if names[3] == "cosine" && find("W").is_some() { &CHANNELS[2] } else { names });
@@ -179,15 +224,43 @@ fn assemble(
             return Err(format!("{layer} has the channels {}; valid: R G B, X Y Z, or Y", held.join(", ")));
         }
     };
-    let mut pixels = vec![[0.0, 0.0, 0.0, 1.0]; width * height];
-    for (index, name) in names.iter().enumerate() {
-        let Some(channel) = find(name) else { continue };
-        for (pixel, value) in pixels.iter_mut().zip(channel.sample_data.values_as_f32()) {
-            pixel[index] = value;
+    let found = names.map(find);
+    let components = (0..list.len()).map(|channel| found.map(|found| found == Some(channel))).collect();
+    let Vec2(width, height) = header.layer_size;
+    let pixels = memory::filled([0.0, 0.0, 0.0, 1.0], width * height).map_err(|error| error.to_string())?;
+    let side = |side: usize| u32::try_from(side).map_err(|_| "the picture is too large".to_owned());
+    Ok((Image { width: side(width)?, height: side(height)?, pixels }, names.map(str::to_owned), components))
+}
+
+/// Copies the samples of a block to where they belong.
+fn store(block: &UncompressedBlock, header: &Header, components: &[[bool; 4]], image: &mut Image) {
+    for line in block.lines(&header.channels) {
+        let (Some(wanted), Some(channel)) =
+            (components.get(line.location.channel), header.channels.list.get(line.location.channel))
+        else {
+            continue;
+        };
+        if !wanted.contains(&true) {
+            continue;
+        }
+        let Vec2(left, row) = line.location.position;
+        let first = row * image.width as usize + left;
+        let Some(pixels) = image.pixels.get_mut(first..first + line.location.sample_count) else { continue };
+        let mut put = |values: &mut dyn Iterator<Item = f32>| {
+            for (pixel, value) in pixels.iter_mut().zip(values) {
+                for (component, wanted) in pixel.iter_mut().zip(wanted) {
+                    *component = if *wanted { value } else { *component };
+                }
+            }
+        };
+        match channel.sample_type {
+            SampleType::F32 => put(&mut line.value.as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes))),
+            SampleType::F16 => {
+                put(&mut line.value.as_chunks().0.iter().map(|bytes| f16::from_ne_bytes(*bytes).to_f32()))
+            }
+            SampleType::U32 => put(&mut line.value.as_chunks().0.iter().map(|bytes| u32::from_ne_bytes(*bytes) as f32)),
         }
     }
-    let side = |side: usize| u32::try_from(side).map_err(|_| "the picture is too large".to_owned());
-    Ok((Image { width: side(width)?, height: side(height)?, pixels }, names.map(str::to_owned)))
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! Making attachments visible: world positions and normals as colours that a person can read.
 
 use super::Image;
+use super::rows::{ImageRows, Rows};
+use std::io;
 
 /// What the pixels of an image mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,27 +18,78 @@ pub enum Content {
 /// Colours for a person to look at; uncovered pixels (all zero) stay black.
 #[must_use]
 pub fn make_visible(image: &Image, content: Content) -> Image {
-    let covered = |pixel: &[f32; 4]| pixel.iter().any(|value| *value != 0.0);
-    let (low, size) = match content {
-        Content::Color => return image.clone(),
-        Content::Normal => ([-1.0; 3], [2.0; 3]),
-        Content::Position => {
-            let mut low = [f32::INFINITY; 3];
-            let mut high = [f32::NEG_INFINITY; 3];
-            for pixel in image.pixels.iter().filter(|pixel| covered(pixel)) {
-                for axis in 0..3 {
-                    if pixel[axis].is_finite() {
-                        low[axis] = low[axis].min(pixel[axis]);
-                        high[axis] = high[axis].max(pixel[axis]);
+    let shown = Visible::new(&image.pixels, content);
+    Image { width: image.width, height: image.height, pixels: image.pixels.iter().map(|p| shown.pixel(p)).collect() }
+}
+
+/// How the pixels of an image are made visible.
+#[derive(Debug, Clone, Copy)]
+struct Visible {
+    content: Content,
+    low: [f32; 3],
+    size: [f32; 3],
+}
+
+impl Visible {
+    fn new(pixels: &[[f32; 4]], content: Content) -> Self {
+        let (low, size) = match content {
+            Content::Color | Content::Normal => ([-1.0; 3], [2.0; 3]),
+            Content::Position => {
+                let mut low = [f32::INFINITY; 3];
+                let mut high = [f32::NEG_INFINITY; 3];
+                for pixel in pixels.iter().filter(|pixel| covered(pixel)) {
+                    for axis in 0..3 {
+                        if pixel[axis].is_finite() {
+                            low[axis] = low[axis].min(pixel[axis]);
+                            high[axis] = high[axis].max(pixel[axis]);
+                        }
                     }
                 }
+                (low, [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(f32::MIN_POSITIVE)))
             }
-            (low, [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(f32::MIN_POSITIVE)))
+        };
+        Self { content, low, size }
+    }
+
+    fn pixel(&self, pixel: &[f32; 4]) -> [f32; 4] {
+        match self.content {
+            Content::Color => *pixel,
+            _ if !covered(pixel) => [0.0, 0.0, 0.0, 1.0],
+            _ => [0, 1, 2, 3].map(|i| if i < 3 { (pixel[i] - self.low[i]) / self.size[i] } else { 1.0 }),
         }
-    };
-    let map = |pixel: &[f32; 4]| [0, 1, 2, 3].map(|i| if i < 3 { (pixel[i] - low[i]) / size[i] } else { 1.0 });
-    let shown = |pixel: &[f32; 4]| if covered(pixel) { map(pixel) } else { [0.0, 0.0, 0.0, 1.0] };
-    Image { width: image.width, height: image.height, pixels: image.pixels.iter().map(shown).collect() }
+    }
+}
+
+fn covered(pixel: &[f32; 4]) -> bool {
+    pixel.iter().any(|value| *value != 0.0)
+}
+
+/// The rows of [`make_visible`], without a copy of the picture.
+#[derive(Debug)]
+pub struct VisibleRows<'a> {
+    rows: ImageRows<'a>,
+    shown: Visible,
+    made: Vec<[f32; 4]>,
+}
+
+impl<'a> VisibleRows<'a> {
+    /// Of an image.
+    #[must_use]
+    pub fn new(image: &'a Image, content: Content) -> Self {
+        Self { rows: image.into(), shown: Visible::new(&image.pixels, content), made: Vec::new() }
+    }
+}
+
+impl Rows for VisibleRows<'_> {
+    fn size(&self) -> [u32; 2] {
+        self.rows.size()
+    }
+
+    fn next(&mut self, count: u32) -> io::Result<&[[f32; 4]]> {
+        self.made.clear();
+        self.made.extend(self.rows.next(count)?.iter().map(|pixel| self.shown.pixel(pixel)));
+        Ok(&self.made)
+    }
 }
 
 #[cfg(test)]

@@ -1,40 +1,35 @@
-//! Writing images whole or not at all: into a temporary file beside the target, renamed when complete.
+//! Writing images, whole or not at all.
+//!
+//! Encoders ask for rows and write as they go: they hold some rows, and neither a copy of the picture nor the file.
 
 use super::Image;
-use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage, ImageAttributes, LayerAttributes, WritableImage,
-};
-use image::ImageEncoder as _;
-use image::codecs::png::PngEncoder;
+use super::rows::{ImageRows, Rows};
+use crate::files::Replacement;
+use crate::memory;
+use exr::block::writer::ChunksWriter as _;
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::math::Vec2;
+use exr::meta::attribute::{ChannelDescription, SampleType};
+use exr::meta::header::{Header, ImageAttributes};
+use exr::prelude::Text;
 use rayon::prelude::*;
-use std::io::{self, Write as _};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
-/// Writes a file whole or not at all: into a temporary file in the same folder, renamed to `path` when all of it is on
-/// disk. An existing file is replaced only then.
-///
-/// # Errors
-/// Whatever the file system reports; nothing is left behind.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".curitiba-");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        // As `File::create` would: temporary files are private otherwise. The umask still applies.
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.tempfile_in(folder).map_err(|error| io::Error::new(error.kind(), strip_path(&error)))?;
-    file.write_all(bytes)?;
-    file.persist(path).map_err(|error| error.error)?;
-    Ok(())
-}
+/// Rows that an encoder asks for at once: a row of the tiles of an EXR file.
+const ROWS: u32 = 64;
 
-/// The name of a temporary file means nothing to anybody.
-fn strip_path(error: &io::Error) -> String {
-    let text = error.to_string();
-    text.split_once(" at path ").map_or(text.clone(), |(reason, _)| reason.to_owned())
+/// What is collected before the system is asked to write it.
+const BUFFER: usize = 256 << 10;
+
+/// Writes a file whole or not at all; see [`Replacement`].
+fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<&mut Replacement>) -> io::Result<()>) -> io::Result<()> {
+    let mut file = Replacement::begin(path)?;
+    let mut buffered = BufWriter::with_capacity(BUFFER, &mut file);
+    write(&mut buffered)?;
+    buffered.flush()?;
+    drop(buffered);
+    file.commit()
 }
 
 /// Writes an 8-bit RGB PNG: values are clamped to 0..=1 and stored as they are, without a transfer function, as the
@@ -43,13 +38,53 @@ fn strip_path(error: &io::Error) -> String {
 /// # Errors
 /// Whatever the file system reports.
 pub fn write_png(path: &Path, image: &Image) -> io::Result<()> {
+    write_png_rows(path, &mut ImageRows::from(image))
+}
+
+/// [`write_png`] for a picture that is made while it is written.
+///
+/// # Errors
+/// Whatever the rows or the file system report.
+pub fn write_png_rows(path: &Path, rows: &mut dyn Rows) -> io::Result<()> {
+    write_whole(path, |file| encode_png(file, rows))
+}
+
+/// Encodes an 8-bit RGB PNG as [`write_png`] writes it.
+///
+/// # Errors
+/// Whatever the rows or the writer report.
+pub fn encode_png(file: impl Write, rows: &mut dyn Rows) -> io::Result<()> {
+    let [width, height] = rows.size();
+    let mut encoder = png::Encoder::new(file, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    encoder.set_filter(png::Filter::Adaptive);
+    let mut header = encoder.write_header()?;
+    let mut writer = header.stream_writer_with_size(BUFFER)?;
     let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-    let bytes: Vec<u8> = image.pixels.par_iter().flat_map_iter(|pixel| [0, 1, 2].map(|i| byte(pixel[i]))).collect();
-    let mut encoded = Vec::new();
-    PngEncoder::new(&mut encoded)
-        .write_image(&bytes, image.width, image.height, image::ExtendedColorType::Rgb8)
-        .map_err(io::Error::other)?;
-    write_atomically(path, &encoded)
+    let mut bytes: Vec<[u8; 3]> = memory::with_capacity(width as usize * ROWS.min(height) as usize)?;
+    for first in (0..height).step_by(ROWS as usize) {
+        let count = ROWS.min(height - first);
+        let pixels = complete(rows.next(count)?, width, count)?;
+        pixels
+            .par_iter()
+            .with_min_len(4096)
+            .map(|pixel| [0, 1, 2].map(|i| byte(pixel[i])))
+            .collect_into_vec(&mut bytes);
+        writer.write_all(bytes.as_flattened())?;
+    }
+    writer.finish()?;
+    header.finish()?;
+    Ok(())
+}
+
+/// Rows that fall short would be a file that ends early.
+fn complete(pixels: &[[f32; 4]], width: u32, rows: u32) -> io::Result<&[[f32; 4]]> {
+    if pixels.len() == width as usize * rows as usize {
+        return Ok(pixels);
+    }
+    Err(io::Error::new(io::ErrorKind::InvalidInput, "the picture has fewer rows than it says"))
 }
 
 /// One named layer of an EXR file.
@@ -61,6 +96,16 @@ pub struct Layer<'a> {
     pub channels: [&'a str; 4],
     /// Its pixels.
     pub image: &'a Image,
+}
+
+/// A layer whose rows are made while they are written.
+pub struct RowLayer<'a> {
+    /// Its name, such as `Deferred Render Targets::pos`.
+    pub name: &'a str,
+    /// Names of its four channels, such as `R G B A` or `X Y Z cosine`.
+    pub channels: [&'a str; 4],
+    /// Its pixels.
+    pub rows: &'a mut dyn Rows,
 }
 
 /// Writes one layer as an EXR file of 32-bit floats.
@@ -78,25 +123,100 @@ pub fn write_exr(path: &Path, layer: Layer<'_>) -> io::Result<()> {
 /// # Errors
 /// Without a layer, or whatever the encoder or the file system report.
 pub fn write_exr_layers(path: &Path, layers: &[Layer<'_>]) -> io::Result<()> {
-    let Some(first) = layers.first() else {
+    let mut rows: Vec<ImageRows<'_>> = layers.iter().map(|layer| layer.image.into()).collect();
+    let mut layers: Vec<RowLayer<'_>> = layers
+        .iter()
+        .zip(&mut rows)
+        .map(|(layer, rows)| RowLayer { name: layer.name, channels: layer.channels, rows })
+        .collect();
+    write_exr_rows(path, &mut layers)
+}
+
+/// [`write_exr_layers`] for pictures that are made while they are written, one layer after the other.
+///
+/// # Errors
+/// As there, or whatever the rows report.
+pub fn write_exr_rows(path: &Path, layers: &mut [RowLayer<'_>]) -> io::Result<()> {
+    write_whole(path, |file| encode_exr(file, layers))
+}
+
+/// Encodes layers as [`write_exr_layers`] writes them: run lengths of tiles of 64 x 64 pixels.
+///
+/// # Errors
+/// Without a layer, or whatever the rows, the encoder or the writer report.
+pub fn encode_exr(file: impl Write + Seek, layers: &mut [RowLayer<'_>]) -> io::Result<()> {
+    let size = |layer: &RowLayer<'_>| layer.rows.size().map(|side| side as usize);
+    let Some(first) = layers.first().map(size) else {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "an EXR file needs a layer"));
     };
-    let size = (first.image.width as usize, first.image.height as usize);
-    let encoded = |layer: &Layer<'_>| {
-        let image = layer.image;
-        let channel = |index: usize| {
-            let samples = image.pixels.par_iter().map(|pixel| pixel[index]).collect();
-            AnyChannel::new(layer.channels[index], FlatSamples::F32(samples))
-        };
-        let channels = AnyChannels::sort((0..4).map(channel).collect());
-        let size = (image.width as usize, image.height as usize);
-        let attributes = LayerAttributes::named(layer.name);
-        exr::prelude::Layer::new(size, attributes, Encoding::default(), channels)
+    let shared = ImageAttributes::with_size((first[0], first[1]));
+    let header = |layer: &RowLayer<'_>| {
+        let mut names = layer.channels;
+        names.sort_unstable();
+        let channels = names.map(|name| ChannelDescription::named(name, SampleType::F32));
+        let [width, height] = size(layer);
+        Header::new(Text::from(layer.name), (width, height), channels.into_iter().collect())
+            .with_shared_attributes(shared.clone())
     };
-    let encoded: Vec<_> = layers.iter().map(encoded).collect();
-    let file = ExrImage::from_layers(ImageAttributes::with_size(size), encoded);
-    // Encoded in memory first: a run that is interrupted while encoding leaves no temporary file behind.
-    let mut bytes = io::Cursor::new(Vec::new());
-    file.write().to_buffered(&mut bytes).map_err(io::Error::other)?;
-    write_atomically(path, bytes.get_ref())
+    let headers = layers.iter().map(header).collect();
+    // An error of the rows would lose its kind on the way through the encoder.
+    let mut failed = None;
+    let written = exr::block::write(file, headers, true, |meta, writer| {
+        for (index, layer) in layers.iter_mut().enumerate() {
+            let [width, height] = layer.rows.size();
+            let order = sorted(layer.channels);
+            for (row, top) in (0..height).step_by(ROWS as usize).enumerate() {
+                let count = ROWS.min(height - top);
+                let pixels = match layer.rows.next(count).and_then(|pixels| complete(pixels, width, count)) {
+                    Ok(pixels) => pixels,
+                    Err(error) => {
+                        failed = Some(error);
+                        return Err(exr::error::Error::Aborted);
+                    }
+                };
+                let across = (width as usize).div_ceil(ROWS as usize);
+                let tiles = (0..across).into_par_iter().map(|column| {
+                    let left = column * ROWS as usize;
+                    let place = BlockIndex {
+                        layer: index,
+                        pixel_position: Vec2(left, top as usize),
+                        pixel_size: Vec2((width as usize - left).min(ROWS as usize), count as usize),
+                        level: Vec2(0, 0),
+                    };
+                    let data = tile(pixels, width as usize, place, order);
+                    UncompressedBlock { index: place, data }.compress_to_chunk(&meta.headers)
+                });
+                let chunks: Vec<_> = tiles.collect::<Result<_, _>>()?;
+                for (column, chunk) in chunks.into_iter().enumerate() {
+                    writer.write_chunk(row * across + column, chunk)?;
+                }
+            }
+        }
+        Ok(())
+    });
+    match (failed, written) {
+        (Some(error), _) => Err(error),
+        (None, Err(exr::error::Error::Io(error))) => Err(error),
+        (None, written) => written.map_err(io::Error::other),
+    }
+}
+
+/// The components of a pixel in the order of their channels' names, which an EXR file demands.
+fn sorted(names: [&str; 4]) -> [usize; 4] {
+    let mut order = [0, 1, 2, 3];
+    order.sort_by_key(|index| names[*index]);
+    order
+}
+
+/// The bytes of a tile: row by row, in each one component after the other.
+fn tile(pixels: &[[f32; 4]], width: usize, place: BlockIndex, order: [usize; 4]) -> Vec<u8> {
+    let Vec2(columns, rows) = place.pixel_size;
+    let left = place.pixel_position.0;
+    let mut bytes = Vec::with_capacity(16 * columns * rows);
+    for row in pixels.chunks_exact(width).take(rows) {
+        for component in order {
+            bytes.extend(row[left..left + columns].iter().flat_map(|pixel| pixel[component].to_ne_bytes()));
+        }
+    }
+    bytes
 }

@@ -4,7 +4,7 @@ use super::settings::Constants;
 use super::{Decision, Plan, PlanError, PlannedPass, Work, rectangle, view};
 use crate::backend::{Attachments, Rect};
 use crate::image::PixelFormat;
-use crate::programs::{Fidelity, RayParams, RayProgram};
+use crate::programs::{Fidelity, RayParams, Traces};
 use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RayPass, Viewport};
 use glam::Vec4;
 use std::collections::BTreeSet;
@@ -251,7 +251,8 @@ fn dead(pass: &Pass, live: Attachments, wanted: &Wanted) -> Option<&'static str>
 
 /// The channels that a ray pass reads.
 fn inputs(ray: &RayPass, params: &RayParams) -> Vec<ChannelRef> {
-    let idle = ray.program == RayProgram::Ssao && params.samples == 0;
+    // A program that has nothing to trace writes what it finds in the colour, or a constant.
+    let idle = ray.program.info().traces == Traces::Samples && !ray.program.can_trace(params);
     let buffers = [("pos_buffer", ray.position), ("norm_buffer", ray.normal), ("color_buffer", ray.color)];
     let read = buffers.into_iter().filter(|(name, _)| ray.program.info().buffers.contains(name));
     read.filter(|(name, _)| !idle || *name == "color_buffer").filter_map(|(_, channel)| channel).collect()

@@ -5,14 +5,16 @@
 
 mod effect;
 mod liveness;
+mod parts;
 mod settings;
 
+pub use parts::{ALIGNMENT, BLOCK, Part, Parts};
 pub use settings::{PlanError, Settings};
 
 use crate::backend::{Attachments, Rect, View};
 use crate::diagnostic::Warnings;
 use crate::image::PixelFormat;
-use crate::programs::{Fidelity, RayParams, RayProgram};
+use crate::programs::{Fidelity, RayParams};
 use crate::project::{Camera, ChannelRef, Pass, PassKind, Project, Viewport};
 use crate::raster_effects::EffectParams;
 use crate::scene::{Material, Needs};
@@ -43,6 +45,10 @@ pub struct Plan {
     pub pipeline: usize,
     /// Window size.
     pub window: [u32; 2],
+    /// What of it is written, and how it is cut for rendering.
+    pub parts: Parts,
+    /// Sides of the blocks that are drawn one after the other, where a target is larger than the rasteriser can draw.
+    pub block: Option<u32>,
     /// What the user asked for.
     pub settings: Settings,
     /// Passes that run.
@@ -165,6 +171,8 @@ impl Plan {
             project,
             pipeline,
             window,
+            parts: Parts::whole(window),
+            block: None,
             settings,
             passes: Vec::new(),
             targets,
@@ -176,6 +184,7 @@ impl Plan {
         };
         plan.choose_passes(camera, &constants)?;
         plan.decide_needs();
+        plan.choose_parts()?;
         plan.warn_of_rounded_positions();
         plan.check_memory()?;
         Ok(plan)
@@ -266,30 +275,8 @@ impl Plan {
             return (false, "it traces no ray".into());
         };
         let glass = materials.iter().any(|material| ray.glass.iter().any(|pattern| pattern.matches(&material.name)));
-        match ray.program {
-            RayProgram::Dummy => (false, "program dummy traces no ray".into()),
-            RayProgram::DeferredShadows | RayProgram::Final => (true, "it traces shadow rays".into()),
-            RayProgram::Ssao if params.samples == 0 => (false, "samples is 0".into()),
-            RayProgram::Ssao => (true, "it traces occlusion rays".into()),
-            RayProgram::Reflection | RayProgram::Refraction if glass || self.settings.fidelity == Fidelity::Thesis => {
-                (true, "rays leave its glass".into())
-            }
-            RayProgram::Reflection | RayProgram::Refraction => {
-                (false, "no material of the scene is mapped to `closest_hit_glass`".into())
-            }
-        }
-    }
-
-    /// Bytes that the targets and the window take.
-    #[must_use]
-    pub fn target_bytes(&self) -> u64 {
-        let pixels = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
-        let bytes = |target: &PlannedTarget| {
-            let Attachments { color, position, normal, triangle } = target.stored;
-            let pixel = 16 * (u64::from(color) + u64::from(position) + u64::from(normal)) + 4 * u64::from(triangle);
-            pixel * pixels([target.width, target.height])
-        };
-        16 * pixels(self.window) + self.targets.iter().map(bytes).sum::<u64>()
+        // In thesis fidelity a pixel is glass by its colour, whatever its material.
+        ray.program.info().needs_structure(params, glass || self.settings.fidelity == Fidelity::Thesis)
     }
 
     fn check_memory(&self) -> Result<(), PlanError> {
@@ -297,7 +284,12 @@ impl Plan {
         if needed > allowed {
             return Err(PlanError::new(
                 format!("the render targets take {}, and {} is allowed", mebibytes(needed), mebibytes(allowed)),
-                "render a smaller --size, or raise --max-memory",
+                match self.needs_whole() {
+                    None => "render a smaller --size, or raise --max-memory".to_owned(),
+                    Some(why) => {
+                        format!("render a smaller --size, or raise --max-memory; it cannot be cut into bands: {why}")
+                    }
+                },
             ));
         }
         Ok(())

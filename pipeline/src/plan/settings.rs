@@ -2,11 +2,13 @@
 
 use super::MAX_SIDE;
 use super::liveness::channels_written;
+use crate::backend::Rect;
 use crate::diagnostic::valid_names;
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, Fresnel, RayParams, Sampler};
-use crate::project::{ChannelRef, PassKind, Project};
+use crate::project::{self, ChannelRef, PassKind, Project, SceneOptions, SourceError};
 use crate::raster_effects::EffectParams;
+use std::path::Path;
 
 /// What the user asks for beyond the project file.
 #[derive(Debug, Clone)]
@@ -26,8 +28,24 @@ pub struct Settings {
     /// Set from outside: parameters of ray and effect passes, `pass.name=value`, and formats of channels of render targets,
     /// `texture.format=RGBA16F`.
     pub set: Vec<String>,
-    /// Most bytes that scenes and targets may take together.
+    /// Most bytes that the process may hold.
     pub max_memory: u64,
+    /// How a project is made where scene files are named instead of one.
+    pub scene: SceneOptions,
+    /// What of the window is written; all if `None`.
+    pub crop: Option<Rect>,
+    /// Bands of rows that are rendered one after the other, at most; as few as fit into the memory if `None`.
+    pub bands: Option<u32>,
+}
+
+impl Settings {
+    /// The project that a path names: a project file, or scene files of which one is made ([`project::open`]).
+    ///
+    /// # Errors
+    /// As [`project::open`].
+    pub fn open(&self, path: &Path) -> Result<Project, SourceError> {
+        project::open(path, &self.scene, self.size, self.max_memory)
+    }
 }
 
 impl Default for Settings {
@@ -41,6 +59,9 @@ impl Default for Settings {
             show: Vec::new(),
             set: Vec::new(),
             max_memory: 8 << 30,
+            scene: SceneOptions::default(),
+            crop: None,
+            bands: None,
         }
     }
 }

@@ -5,6 +5,7 @@
 //! [`MAX_ELEMENTS`], [`MAX_ATTRIBUTES`], [`MAX_ALL_ATTRIBUTES`], [`MAX_VALUE`]. No entity is ever defined by a file.
 
 use super::report::{Report, Span, shown};
+use crate::guard;
 use quick_xml::events::Event;
 
 /// Deepest nesting of elements.
@@ -154,12 +155,15 @@ impl Parser<'_> {
         config.allow_dangling_amp = true;
         loop {
             let start = reader.buffer_position() as usize;
-            let event = match reader.read_event() {
-                Ok(event) => event,
-                Err(error) => {
+            let event = match guard::call("quick-xml", || reader.read_event()) {
+                Ok(Ok(event)) => event,
+                Ok(Err(error)) => {
                     let start = (reader.error_position() as usize).min(self.text.len());
-                    let end = self.text[start..].find('\n').map_or(self.text.len(), |line| start + line);
-                    self.report.error(self.span(start, end), error.to_string());
+                    self.report.error(self.rest_of_line(start), error.to_string());
+                    return false;
+                }
+                Err(panic) => {
+                    self.report.error(self.rest_of_line(start), panic);
                     return false;
                 }
             };
@@ -178,6 +182,12 @@ impl Parser<'_> {
                 return false;
             }
         }
+    }
+
+    /// From an offset to the end of its line.
+    fn rest_of_line(&self, start: usize) -> Span {
+        let end = self.text[start..].find('\n').map_or(self.text.len(), |line| start + line);
+        self.span(start, end)
     }
 
     fn doctype(&mut self, content: &str, start: usize, end: usize) -> bool {
@@ -215,7 +225,10 @@ impl Parser<'_> {
         let Some(open) = self.open.last_mut() else {
             if !self.stray_noted {
                 self.stray_noted = true;
-                self.report.note(self.span(first, last), format!("stray text `{}` is ignored", shown(text.trim())));
+                // Before any element the file may be of another format, and nobody's to show.
+                let quoted = self.root.as_ref().map(|_| format!("`{}` ", shown(text.trim())));
+                let message = format!("stray text {}is ignored", quoted.unwrap_or_default());
+                self.report.note(self.span(first, last), message);
             }
             return true;
         };

@@ -3,7 +3,6 @@
 use super::dom::Value;
 use super::report::{Report, Span};
 use crate::diagnostic::Source;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Largest project or library file, bytes.
@@ -38,18 +37,7 @@ pub(super) fn read(report: &mut Report, path: &Path, named_at: Option<Span>) -> 
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>, String> {
-    // A device or a pipe could block or never end.
-    let metadata = std::fs::metadata(path).map_err(|error| error.to_string())?;
-    if !metadata.is_file() {
-        return Err("it is not a regular file".to_owned());
-    }
-    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
-    let mut bytes = Vec::new();
-    file.take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
-    if bytes.len() as u64 > MAX_FILE {
-        return Err(format!("it is larger than {} MiB", MAX_FILE >> 20));
-    }
-    Ok(bytes)
+    crate::files::read(path, MAX_FILE).map_err(|error| error.to_string())
 }
 
 /// Why bytes are not a text that XML allows, and where.

@@ -34,6 +34,11 @@ const ORIGINS: &[Origin] = &[
     Origin { variable: "texCount", valid: &[("TEXTURE", "COUNT"), ("RENDERER", "TEXTURE_COUNT")] },
 ];
 
+/// Kind and component of the thing that a variable's value comes from.
+pub(super) fn origin(variable: &str) -> (&'static str, &'static str) {
+    ORIGINS.iter().find(|origin| origin.variable == variable).map_or(("…", "…"), |origin| origin.valid[0])
+}
+
 /// The program of the pass, and the pass's first light (`None` inside: no light; `None` outside: unknown).
 pub(super) struct Program {
     pub info: &'static RayProgramInfo,
@@ -55,8 +60,7 @@ impl Loader {
     pub fn attributes_handed(&mut self, pass: &Element, program: Program) -> bool {
         let info = program.info;
         let value_of = |name: &str| {
-            let origin = ORIGINS.iter().find(|origin| origin.variable == name);
-            let (kind, component) = origin.map_or(("…", "…"), |origin| origin.valid[0]);
+            let (kind, component) = origin(name);
             format!("<valueof optixVar=\"{name}\" type=\"CURRENT\" context=\"{kind}\" component=\"{component}\"/>")
         };
         let kinds = [

@@ -138,6 +138,11 @@ impl Libraries {
         &self.list[library]
     }
 
+    /// Whether a library has this name.
+    pub fn declares(&self, name: &str) -> bool {
+        matches!(self.names.find(name), Found::Exact(_))
+    }
+
     /// `Library::channel`, as files write it.
     pub fn channel_name(&self, channel: ChannelRef) -> String {
         let target = &self.targets[channel.target];

@@ -29,6 +29,7 @@ mod dom;
 mod draw;
 mod effect;
 mod file;
+mod from_scene;
 mod handed;
 mod library;
 mod loader;
@@ -37,7 +38,13 @@ mod parameters;
 mod passes;
 mod ray;
 mod report;
+mod source;
 mod values;
+mod write;
+
+pub use from_scene::{Effects, FromSceneError, SceneOptions, SceneProjects};
+pub use source::{SCENE_EXTENSIONS, SourceError, names_scenes, open, open_scenes, scene_files};
+pub use write::WriteError;
 
 use crate::diagnostic::Problems;
 use crate::image::PixelFormat;
@@ -50,7 +57,7 @@ use std::path::{Path, PathBuf};
 /// A project whose references are resolved: every index below is valid.
 #[derive(Debug, Clone)]
 pub struct Project {
-    /// The file it was read from.
+    /// The file it was read from; the first scene file where it was made from scenes.
     pub path: PathBuf,
     /// Its name.
     pub name: String,

@@ -339,6 +339,13 @@ impl Loader {
         whole
     }
 
+    /// A material's name without that of its library: what stands behind the name of a library that is known, or else behind
+    /// the last colon.
+    fn without_library<'t>(&self, text: &'t str) -> &'t str {
+        let known = text.split_once(':').filter(|(library, _)| self.libraries.declares(library.trim()));
+        known.map_or_else(|| text.rsplit(':').next().unwrap_or_default(), |(_, name)| name)
+    }
+
     /// Which materials are glass to radiance rays and to shadow rays.
     fn glass(
         &mut self,
@@ -353,7 +360,7 @@ impl Loader {
                 self.expect_attributes(map, &["to"]);
                 let pattern = self.required(map, "to").and_then(|to| {
                     // `library:material` or `material`: materials are those of the scene.
-                    let name = to.text.rsplit(':').next().unwrap_or_default().trim().to_owned();
+                    let name = self.without_library(&to.text).trim().to_owned();
                     self.material_pattern(&Value { text: name, joined: None, span: to.span })
                 });
                 let procs = self.procs(map, info);

@@ -13,6 +13,16 @@ fn attribute_names(element: &Element) -> impl Iterator<Item = &str> {
     element.attributes.iter().map(|attribute| attribute.name.as_str())
 }
 
+/// The vector at length 1; `None` if it has no direction. A vector whose length is 1 but for the rounding of its components stays as
+/// it is, so that a direction that is written and read again keeps its bits.
+fn unit(vector: Vec3) -> Option<Vec3> {
+    // In f64: the length of a large finite vector overflows f32.
+    let precise = vector.as_dvec3();
+    // Components of a unit vector are rounded by at most 2^-25 each, so its length by at most sqrt(3) 2^-25.
+    let rounded = (precise.length() - 1.0).abs() <= 2.0_f64.powi(-24);
+    if rounded { Some(vector) } else { precise.try_normalize().map(|unit| unit.as_vec3()) }
+}
+
 impl Loader {
     /// Warns of children and attributes that mean nothing here, and notes stray text.
     pub fn expect(&mut self, element: &Element, children: &[&str], attributes: &[&str]) {
@@ -140,8 +150,7 @@ impl Loader {
     /// A vector that must have a length.
     pub fn direction(&mut self, element: &Element) -> Option<Vec3> {
         let vector = self.vector(element)?;
-        // In f64: the length of a large finite vector overflows f32.
-        let unit = vector.as_dvec3().try_normalize().map(|unit| unit.as_vec3());
+        let unit = unit(vector);
         if unit.is_none() {
             self.report.error(element.span, format!("<{}> has no direction: its length is 0", element.name));
         }
@@ -192,5 +201,39 @@ impl Loader {
     /// Where an element, or a better place in it, stands.
     pub fn span_or(value: Option<&Value>, element: &Element) -> Span {
         value.map_or(element.span, |value| value.span)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        #[test]
+        fn unit_vectors_keep_their_bits(x in -1.0_f32..1.0, y in -1.0_f32..1.0, z in -1.0_f32..1.0) {
+            prop_assume!(Vec3::new(x, y, z).length() > 1e-3);
+            let first = Vec3::new(x, y, z).as_dvec3().normalize().as_vec3();
+            prop_assert_eq!(unit(first), Some(first));
+        }
+
+        #[test]
+        fn others_get_length_1(x in -1e38_f32..1e38, y in -1.0_f32..1.0, z in -1e-3_f32..1e-3) {
+            let vector = Vec3::new(x, y, z);
+            let normalised = unit(vector).expect("a direction").as_dvec3();
+            prop_assert!((normalised.length() - 1.0).abs() <= 2.0_f64.powi(-24));
+            prop_assert!(normalised.cross(vector.as_dvec3()).length() <= 1e-7 * vector.as_dvec3().length());
+        }
+    }
+
+    #[test]
+    fn directions_that_a_person_rounded_get_length_1() {
+        assert_eq!(
+            unit(Vec3::new(0.6, 0.8, 1e-3)),
+            Some(glam::DVec3::new(0.6_f32.into(), 0.8_f32.into(), 1e-3_f32.into()).normalize().as_vec3())
+        );
+        assert_eq!(unit(Vec3::ZERO), None);
     }
 }

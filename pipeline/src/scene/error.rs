@@ -87,6 +87,11 @@ impl Budget {
         Ok(())
     }
 
+    /// What may still be booked.
+    pub(crate) fn left(&self) -> u64 {
+        self.limit.saturating_sub(self.used)
+    }
+
     /// Returns what [`Self::take`] booked.
     pub(crate) fn give_back(&mut self, bytes: u64) {
         self.used = self.used.saturating_sub(bytes);

@@ -112,7 +112,17 @@ pub fn load(
         merge(&mut scene, file, load_one(file, *size, options.needs, &mut budget)?);
         bytes_done += size;
     }
+    no_file_refused()?;
     Ok(scene)
+}
+
+/// A load goes on without a texture that it cannot read; one that lies outside the folder of
+/// [`confine`](crate::files::confine) ends it.
+pub(crate) fn no_file_refused() -> Result<(), SceneError> {
+    crate::files::refused().map_or(Ok(()), |file| {
+        Err(SceneError::file(file, "this file is named by the scene and lies outside the folder of --confine")
+            .help("copy it into that folder, or name a wider one"))
+    })
 }
 
 fn find(file: &Path, warnings: &mut Warnings) -> Result<(PathBuf, u64), SceneError> {
@@ -141,8 +151,13 @@ fn find(file: &Path, warnings: &mut Warnings) -> Result<(PathBuf, u64), SceneErr
 pub(crate) fn read_file(file: &Path, size: u64, budget: &mut Budget) -> Result<Vec<u8>, SceneError> {
     budget.take(file, "the file's bytes", size)?;
     let failed = |error: std::io::Error| SceneError::file(file, error.to_string());
-    let mut bytes = Vec::with_capacity(usize::try_from(size).unwrap_or(0));
-    std::fs::File::open(file).map_err(failed)?.take(size).read_to_end(&mut bytes).map_err(failed)?;
+    let length = usize::try_from(size).unwrap_or(usize::MAX);
+    let mut bytes = crate::memory::with_capacity(length).map_err(|error| SceneError::file(file, error.to_string()))?;
+    let opened = crate::files::open(file).map_err(failed)?;
+    opened.take(size).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 != size {
+        return Err(SceneError::file(file, "its size changed while it was read"));
+    }
     Ok(bytes)
 }
 
@@ -214,6 +229,8 @@ fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     }
     scene.meshes.append(&mut other.meshes);
     scene.objects.append(&mut other.objects);
+    scene.cameras.append(&mut other.cameras);
+    scene.lights.append(&mut other.lights);
 }
 
 /// Whether any number was replaced. An infinite index of refraction, attenuation distance or cutoff has a meaning.

@@ -7,6 +7,7 @@ mod fingerprint;
 mod gltf;
 mod load;
 mod obj;
+mod parallel;
 mod render;
 mod statistics;
 pub mod texture;
@@ -34,6 +35,10 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Where the textures come from; decoded by [`texture`] when a program reads them.
     pub textures: Vec<TextureSource>,
+    /// Perspective cameras of the files, placed. Projects have cameras of their own; one that is made from the scene takes these.
+    pub cameras: Vec<SceneCamera>,
+    /// Directional lights of the files, placed; taken as the cameras are.
+    pub lights: Vec<SceneLight>,
     /// What was left out or replaced while loading.
     pub warnings: Warnings,
     /// The files it was loaded from, in order: the first [`LoadedFile::objects`] objects are of the first file, and so
@@ -75,6 +80,36 @@ pub struct Group {
     pub material: u32,
     /// Vertex indices.
     pub triangles: Vec<[u32; 3]>,
+}
+
+/// A perspective camera of a scene file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneCamera {
+    /// Name in the file.
+    pub name: String,
+    /// Position, world.
+    pub position: Vec3,
+    /// Unit viewing direction.
+    pub direction: Vec3,
+    /// Unit up vector.
+    pub up: Vec3,
+    /// Vertical field of view, radians, in (0, π).
+    pub fov_y: f32,
+    /// Near plane distance, above 0.
+    pub near: f32,
+    /// Far plane distance, above [`Self::near`]; `None` where the file leaves it open.
+    pub far: Option<f32>,
+}
+
+/// A directional light of a scene file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SceneLight {
+    /// Name in the file.
+    pub name: String,
+    /// Unit direction in which the light travels, world.
+    pub direction: Vec3,
+    /// Colour times strength, as the file has it.
+    pub color: Vec3,
 }
 
 /// A mesh placed in the world.
@@ -140,6 +175,9 @@ pub struct Material {
     pub texture: Option<u32>,
     /// Where the texture's alpha times [`Self::diffuse`]'s is below this, there is no surface. `None`: opaque.
     pub alpha_cutoff: Option<f32>,
+    /// Whether the camera does not see its triangles from behind, where their corners go clockwise (glTF unless `doubleSided`).
+    /// Rays meet both sides: light that entered glass must leave it, and a wall keeps light off from either side.
+    pub single_sided: bool,
     /// Share of the light that enters (glTF `KHR_materials_transmission`), 0..=1.
     pub transmission: f32,
     /// Index of refraction (MTL `Ni`, glTF `KHR_materials_ior`), 1..=∞; read, not shaded yet: a pane uses the program's.
@@ -164,6 +202,7 @@ impl Default for Material {
             shininess: 0.0,
             texture: None,
             alpha_cutoff: None,
+            single_sided: false,
             transmission: 0.0,
             ior: 1.5,
             thickness: 0.0,

@@ -4,6 +4,10 @@
 //! repeat, filtering is bilinear within a level and linear between two.
 
 use glam::{Vec2, Vec4};
+use rayon::prelude::*;
+
+/// Texels that a thread makes at a time, at least.
+const MIN_TEXELS: usize = 1 << 14;
 
 /// One mip level: rows from the top, RGBA, 8 bits a channel.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -185,7 +189,7 @@ pub fn lod(size: Vec2, duv_dx: Vec2, duv_dy: Vec2) -> f32 {
     if footprint > 1.0 { 0.5 * log2(footprint) } else { 0.0 }
 }
 
-fn chain(base: Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4]) -> Vec<Level> {
+fn chain(base: Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4] + Sync) -> Vec<Level> {
     let mut levels = vec![base];
     while let Some(last) = levels.last().filter(|level| level.width > 1 || level.height > 1) {
         levels.push(halve(last, &mean));
@@ -193,16 +197,28 @@ fn chain(base: Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4]) -> Vec<Level> {
     levels
 }
 
-fn halve(level: &Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4]) -> Level {
+fn halve(level: &Level, mean: impl Fn([[u8; 4]; 4]) -> [u8; 4] + Sync) -> Level {
     let (width, height) = ((level.width / 2).max(1), (level.height / 2).max(1));
-    let mut texels = Vec::with_capacity(width as usize * height as usize);
-    for y in 0..height {
-        for x in 0..width {
-            let (x0, y0) = ((2 * x).min(level.width - 1), (2 * y).min(level.height - 1));
-            let (x1, y1) = ((x0 + 1).min(level.width - 1), (y0 + 1).min(level.height - 1));
-            let at = |x: u32, y: u32| level.texels[y as usize * level.width as usize + x as usize];
-            texels.push(mean([at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1)]));
+    let mut texels = vec![[0; 4]; width as usize * height as usize];
+    // Both rows, cut to whole pairs: what follows knows its lengths.
+    let row = |y: u32| &level.texels[y as usize * level.width as usize..][..level.width as usize];
+    let fill = |(y, out): (usize, &mut [[u8; 4]])| {
+        let y = (2 * y as u32).min(level.height - 1);
+        let (upper, lower) = (row(y), row((y + 1).min(level.height - 1)));
+        if let ([upper], [lower]) = (upper, lower) {
+            out[0] = mean([*upper, *upper, *lower, *lower]);
+            return;
         }
+        for ((out, upper), lower) in out.iter_mut().zip(upper.as_chunks().0).zip(lower.as_chunks().0) {
+            let ([a, b], [c, d]) = (*upper, *lower);
+            *out = mean([a, b, c, d]);
+        }
+    };
+    let least = MIN_TEXELS.div_ceil(width as usize);
+    if (height as usize) <= least {
+        texels.chunks_mut(width as usize).enumerate().for_each(fill);
+    } else {
+        texels.par_chunks_mut(width as usize).with_min_len(least).enumerate().for_each(fill);
     }
     Level { width, height, texels }
 }

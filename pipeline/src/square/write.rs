@@ -1,7 +1,7 @@
 //! Writing the square where the projects look for it.
 
 use super::{Painting, Square};
-use crate::image::write_atomically;
+use crate::files::{create_folder, write_atomically};
 use crate::scene::{Layout, SceneError, TextureSource, write_cbo};
 use image::ImageEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
@@ -39,8 +39,7 @@ impl Square {
     /// If a folder or file cannot be written.
     pub fn write(self, folder: &Path) -> Result<PathBuf, SceneError> {
         let textures = folder.join(TEXTURE_FOLDER);
-        std::fs::create_dir_all(&textures)
-            .map_err(|error| SceneError::file(&textures, format!("cannot be made: {error}")))?;
+        create_folder(&textures).map_err(|error| SceneError::file(&textures, format!("cannot be made: {error}")))?;
         let mut scene = self.scene;
         scene.textures.clear();
         for painting in &self.paintings {

@@ -6,6 +6,7 @@
 //! successful load promises does not hold, or if a refusal says nothing.
 
 pub mod check;
+pub mod picture;
 
 use check::{LoadedScene, Outcome};
 use curitiba_pipeline::scene::{
@@ -36,13 +37,14 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 6] = [
+pub const TARGETS: [Target; 7] = [
     Target { name: "project_xml", run: project_xml },
     Target { name: "mlib", run: mlib },
     Target { name: "cbo", run: cbo },
     Target { name: "obj", run: obj },
     Target { name: "gltf", run: gltf },
     Target { name: "texture", run: texture },
+    Target { name: "picture", run: picture::picture },
 ];
 
 /// A project file, beside [`LIBRARY`].

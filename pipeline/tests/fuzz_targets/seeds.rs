@@ -1,7 +1,9 @@
 //! Tiny inputs of every format, all of them made here, from which mutations start.
 
 use super::fuzz_targets::{Folder, LIBRARY, PROJECT, tga};
+use curitiba_pipeline::image::{Image, Layer, write_exr_layers};
 use curitiba_pipeline::scene::{Group, Layout, Material, Mesh, Object, Scene, TextureSource, write_cbo};
+use exr::prelude::{Compression, Encoding, LayerAttributes, SpecificChannels, WritableImage as _, f16};
 use glam::{Mat4, Vec2, Vec3};
 use image::{DynamicImage, ImageFormat, Rgba, RgbaImage};
 use std::io::Cursor;
@@ -37,6 +39,7 @@ pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
             ("plain.tga", tga(&[[1, 2, 3, 4], [5, 6, 7, 255]])),
             ("dxt1.dds", dds()),
         ],
+        "picture" => pictures(),
         other => panic!("there is no target {other}"),
     }
 }
@@ -204,6 +207,60 @@ fn encoded(format: ImageFormat, alpha: bool) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     image.write_to(&mut bytes, format).expect("the format can be written");
     bytes.into_inner()
+}
+
+/// PNG files of several kinds, and EXR files of every compression that loses nothing, with and without a variance.
+fn pictures() -> Vec<(&'static str, Vec<u8>)> {
+    let rgba = |x: u32, y: u32| Rgba([9_000 * x as u16, 20_000 * y as u16, 7, 65_535]);
+    let deep = DynamicImage::ImageRgba16(image::ImageBuffer::from_fn(5, 3, rgba));
+    let png = |image: DynamicImage| {
+        let mut bytes = Cursor::new(Vec::new());
+        image.write_to(&mut bytes, ImageFormat::Png).expect("a PNG can be written");
+        bytes.into_inner()
+    };
+    let folder = Folder::new();
+    let shown = Image { width: 5, height: 3, pixels: (0..15).map(|i| [i as f32, 0.5, -1.0, 1.0]).collect() };
+    let colors = ["R", "G", "B", "A"];
+    let layered = |name: &str, layers: &[Layer<'_>]| {
+        let path = folder.path().join(name);
+        write_exr_layers(&path, layers).expect("an EXR can be written");
+        std::fs::read(path).expect("it was written")
+    };
+    let exr = |compression: Compression| {
+        let channels = SpecificChannels::rgb(|at: exr::math::Vec2<usize>| {
+            (f16::from_f32(at.x() as f32), at.y() as u32, at.x() as f32 * 0.1)
+        });
+        let encoding = Encoding { compression, ..Encoding::FAST_LOSSLESS };
+        let layer = exr::prelude::Layer::new((40, 9), LayerAttributes::named("l"), encoding, channels);
+        let mut bytes = Cursor::new(Vec::new());
+        exr::prelude::Image::from_layer(layer)
+            .write()
+            .non_parallel()
+            .to_buffered(&mut bytes)
+            .expect("an EXR can be written");
+        bytes.into_inner()
+    };
+    vec![
+        ("rgb.png", png(DynamicImage::ImageRgb8(deep.to_rgb8()))),
+        ("grey.png", png(DynamicImage::ImageLuma8(deep.to_luma8()))),
+        ("grey_alpha16.png", png(DynamicImage::ImageLumaA16(deep.to_luma_alpha16()))),
+        ("rgba16.png", png(deep)),
+        ("window.exr", layered("a.exr", &[Layer { name: "window", channels: colors, image: &shown }])),
+        (
+            "variance.exr",
+            layered(
+                "b.exr",
+                &[
+                    Layer { name: "variance:8", channels: colors, image: &shown },
+                    Layer { name: "pos", channels: ["X", "Y", "Z", "cosine"], image: &shown },
+                ],
+            ),
+        ),
+        ("rle.exr", exr(Compression::RLE)),
+        ("zip.exr", exr(Compression::ZIP16)),
+        ("piz.exr", exr(Compression::PIZ)),
+        ("raw.exr", exr(Compression::Uncompressed)),
+    ]
 }
 
 /// One block of DXT1: 4 x 4 texels.

@@ -4,10 +4,12 @@ mod bars;
 mod canvas;
 mod scaling;
 mod speed;
+mod threads;
 
 pub use bars::frame_bars;
 pub use scaling::{Fit, fit, scaling_plot};
 pub use speed::speed_against_error;
+pub use threads::threads_plot;
 
 /// A finished plot.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -1,11 +1,10 @@
 //! With every difference mended.
 
-use crate::effects::lights::{Known, prepare as prepare_lights};
-use crate::effects::occlusion::SHADOWED;
+use crate::effects::light::SHADOWED;
 use crate::effects::refraction::corrected::Glass;
 use crate::effects::surface::Surface;
-use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, neighbours, opaque};
-use crate::sampling::hash::pixel_key;
+use crate::effects::tile_surfaces::{Known, prepare_light};
+use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque, tile_occlusion};
 use crate::trace::{Hit, Tracer};
 use glam::{Vec3, Vec4};
 
@@ -14,9 +13,9 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let color = pass.job.color[pixel.index];
     let Some(triangle) = pass.triangle(pixel) else { return color };
     let stored_normal = pass.normal(pixel);
-    let known = work.lights.known(work.place);
+    let known = work.surfaces.known(work.place);
     let (surface, view) = known.surface.unwrap_or_else(|| pass.surface_at(pixel, triangle, stored_normal));
-    let key = pixel_key(pixel.x, pixel.y, pass.job.seed);
+    let key = pass.key(pixel);
     if pass.is_glass(triangle) {
         let shade = |hit: &Hit, surface: &Surface, key: u32, work: &mut Workspace| {
             let color = pass.lit_color(hit, surface.normal);
@@ -30,7 +29,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
 
 /// Traces the shadow rays of a tile's opaque pixels together, and finds out their occlusion, before the pixels ask.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
-    work.lights.survey(pass, area, |pixel, triangle| {
+    work.surfaces.survey(pass, area, |pixel, triangle| {
         !pass.is_glass(triangle) && Vec4::from_array(pass.job.color[pixel.index]).truncate() != Vec3::ZERO
     });
     let origin = |pixel: Pixel, known: &Known| {
@@ -42,8 +41,8 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     };
     let stops =
         |ray: u32, hit: &Hit, crossings: &mut Vec<(u32, f32)>| pass.blocks_light(hit, || crossings.push((ray, hit.t)));
-    work.rays.shadow += prepare_lights(pass, area, &mut work.lights, origin, stops);
-    neighbours::prepare(pass, area, work, |hit| pass.stops_light(hit));
+    work.rays.shadow += prepare_light(pass, area, &mut work.surfaces, origin, stops);
+    tile_occlusion::prepare(pass, area, work, |hit| pass.stops_light(hit));
 }
 
 /// The colour was lit by the stored normal, so the side that it looks to is the one to be shadowed.

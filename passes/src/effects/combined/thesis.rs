@@ -1,8 +1,8 @@
 //! As the report's `final.cu`.
 
-use crate::effects::occlusion::SHADOWED;
-use crate::effects::optix::{self, face_forward};
+use crate::effects::light::SHADOWED;
 use crate::effects::refraction::thesis::glass_pixel;
+use crate::effects::thesis::{self, face_forward};
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Hit, Ray, Tracer};
 use glam::{Vec3, Vec4};
@@ -12,7 +12,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     let color = pass.job.color[pixel.index];
     let position = pass.position(pixel).truncate();
     let open = pass.thesis_occlusion(position, pass.normal(pixel), work, |hit| !pass.passes_light(hit));
-    let color = if optix::is_glass_mask(color) {
+    let color = if thesis::is_glass_mask(color) {
         glass_pixel(pass, pixel, work, &shade)
     } else {
         Vec4::from_array(color).truncate() * light_share(pass, position, work)
@@ -31,7 +31,7 @@ fn light_share<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, position: Vec3, wo
 fn shade<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, ray: &Ray, hit: &Hit, work: &mut Workspace) -> Vec3 {
     let (geometric, shading) = pass.thesis_normals(hit);
     let normal = face_forward(shading, ray.direction, geometric);
-    let position = optix::position(ray, hit);
+    let position = thesis::position(ray, hit);
     let color = pass.lit_color(hit, normal) * light_share(pass, position, work);
     color * pass.thesis_occlusion(position, normal, work, |hit| !pass.passes_light(hit))
 }

@@ -1,12 +1,10 @@
 //! With the geometric normal deciding the side, and exact origins.
 
-use crate::effects::occlusion::SHADOWED;
-use crate::effects::{Area, Coverage, Pass, Pixel, TILE, Workspace, material, opaque};
-use crate::trace::{SurfacePoint, Tracer};
+use super::light::{Light, light};
+use crate::effects::light::SHADOWED;
+use crate::effects::{Area, Coverage, Pass, Pixel, TILE, Workspace, opaque};
+use crate::trace::Tracer;
 use glam::Vec3;
-
-/// Cosine between a triangle's normal and a corner's from which on their side is not doubted.
-pub(super) const CLEARLY: f32 = 1.0e-2;
 
 /// The light's share, alpha 1.
 ///
@@ -32,49 +30,4 @@ pub fn tile<T: Tracer, C: Coverage>(
 ) {
     work.rays.shadow += work.shadows.prepare(pass, &area);
     work.shadows.write(rows);
-}
-
-/// What a pixel's light depends on.
-pub(super) enum Light {
-    /// Nothing: it has this share.
-    Certain(f32),
-    /// A ray from here.
-    Ray(Vec3),
-}
-
-/// Whether light falls on what a pixel shows, by its shading normal; else it is dark already.
-pub(super) fn is_lit<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> bool {
-    pass.position(pixel).w > 0.0
-}
-
-fn light<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel) -> Light {
-    let Some(triangle) = pass.triangle(pixel).filter(|_| is_lit(pass, pixel)) else { return Light::Certain(1.0) };
-    light_at(pass, triangle, &pass.point_at(pixel, triangle))
-}
-
-/// What the light at a point depends on.
-pub(super) fn light_at<T, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
-    let towards = point.normal.dot(pass.to_light) * side(pass, triangle, point);
-    if towards <= 0.0 { Light::Certain(SHADOWED) } else { Light::Ray(point.spawn(pass.to_light)) }
-}
-
-/// 1 where the triangle's normal is on the side that is shaded, else -1.
-fn side<T, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> f32 {
-    let geometry = &pass.job.scene.geometry;
-    if geometry.normals.is_empty() {
-        return 1f32.copysign(point.normal.dot(pass.job.eye - point.position));
-    }
-    // Where the normals at all three corners are clearly on one side, so is what lies between them.
-    let of_corners = geometry.triangles[triangle as usize].map(|corner| {
-        let normal = geometry.normals[corner as usize];
-        (point.normal.dot(normal), CLEARLY * normal.length_squared().max(1.0))
-    });
-    if of_corners.iter().all(|(cosine, least)| cosine > least) {
-        1.0
-    } else if of_corners.iter().all(|(cosine, least)| -cosine > *least) {
-        -1.0
-    } else {
-        let hit = material::locate(geometry, triangle, point.position);
-        1f32.copysign(point.normal.dot(material::interpolate(geometry, &geometry.normals, &hit)))
-    }
 }

@@ -1,19 +1,15 @@
 //! What light falls on the pixels of a tile, as far as it can be told without knowing exactly where their rays start.
 
-use super::tile::{ALL, dot, sides, signs};
-use crate::effects::lights::{Area, TILE};
+use super::sides::{ALL, dot, sides_of_corners, signs};
+use crate::effects::tile::{Area, PART, PARTS, TILE, corner_of};
 use crate::effects::{Coverage, Pass};
 use crate::trace::{
-    Estimates, Faces, LANES, Mask, PACKET, Simd, Tracer, Work, at_vertices, half_of, vector_at, vertices,
+    Estimates, Faces, Kernel, LANES, Mask, PACKET, Simd, Tracer, at_vertices, half_of, vector_at, vertices,
 };
 use curitiba_pipeline::backend::NO_TRIANGLE;
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 
-/// Pixels a side of a part, whose rays are a packet.
-pub(super) const PART: usize = 4;
-/// Parts of a tile.
-pub(super) const PARTS: usize = TILE * TILE / PACKET;
 /// Triangles that a tile may show.
 const MOST: usize = 128;
 /// Cosine between the triangle and the light from which on it is certain which side is lit.
@@ -50,17 +46,11 @@ impl Default for Sketch {
             left: [0; PARTS],
             dark: [0; PARTS],
             triangles: [0; MOST],
-            faces: [Faces::EMPTY; MOST / PACKET],
+            faces: [Faces::default(); MOST / PACKET],
             count: 0,
             showing: [[0; PARTS]; MOST],
         }
     }
-}
-
-/// Column and row of the first pixel of a part. Four parts that follow each other are a square.
-pub(super) fn corner(part: usize) -> (usize, usize) {
-    let (square, part) = (part / 4, part % 4);
-    ((square % 2 * 2 + part % 2) * PART, (square / 2 * 2 + part / 2) * PART)
 }
 
 /// Sketches a tile; false if it shows too many triangles, or is cut off at the image's border.
@@ -71,7 +61,7 @@ pub(super) struct Draw<'a, T, C> {
     pub(super) area: &'a Area,
 }
 
-impl<T: Tracer, C: Coverage> Work<bool> for Draw<'_, T, C> {
+impl<T: Tracer, C: Coverage> Kernel<bool> for Draw<'_, T, C> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> bool {
         let Self { sketch, pass, area } = self;
@@ -119,7 +109,7 @@ impl Sketch {
         (self.dark, self.estimates.valid) = ([0; PARTS], [0; PARTS]);
         let zero = simd.wide_splat(0.0);
         for part in 0..PARTS {
-            let (right, down) = corner(part);
+            let (right, down) = corner_of(part);
             let first = (area.y + down) * area.stride + area.x + right;
             let rows = [first, first + area.stride, first + 2 * area.stride, first + 3 * area.stride];
             for row in rows {
@@ -200,12 +190,7 @@ impl Sketch {
             faces.set(&corners, half, light, (self.estimates.center, extent));
             let normal = half_of(simd, &faces.normal, half);
             let (above, below) = match &normals {
-                Some([a, b, c]) => {
-                    let (above_a, below_a) = sides(simd, normal, half_of(simd, a, half));
-                    let (above_b, below_b) = sides(simd, normal, half_of(simd, b, half));
-                    let (above_c, below_c) = sides(simd, normal, half_of(simd, c, half));
-                    (above_a & above_b & above_c, below_a & below_b & below_c)
-                }
+                Some(corners) => sides_of_corners(simd, normal, corners, half),
                 None => {
                     let [a, b, c] = corners.each_ref().map(|corner| half_of(simd, corner, half));
                     eye_sides(simd, normal, [a, b, c], eye)

@@ -5,6 +5,8 @@
 
 pub mod corrected;
 mod estimate;
+mod light;
+mod sides;
 pub mod thesis;
 mod tile;
 

@@ -1,6 +1,6 @@
 use crate::cpu::trace_pixel;
-use crate::effects::testing::{Shot, World, grid};
-use crate::trace::{Bvh, Decided, Estimates, Hit, Lanes, Packet, Ray, Tracer};
+use crate::effects::tests::world::{Shot, World, grid};
+use crate::trace::{Bvh, Decided, Estimates, Hit, InstructionSet, Packet, Ray, Tracer};
 use curitiba_pipeline::backend::NO_TRIANGLE;
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram};
@@ -248,8 +248,8 @@ fn most_rays_are_decided_by_estimates_as_they_are_alone() {
             for scene in [&world.scene, &bare] {
                 let mut job = shot.job(RayProgram::DeferredShadows, Corrected, RayParams::default());
                 job.scene = scene;
-                for lanes in [Lanes::Avx512, Lanes::Avx2, Lanes::Portable] {
-                    let Some(tree) = world.tree().with_lanes(lanes) else { continue };
+                for lanes in [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable] {
+                    let Some(tree) = world.tree().with_instruction_set(lanes) else { continue };
                     let counting = Counting { tree: &tree, traced: AtomicU64::new(0) };
                     let (pixels, rays) = shot.run_on(&counting, &job);
                     let alone: Vec<[f32; 4]> = (0..64 * 64)
@@ -297,4 +297,26 @@ fn positions_off_their_triangle_are_decided_as_alone() {
     let alone: Vec<[f32; 4]> =
         (0..32 * 32).map(|index| trace_pixel(&tree, &job, index % 32, index / 32).expect("a complete job")).collect();
     assert_eq!(pixels, alone);
+}
+
+/// Workers keep their buffers from pass to pass, and the last sixteen pixels of a tile are filled up with earlier ones.
+#[test]
+fn a_small_picture_of_a_small_scene_may_follow_a_large_one() {
+    let large = World::scattered();
+    let targets: Vec<Vec3> = grid(48, Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Y * 4.0).collect();
+    let before = Shot::of(&large, Vec3::new(1.0, 2.0, 12.0), targets).rows(48);
+    let mut small = World::lit_along(Vec3::NEG_Z);
+    let paint = small.paint(Vec3::splat(0.5));
+    small.quad(paint, Vec3::ZERO, Vec3::X * 9.0, Vec3::Y * 9.0);
+    let after = Shot::of(&small, Vec3::new(0.1, 0.2, 3.0), grid(3, Vec3::ZERO, Vec3::X, Vec3::Y));
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    for program in [RayProgram::DeferredShadows, RayProgram::Ssao, RayProgram::Final] {
+        let run = |world: &World, shot: &Shot<'_>| {
+            let job = shot.job(program, Corrected, RayParams { samples: 16, ..RayParams::default() });
+            pool.install(|| shot.run_on(&world.tree(), &job).0)
+        };
+        let alone = run(&small, &after);
+        run(&large, &before);
+        assert_eq!(run(&small, &after), alone, "{program:?}");
+    }
 }

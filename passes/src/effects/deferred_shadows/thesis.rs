@@ -1,6 +1,6 @@
 //! As the report's `deferredShadows.cu`.
 
-use crate::effects::occlusion::SHADOWED;
+use crate::effects::light::SHADOWED;
 use crate::effects::{Coverage, Pass, Pixel, Workspace};
 use crate::trace::Tracer;
 

@@ -2,14 +2,15 @@
 //! where their rays start is computed sixteen at a time, by the operations of a single pixel, and the rays go down the tree as
 //! packets.
 
-use super::corrected::{CLEARLY, Light, is_lit, light_at};
-use super::estimate::{Draw, PART, PARTS, Sketch, corner};
-use crate::effects::lights::{Area, TILE};
-use crate::effects::occlusion::SHADOWED;
-use crate::effects::shown::{Shown, Sixteen};
+use super::estimate::{Draw, Sketch};
+use super::light::{Light, is_lit, light_at};
+use super::sides::{ALL, dot, sides_of_corners, signs};
+use crate::effects::light::SHADOWED;
+use crate::effects::tile::{Area, PART, PARTS, TILE, corner_of, part_of};
+use crate::effects::visible_pixels::{Sixteen, VisiblePixels};
 use crate::effects::{Coverage, Pass};
 use crate::trace::{
-    Decided, Detected, F16, Hit, LANES, Mask, PACKET, Packet, Points, Simd, Tracer, Work, at_vertices, half_of,
+    Decided, Detected, F16, Hit, Kernel, LANES, Mask, PACKET, Packet, Simd, SurfacePoints, Tracer, at_vertices,
     vertices,
 };
 use curitiba_pipeline::backend::RayJob;
@@ -23,10 +24,10 @@ const FEW: usize = 7;
 pub struct Tile {
     /// By part, one bit a pixel: those in shadow.
     dark: [u16; PARTS],
-    sketch: Sketch,
-    decided: Decided,
+    sketch: Box<Sketch>,
+    decided: Box<Decided>,
     /// Pixels whose rays are traced.
-    shown: Shown,
+    shown: VisiblePixels,
     /// Those of the tile come first.
     packets: Vec<Packet>,
     /// The place of each ray.
@@ -35,6 +36,11 @@ pub struct Tile {
 }
 
 impl Tile {
+    /// Forgets the pass before.
+    pub(in crate::effects) fn forget(&mut self) {
+        self.shown.forget();
+    }
+
     /// Finds out the light of a tile's pixels, and returns the number of rays that it took.
     pub(super) fn prepare<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         self.dark = [0; PARTS];
@@ -97,7 +103,7 @@ impl Tile {
         shown.clear();
         let mut rays = 0;
         for (part, dark) in dark.iter_mut().enumerate() {
-            let (left, top) = corner(part);
+            let (left, top) = corner_of(part);
             let certain = decided.stopped[part] | decided.open[part];
             rays += u64::from(certain.count_ones());
             *dark = sketch.dark[part] | decided.stopped[part];
@@ -124,7 +130,7 @@ struct Write<'a, 'o> {
     rows: &'a mut [&'o mut [[f32; 4]]; TILE],
 }
 
-impl Work<()> for Write<'_, '_> {
+impl Kernel<()> for Write<'_, '_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let shares = [1.0, SHADOWED].map(|share| {
@@ -136,7 +142,7 @@ impl Work<()> for Write<'_, '_> {
         });
         let (lit, dark) = (simd.wide_load(&shares[0]), simd.wide_load(&shares[1]));
         for (part, pixels) in self.dark.iter().enumerate() {
-            let (left, top) = corner(part);
+            let (left, top) = corner_of(part);
             for row in 0..PART {
                 let pixels = usize::from(pixels >> (row * PART) & 0xf);
                 let values = simd.wide_store(simd.wide_select(COMPONENTS[pixels], dark, lit));
@@ -163,13 +169,6 @@ const COMPONENTS: [Mask; 16] = {
     components
 };
 
-/// The part that a place of a tile lies in, and where there.
-fn part_of(place: usize) -> (usize, usize) {
-    let (x, y) = (place % TILE / PART, place / TILE / PART);
-    let part = (y / 2 * 2 + x / 2) * 4 + y % 2 * 2 + x % 2;
-    (part, place / TILE % PART * PART + place % PART)
-}
-
 /// Puts the pixels of some lanes into shadow.
 fn darken(dark: &mut [u16; PARTS], places: &[u8; PACKET], mut lanes: u16) {
     while lanes != 0 {
@@ -181,12 +180,12 @@ fn darken(dark: &mut [u16; PARTS], places: &[u8; PACKET], mut lanes: u16) {
 
 /// Finds the pixels of a tile on which light falls.
 struct Collect<'a, T, C> {
-    shown: &'a mut Shown,
+    shown: &'a mut VisiblePixels,
     pass: &'a Pass<'a, T, C>,
     area: &'a Area,
 }
 
-impl<T: Tracer, C: Coverage> Work<()> for Collect<'_, T, C> {
+impl<T: Tracer, C: Coverage> Kernel<()> for Collect<'_, T, C> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { shown, pass, area } = self;
@@ -200,7 +199,7 @@ struct Rays<'a, T, C> {
     pass: &'a Pass<'a, T, C>,
 }
 
-impl<T: Tracer, C: Coverage> Work<()> for Rays<'_, T, C> {
+impl<T: Tracer, C: Coverage> Kernel<()> for Rays<'_, T, C> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { tile, pass } = self;
@@ -244,15 +243,10 @@ impl Sixteen<'_> {
         let normals = (!geometry.normals.is_empty()).then(|| at_vertices(simd, &geometry.normals, &vertices));
         let (mut dark, mut doubtful) = (0, 0);
         for half in 0..2 {
-            let points = Points::snap(&corners, &stored, half);
+            let points = SurfacePoints::snap(&corners, &stored, half);
             let normal = points.normals(simd);
             let (above, below) = match &normals {
-                Some([a, b, c]) => {
-                    let (above_a, below_a) = sides(simd, normal, half_of(simd, a, half));
-                    let (above_b, below_b) = sides(simd, normal, half_of(simd, b, half));
-                    let (above_c, below_c) = sides(simd, normal, half_of(simd, c, half));
-                    (above_a & above_b & above_c, below_a & below_b & below_c)
-                }
+                Some(corners) => sides_of_corners(simd, normal, corners, half),
                 None => {
                     let [x, y, z] = points.positions(simd);
                     let [eye_x, eye_y, eye_z] = [simd.splat(job.eye.x), simd.splat(job.eye.y), simd.splat(job.eye.z)];
@@ -296,31 +290,4 @@ impl Sixteen<'_> {
         }
         dark
     }
-}
-
-/// The lanes of eight.
-pub(super) const ALL: Mask = (1 << LANES) - 1;
-
-/// As [`Vec3::dot`].
-#[inline(always)]
-pub(super) fn dot<S: Simd>(simd: S, [ax, ay, az]: [S::Vector; 3], [bx, by, bz]: [S::Vector; 3]) -> S::Vector {
-    simd.add(simd.add(simd.mul(ax, bx), simd.mul(ay, by)), simd.mul(az, bz))
-}
-
-/// The lanes above 0, and those below.
-#[inline(always)]
-pub(super) fn signs<S: Simd>(simd: S, a: S::Vector) -> (Mask, Mask) {
-    let zero = simd.splat(0.0);
-    let (not_above, not_below) = (simd.at_most(a, zero), simd.at_most(zero, a));
-    (not_below & !not_above, not_above & !not_below)
-}
-
-/// Where the normal at a corner is clearly on the side of the triangle's normal, and where on the other.
-#[inline(always)]
-pub(super) fn sides<S: Simd>(simd: S, normal: [S::Vector; 3], corner: [S::Vector; 3]) -> (Mask, Mask) {
-    let cosine = dot(simd, normal, corner);
-    let least = simd.mul(simd.splat(CLEARLY), simd.max_or(dot(simd, corner, corner), simd.splat(1.0)));
-    let opposite = simd.sub(simd.splat(0.0), cosine);
-    let above = simd.at_most(least, cosine) & !simd.at_most(cosine, least);
-    (above, simd.at_most(least, opposite) & !simd.at_most(opposite, least))
 }

@@ -1,4 +1,4 @@
-use crate::effects::testing::{BACKGROUND, Shot, World, assert_close, grid};
+use crate::effects::tests::world::{BACKGROUND, Shot, World, assert_close, grid};
 use curitiba_pipeline::programs::Fidelity::{Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use glam::{Vec2, Vec3};

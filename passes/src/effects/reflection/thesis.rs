@@ -1,7 +1,7 @@
 //! As the report's `reflection.cu`.
 
 use crate::effects::optics::reflect;
-use crate::effects::optix::{self, face_forward};
+use crate::effects::thesis::{self, face_forward};
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Announcement, Purpose, Tracer};
 use glam::Vec3;
@@ -9,10 +9,10 @@ use glam::Vec3;
 /// The reflected colour of a glass pixel (by its mask), else the colour as it is.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let color = pass.job.color[pixel.index];
-    if !optix::is_glass_mask(color) {
+    if !thesis::is_glass_mask(color) {
         return color;
     }
-    let (position, view) = optix::view(pass.position(pixel), pass.job.eye);
+    let (position, view) = thesis::view(pass.position(pixel), pass.job.eye);
     opaque(chain(pass, position, reflect(view, pass.normal(pixel)), work))
 }
 
@@ -25,13 +25,13 @@ fn chain<T: Tracer, C: Coverage>(
     for bounce in 0..=pass.job.params.depth {
         work.rays.reflected += 1;
         pass.tracer.announce(Announcement { purpose: Purpose::Reflected, bounce, weight: 1.0 });
-        let (ray, Some(hit)) = pass.thesis_closest(origin, direction, optix::EPSILON) else { return Vec3::ZERO };
+        let (ray, Some(hit)) = pass.thesis_closest(origin, direction, thesis::EPSILON) else { return Vec3::ZERO };
         let (geometric, shading) = pass.thesis_normals(&hit);
         let normal = face_forward(shading, -ray.direction, geometric);
         if !pass.is_glass(hit.triangle) {
             return pass.lit_color(&hit, normal);
         }
-        origin = optix::position(&ray, &hit);
+        origin = thesis::position(&ray, &hit);
         direction = reflect(ray.direction, normal);
     }
     Vec3::ZERO

@@ -2,8 +2,8 @@
 //! shares the glass.
 
 use crate::effects::optics::{interface, reflect};
-use crate::effects::optix::BOUNCE;
 use crate::effects::surface::Surface;
+use crate::effects::thesis::BOUNCE;
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
 use crate::sampling::hash::path_key;
 use crate::trace::{Announcement, Hit, Purpose, Tracer};

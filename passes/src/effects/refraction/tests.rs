@@ -1,5 +1,5 @@
 use crate::effects::fresnel;
-use crate::effects::testing::{BACKGROUND, Shot, World, assert_close};
+use crate::effects::tests::world::{BACKGROUND, Shot, World, assert_close};
 use curitiba_pipeline::backend::RayCounts;
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram};

@@ -1,7 +1,7 @@
 //! As the report's `refraction.cu`; `final` shares the glass.
 
 use crate::effects::optics::reflect;
-use crate::effects::optix::{self, face_forward};
+use crate::effects::thesis::{self, face_forward};
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
 use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
 use glam::Vec3;
@@ -9,7 +9,7 @@ use glam::Vec3;
 /// The blended colour of a glass pixel (by its mask), else the colour as it is.
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let color = pass.job.color[pixel.index];
-    if optix::is_glass_mask(color) { opaque(glass_pixel(pass, pixel, work, &shade)) } else { color }
+    if thesis::is_glass_mask(color) { opaque(glass_pixel(pass, pixel, work, &shade)) } else { color }
 }
 
 /// `closest_hit`.
@@ -25,16 +25,16 @@ pub(in crate::effects) fn glass_pixel<'a, T: Tracer, C: Coverage>(
     work: &mut Workspace,
     shade: &impl Fn(&Pass<'a, T, C>, &Ray, &Hit, &mut Workspace) -> Vec3,
 ) -> Vec3 {
-    let (position, view) = optix::view(pass.position(pixel), pass.job.eye);
+    let (position, view) = thesis::view(pass.position(pixel), pass.job.eye);
     let normal = pass.normal(pixel);
     let index = pass.job.params.index;
     let mirrored = reflect(view, normal);
-    let Some(direction) = optix::refract(view, normal, index) else {
-        return chain(pass, (position, mirrored, optix::EPSILON), (Purpose::Reflected, 1.0), work, shade);
+    let Some(direction) = thesis::refract(view, normal, index) else {
+        return chain(pass, (position, mirrored, thesis::EPSILON), (Purpose::Reflected, 1.0), work, shade);
     };
-    let weight = optix::coefficient(index, normal, view);
-    let reflected = chain(pass, (position, mirrored, optix::EPSILON), (Purpose::Reflected, 1.0 - weight), work, shade);
-    let through = (position, direction, optix::REFRACTED_EPSILON);
+    let weight = thesis::coefficient(index, normal, view);
+    let reflected = chain(pass, (position, mirrored, thesis::EPSILON), (Purpose::Reflected, 1.0 - weight), work, shade);
+    let through = (position, direction, thesis::REFRACTED_EPSILON);
     let refracted = chain(pass, through, (Purpose::Refracted, weight), work, shade);
     weight * refracted + (1.0 - weight) * reflected
 }
@@ -66,12 +66,12 @@ fn chain<'a, T: Tracer, C: Coverage>(
         }
         let (geometric, shading) = pass.thesis_normals(&hit);
         let normal = face_forward(shading, -ray.direction, geometric);
-        let dims = optix::refract(ray.direction, normal, pass.job.params.index).is_some();
-        (purpose, share) = (Purpose::Reflected, if dims { optix::BOUNCE } else { 1.0 });
+        let dims = thesis::refract(ray.direction, normal, pass.job.params.index).is_some();
+        (purpose, share) = (Purpose::Reflected, if dims { thesis::BOUNCE } else { 1.0 });
         weight *= share;
-        origin = optix::position(&ray, &hit);
+        origin = thesis::position(&ray, &hit);
         direction = reflect(ray.direction, normal);
-        t_min = optix::EPSILON;
+        t_min = thesis::EPSILON;
     }
     Vec3::ZERO
 }

@@ -1,4 +1,4 @@
-use crate::effects::testing::{Shot, World, grid};
+use crate::effects::tests::world::{Shot, World, grid};
 use crate::trace::{Bvh, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{GBuffer, RayCounts, RayJob};
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
@@ -304,6 +304,7 @@ fn a_raster_target_of_the_right_shape_is_what_jobs_read() {
     let (world, _) = floor();
     let shot = Shot::of(&world, EYE, [Vec3::ZERO]);
     let buffer = GBuffer {
+        origin: [0; 2],
         width: 1,
         height: 1,
         position: shot.position.clone(),

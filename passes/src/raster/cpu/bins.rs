@@ -45,8 +45,10 @@ impl Bins {
             self.large.push(part);
             return;
         }
-        for row in top..=bottom {
-            for column in left..=right {
+        // Which list a part goes into is decided for the whole viewport, so that its tiles draw alike whatever is drawn.
+        let [columns, rows] = &grid.drawn;
+        for row in top.max(rows.start)..(bottom + 1).min(rows.end) {
+            for column in left.max(columns.start)..(right + 1).min(columns.end) {
                 let tile = row * grid.columns + column;
                 self.unsorted.push((tile as u32, part));
                 self.starts[tile + 1] += 1;
@@ -115,6 +117,8 @@ pub(super) struct Fill<'a> {
     pub cuts: &'a [bool],
     /// By material; those beyond the list are drawn.
     pub hidden: &'a [bool],
+    /// By material: whether back faces are left out.
+    pub culled: &'a [bool],
     pub triangles: Range<usize>,
     /// Which bin of the draw this is.
     pub index: usize,
@@ -144,6 +148,11 @@ impl Kernel for Fill<'_> {
                 continue;
             }
             let cut = self.cuts[batch.material as usize];
+            let culled = self.culled.get(batch.material as usize) == Some(&true);
+            let is_seen = |corners: &Corners<'_>| match doubled_area(corners) {
+                0 => false,
+                area => area < 0 || !culled,
+            };
             for (offset, indices) in geometry.triangles[start..end].iter().enumerate() {
                 let triangle = (start + offset) as u32;
                 let [a, b, c] = *indices;
@@ -153,7 +162,7 @@ impl Kernel for Fill<'_> {
                     clip::clip(self.projection, triangle, positions, |part| {
                         let corners = part.corners.each_ref();
                         let pixels = Bounds::of(&corners, (0, 0), high);
-                        if !pixels.is_empty() && doubled_area(&corners) != 0 {
+                        if !pixels.is_empty() && is_seen(&corners) {
                             bins.push(grid, &pixels, Part::clipped(self.index, clipped.len(), cut));
                             clipped.push(part);
                         }
@@ -161,7 +170,7 @@ impl Kernel for Fill<'_> {
                     continue;
                 }
                 let pixels = Bounds::of(&corners, (0, 0), high);
-                if !pixels.is_empty() && doubled_area(&corners) != 0 {
+                if !pixels.is_empty() && is_seen(&corners) {
                     bins.push(grid, &pixels, Part::whole(triangle, cut));
                 }
             }

@@ -1,8 +1,9 @@
 //! What of a job this rasteriser refuses.
 
 use super::frame::MAX_TRIANGLES;
+use super::surface::TILE;
 use super::vertex::MAX_SIDE;
-use curitiba_pipeline::backend::{BackendError, GBuffer, RasterJob};
+use curitiba_pipeline::backend::{BackendError, GBuffer, RasterJob, Rect};
 
 fn refuse(what: &str, why: String) -> Result<(), BackendError> {
     Err(BackendError::Unsupported { backend: "cpu", what: what.to_owned(), why })
@@ -24,15 +25,23 @@ pub(super) fn target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), Backen
     Ok(())
 }
 
+/// The error of a target that is cut between tiles.
+pub(super) fn between_tiles(viewport: Rect, held: Rect) -> BackendError {
+    let why = format!("{held:?} of {viewport:?} does not end with tiles of {TILE} x {TILE} pixels");
+    BackendError::Unsupported { backend: "cpu", what: "a part of the picture".to_owned(), why }
+}
+
 /// Refuses jobs that this rasteriser cannot do or whose parts do not fit together.
-pub(super) fn scene(job: &RasterJob<'_>, (width, height): (u32, u32)) -> Result<(), BackendError> {
+pub(super) fn scene(job: &RasterJob<'_>, held: Rect) -> Result<(), BackendError> {
     let (view, geometry, asked) = (job.viewport, &job.scene.geometry, job.attachments);
-    let inside = |start: u32, side: u32, whole: u32| start.checked_add(side).is_some_and(|end| end <= whole);
-    if !inside(view.x, view.width, width) || !inside(view.y, view.height, height) {
-        return refuse("this viewport", format!("{view:?} is not inside {} x {}", width, height));
+    // That the viewport lies in the target, or the target in the viewport, is for the grid of tiles to say.
+    let ends = |rect: Rect| rect.x.checked_add(rect.width).is_some() && rect.y.checked_add(rect.height).is_some();
+    if !ends(view) || !ends(held) {
+        return refuse("this viewport", format!("{view:?} or {held:?} ends beyond all pixels"));
     }
-    if width > MAX_SIDE || height > MAX_SIDE {
-        return refuse("this size", format!("sides are at most {MAX_SIDE} pixels; render it in parts"));
+    if view.width > MAX_SIDE || view.height > MAX_SIDE {
+        let size = format!("{} x {} pixels", view.width, view.height);
+        return refuse("this size", format!("a viewport of {size} has a side above {MAX_SIDE}; draw it in blocks"));
     }
     if geometry.triangles.len() > MAX_TRIANGLES {
         return refuse("this scene", format!("it has more than {MAX_TRIANGLES} triangles; split it"));

@@ -1,7 +1,7 @@
 //! The raster effects on the processor: maps are drawn as any picture is, pixels are computed in bands of rows by all threads.
 
-use super::CpuRasteriser;
 use super::surface::{DepthMap, Target};
+use super::{CpuRasteriser, refused};
 use crate::effects::{interface, reflect};
 use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::occlusion::{Occlusion, Shown};
@@ -158,7 +158,9 @@ impl Effects {
         if self.faces.first().is_some_and(|face| face.width != size) {
             self.faces.clear();
         }
-        self.faces.resize_with(maps.max(self.faces.len()), || GBuffer::new(size, size, attachments));
+        while self.faces.len() < maps {
+            self.faces.push(GBuffer::try_new(size, size, attachments).map_err(refused)?);
+        }
         let faces = probes.iter().flat_map(|probe| (0..cube::FACES).map(|face| probe.view(face)));
         for (view, face) in faces.zip(&mut self.faces) {
             let map_job = map_job(job, view, job.sun, size, attachments);
@@ -230,6 +232,8 @@ fn map_job<'a>(
         view,
         sun,
         shades: job.shades,
+        // Maps show what rays meet: both sides of everything.
+        culled: &[],
         viewport: Rect { x: 0, y: 0, width: size, height: size },
         clear_color: Vec4::ZERO,
         attachments,

@@ -5,7 +5,7 @@ use super::vertex::ScreenVertex;
 use curitiba_pipeline::backend::{RasterJob, Shade};
 use curitiba_pipeline::scene::Geometry;
 
-/// Triangles that one [`bin`](super::bins::Bins) holds.
+/// Triangles that one [`bin`](super::bins::Bins) holds at most.
 pub(super) const BIN_TRIANGLES: usize = 8192;
 
 /// Most triangles of a scene: what [`Part`] can name.

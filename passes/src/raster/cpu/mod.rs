@@ -16,6 +16,7 @@ mod check;
 mod clip;
 mod effects;
 mod frame;
+mod interpolate;
 mod shade;
 mod simd;
 mod surface;
@@ -29,10 +30,11 @@ pub use simd::InstructionSet;
 use bins::Bins;
 use clip::ClippedTriangle;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser,
+    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, Limits, RasterJob, Rasteriser,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
+use curitiba_pipeline::memory::{Refused, resize};
 use curitiba_pipeline::scene::RenderScene;
 use frame::{BIN_TRIANGLES, Frame, is_cut};
 use rayon::prelude::*;
@@ -44,10 +46,13 @@ use tile::Tile;
 use vertex::{Project, Projection, ScreenVertex};
 
 /// Vertices that a thread projects at once.
-const VERTEX_RUN: usize = 4096;
+const VERTEX_RUN: usize = 1024;
 
-/// Bins of a round: half a million triangles.
+/// Bins of a round: half a million triangles. Fewer are divided among as many bins, so that all threads have some.
 const ROUND: usize = 64;
+
+/// Triangles of a bin at least, unless the scene has fewer.
+const MIN_BIN: usize = 512;
 
 /// Where the time of a draw went.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -124,7 +129,8 @@ impl CpuRasteriser {
         hidden: &[bool],
         mut target: Target<'_>,
     ) -> Result<DrawStats, BackendError> {
-        check::scene(job, target.size())?;
+        let held = target.held();
+        check::scene(job, held)?;
         self.stages = Stages::default();
         let geometry = &job.scene.geometry;
         let triangles = geometry.triangles.len();
@@ -133,11 +139,11 @@ impl CpuRasteriser {
             return Ok(stats);
         }
         let projection = Projection::new(&job.view, job.viewport);
-        let grid = Grid::new(job.viewport);
+        let grid = Grid::new(job.viewport, held).ok_or_else(|| check::between_tiles(job.viewport, held))?;
         let detected = self.detected;
 
         let start = Instant::now();
-        self.vertices.resize(geometry.positions.len(), ScreenVertex::default());
+        resize(&mut self.vertices, geometry.positions.len(), ScreenVertex::default()).map_err(refused)?;
         let outputs = self.vertices.par_chunks_mut(VERTEX_RUN);
         outputs.zip(geometry.positions.par_chunks(VERTEX_RUN)).for_each(|(output, positions)| {
             detected.run(Project { projection: &projection, positions, output });
@@ -146,11 +152,13 @@ impl CpuRasteriser {
 
         self.cuts.clear();
         self.cuts.extend(job.shades.iter().map(is_cut));
-        let bins = triangles.div_ceil(BIN_TRIANGLES);
+        // Parts are drawn in the order of their triangles, wherever bins begin.
+        let per_bin = triangles.div_ceil(self.round).clamp(MIN_BIN, BIN_TRIANGLES);
+        let bins = triangles.div_ceil(per_bin);
         let rounds = bins.div_ceil(self.round).max(1);
         let threads = rayon::current_num_threads();
         grow(&mut self.rows, threads);
-        grow(&mut self.tiles, if rounds == 1 { threads } else { grid.len() });
+        grow(&mut self.tiles, if rounds == 1 { threads } else { grid.drawn() });
         grow(&mut self.clipped, bins);
         grow(&mut self.bins, bins.min(self.round));
 
@@ -169,7 +177,8 @@ impl CpuRasteriser {
                     grid: &grid,
                     cuts: &self.cuts,
                     hidden,
-                    triangles: index * BIN_TRIANGLES..((index + 1) * BIN_TRIANGLES).min(triangles),
+                    culled: job.culled,
+                    triangles: index * per_bin..((index + 1) * per_bin).min(triangles),
                     index,
                     bins,
                     clipped,
@@ -181,9 +190,9 @@ impl CpuRasteriser {
             let clipped = &self.clipped;
             let frame = Frame { job, geometry, vertices: &self.vertices, clipped };
             let (tiles, rows) = (&self.tiles, &self.rows);
-            surface::for_each_tile(&mut target, &grid, |index, surface| {
+            surface::for_each_tile(&mut target, &grid, |number, index, surface| {
                 let thread = rayon::current_thread_index().unwrap_or(0);
-                let tile = &tiles[if rounds == 1 { thread } else { index }];
+                let tile = &tiles[if rounds == 1 { thread } else { number }];
                 let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
                 let mut rows = rows[thread].lock().unwrap_or_else(PoisonError::into_inner);
                 detected.run(DrawTile {
@@ -206,6 +215,10 @@ impl CpuRasteriser {
 impl Rasteriser for CpuRasteriser {
     fn name(&self) -> &'static str {
         "cpu"
+    }
+
+    fn limits(&self) -> Limits {
+        Limits { side: vertex::MAX_SIDE, parts: true }
     }
 
     fn device(&self) -> String {
@@ -249,6 +262,11 @@ impl Rasteriser for CpuRasteriser {
         self.effects = effects;
         result
     }
+}
+
+/// Memory that the rasteriser does not get.
+fn refused(error: Refused) -> BackendError {
+    BackendError::Device { backend: "cpu", message: error.to_string() }
 }
 
 /// One round of one tile.

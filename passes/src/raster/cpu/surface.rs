@@ -1,15 +1,18 @@
 //! Hands the pixels of a G-buffer out by tiles, so that tiles can be drawn by several threads.
 #![allow(unsafe_code, reason = "rectangles of one image are disjoint, which slices cannot express")]
 
-use curitiba_pipeline::backend::{Attachments, GBuffer, Rect};
+use curitiba_pipeline::backend::{Attachments, GBuffer, Rect, drawn_part};
 use rayon::prelude::*;
 use std::marker::PhantomData;
+use std::ops::Range;
 
 /// Sides of a tile, in pixels.
 pub(super) const TILE: usize = 64;
+// Parts of pictures are cut between tiles.
+const _: () = assert!(TILE == curitiba_pipeline::plan::ALIGNMENT as usize);
 
 /// A viewport cut into tiles, row by row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Grid {
     /// The viewport, in pixels of the target.
     pub viewport: Rect,
@@ -17,17 +20,30 @@ pub(super) struct Grid {
     pub columns: usize,
     /// Rows of tiles.
     pub rows: usize,
+    /// The first and the last but one column of tiles that are drawn, and the same of rows: all, unless the target is a part of
+    /// the picture.
+    pub drawn: [Range<usize>; 2],
 }
 
 impl Grid {
-    pub fn new(viewport: Rect) -> Self {
+    /// `target` is the rectangle of the picture that is held. `None` where nothing of the viewport lies in it, or what lies in
+    /// it does not end with tiles, so that tiles would be others than those of the whole viewport.
+    pub fn new(viewport: Rect, target: Rect) -> Option<Self> {
         let tiles = |pixels: u32| (pixels as usize).div_ceil(TILE);
-        Self { viewport, columns: tiles(viewport.width), rows: tiles(viewport.height) }
+        let part = drawn_part(viewport, target)?;
+        let columns = tiles(part.x)..tiles(part.x + part.width);
+        let rows = tiles(part.y)..tiles(part.y + part.height);
+        Some(Self { viewport, columns: tiles(viewport.width), rows: tiles(viewport.height), drawn: [columns, rows] })
     }
 
-    /// Number of tiles.
+    /// Number of tiles of the viewport.
     pub fn len(&self) -> usize {
         self.columns * self.rows
+    }
+
+    /// Number of tiles that are drawn.
+    pub fn drawn(&self) -> usize {
+        self.drawn[0].len() * self.drawn[1].len()
     }
 }
 
@@ -57,11 +73,11 @@ pub(super) enum Target<'a> {
 }
 
 impl Target<'_> {
-    /// Width and height, in pixels.
-    pub fn size(&self) -> (u32, u32) {
+    /// What it holds of the picture.
+    pub fn held(&self) -> Rect {
         match self {
-            Self::Attachments(buffer, _) => (buffer.width, buffer.height),
-            Self::Depth(map) => (map.size, map.size),
+            Self::Attachments(buffer, _) => buffer.held(),
+            Self::Depth(map) => Rect { x: 0, y: 0, width: map.size, height: map.size },
         }
     }
 }
@@ -154,16 +170,25 @@ impl<T> Shared<T> {
     }
 }
 
-/// Calls `draw` with every tile of the grid, on all threads of the current pool.
+/// Calls `draw` with every tile of the grid that is drawn, on all threads of the current pool: with its number among them, its
+/// number in the viewport, and its pixels.
 ///
 /// # Panics
-/// If the viewport is not inside the target or an attachment asked for has another size.
-pub(super) fn for_each_tile(target: &mut Target<'_>, grid: &Grid, draw: impl Fn(usize, TileSurface<'_>) + Sync) {
-    let (width, height) = target.size();
-    let size = (width as usize, height as usize);
+/// If a tile is not inside the target or an attachment asked for has another size.
+pub(super) fn for_each_tile(target: &mut Target<'_>, grid: &Grid, draw: impl Fn(usize, usize, TileSurface<'_>) + Sync) {
+    let held = target.held();
+    let size = (held.width as usize, held.height as usize);
     let Rect { x, y, width, height } = grid.viewport;
-    let (left, top, width, height) = (x as usize, y as usize, width as usize, height as usize);
-    assert!(left + width <= size.0 && top + height <= size.1, "the viewport is outside the target");
+    let (width, height) = (width as usize, height as usize);
+    let [columns, rows] = &grid.drawn;
+    // Where the viewport's corner lies in the target, which may begin right of it or below.
+    let (left, top) = (i64::from(x) - i64::from(held.x), i64::from(y) - i64::from(held.y));
+    let inside = |start: i64, tiles: &Range<usize>, side: usize, room: usize| {
+        let (first, last) = (start + (tiles.start * TILE) as i64, start + (tiles.end * TILE).min(side) as i64);
+        tiles.is_empty() || (first >= 0 && last <= room as i64)
+    };
+    assert!(inside(left, columns, width, size.0) && inside(top, rows, height, size.1), "a tile is outside the target");
+    assert!(columns.end <= grid.columns && rows.end <= grid.rows, "a tile is outside the viewport");
     let all = match target {
         Target::Attachments(target, attachments) => (
             Shared::new(&mut target.color, size, attachments.color),
@@ -175,23 +200,25 @@ pub(super) fn for_each_tile(target: &mut Target<'_>, grid: &Grid, draw: impl Fn(
         Target::Depth(map) => (None, None, None, None, Shared::new(&mut map.depths, size, true)),
     };
     let all = &all;
-    (0..grid.len()).into_par_iter().with_max_len(1).for_each(|index| {
-        let (x, y) = (index % grid.columns * TILE, index / grid.columns * TILE);
-        // SAFETY: (x, y) is in the viewport, which is in the target (asserted above); each index is visited once and
-        // the tiles of different indices are disjoint. `target` is borrowed for the whole call.
+    (0..grid.drawn()).into_par_iter().with_max_len(1).for_each(|number| {
+        let (column, row) = (columns.start + number % columns.len(), rows.start + number / columns.len());
+        let (x, y) = (column * TILE, row * TILE);
+        let (from_left, from_top) = ((left + x as i64) as usize, (top + y as i64) as usize);
+        // SAFETY: the tile is in the target (asserted above, for the first and the last column and row); each number is
+        // visited once and the tiles of different numbers are disjoint. `target` is borrowed for the whole call.
         let surface = unsafe {
             TileSurface {
                 x,
                 y,
                 width: TILE.min(width - x),
                 height: TILE.min(height - y),
-                color: all.0.as_ref().map(|plane| plane.tile(left + x, top + y)),
-                position: all.1.as_ref().map(|plane| plane.tile(left + x, top + y)),
-                normal: all.2.as_ref().map(|plane| plane.tile(left + x, top + y)),
-                triangle: all.3.as_ref().map(|plane| plane.tile(left + x, top + y)),
-                depth: all.4.as_ref().map(|plane| plane.tile(left + x, top + y)),
+                color: all.0.as_ref().map(|plane| plane.tile(from_left, from_top)),
+                position: all.1.as_ref().map(|plane| plane.tile(from_left, from_top)),
+                normal: all.2.as_ref().map(|plane| plane.tile(from_left, from_top)),
+                triangle: all.3.as_ref().map(|plane| plane.tile(from_left, from_top)),
+                depth: all.4.as_ref().map(|plane| plane.tile(from_left, from_top)),
             }
         };
-        draw(index, surface);
+        draw(number, row * grid.columns + column, surface);
     });
 }

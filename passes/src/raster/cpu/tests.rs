@@ -39,6 +39,7 @@ fn the_number_of_rounds_does_not_show() {
         view: View { clip_from_world: Mat4::IDENTITY, eye: Vec3::ZERO },
         sun: None,
         shades: &[shade],
+        culled: &[],
         viewport: Rect { x: 0, y: 0, width: 500, height: 350 },
         clear_color: Vec4::ZERO,
         attachments,

@@ -2,6 +2,7 @@
 
 use super::bins::{Bins, Bounds, doubled_area};
 use super::frame::{Corners, Frame, Part};
+use super::interpolate::is_solid;
 use super::surface::{TILE, TileSurface};
 use super::vertex::{ScreenVertex, UNITS};
 use crate::trace::{higher, lower};
@@ -221,7 +222,7 @@ impl Tile {
         let local = Bounds { x: (bounds.x.0 - left, bounds.x.1 - left), y: (bounds.y.0 - top, bounds.y.1 - top) };
         if part.is_cut() {
             self.draw_rows(&corners, area, &bounds, &local, |column, row| {
-                if super::shade::is_solid(frame, &placed, left + column, top + row) { Some(part.0) } else { None }
+                if is_solid(frame, &placed, left + column, top + row) { Some(part.0) } else { None }
             });
         } else if bounds.x.1 - bounds.x.0 < NARROW {
             self.draw_narrow(&corners, area, &bounds, &local, part.0);

@@ -1,6 +1,6 @@
 //! Which devices there are, and which one is taken.
 
-use super::device::unsupported;
+use super::faults::unsupported;
 use curitiba_pipeline::backend::BackendError;
 use std::fmt;
 use std::sync::OnceLock;

@@ -4,12 +4,10 @@
 //! failure, and every operation ends by asking [`Gpu::check`] whether something was noted.
 
 use super::adapter::{AdapterChoice, AdapterSummary, select};
+use super::faults::{failure, unsupported};
 use curitiba_pipeline::backend::BackendError;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// The rasteriser's name.
-pub(super) const NAME: &str = "wgpu";
 
 /// Largest single buffer, whatever the device allows: Vulkan guarantees allocations of 1 GiB only.
 const MAX_BUFFER_BYTES: u64 = 1 << 30;
@@ -174,20 +172,6 @@ fn describe(error: &wgpu::Error) -> String {
         wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
             description.trim_end().to_owned()
         }
-    }
-}
-
-/// The device failed; ends with the remedy.
-pub(super) fn failure(message: &str) -> BackendError {
-    BackendError::Device { backend: NAME, message: format!("{message}; `--raster cpu` draws without a GPU") }
-}
-
-/// The device cannot do `what`; `why` is continued with the remedy.
-pub(super) fn unsupported(what: &str, why: &str) -> BackendError {
-    BackendError::Unsupported {
-        backend: NAME,
-        what: what.to_owned(),
-        why: format!("{why} `--raster cpu` draws without a GPU"),
     }
 }
 

@@ -1,6 +1,7 @@
 //! The draw calls of a pass, and their uniforms.
 
-use super::device::{Gpu, failure};
+use super::device::Gpu;
+use super::faults::failure;
 use super::geometry::DeviceGeometry;
 use super::pipelines::{Layouts, Pipelines, slots};
 use super::shader::{DrawUniform, FrameUniform, Variant};
@@ -90,7 +91,8 @@ impl DrawList {
             let Some(shade) = job.shades.get(part.material as usize) else {
                 return Err(failure(&format!("the job has no shade for material {}", part.material)));
             };
-            let variant = Variant::new(job.attachments, geometry.has_normals, shade);
+            let culled = job.culled.get(part.material as usize) == Some(&true);
+            let variant = Variant { culled, ..Variant::new(job.attachments, geometry.has_normals, shade) };
             if let Some(last) = self.draws.last_mut() {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
                 if adjacent && last.variant == variant && !variant.reads_material() {

@@ -1,6 +1,7 @@
 //! Geometry in device memory, in chunks that fit the device's largest buffer.
 
-use super::device::{Gpu, failure};
+use super::device::Gpu;
+use super::faults::failure;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;

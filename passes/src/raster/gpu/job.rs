@@ -1,7 +1,7 @@
 //! Whether the parts of a job fit together.
 
-use super::device::unsupported;
-use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, RasterJob, Rect};
+use super::faults::unsupported;
+use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, RasterJob, drawn_part};
 
 /// Whether nothing is to be drawn.
 pub(super) fn is_empty(job: &RasterJob<'_>) -> bool {
@@ -10,11 +10,9 @@ pub(super) fn is_empty(job: &RasterJob<'_>) -> bool {
 
 /// Refuses targets that lack what the job writes.
 pub(super) fn check_target(job: &RasterJob<'_>, target: &GBuffer) -> Result<(), BackendError> {
-    let Rect { x, y, width, height } = job.viewport;
-    let inside = |start: u32, length: u32, size: u32| start.checked_add(length).is_some_and(|end| end <= size);
-    if !inside(x, width, target.width) || !inside(y, height, target.height) {
-        let why = format!("{:?} is not inside {} x {};", job.viewport, target.width, target.height);
-        return Err(unsupported("this viewport", &why));
+    if !is_empty(job) && drawn_part(job.viewport, target.held()).is_none() {
+        let held = format!("{} x {} from {:?}", target.width, target.height, target.origin);
+        return Err(unsupported("this viewport", &format!("{:?} is not inside {held};", job.viewport)));
     }
     let pixels = target.width as usize * target.height as usize;
     let Attachments { color, position, normal, triangle } = job.attachments;

@@ -11,6 +11,7 @@ mod adapter;
 mod device;
 mod draws;
 mod effects;
+mod faults;
 mod geometry;
 mod job;
 mod pipelines;
@@ -26,15 +27,17 @@ pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, adapters};
 
 use crate::raster::effects::SceneCache;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, Rect,
+    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, Limits, RasterJob, Rasteriser, Rect,
+    drawn_part,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
-use device::{Gpu, NAME, failure, unsupported};
+use device::Gpu;
 use draws::DrawList;
 use effects::{Context, Effects};
+use faults::{NAME, failure, unsupported};
 use geometry::DeviceGeometry;
 use pipelines::{Layouts, Pipelines};
 use std::sync::Arc;
@@ -134,6 +137,10 @@ impl Rasteriser for WgpuRasteriser {
         NAME
     }
 
+    fn limits(&self) -> Limits {
+        Limits { side: self.gpu.limits.max_texture_dimension_2d, parts: true }
+    }
+
     fn device(&self) -> String {
         self.gpu.adapter.to_string()
     }
@@ -176,6 +183,10 @@ impl Rasteriser for WgpuRasteriser {
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
+            // A part of a picture is drawn as the whole would be: into attachments of the viewport's size, cut to the part.
+            if let Some(Rect { x, y, width, height }) = drawn_part(job.viewport, target.held()) {
+                pass.set_scissor_rect(x, y, width, height);
+            }
             self.draws.record(&mut pass, &self.pipelines, geometry, textures);
         }
         let mut shared =
@@ -212,9 +223,9 @@ impl Rasteriser for WgpuRasteriser {
         if self.drawn != Some((job.viewport, Stored::of(job))) {
             return Err(failure("this job is not what was drawn last"));
         }
-        match self.targets.last() {
-            Some(targets) if !job::is_empty(job) => {
-                targets.read_back(&self.gpu, &mut self.staging, job.viewport, wanted, target)
+        match (self.targets.last(), drawn_part(job.viewport, target.held())) {
+            (Some(targets), Some(part)) if !job::is_empty(job) => {
+                targets.read_back(&self.gpu, &mut self.staging, (job.viewport, part), wanted, target)
             }
             _ => Ok(()),
         }

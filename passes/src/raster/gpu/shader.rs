@@ -23,6 +23,8 @@ pub(super) struct Variant {
     pub textured: bool,
     /// Drops texels below the cutoff; implies `textured`.
     pub alpha_cut: bool,
+    /// Leaves back faces out. The text does not depend on it.
+    pub culled: bool,
 }
 
 impl Variant {
@@ -39,6 +41,7 @@ impl Variant {
             vertex_normal: has_normals && (color || position || normal),
             textured: (texture && color) || alpha_cut,
             alpha_cut,
+            culled: false,
         }
     }
 
@@ -171,6 +174,7 @@ mod tests {
                     vertex_normal: bit(4),
                     textured: bit(5),
                     alpha_cut: bit(6),
+                    culled: false,
                 }
             })
             .filter(|v| v.textured || !v.alpha_cut)

@@ -1,6 +1,7 @@
 //! Attachments in device memory, and the way back to the host.
 
-use super::device::{Gpu, unsupported};
+use super::device::Gpu;
+use super::faults::unsupported;
 use curitiba_pipeline::backend::{Attachments, BackendError, GBuffer, RasterJob, Rect};
 use curitiba_pipeline::image::widen;
 use glam::Vec4;
@@ -176,33 +177,33 @@ impl Targets {
         self.channels.each_ref().map(|channel| channel.as_ref().map(|channel| &channel.view))
     }
 
-    /// Copies the wanted attachments into the viewport's part of `target`, whose channels are allocated.
+    /// Copies a part of the wanted attachments, from the viewport's corner, into `target`, whose channels are allocated.
     pub fn read_back(
         &self,
         gpu: &Gpu,
         staging: &mut Staging,
-        viewport: Rect,
+        (viewport, part): (Rect, Rect),
         wanted: Attachments,
         target: &mut GBuffer,
     ) -> Result<(), BackendError> {
         let wanted = in_order(wanted);
         let formats = self.stored.formats();
         let pitches = formats.map(|format| {
-            (format.map_or(0, texel_bytes) * self.width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
+            (format.map_or(0, texel_bytes) * part.width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT)
         });
         let present = |channel: &usize| wanted[*channel] && self.channels[*channel].is_some();
-        let total = (0..4).filter(present).map(|c| u64::from(pitches[c]) * u64::from(self.height)).sum::<u64>();
+        let total = (0..4).filter(present).map(|c| u64::from(pitches[c]) * u64::from(part.height)).sum::<u64>();
         let widest = pitches.into_iter().max().map_or(0, u64::from);
         let capacity = total.min(STAGING_BYTES.min(gpu.max_buffer_bytes).max(widest));
         staging.reserve(gpu, capacity)?;
         for channel in (0..4).filter(present) {
             let pitch = pitches[channel];
             let mut row = 0;
-            while row < self.height {
+            while row < part.height {
                 let fit = (capacity - staging.used) / u64::from(pitch);
-                let rows = u32::try_from(fit).unwrap_or(u32::MAX).min(self.height - row);
+                let rows = u32::try_from(fit).unwrap_or(u32::MAX).min(part.height - row);
                 if rows == 0 {
-                    self.flush(gpu, staging, viewport, target)?;
+                    self.flush(gpu, staging, (viewport, part), target)?;
                     continue;
                 }
                 let half = formats[channel] == Some(HALF_FORMAT);
@@ -211,7 +212,7 @@ impl Targets {
                 row += rows;
             }
         }
-        self.flush(gpu, staging, viewport, target)
+        self.flush(gpu, staging, (viewport, part), target)
     }
 
     /// Copies the bands that are waiting.
@@ -219,10 +220,13 @@ impl Targets {
         &self,
         gpu: &Gpu,
         staging: &mut Staging,
-        viewport: Rect,
+        (viewport, part): (Rect, Rect),
         target: &mut GBuffer,
     ) -> Result<(), BackendError> {
         let Some(buffer) = &staging.buffer else { return Ok(()) };
+        // Where the part lies in the target.
+        let place =
+            Rect { x: viewport.x + part.x - target.origin[0], y: viewport.y + part.y - target.origin[1], ..part };
         let mut encoder =
             gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read back") });
         for band in &staging.bands {
@@ -230,7 +234,7 @@ impl Targets {
             let source = wgpu::TexelCopyTextureInfo {
                 texture: &channel.texture,
                 mip_level: 0,
-                origin: wgpu::Origin3d { x: 0, y: band.row, z: 0 },
+                origin: wgpu::Origin3d { x: part.x, y: part.y + band.row, z: 0 },
                 aspect: wgpu::TextureAspect::All,
             };
             let layout = wgpu::TexelCopyBufferLayout {
@@ -238,12 +242,12 @@ impl Targets {
                 bytes_per_row: Some(band.pitch),
                 rows_per_image: None,
             };
-            let size = wgpu::Extent3d { width: self.width, height: band.rows, depth_or_array_layers: 1 };
+            let size = wgpu::Extent3d { width: part.width, height: band.rows, depth_or_array_layers: 1 };
             encoder.copy_texture_to_buffer(source, wgpu::TexelCopyBufferInfo { buffer, layout }, size);
         }
         gpu.read_mapped(buffer, staging.used, Some(encoder.finish()), "read-back", |bytes| {
             for band in &staging.bands {
-                band.copy_to(bytes, viewport, target);
+                band.copy_to(bytes, place, target);
             }
         })?;
         staging.bands.clear();

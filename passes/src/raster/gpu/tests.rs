@@ -59,6 +59,7 @@ pub(super) fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<
         view: View { clip_from_world: Mat4::IDENTITY, eye: Vec3::ZERO },
         sun: None,
         shades,
+        culled: &[],
         viewport: Rect { x: 0, y: 0, width: SIZE, height: SIZE },
         clear_color: Vec4::ONE,
         attachments: ALL,

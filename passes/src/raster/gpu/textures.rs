@@ -1,6 +1,7 @@
 //! Textures in device memory.
 
-use super::device::{Gpu, failure};
+use super::device::Gpu;
+use super::faults::failure;
 use super::pipelines::Layouts;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::RenderScene;

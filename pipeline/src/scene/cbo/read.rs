@@ -114,7 +114,11 @@ impl Parser<'_, '_, '_> {
             return Ok(*known);
         }
         let is_cut_out = texture::is_cut_out(texture, MASK_CUTOFF, self.context.budget)?;
-        let cutoff = is_cut_out.then_some(MASK_CUTOFF);
+        if is_cut_out.is_none() {
+            let what = "textures that cannot be searched for holes";
+            self.scene.warnings.add(self.context.file, what, "taken for whole", || texture.display().to_string());
+        }
+        let cutoff = is_cut_out.unwrap_or(false).then_some(MASK_CUTOFF);
         self.cutoffs.insert(texture.to_owned(), cutoff);
         Ok(cutoff)
     }

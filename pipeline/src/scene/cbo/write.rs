@@ -4,6 +4,7 @@ use super::super::error::SceneError;
 use super::super::{Material, Mesh, Object, Scene, TextureSource};
 use super::{Layout, NO_TEXTURE, NULL_OBJECT, alpha_test};
 use crate::diagnostic::Warnings;
+use crate::files::{Replacement, write_atomically};
 use crate::paths::relative_to;
 use glam::Vec3;
 use std::collections::HashSet;
@@ -34,28 +35,18 @@ pub fn write_cbo(scene: &Scene, path: &Path, layout: Layout) -> Result<Warnings,
     let failed = |error: std::io::Error| SceneError::file(path, format!("cannot be written: {error}"));
     let mut warnings = Warnings::default();
     let textures = texture_paths(scene, path, &mut warnings)?;
-    let folder = folder_of(path);
-    let temporary = temporary_file(folder).map_err(failed)?;
+    let replacement = Replacement::begin(path).map_err(failed)?;
     let meshes = scene.meshes.iter().map(|mesh| mesh.name.as_str());
     let renderables = unique_names(meshes, HashSet::from([NULL_OBJECT.to_owned()]), path, &mut warnings);
     let names = scene.materials.iter().map(|material| material.name.as_str());
     let materials = unique_names(names, HashSet::new(), path, &mut warnings);
-    let out = BufWriter::new(temporary);
+    let out = BufWriter::new(replacement);
     let mut writer =
         SceneWriter { out, path, layout, scene, textures, renderables, materials, warnings: &mut warnings };
     writer.scene().map_err(failed)?;
-    let temporary = writer.out.into_inner().map_err(|error| failed(error.into_error()))?;
-    temporary.persist(path).map_err(|error| failed(error.error))?;
+    let replacement = writer.out.into_inner().map_err(|error| failed(error.into_error()))?;
+    replacement.commit().map_err(failed)?;
     Ok(warnings)
-}
-
-/// A file that becomes the wanted one when it is complete. It may be read by all whom the user's settings allow, like
-/// any other new file; temporary files are private otherwise.
-fn temporary_file(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -110,9 +101,7 @@ fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<
         let name = format!("{stem}.texture{index}.{extension}");
         let failed =
             |error: std::io::Error| SceneError::file(&folder.join(&name), format!("cannot be written: {error}"));
-        let mut temporary = temporary_file(folder).map_err(failed)?;
-        temporary.write_all(&bytes).map_err(failed)?;
-        temporary.persist(folder.join(&name)).map_err(|error| failed(error.error))?;
+        write_atomically(&folder.join(&name), &bytes).map_err(failed)?;
         warnings.add(path, "textures written beside the file", "the file names them", || name.clone());
         paths.push(name);
     }
@@ -120,7 +109,7 @@ fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<
 }
 
 struct SceneWriter<'a> {
-    out: BufWriter<tempfile::NamedTempFile>,
+    out: BufWriter<Replacement>,
     path: &'a Path,
     layout: Layout,
     scene: &'a Scene,

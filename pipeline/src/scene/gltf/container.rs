@@ -3,6 +3,7 @@
 use super::super::bytes::Reader;
 use super::super::error::SceneError;
 use super::super::load::{Context, read_file};
+use crate::guard;
 use crate::paths::resolve_path;
 use ::gltf::json;
 use std::borrow::Cow;
@@ -44,7 +45,8 @@ pub(super) fn parse(text: &[u8], context: &mut Context<'_>) -> Result<json::Root
     let count = |byte: u8| text.iter().filter(|other| **other == byte).count();
     // No object of the tree is larger than 512 bytes, and no element of an array than 64.
     context.take("the JSON tree", 1, text.len() + 512 * count(b'{') + 64 * count(b','))?;
-    json::deserialize::from_slice(text).map_err(|error| {
+    let root = guard::call("gltf", || json::deserialize::from_slice(text));
+    root.map_err(|panic| SceneError::file(context.file, panic))?.map_err(|error| {
         SceneError::file(context.file, format!("the JSON is not a glTF asset: {error}")).help("valid: glTF 2.0")
     })
 }

@@ -86,7 +86,7 @@ impl Materials {
                     name.push('#');
                 }
                 // The default material of glTF 2.0, section 3.9.6, is white.
-                self.table.declare(Material { name, diffuse: Vec4::ONE, ..Material::default() });
+                self.table.declare(Material { name, diffuse: Vec4::ONE, single_sided: true, ..Material::default() });
                 self.table.materials.len() as u32 - 1
             });
             return Ok((default, Coordinates::PLAIN));
@@ -98,6 +98,12 @@ impl Materials {
     }
 }
 
+/// The display value of a linear one (IEC 61966-2-1). Colours of the scene model are display values, as texels are and as the
+/// report's files have them; glTF's factors are linear (2.0, section 3.9.2).
+fn displayed(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
 /// All but the texture.
 fn surface(written: &json::Material, name: String, context: &Context<'_>, warnings: &mut Warnings) -> Material {
     let mut warn = |what: &'static str, remedy: &'static str, detail: &str| {
@@ -105,7 +111,9 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     };
     let factor = Vec4::from_array(written.pbr_metallic_roughness.base_color_factor.0);
     let extensions = written.extensions.as_ref();
-    let mut material = Material { diffuse: factor.truncate().extend(1.0), ..Material::default() };
+    let single_sided = !written.double_sided;
+    let mut material =
+        Material { single_sided, diffuse: factor.truncate().map(displayed).extend(1.0), ..Material::default() };
     match written.alpha_mode {
         Checked::Valid(AlphaMode::Opaque) => {}
         Checked::Valid(AlphaMode::Mask) => {
@@ -122,7 +130,12 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         Checked::Invalid => warn("materials with an unknown alpha mode", "opaque", ""),
     }
     let strength = extensions.and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
-    material.emission = (Vec3::from_array(written.emissive_factor.0) * strength).extend(1.0);
+    if written.emissive_texture.is_some() {
+        // The factor alone would make all of the surface shine.
+        warn("materials with an emissive texture", "drawn without their light", "");
+    } else {
+        material.emission = (Vec3::from_array(written.emissive_factor.0) * strength).map(displayed).extend(1.0);
+    }
     if let Some(transmission) = extensions.and_then(|e| e.transmission.as_ref()) {
         material.transmission = transmission.transmission_factor.0.clamp(0.0, 1.0);
         if transmission.transmission_texture.is_some() {
@@ -145,9 +158,6 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         if volume.thickness_texture.is_some() {
             warn("texture maps that no program reads", "ignored", "thickness of ");
         }
-    }
-    if written.emissive_texture.is_some() {
-        warn("materials with an emissive texture", "the emissive factor alone serves", "");
     }
     let pbr = &written.pbr_metallic_roughness;
     for (present, what) in [

@@ -6,6 +6,7 @@
 mod accessor;
 mod container;
 mod material;
+mod view;
 
 use super::error::SceneError;
 use super::load::Context;
@@ -22,7 +23,8 @@ use material::Materials;
 use std::path::Path;
 
 /// Extensions whose contents are used, or whose absence changes nothing that is drawn.
-const READ_EXTENSIONS: [&str; 7] = [
+const READ_EXTENSIONS: [&str; 8] = [
+    "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_transmission",
@@ -58,7 +60,7 @@ fn check_extensions(root: &json::Root, file: &Path, warnings: &mut Warnings) -> 
             continue;
         }
         let only_shading = name.starts_with("KHR_materials_") && name != "KHR_materials_pbrSpecularGlossiness";
-        if !only_shading && name != "KHR_lights_punctual" {
+        if !only_shading {
             return Err(SceneError::file(file, format!("the asset requires the extension {name}, which is not read"))
                 .help(format!("valid: {}; export the asset without it", READ_EXTENSIONS.join(", "))));
         }
@@ -75,11 +77,9 @@ fn count_unread(root: &json::Root, file: &Path, warnings: &mut Warnings) {
             warnings.add(file, "extensions that are not read", "the asset is drawn without them", || name.clone());
         }
     }
-    for (kind, count) in
-        [("animation", root.animations.len()), ("camera", root.cameras.len()), ("skin", root.skins.len())]
-    {
+    for (kind, count) in [("animation", root.animations.len()), ("skin", root.skins.len())] {
         for index in 0..count {
-            warnings.add(file, "animations, cameras and skins", "ignored", || format!("{kind} {index}"));
+            warnings.add(file, "animations and skins", "ignored", || format!("{kind} {index}"));
         }
     }
 }
@@ -121,6 +121,9 @@ impl Assembler<'_> {
                     self.scene.objects.push(Object { name: name.clone(), mesh, transform });
                 }
             }
+            let Scene { cameras, lights, warnings, .. } = &mut *self.scene;
+            cameras.extend(view::camera(root, node, &transform, context.file, warnings));
+            lights.extend(view::light(root, node, &transform, context.file, warnings));
             let children = node.children.iter().flatten().rev();
             stack.extend(children.map(|child| (child.value(), transform)));
         }

@@ -1,11 +1,46 @@
 //! Lines of OBJ and MTL files.
 
+use memchr::{memchr, memchr_iter};
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// Logical lines: without line ends, comments and surrounding blanks, continued ones (`\` at the end) joined.
+#[derive(Clone)]
 pub(super) struct Lines<'a> {
     rest: &'a [u8],
     next_number: u64,
+}
+
+/// Cuts a file into pieces of about `size` bytes, each with whole logical lines that know their numbers.
+pub(super) fn pieces(bytes: &[u8], size: usize) -> Vec<Lines<'_>> {
+    let mut rest = Lines::new(bytes).rest;
+    let mut parts = Vec::with_capacity(rest.len() / size.max(1) + 1);
+    while !rest.is_empty() {
+        let (part, after) = rest.split_at(end_of_line(rest, size.max(1)));
+        parts.push(part);
+        rest = after;
+    }
+    let ends: Vec<u64> = parts.par_iter().map(|part| memchr_iter(b'\n', part).count() as u64).collect();
+    let mut next_number = 1;
+    let mut pieces = Vec::with_capacity(parts.len());
+    for (rest, ends) in parts.into_iter().zip(ends) {
+        pieces.push(Lines { rest, next_number });
+        next_number += ends;
+    }
+    pieces
+}
+
+/// Where the logical line ends that the byte before `from` is in.
+fn end_of_line(bytes: &[u8], mut from: usize) -> usize {
+    loop {
+        let Some(end) = bytes.get(from - 1..).and_then(|rest| memchr(b'\n', rest)) else { return bytes.len() };
+        let end = from - 1 + end;
+        let last = bytes[..end].iter().rfind(|byte| **byte == b'\n' || !byte.is_ascii_whitespace());
+        if last != Some(&b'\\') {
+            return end + 1;
+        }
+        from = end + 2;
+    }
 }
 
 impl<'a> Lines<'a> {
@@ -43,7 +78,7 @@ impl<'a> Lines<'a> {
 
     fn physical(&mut self) -> &'a [u8] {
         self.next_number += 1;
-        let end = self.rest.iter().position(|byte| *byte == b'\n').unwrap_or(self.rest.len());
+        let end = memchr(b'\n', self.rest).unwrap_or(self.rest.len());
         let line = &self.rest[..end];
         self.rest = self.rest.get(end + 1..).unwrap_or_default();
         line.trim_ascii()
@@ -56,8 +91,8 @@ fn continued(line: &[u8]) -> Option<&[u8]> {
 
 /// A `#` starts a comment at the start of a line or after a blank; file names may hold one elsewhere.
 fn without_comment(line: &[u8]) -> &[u8] {
-    let comment = |at: &usize| line[*at] == b'#' && (*at == 0 || line[*at - 1].is_ascii_whitespace());
-    match (0..line.len()).find(comment) {
+    let comment = |at: &usize| *at == 0 || line[*at - 1].is_ascii_whitespace();
+    match memchr_iter(b'#', line).find(comment) {
         Some(at) => line[..at].trim_ascii_end(),
         None => line,
     }

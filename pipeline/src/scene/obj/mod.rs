@@ -3,50 +3,88 @@
 //! Objects and groups (`o`, `g`) become objects by name. Where one is spread over several materials or places in the
 //! file, vertices with equal contents are shared again, so that normals computed for it are smooth across.
 //! Smoothing groups (`s`) are not read: where normals are missing, the crease angle decides (see `render`).
+//!
+//! A file is read in pieces, cut at line ends, on all threads: first the numbers of every piece ([`scan`]), which also
+//! counts; then, with what lies before each piece known, the faces ([`faces`]); then the vertices of each run of faces
+//! ([`weld`]), and what belongs together ([`join`]). The result depends neither on the cuts nor on the threads.
+//!
+//! `tobj` reads none of it: it reads a file from its first line on and knows no pieces, gives up on a whole file for one
+//! bad number, and holds over 100 bytes for every face. A reader on top of it, which this one replaces, serves the tests:
+//! both find the same scene in every file.
 
+mod faces;
+mod join;
 mod lines;
 mod mtl;
-mod sanitise;
+mod runs;
+mod scan;
+#[cfg(test)]
+mod serial;
+#[cfg(test)]
+mod tests;
+mod weld;
 
 use super::error::SceneError;
 use super::load::Context;
-use super::{Group, Mesh, Object, Scene};
+use super::{Needs, Scene};
 use crate::diagnostic::Warnings;
-use glam::{Mat4, Vec2, Vec3};
+use faces::Faces;
+use lines::{Lines, pieces};
 use mtl::Library;
-use sanitise::{Run, Sanitiser};
-use std::collections::HashMap;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
 
-const OPTIONS: tobj::LoadOptions =
-    tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
+/// Bytes of a piece, at least and at most: small enough that all threads end together.
+const PIECE: [usize; 2] = [1 << 16, 1 << 22];
+/// Triangles of a run, after which the next polygon begins another. Equal vertices of one run stay as they are, those of
+/// different runs are shared: the length is part of what a file means, and not a matter of threads.
+const MAX_RUN: usize = 1 << 20;
+/// Bytes that are booked at a time.
+const BLOCK: u64 = 1 << 16;
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
-    let file = context.file;
-    let mut reader = Sanitiser::new(bytes, context);
-    let models = tobj::load_obj_buf(&mut reader, &OPTIONS, |_| Ok(Default::default()));
-    let Sanitiser { runs, objects, materials, libraries, mut warnings, failure, .. } = reader;
-    if let Some(failure) = failure {
-        return Err(failure);
-    }
-    let (models, _) = models.map_err(|error| SceneError::file(file, format!("tobj refused the file: {error}")))?;
+    let shares = 8 * rayon::current_num_threads();
+    read_in_pieces(bytes, (bytes.len() / shares).clamp(PIECE[0], PIECE[1]), MAX_RUN, context)
+}
 
+/// [`read`] with pieces of about so many bytes, and runs of about so many triangles at most.
+fn read_in_pieces(bytes: &[u8], piece: usize, max_run: usize, context: &mut Context<'_>) -> Result<Scene, SceneError> {
+    const WHAT: &str = "the vertices and faces";
+    let file = context.file;
+    let pieces = pieces(bytes, piece);
+    let allowance = Allowance::new(context);
+    let scans = scan::scan(&pieces, context.needs, &allowance);
+    allowance.settle(WHAT, context)?;
+    let (numbers, starts) = scan::combine(scans, file)?;
+
+    let allowance = Allowance::new(context);
+    let read = |(piece, start): (&Lines<'_>, scan::Start)| {
+        faces::read(piece.clone(), start, &numbers, context.needs, file, &allowance)
+    };
+    let faces: Vec<Faces> = pieces.par_iter().zip(starts).with_max_len(1).map(read).collect();
+    allowance.settle(WHAT, context)?;
+
+    let mut warnings = Warnings::default();
     let mut library = Library::default();
-    for (line, argument) in &libraries {
+    for part in &faces {
+        warnings.merge(part.warnings.clone());
+    }
+    for (line, argument) in faces.iter().flat_map(|part| &part.libraries) {
         mtl::read_libraries(argument, *line, &mut library, context, &mut warnings)?;
     }
-    let mut scene = Scene::default();
-    let mut joiner = Joiner { scene: &mut scene, pieces: HashMap::new() };
-    let mut material_index = vec![None; materials.list.len()];
-    for model in models {
-        // Before the first face there is an empty model without a number.
-        let Some(run) = model.name.parse::<usize>().ok().and_then(|number| runs.get(number)) else { continue };
-        let slot = &mut material_index[run.material as usize];
-        let material = *slot.get_or_insert_with(|| {
-            material_of(&mut library, &materials.list[run.material as usize], context, &mut warnings)
-        });
-        let coordinates = library.coordinates.get(material as usize).copied().flatten();
-        joiner.add(*run, model.mesh, material, coordinates, &objects.list[run.object as usize]);
+    let runs = runs::runs(&faces, max_run);
+    // Materials are declared in the order in which faces first name them.
+    let mut material_index = vec![None; runs.materials.len()];
+    let mut materials = Vec::with_capacity(runs.list.len());
+    for (run, _) in &runs.list {
+        let name = &runs.materials[run.material as usize];
+        let index = *material_index[run.material as usize]
+            .get_or_insert_with(|| material_of(&mut library, name, context, &mut warnings));
+        materials.push(index);
     }
+    let welded = weld::weld(&runs, &faces, &numbers);
+    drop((faces, numbers));
+    let mut scene = join::join(&runs, welded, &materials, &library.coordinates, context)?;
     scene.materials = library.table.materials;
     scene.textures = library.textures;
     scene.warnings = warnings;
@@ -60,99 +98,58 @@ fn material_of(library: &mut Library, name: &str, context: &Context<'_>, warning
     library.table.get_or_default(name, context.file, warnings)
 }
 
-/// A vertex's contents, for finding equal ones.
-type Key = [u32; 8];
-
-/// The mesh that an object's faces with one set of attributes come together in.
-struct Piece {
-    mesh: usize,
-    /// Filled when a second run is added: most objects have only one.
-    vertices: HashMap<Key, u32>,
-    /// By material: the group of the mesh.
-    groups: HashMap<u32, usize>,
+/// What of the memory that a load may still hold the threads have used. Each books before it goes on, and stops where
+/// nothing is left.
+struct Allowance {
+    left: u64,
+    used: AtomicU64,
 }
 
-struct Joiner<'a> {
-    scene: &'a mut Scene,
-    pieces: HashMap<(u32, bool, bool), Piece>,
-}
+impl Allowance {
+    fn new(context: &Context<'_>) -> Self {
+        Self { left: context.budget.left(), used: AtomicU64::new(0) }
+    }
 
-impl Joiner<'_> {
-    fn add(&mut self, run: Run, read: tobj::Mesh, material: u32, coordinates: Option<(Vec2, Vec2)>, name: &str) {
-        let mut texcoords: Vec<Vec2> = read.texcoords.chunks_exact(2).map(Vec2::from_slice).collect();
-        if let Some((scale, offset)) = coordinates {
-            texcoords.iter_mut().for_each(|texcoord| *texcoord = *texcoord * scale + offset);
-        }
-        let mesh = Mesh {
-            name: name.to_owned(),
-            positions: read.positions.chunks_exact(3).map(Vec3::from_slice).collect(),
-            normals: read.normals.chunks_exact(3).map(Vec3::from_slice).collect(),
-            texcoords,
-            groups: Vec::new(),
-        };
-        let mut triangles: Vec<[u32; 3]> = read.indices.chunks_exact(3).map(|i| [i[0], i[1], i[2]]).collect();
-        drop(read.indices);
-        let key = (run.object, run.texcoords, run.normals);
-        match self.pieces.get_mut(&key) {
-            None => {
-                let index = self.scene.meshes.len();
-                self.pieces.insert(
-                    key,
-                    Piece { mesh: index, vertices: HashMap::new(), groups: HashMap::from([(material, 0)]) },
-                );
-                self.scene.objects.push(Object {
-                    name: name.to_owned(),
-                    mesh: index as u32,
-                    transform: Mat4::IDENTITY,
-                });
-                self.scene.meshes.push(Mesh { groups: vec![Group { material, triangles }], ..mesh });
-            }
-            Some(piece) => {
-                let target = &mut self.scene.meshes[piece.mesh];
-                let new_index = piece.share_vertices(target, mesh);
-                for vertex in triangles.iter_mut().flatten() {
-                    *vertex = new_index[*vertex as usize];
-                }
-                let group = *piece.groups.entry(material).or_insert(target.groups.len());
-                match target.groups.get_mut(group) {
-                    Some(group) => group.triangles.append(&mut triangles),
-                    None => target.groups.push(Group { material, triangles }),
-                }
-            }
-        }
+    /// Books `bytes`; `false` where they are too many.
+    fn take(&self, bytes: u64) -> bool {
+        self.used.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes) <= self.left
+    }
+
+    /// Books the sum with the load, which is an error where the threads had to stop.
+    fn settle(self, what: &str, context: &mut Context<'_>) -> Result<(), SceneError> {
+        context.budget.take(context.file, what, self.used.into_inner())
     }
 }
 
-impl Piece {
-    /// Appends the vertices that `target` does not hold from earlier runs, and returns where each of them is now. Those
-    /// of one run stay as they are: where the file lists equal ones, it wants them apart.
-    fn share_vertices(&mut self, target: &mut Mesh, added: Mesh) -> Vec<u32> {
-        if self.vertices.is_empty() {
-            for vertex in 0..target.positions.len() {
-                self.vertices.entry(key(target, vertex)).or_insert(vertex as u32);
-            }
-        }
-        let first_new = target.positions.len();
-        let new_index = (0..added.positions.len())
-            .map(|vertex| {
-                self.vertices.get(&key(&added, vertex)).copied().unwrap_or_else(|| {
-                    target.positions.push(added.positions[vertex]);
-                    target.normals.extend(added.normals.get(vertex));
-                    target.texcoords.extend(added.texcoords.get(vertex));
-                    target.positions.len() as u32 - 1
-                })
-            })
-            .collect();
-        for vertex in first_new..target.positions.len() {
-            self.vertices.entry(key(target, vertex)).or_insert(vertex as u32);
-        }
-        new_index
+/// Bytes that one thread has not booked yet.
+struct Purse<'a> {
+    allowance: &'a Allowance,
+    unbooked: u64,
+}
+
+impl<'a> Purse<'a> {
+    fn new(allowance: &'a Allowance) -> Self {
+        Self { allowance, unbooked: 0 }
+    }
+
+    /// Counts `bytes`; `false` where there are too many.
+    fn spend(&mut self, bytes: u64) -> bool {
+        self.unbooked += bytes;
+        self.unbooked <= BLOCK || self.book()
+    }
+
+    fn book(&mut self) -> bool {
+        self.allowance.take(std::mem::take(&mut self.unbooked))
     }
 }
 
-fn key(mesh: &Mesh, vertex: usize) -> Key {
-    let [x, y, z] = mesh.positions[vertex].to_array();
-    let [nx, ny, nz] = mesh.normals.get(vertex).copied().unwrap_or_default().to_array();
-    let [u, v] = mesh.texcoords.get(vertex).copied().unwrap_or_default().to_array();
-    [x, y, z, nx, ny, nz, u, v].map(f32::to_bits)
+impl Drop for Purse<'_> {
+    fn drop(&mut self) {
+        self.book();
+    }
+}
+
+/// Whether texture coordinates and normals are stored.
+fn stored(needs: Needs) -> [bool; 2] {
+    [needs.textures, needs.normals]
 }

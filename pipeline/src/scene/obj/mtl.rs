@@ -6,11 +6,11 @@ use super::super::Material;
 use super::super::TextureSource;
 use super::super::error::SceneError;
 use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, read_file, texture_file};
-use super::super::render::texture::image_has_alpha;
+use super::super::render::texture::{image_has_alpha, is_cut_out};
 use super::lines::{Lines, number, split_word, text, words};
 use crate::diagnostic::Warnings;
 use glam::{Vec2, Vec3, Vec4};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// A map statement: the file as written and how its coordinates are changed.
@@ -46,6 +46,8 @@ pub(super) struct Library {
     pub(super) textures: Vec<TextureSource>,
     /// By material: scale and offset of its texture coordinates, where the library changes them.
     pub(super) coordinates: Vec<Option<(Vec2, Vec2)>>,
+    /// Textures that were looked at, and whether they have holes.
+    cut_out: HashMap<PathBuf, bool>,
     /// Files that were read: a second time they declare nothing new, and a file may name one a million times.
     files: HashSet<PathBuf>,
     /// Statements that were followed, likewise.
@@ -54,7 +56,15 @@ pub(super) struct Library {
 
 impl Library {
     /// Adds the materials of one file. Those declared before stay as they are.
-    pub(super) fn read(&mut self, bytes: &[u8], context: &Context<'_>, warnings: &mut Warnings) {
+    ///
+    /// # Errors
+    /// If the texels of a texture that may be cut out need more memory than is left.
+    pub(super) fn read(
+        &mut self,
+        bytes: &[u8],
+        context: &mut Context<'_>,
+        warnings: &mut Warnings,
+    ) -> Result<(), SceneError> {
         let mut parser = Parser { file: context.file, warnings, current: None, done: Vec::new() };
         let mut lines = Lines::new(bytes);
         while let Some((line, statement)) = lines.next() {
@@ -71,13 +81,30 @@ impl Library {
                 continue;
             }
             let coordinates = declaration.map_kd.as_ref().map(|map| (map.scale, map.offset));
-            let material = self.material(declaration, context, warnings);
+            let material = self.material(declaration, context, warnings)?;
             self.table.declare(material);
             self.coordinates.push(coordinates.filter(|(scale, offset)| *scale != Vec2::ONE || *offset != Vec2::ZERO));
         }
+        Ok(())
     }
 
-    fn material(&mut self, written: Declaration, context: &Context<'_>, warnings: &mut Warnings) -> Material {
+    /// Whether a texture has holes; several materials may share one.
+    fn is_cut_out(&mut self, texture: &Path, context: &mut Context<'_>) -> Result<bool, SceneError> {
+        if let Some(known) = self.cut_out.get(texture) {
+            return Ok(*known);
+        }
+        // What cannot be read is dropped with a warning when it is decoded.
+        let found = is_cut_out(texture, MASK_CUTOFF, context.budget)?.unwrap_or(false);
+        self.cut_out.insert(texture.to_owned(), found);
+        Ok(found)
+    }
+
+    fn material(
+        &mut self,
+        written: Declaration,
+        context: &mut Context<'_>,
+        warnings: &mut Warnings,
+    ) -> Result<Material, SceneError> {
         let defaults = Material::default();
         let color = |written: Option<Vec3>, default: Vec4| written.map_or(default, |color| color.extend(1.0));
         let dissolve = written.d.or(written.tr.map(|tr| 1.0 - tr)).unwrap_or(1.0).clamp(0.0, 1.0);
@@ -93,7 +120,7 @@ impl Library {
             ..defaults
         };
         if !context.needs.textures {
-            return material;
+            return Ok(material);
         }
         if let Some(map) = &written.map_kd {
             let color = texture_file(context, &map.file, warnings, &material.name);
@@ -117,7 +144,14 @@ impl Library {
                         });
                         TextureSource::File(color)
                     }
-                    None => TextureSource::File(color),
+                    // Glass has an alpha of its own.
+                    None => {
+                        let glass = matches!(written.illum, Some(4 | 6 | 7 | 9));
+                        if !glass && self.is_cut_out(&color, context)? {
+                            material.alpha_cutoff = Some(MASK_CUTOFF);
+                        }
+                        TextureSource::File(color)
+                    }
                 };
                 material.texture = Some(add_texture(&mut self.textures, source));
             }
@@ -126,7 +160,7 @@ impl Library {
                 format!("`{}` of `{}`", mask.file, material.name)
             });
         }
-        material
+        Ok(material)
     }
 }
 
@@ -153,8 +187,13 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    fn warn(&mut self, line: u64, what: &'static str, statement: &[u8]) {
-        self.warnings.add(self.file, what, "ignored", || format!("line {line}: `{}`", text(statement)));
+    /// Counts a statement. Only a keyword that the format has is quoted, and nothing else of the line: a `mtllib` statement
+    /// may have named a file of any other kind, to have it shown.
+    fn warn(&mut self, line: u64, what: &'static str, keyword: Option<&[u8]>) {
+        self.warnings.add(self.file, what, "ignored", || match keyword {
+            Some(keyword) => format!("line {line}: `{}`", text(keyword)),
+            None => format!("line {line}"),
+        });
     }
 
     fn statement(&mut self, line: u64, statement: &[u8]) {
@@ -169,7 +208,7 @@ impl Parser<'_> {
             return;
         }
         let Some(current) = &mut self.current else {
-            self.warn(line, "material statements before the first newmtl", statement);
+            self.warn(line, "material statements before the first newmtl", None);
             return;
         };
         let understood = match &keyword[..] {
@@ -192,17 +231,17 @@ impl Parser<'_> {
             b"map_ka" | b"map_ks" | b"map_ke" | b"map_ns" | b"map_bump" | b"bump" | b"map_tr" | b"disp" | b"decal"
             | b"refl" | b"norm" | b"map_refl" | b"map_pr" | b"map_pm" | b"map_ps" | b"map_aat" | b"map_rma"
             | b"map_orm" | b"map_disp" | b"map_ni" => {
-                self.warn(line, "texture maps that no program reads", statement);
+                self.warn(line, "texture maps that no program reads", Some(&keyword));
                 true
             }
             b"sharpness" | b"pr" | b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" | b"km" => true,
             _ => {
-                self.warn(line, "unknown material statements", statement);
+                self.warn(line, "unknown material statements", None);
                 true
             }
         };
         if !understood {
-            self.warn(line, "material statements with values that cannot be read", statement);
+            self.warn(line, "material statements with values that cannot be read", Some(&keyword));
         }
     }
 }
@@ -315,8 +354,8 @@ pub(super) fn read_libraries(
         let failed = |error: std::io::Error| SceneError::file(&resolved.path, error.to_string());
         let size = std::fs::metadata(&resolved.path).map_err(failed)?.len();
         let bytes = read_file(&resolved.path, size, context.budget)?;
-        let within = Context { file: &resolved.path, needs: context.needs, budget: &mut *context.budget };
-        library.read(&bytes, &within, warnings);
+        let mut within = Context { file: &resolved.path, needs: context.needs, budget: &mut *context.budget };
+        library.read(&bytes, &mut within, warnings)?;
         within.budget.give_back(size);
     }
     Ok(())

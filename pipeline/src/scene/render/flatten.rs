@@ -1,12 +1,17 @@
 //! Objects into one list of triangles in world space.
 
 use super::super::error::{Budget, SceneError};
-use super::super::{Batch, Geometry, Mesh, Object};
+use super::super::parallel::concatenate;
+use super::super::{Batch, Geometry, Material, Mesh, Object};
 use super::{BuildOptions, FilesOfObjects, normals};
 use crate::diagnostic::Warnings;
 use glam::{DVec3, Mat3, Mat4, Vec2, Vec3};
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Triangles that a task looks at, at least.
+const GRAIN: usize = 1 << 12;
 
 /// A run of consecutive triangles that come from one group of one object.
 struct Run {
@@ -30,7 +35,7 @@ const BAD: u32 = u32::MAX;
 
 pub(super) fn flatten(
     mut meshes: Vec<Mesh>,
-    objects: &[Object],
+    (objects, materials): (&[Object], &[Material]),
     options: &BuildOptions,
     files: &FilesOfObjects,
     budget: &mut Budget,
@@ -44,16 +49,16 @@ pub(super) fn flatten(
     if options.needs.normals {
         ensure_normals(&mut meshes, &first_users, &uses, files, warnings);
     }
-    let total = total_size(&meshes, objects, options, files, budget)?;
+    let vertices = total_size(&meshes, objects, options, files, budget)?;
     if options.needs.textures {
         mend_texcoords(&mut meshes, &first_users, &uses, files, warnings);
     }
 
     let mut geometry = Geometry::default();
     if objects.len() > 1 {
-        geometry.positions.reserve_exact(total.vertices);
-        geometry.normals.reserve_exact(if options.needs.normals { total.vertices } else { 0 });
-        geometry.texcoords.reserve_exact(if options.needs.textures { total.vertices } else { 0 });
+        geometry.positions.reserve_exact(vertices);
+        geometry.normals.reserve_exact(if options.needs.normals { vertices } else { 0 });
+        geometry.texcoords.reserve_exact(if options.needs.textures { vertices } else { 0 });
     }
     let mut parts: Vec<(Run, Vec<[u32; 3]>)> = Vec::new();
     for (index, object) in objects.iter().enumerate() {
@@ -62,10 +67,15 @@ pub(super) fn flatten(
         let last = uses[object.mesh as usize] == 0;
         let base = geometry.positions.len() as u32;
         let vertices = mesh.positions.len() as u32;
+        let mirrored = object.transform.determinant() < 0.0;
         for (group_index, group) in mesh.groups.iter_mut().enumerate() {
             let mut triangles = claim(&mut group.triangles, last).into_owned();
+            let turned = mirrored && materials.get(group.material as usize).is_some_and(|m| m.single_sided);
             triangles.par_iter_mut().for_each(|triangle| {
                 *triangle = triangle.map(|vertex| if vertex < vertices { base + vertex } else { BAD });
+                if turned {
+                    triangle.swap(1, 2);
+                }
             });
             let run = Run { material: group.material, object: index, group: group_index, triangles: triangles.len() };
             parts.push((run, triangles));
@@ -75,7 +85,7 @@ pub(super) fn flatten(
     drop(meshes);
     parts.sort_by_key(|(run, _)| run.material);
     let (mut runs, lists): (Vec<Run>, Vec<Vec<[u32; 3]>>) = parts.into_iter().unzip();
-    geometry.triangles = concatenate(lists, total.triangles);
+    geometry.triangles = whole(lists);
 
     sort_out(&mut geometry, &mut runs, objects, files, warnings);
     drop_unused_vertices(&mut geometry);
@@ -89,19 +99,14 @@ pub(super) fn flatten(
     Ok(geometry)
 }
 
-struct Size {
-    vertices: usize,
-    triangles: usize,
-}
-
-/// Adds up what the objects need and books it.
+/// Adds up what the objects need, books it, and returns the number of vertices.
 fn total_size(
     meshes: &[Mesh],
     objects: &[Object],
     options: &BuildOptions,
     files: &FilesOfObjects,
     budget: &mut Budget,
-) -> Result<Size, SceneError> {
+) -> Result<usize, SceneError> {
     let sizes: Vec<(u64, u64)> = meshes
         .iter()
         .map(|mesh| {
@@ -124,7 +129,7 @@ fn total_size(
     let vertex_size = 12 + if options.needs.normals { 12 } else { 0 } + if options.needs.textures { 8 } else { 0 };
     budget.take(file, "the placed vertices", vertices * vertex_size)?;
     budget.take(file, "the placed triangles", triangles * 12)?;
-    Ok(Size { vertices: vertices as usize, triangles: triangles as usize })
+    Ok(vertices as usize)
 }
 
 /// By mesh: the first object that places it, whose file messages name.
@@ -237,15 +242,11 @@ fn normal_matrix(transform: Mat4) -> Mat3 {
     Mat3::from_cols(cofactors[0] * sign, cofactors[1] * sign, cofactors[2] * sign)
 }
 
-fn concatenate(mut lists: Vec<Vec<[u32; 3]>>, total: usize) -> Vec<[u32; 3]> {
+fn whole(mut lists: Vec<Vec<[u32; 3]>>) -> Vec<[u32; 3]> {
     if lists.len() == 1 {
         return lists.remove(0);
     }
-    let mut triangles = Vec::with_capacity(total);
-    for list in lists {
-        triangles.extend_from_slice(&list);
-    }
-    triangles
+    concatenate(&lists.iter().map(Vec::as_slice).collect::<Vec<_>>())
 }
 
 fn verdict(positions: &[Vec3], triangle: &[u32; 3]) -> Verdict {
@@ -307,11 +308,13 @@ fn sort_out(
 
 /// Keeps the vertices that a triangle uses, in order.
 fn drop_unused_vertices(geometry: &mut Geometry) {
-    let mut used = vec![false; geometry.positions.len()];
-    for vertex in geometry.triangles.iter().flatten() {
-        used[*vertex as usize] = true;
-    }
-    if used.iter().all(|used| *used) {
+    let mut marks: Vec<AtomicBool> = Vec::new();
+    marks.par_extend(geometry.positions.par_iter().map(|_| AtomicBool::new(false)));
+    geometry.triangles.par_iter().with_min_len(GRAIN).for_each(|triangle| {
+        triangle.iter().for_each(|vertex| marks[*vertex as usize].store(true, Ordering::Relaxed));
+    });
+    let used: Vec<bool> = marks.into_par_iter().map(AtomicBool::into_inner).collect();
+    if used.par_iter().all(|used| *used) {
         return;
     }
     let mut kept = 0;

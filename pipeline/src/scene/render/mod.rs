@@ -45,6 +45,8 @@ impl RenderScene {
     ///   area, in double precision, is below the smallest normal `f32`) are left out and counted, by object.
     /// - Vertices that no triangle uses are dropped. The order of triangles is that of objects and groups, sorted by
     ///   material without exchanging equals; ids therefore do not depend on the number of threads.
+    /// - Where a transform mirrors (its determinant is below 0), triangles of single-sided materials are turned, so that they still
+    ///   face where their mesh has them face (glTF 2.0, section 3.7.4).
     /// - Normals are transformed by the inverse transpose and made unit length. Where a mesh has none, each vertex gets
     ///   the mean of the normals of its faces, weighted by the face's angle there (Thürmer and Wüthrich, "Computing
     ///   Vertex Normals from Polygonal Facets", 1998); faces on both sides of a crease of more than
@@ -63,7 +65,7 @@ impl RenderScene {
         let mut budget = Budget::new(options.max_bytes);
         let Scene { meshes, objects, mut materials, textures: sources, .. } = scene;
 
-        let geometry = flatten::flatten(meshes, &objects, options, &files, &mut budget, &mut warnings)?;
+        let geometry = flatten::flatten(meshes, (&objects, &materials), options, &files, &mut budget, &mut warnings)?;
 
         let mut in_use = vec![false; materials.len()];
         for batch in &geometry.batches {

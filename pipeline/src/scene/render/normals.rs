@@ -1,11 +1,15 @@
 //! Vertex normals of a mesh: made unit length, and computed where they are missing or useless.
 
 use super::super::Mesh;
+use super::super::parallel::concatenate;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 /// Vertices that one task computes.
 const BLOCK: usize = 1 << 14;
+/// Faces that a task looks at, at least.
+const GRAIN: usize = 1 << 12;
 
 /// Cosine of the crease angle, 60 degrees: faces that meet at an edge with a larger angle between their normals are not
 /// smoothed into each other. Boxes stay flat so, whether or not their file shares the corners, and round things smooth.
@@ -59,36 +63,29 @@ struct Split {
 /// where there is none, +z. With `creases`, only faces are averaged that are connected around the vertex by edges below
 /// the crease angle. Each vertex's sum is formed in the order of the triangles, whatever the number of threads.
 fn smooth(mesh: &Mesh, creases: bool) -> Smooth {
-    let faces: Vec<[u32; 3]> = mesh.groups.iter().flat_map(|group| group.triangles.iter().copied()).collect();
+    let lists: Vec<&[[u32; 3]]> = mesh.groups.iter().map(|group| &group.triangles[..]).collect();
+    let copied;
+    let faces: &[[u32; 3]] = match lists[..] {
+        [only] => only,
+        _ => {
+            copied = concatenate(&lists);
+            &copied
+        }
+    };
     let vertices = mesh.positions.len();
-    // The corners of each vertex, in order, as one list with the place where each vertex starts.
-    let mut starts = vec![0_usize; vertices + 1];
-    let valid = |vertex: &u32| (*vertex as usize) < vertices;
-    for vertex in faces.iter().flatten().copied().filter(valid) {
-        starts[vertex as usize + 1] += 1;
-    }
-    for vertex in 0..vertices {
-        starts[vertex + 1] += starts[vertex];
-    }
-    let mut corners = vec![0_u64; starts[vertices]];
-    let mut next = starts.clone();
-    for (number, vertex) in faces.iter().flatten().enumerate().filter(|(_, vertex)| valid(vertex)) {
-        corners[next[*vertex as usize]] = number as u64;
-        next[*vertex as usize] += 1;
-    }
-    drop(next);
-
+    let around = Around::new(faces, vertices);
     let mut normals = vec![Vec3::Z; vertices];
     let splits: Vec<Vec<Split>> = normals
         .par_chunks_mut(BLOCK)
         .enumerate()
         .map(|(block, normals)| {
-            let (mut fan, mut splits) = (Fan::default(), Vec::new());
+            let (mut fan, mut splits, mut corners) = (Fan::default(), Vec::new(), Vec::new());
             for (offset, normal) in normals.iter_mut().enumerate() {
                 let vertex = block * BLOCK + offset;
-                fan.gather(&mesh.positions, &faces, &corners[starts[vertex]..starts[vertex + 1]]);
+                around.corners(vertex, &mut corners);
+                fan.gather(&mesh.positions, faces, &corners);
                 if creases {
-                    fan.unite_across_edges(&faces);
+                    fan.unite_across_edges(faces);
                 }
                 let mut parts = fan.parts();
                 if let Some((first, _)) = parts.next() {
@@ -100,6 +97,52 @@ fn smooth(mesh: &Mesh, creases: bool) -> Smooth {
         })
         .collect();
     Smooth { normals, splits: splits.into_iter().flatten().collect() }
+}
+
+/// The corners of each vertex.
+struct Around {
+    /// Where those of each vertex begin in the list, and the end of the last.
+    starts: Vec<u64>,
+    corners: Vec<AtomicU64>,
+}
+
+impl Around {
+    /// Indices beyond the vertices are left out.
+    fn new(faces: &[[u32; 3]], vertices: usize) -> Self {
+        let mut left: Vec<AtomicU32> = Vec::new();
+        left.par_extend((0..vertices).into_par_iter().map(|_| AtomicU32::new(0)));
+        let slots = |triangle: &[u32; 3]| triangle.map(|vertex| left.get(vertex as usize));
+        faces.par_iter().with_min_len(GRAIN).for_each(|triangle| {
+            slots(triangle).into_iter().flatten().for_each(|slot| {
+                slot.fetch_add(1, Ordering::Relaxed);
+            });
+        });
+        let mut starts = Vec::with_capacity(vertices + 1);
+        let mut end = 0;
+        starts.push(end);
+        starts.extend(left.iter().map(|count| {
+            end += u64::from(count.load(Ordering::Relaxed));
+            end
+        }));
+        let mut corners: Vec<AtomicU64> = Vec::new();
+        corners.par_extend((0..end as usize).into_par_iter().map(|_| AtomicU64::new(0)));
+        faces.par_iter().with_min_len(GRAIN).enumerate().for_each(|(face, triangle)| {
+            for (place, vertex) in triangle.iter().enumerate() {
+                let Some(left) = left.get(*vertex as usize) else { continue };
+                let slot = starts[*vertex as usize] + u64::from(left.fetch_sub(1, Ordering::Relaxed) - 1);
+                corners[slot as usize].store(3 * face as u64 + place as u64, Ordering::Relaxed);
+            }
+        });
+        Self { starts, corners }
+    }
+
+    /// Those of a vertex in ascending order: threads have put them down in any.
+    fn corners(&self, vertex: usize, list: &mut Vec<u64>) {
+        let range = self.starts[vertex] as usize..self.starts[vertex + 1] as usize;
+        list.clear();
+        list.extend(self.corners[range].iter().map(|corner| corner.load(Ordering::Relaxed)));
+        list.sort_unstable();
+    }
 }
 
 /// Gives each part beyond a crease a vertex of its own, as long as vertices can be counted.
@@ -117,13 +160,20 @@ fn split(mesh: &mut Mesh, splits: &[Split]) {
         }
         moved.extend(split.corners.iter().map(|corner| (*corner, to)));
     }
-    moved.sort_unstable();
-    let mut moved = moved.into_iter().peekable();
-    let corners = mesh.groups.iter_mut().flat_map(|group| group.triangles.iter_mut().flatten());
-    for (number, vertex) in corners.enumerate() {
-        if let Some((_, to)) = moved.next_if(|(corner, _)| *corner == number as u64) {
-            *vertex = to;
-        }
+    moved.par_sort_unstable();
+    let mut first = 0;
+    for group in &mut mesh.groups {
+        let begun = first;
+        first += group.triangles.len();
+        group.triangles.par_chunks_mut(BLOCK).enumerate().for_each(|(block, triangles)| {
+            let before = 3 * (begun + block * BLOCK) as u64;
+            let end = before + 3 * triangles.len() as u64;
+            let here = |place: u64| moved.partition_point(|(corner, _)| *corner < place);
+            for (corner, to) in &moved[here(before)..here(end)] {
+                let place = (corner - before) as usize;
+                triangles[place / 3][place % 3] = *to;
+            }
+        });
     }
 }
 

@@ -1,9 +1,13 @@
 //! Decoding of textures, in parallel and within limits.
 
 use super::super::error::{Budget, SceneError};
-use super::super::texture::Texture;
+use super::super::load::no_file_refused;
+use super::super::texture::{Level, Texture};
 use super::super::{Material, TextureSource};
 use crate::diagnostic::Warnings;
+use crate::files;
+use crate::guard;
+use crate::image::decode::{Fault, rgba8};
 use image::{ImageDecoder, ImageFormat, ImageReader, RgbaImage};
 use rayon::prelude::*;
 use std::io::{BufRead, BufReader, Cursor, Seek};
@@ -27,22 +31,40 @@ pub(super) fn decode_used(
     }
     let cutoffs = cutoffs(materials, sources.len());
     // The headers first: what all of them need is known before anything is decoded.
-    let sizes: Vec<Option<Result<(u32, u32), String>>> =
-        sources.par_iter().zip(used).map(|(source, used)| used.then(|| size(source))).collect();
-    for (source, size) in sources.iter().zip(&sizes) {
-        if let Some(Ok((width, height))) = size {
+    let costs: Vec<Option<Result<Cost, String>>> =
+        sources.par_iter().zip(used).map(|(source, used)| used.then(|| cost(source))).collect();
+    let mut working = Vec::new();
+    for (source, cost) in sources.iter().zip(&costs) {
+        if let Some(Ok(cost)) = cost {
             // The mip chain adds a third.
-            let bytes = u64::from(*width) * u64::from(*height) * 4 * 4 / 3;
-            budget.take(file, &format!("the texels of {}", source.name()), bytes)?;
+            budget.take(file, &format!("the texels of {}", source.name()), cost.texels * 4 * 4 / 3)?;
+            working.push((cost.working, source));
         }
     }
-    // What decoders need besides, while they run, is bounded by `limits`.
-    let decoded: Vec<Option<Result<Texture, String>>> = sources
+    // As many are decoded at a time as there are threads; in the worst case those that need most.
+    working.sort_by_key(|(bytes, _)| std::cmp::Reverse(*bytes));
+    working.truncate(rayon::current_num_threads());
+    let mut booked = 0;
+    for (bytes, source) in working {
+        budget.take(file, &format!("the decoder of {}", source.name()), bytes)?;
+        booked += bytes;
+    }
+    budget.give_back(booked);
+    let decoded: Vec<Option<Result<Level, Fault>>> = sources
         .par_iter()
-        .zip(sizes)
-        .zip(cutoffs)
-        .map(|((source, size), cutoff)| size.map(|size| size.and_then(|_| decode(source, cutoff))))
+        .zip(costs)
+        .with_max_len(1)
+        .map(|(source, cost)| cost.map(|cost| cost.map_err(Fault::Broken).and_then(|_| decode(source))))
         .collect();
+    // All threads make the smaller levels of one texture after the other: the larger ones end no later than the others.
+    let named = sources.iter().map(TextureSource::name);
+    let decoded = decoded
+        .into_iter()
+        .zip(named)
+        .zip(cutoffs)
+        .map(|((base, name), cutoff)| base.map(|base| base.map(|base| with_levels(name, base, cutoff))));
+
+    no_file_refused()?;
 
     let mut textures = Vec::new();
     let mut new_index = vec![None; sources.len()];
@@ -52,7 +74,10 @@ pub(super) fn decode_used(
                 *new_index = Some(textures.len() as u32);
                 textures.push(texture);
             }
-            Some(Err(why)) => {
+            Some(Err(Fault::Refused(refused))) => {
+                return Err(SceneError::file(file, format!("the texels of {}: {refused}", source.name())));
+            }
+            Some(Err(Fault::Broken(why))) => {
                 warnings.add(file, "textures that cannot be decoded", "the diffuse colour serves", || {
                     format!("{}: {why}", source.name())
                 })
@@ -70,15 +95,50 @@ pub(super) fn decode_used(
     Ok(textures)
 }
 
-fn size(source: &TextureSource) -> Result<(u32, u32), String> {
+/// What a texture takes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cost {
+    /// Texels of level 0.
+    texels: u64,
+    /// Bytes that are needed besides them while it is decoded.
+    working: u64,
+}
+
+/// From the headers alone.
+fn cost(source: &TextureSource) -> Result<Cost, String> {
     match source {
-        TextureSource::File(path) => within_limits(decoder(open(path)?, Some(path))?.dimensions()),
-        TextureSource::Embedded { bytes, .. } => within_limits(decoder(Cursor::new(&bytes[..]), None)?.dimensions()),
+        TextureSource::File(path) => cost_of_file(path),
+        TextureSource::Embedded { bytes, .. } => {
+            cost_of(decoder_and_format(Cursor::new(&bytes[..]), None)?, bytes.len() as u64)
+        }
         TextureSource::Masked { color, mask } => {
-            within_limits(decoder(open(mask)?, Some(mask))?.dimensions())?;
-            within_limits(decoder(open(color)?, Some(color))?.dimensions())
+            let (color, mask) = (cost_of_file(color), cost_of_file(mask)?);
+            let color = color?;
+            Ok(Cost { texels: color.texels, working: color.working.max(4 * mask.texels + mask.working) })
         }
     }
+}
+
+fn cost_of_file(path: &Path) -> Result<Cost, String> {
+    cost_of(decoder_and_format(open(path)?, Some(path))?, length(path))
+}
+
+fn length(path: &Path) -> u64 {
+    std::fs::metadata(path).map_or(0, |metadata| metadata.len())
+}
+
+/// Forms of more than four bytes are decoded as they are and narrowed in place. Besides, a decoder keeps the file and, if it
+/// is progressive, a coefficient of 2 bytes for each value (JPEG), or a whole picture (TIFF of one strip); the others keep
+/// rows and tables, for which 1 MiB is counted.
+fn cost_of((decoder, format): (impl ImageDecoder, ImageFormat), file: u64) -> Result<Cost, String> {
+    let (width, height) = within_limits(decoder.dimensions())?;
+    let (texels, stored) = (u64::from(width) * u64::from(height), decoder.total_bytes());
+    let own = match format {
+        ImageFormat::Jpeg => file + 2 * stored,
+        ImageFormat::Tiff => stored,
+        _ => 0,
+    };
+    Ok(Cost { texels, working: stored.saturating_sub(4 * texels) + own + (1 << 20) })
 }
 
 fn within_limits((width, height): (u32, u32)) -> Result<(u32, u32), String> {
@@ -100,24 +160,33 @@ fn cutoffs(materials: &[Material], textures: usize) -> Vec<Option<f32>> {
     cutoffs
 }
 
-fn decode(source: &TextureSource, cutoff: Option<f32>) -> Result<Texture, String> {
+fn with_levels(name: String, base: Level, cutoff: Option<f32>) -> Texture {
+    let Level { width, height, texels } = base;
+    match cutoff {
+        Some(cutoff) => Texture::cut_out(name, width, height, texels, cutoff),
+        None => Texture::new(name, width, height, texels),
+    }
+}
+
+/// Decodes on one thread: a decoder's state never waits on a stack for other threads, which may bring more decoders.
+fn decode(source: &TextureSource) -> Result<Level, Fault> {
     let image = pixels(source)?;
     let (width, height) = image.dimensions();
     // Four bytes a texel either way; the copy is only made where the decoder's list has room left over.
     let texels = bytemuck::try_cast_vec(image.into_raw()).unwrap_or_else(|(_, bytes)| bytes.as_chunks().0.to_vec());
-    Ok(match cutoff {
-        Some(cutoff) => Texture::cut_out(source.name(), width, height, texels, cutoff),
-        None => Texture::new(source.name(), width, height, texels),
-    })
+    Ok(Level { width, height, texels })
 }
 
-fn pixels(source: &TextureSource) -> Result<RgbaImage, String> {
+fn pixels(source: &TextureSource) -> Result<RgbaImage, Fault> {
     match source {
         TextureSource::File(path) => read(open(path)?, Some(path)),
         TextureSource::Embedded { bytes, .. } => read(Cursor::new(&bytes[..]), None),
         TextureSource::Masked { color, mask } => {
             let mut image = read(open(color)?, Some(color))?;
-            let mask = read(open(mask)?, Some(mask)).map_err(|why| format!("{}: {why}", mask.display()))?;
+            let mask = read(open(mask)?, Some(mask)).map_err(|fault| match fault {
+                Fault::Broken(why) => Fault::Broken(format!("{}: {why}", mask.display())),
+                refused => refused,
+            })?;
             mask_alpha(&mut image, &mask);
             Ok(image)
         }
@@ -139,8 +208,8 @@ fn mask_alpha(image: &mut RgbaImage, mask: &RgbaImage) {
     }
 }
 
-fn open(path: &Path) -> Result<BufReader<std::fs::File>, String> {
-    std::fs::File::open(path).map(BufReader::new).map_err(|error| error.to_string())
+fn open(path: &Path) -> Result<BufReader<files::Input>, String> {
+    files::open(path).map(BufReader::new).map_err(|error| error.to_string())
 }
 
 /// A decoder with limits, for the format that the first bytes tell, or else (TGA has no signature) the extension.
@@ -148,7 +217,16 @@ fn decoder<'a, R: BufRead + Seek + 'a>(
     bytes: R,
     path: Option<&Path>,
 ) -> Result<impl ImageDecoder + use<'a, R>, String> {
-    let reader = ImageReader::new(bytes).with_guessed_format().map_err(|error| error.to_string())?;
+    decoder_and_format(bytes, path).map(|(decoder, _)| decoder)
+}
+
+/// [`decoder`], and the format.
+fn decoder_and_format<'a, R: BufRead + Seek + 'a>(
+    bytes: R,
+    path: Option<&Path>,
+) -> Result<(impl ImageDecoder + use<'a, R>, ImageFormat), String> {
+    let reader = guard::call("image", || ImageReader::new(bytes).with_guessed_format())?;
+    let reader = reader.map_err(|error| error.to_string())?;
     let by_name = || path.and_then(|path| ImageFormat::from_path(path).ok());
     let format = reader
         .format()
@@ -156,7 +234,7 @@ fn decoder<'a, R: BufRead + Seek + 'a>(
         .ok_or("the image format is not known; valid: PNG, JPEG, TGA, TIFF, BMP, DDS")?;
     let mut reader = ImageReader::with_format(reader.into_inner(), format);
     reader.limits(limits(0));
-    reader.into_decoder().map_err(|error| error.to_string())
+    Ok((guard::call("image", || reader.into_decoder())?.map_err(|error| error.to_string())?, format))
 }
 
 /// What a decoder may allocate by itself: 16 bytes a texel (the widest format), and some for its tables. The sides are
@@ -168,25 +246,28 @@ fn limits(texels: u64) -> image::Limits {
 }
 
 /// All pixels as 8-bit RGBA; 16-bit and floating-point channels are reduced.
-fn read<'a, R: BufRead + Seek + 'a>(bytes: R, path: Option<&Path>) -> Result<RgbaImage, String> {
+fn read<'a, R: BufRead + Seek + 'a>(bytes: R, path: Option<&Path>) -> Result<RgbaImage, Fault> {
     let mut decoder = decoder(bytes, path)?;
     let (width, height) = within_limits(decoder.dimensions())?;
-    decoder.set_limits(limits(u64::from(width) * u64::from(height))).map_err(|error| error.to_string())?;
-    let image = image::DynamicImage::from_decoder(decoder).map_err(|error| error.to_string())?;
-    Ok(image.into_rgba8())
+    let limited = guard::call("image", || decoder.set_limits(limits(u64::from(width) * u64::from(height))))?;
+    limited.map_err(|error| error.to_string())?;
+    let texels = bytemuck::cast_vec(rgba8(decoder)?);
+    RgbaImage::from_raw(width, height, texels)
+        .ok_or_else(|| Fault::Broken("the decoder made another number of texels".to_owned()))
 }
 
 /// The bytes and the extension of a file that holds the texture: an embedded image as it is, two files put together
 /// as a PNG.
 pub(in crate::scene) fn encoded(source: &TextureSource) -> Result<(Vec<u8>, &'static str), String> {
     if let TextureSource::Embedded { bytes, .. } = source {
-        let format = image::guess_format(bytes).map_err(|error| error.to_string())?;
+        let format = guard::call("image", || image::guess_format(bytes))?.map_err(|error| error.to_string())?;
         let extension = format.extensions_str().first().copied().unwrap_or("png");
         return Ok((bytes.clone(), extension));
     }
-    size(source)?;
+    cost(source)?;
     let mut png = Cursor::new(Vec::new());
-    pixels(source)?.write_to(&mut png, ImageFormat::Png).map_err(|error| error.to_string())?;
+    let pixels = pixels(source).map_err(|fault| fault.to_string())?;
+    guard::call("image", || pixels.write_to(&mut png, ImageFormat::Png))?.map_err(|error| error.to_string())?;
     Ok((png.into_inner(), "png"))
 }
 
@@ -195,19 +276,17 @@ pub(in crate::scene) fn image_has_alpha(path: &Path) -> bool {
     open(path).and_then(|bytes| decoder(bytes, Some(path))).is_ok_and(|decoder| decoder.color_type().has_alpha())
 }
 
-/// Whether an image file has an alpha channel and a texel below that alpha; `false` where it cannot be read.
-pub(in crate::scene) fn is_cut_out(path: &Path, cutoff: f32, budget: &mut Budget) -> Result<bool, SceneError> {
-    let header = open(path).and_then(|bytes| decoder(bytes, Some(path)));
-    let Ok((width, height)) = header.and_then(|decoder| match decoder.color_type().has_alpha() {
-        true => within_limits(decoder.dimensions()),
-        false => Err(String::new()),
-    }) else {
-        return Ok(false);
-    };
+/// Whether an image file has an alpha channel and a texel below that alpha; `None` where it cannot be read.
+pub(in crate::scene) fn is_cut_out(path: &Path, cutoff: f32, budget: &mut Budget) -> Result<Option<bool>, SceneError> {
+    let Ok(header) = open(path).and_then(|bytes| decoder(bytes, Some(path))) else { return Ok(None) };
+    if !header.color_type().has_alpha() {
+        return Ok(Some(false));
+    }
+    let Ok((width, height)) = within_limits(header.dimensions()) else { return Ok(None) };
     let bytes = u64::from(width) * u64::from(height) * 4;
     budget.take(path, "the texels", bytes)?;
-    let image = open(path).and_then(|bytes| read(bytes, Some(path)));
-    let found = image.is_ok_and(|image| image.pixels().any(|pixel| f32::from(pixel.0[3]) < cutoff * 255.0));
+    let image = open(path).map_err(Fault::from).and_then(|bytes| read(bytes, Some(path)));
+    let found = image.map(|image| image.pixels().any(|pixel| f32::from(pixel.0[3]) < cutoff * 255.0));
     budget.give_back(bytes);
-    Ok(found)
+    Ok(found.ok())
 }

@@ -1,7 +1,8 @@
 //! Whether a picture calls for maps at all, asked on the device where the G-buffer is there.
 
 use super::inputs::Inputs;
-use super::programs::{GROUP, compute_pipeline};
+use super::programs::compute_pipeline;
+use super::shader::GROUP;
 use super::shader::{self, AskUniform};
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;

@@ -1,7 +1,8 @@
 //! The G-buffer as programs read it: the attachments drawn last, or textures filled from host memory.
 
 use super::kept::Kept;
-use crate::raster::gpu::device::{Gpu, UPLOAD_PIECE, failure, unsupported};
+use crate::raster::gpu::device::{Gpu, UPLOAD_PIECE};
+use crate::raster::gpu::faults::{failure, unsupported};
 use crate::raster::gpu::targets::{CHANNEL_FORMATS, CHANNELS, TRIANGLE, Targets};
 use curitiba_pipeline::backend::{BackendError, EffectJob};
 use std::time::{Duration, Instant};

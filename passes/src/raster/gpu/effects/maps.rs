@@ -1,8 +1,9 @@
 //! Maps: the scene drawn from elsewhere before the pixels are computed.
 
 use super::Context;
-use crate::raster::gpu::device::{Gpu, unsupported};
+use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::draws::DrawList;
+use crate::raster::gpu::faults::unsupported;
 use crate::raster::gpu::job::check_scene;
 use crate::raster::gpu::targets::{CHANNEL_FORMATS, DEPTH_FORMAT};
 use crate::raster::gpu::timer::Timer;
@@ -159,6 +160,8 @@ pub fn draw(
         view: *first,
         sun: job.sun,
         shades: job.shades,
+        // Maps show what rays meet: both sides of everything.
+        culled: &[],
         viewport: Rect { x: 0, y: 0, width: 0, height: 0 },
         clear_color: Vec4::ZERO,
         attachments: Attachments { color, ..Attachments::default() },

@@ -13,8 +13,9 @@ mod maps;
 mod programs;
 mod shader;
 
-use super::device::{Gpu, unsupported};
+use super::device::Gpu;
 use super::draws::DrawList;
+use super::faults::{failure, unsupported};
 use super::geometry::DeviceGeometry;
 use super::pipelines::{Layouts, Pipelines};
 use super::targets::{Staging, Targets};
@@ -365,7 +366,7 @@ impl Effects {
             return Ok(group.clone());
         }
         let (Some(output), Some(compiled)) = (self.outputs.last(), self.programs.get(&program)) else {
-            return Err(super::device::failure("an effect was not prepared"));
+            return Err(failure("an effect was not prepared"));
         };
         let mut resources = Vec::new();
         if let Some(maps) = self.maps.last().filter(|_| maps.is_some()) {

@@ -2,7 +2,8 @@
 
 use super::inputs::Inputs;
 use super::maps::submit;
-use crate::raster::gpu::device::{Gpu, unsupported};
+use crate::raster::gpu::device::Gpu;
+use crate::raster::gpu::faults::unsupported;
 use crate::raster::gpu::timer::Timer;
 use curitiba_pipeline::backend::{BackendError, Part};
 use curitiba_pipeline::executor::Progress;
@@ -10,12 +11,10 @@ use curitiba_pipeline::raster_effects::EffectProgram;
 use std::num::NonZeroU64;
 use std::time::Instant;
 
-use super::shader::{self, FrameUniform};
+use super::shader::{self, FrameUniform, GROUP};
 
 /// The output's format.
 pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
-/// Pixels a side of a workgroup.
-pub const GROUP: u32 = 8;
 /// Texels that one submission reads, about. Drivers end what runs for seconds; this takes a tenth of one on slow hardware.
 const TEXELS_PER_SUBMISSION: u64 = 1 << 30;
 

@@ -1,6 +1,5 @@
 //! The shaders of the pixel programs, and the uniforms that they read.
 
-use super::programs::GROUP;
 use crate::effects::SHADOWED;
 use crate::raster::effects::cascades::Cascades;
 use crate::raster::effects::cube::{AXES, FACES};
@@ -17,6 +16,8 @@ use std::fmt::Write;
 
 /// The entry point of every program.
 pub const ENTRY: &str = "main";
+/// Pixels a side of a workgroup.
+pub const GROUP: u32 = 8;
 
 /// What all programs share; comes last, so that messages of the compiler count the lines of the program's own file.
 const COMMON: &str = include_str!("common.wgsl");

@@ -1,6 +1,7 @@
 //! What there is to say where nothing can be shared.
 
-use crate::raster::gpu::device::{Gpu, unsupported};
+use crate::raster::gpu::device::Gpu;
+use crate::raster::gpu::faults::unsupported;
 use crate::raster::gpu::targets::Targets;
 use crate::raster::gpu::timer::Timer;
 use curitiba_pipeline::backend::{Attachments, BackendError, HandOver, RasterJob};

@@ -5,7 +5,8 @@
 //! does not ask for.
 
 use super::vulkan::{self, Semaphore};
-use crate::raster::gpu::device::{Gpu, failure};
+use crate::raster::gpu::device::Gpu;
+use crate::raster::gpu::faults::failure;
 use crate::raster::gpu::targets::{CHANNELS, TRIANGLE, Targets, in_order};
 use crate::raster::gpu::timer::Timer;
 use curitiba_pipeline::backend::{Attachments, BackendError, HandOver, RasterJob};

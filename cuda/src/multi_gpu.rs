@@ -1,0 +1,259 @@
+//! The ray backends: one GPU, or several that share the rows of each pass.
+//!
+//! A picture is dealt in stripes of rows, so that costly and cheap parts of it are spread, and a GPU computes all pixels of
+//! its stripes from its own copy of the scene. No pixel depends on another, so pictures and ray counts are those of one GPU.
+
+use crate::device::Device;
+use crate::layout::BLOCK_HEIGHT;
+use crate::one_gpu::{DeviceTracer, OneGpu, Stripe, launches};
+use crate::{peers, programs, shared_gbuffer};
+use curitiba_passes::cpu::check;
+use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, Limits, RayBackend, RayJob, RayStats};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
+use std::sync::Arc;
+
+/// Our own traversal, compiled to kernels.
+pub type CudaRays = DeviceRays<crate::bvh::BvhTracer>;
+
+/// NVIDIA's OptiX, from the driver.
+pub type OptixRays = DeviceRays<crate::optix::OptixTracer>;
+
+/// Stripes that each of several GPUs gets of a picture: many, so that none has the dear rows to itself, and few, since each is
+/// copied by itself.
+const STRIPES: u32 = 16;
+
+/// A ray backend on one GPU or several.
+#[derive(Debug)]
+pub struct DeviceRays<T> {
+    /// At least one.
+    gpus: Vec<OneGpu<T>>,
+    /// Which of them has the shared G-buffer, if there is one.
+    owner: usize,
+}
+
+impl<T: DeviceTracer> DeviceRays<T> {
+    /// A backend on the first GPU, with nothing built.
+    ///
+    /// # Errors
+    /// If there is no driver, an old one, or no GPU; says which, and what to do.
+    pub fn new() -> Result<Self, BackendError> {
+        Self::on(&[0])
+    }
+
+    /// A backend on the GPUs of these numbers, or on the first for none. A GPU that is named twice is used as if it were two.
+    ///
+    /// # Errors
+    /// As [`Self::new`], and if one of them is missing.
+    pub fn on(ordinals: &[usize]) -> Result<Self, BackendError> {
+        let ordinals = if ordinals.is_empty() { &[0] } else { ordinals };
+        let several = ordinals.len() > 1;
+        let open = |ordinal: &usize| OneGpu::new(Device::on(T::NAME, *ordinal, several)?);
+        Ok(Self { gpus: ordinals.iter().map(open).collect::<Result<_, _>>()?, owner: 0 })
+    }
+
+    /// The first of the GPUs that is the one of that UUID.
+    fn drawn_on(&self, device: DeviceUuid) -> Option<usize> {
+        self.gpus.iter().position(|gpu| shared_gbuffer::is_on(&gpu.device, device))
+    }
+
+    /// Does the same on every GPU, each on a thread of its own, and returns what each gives, or the first failure.
+    fn on_each<S: Send, R: Send>(
+        &mut self,
+        shares: Vec<S>,
+        work: impl Fn(&mut OneGpu<T>, S) -> Result<R, BackendError> + Sync,
+    ) -> Result<Vec<R>, BackendError> {
+        if let [gpu] = self.gpus.as_mut_slice() {
+            return shares.into_iter().map(|share| work(gpu, share)).collect();
+        }
+        std::thread::scope(|scope| {
+            let work = &work;
+            let threads: Vec<_> =
+                self.gpus.iter_mut().zip(shares).map(|(gpu, share)| scope.spawn(move || work(gpu, share))).collect();
+            let results: Vec<_> = threads
+                .into_iter()
+                .map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+                .collect();
+            results.into_iter().collect()
+        })
+    }
+}
+
+/// Deals the rows of a picture: stripe by stripe, to each GPU in turn. One GPU gets all in one piece.
+fn deal(pixels: &mut [[f32; 4]], [width, height]: [u32; 2], gpus: usize) -> Vec<Vec<Stripe<'_>>> {
+    let rows = match u32::try_from(gpus) {
+        Ok(1) | Err(_) => height.max(1),
+        Ok(gpus) => height.div_ceil(gpus.saturating_mul(STRIPES)).max(1).next_multiple_of(BLOCK_HEIGHT),
+    };
+    let mut shares: Vec<Vec<Stripe<'_>>> = (0..gpus).map(|_| Vec::new()).collect();
+    for (index, pixels) in pixels.chunks_mut((rows as usize * width as usize).max(1)).enumerate() {
+        shares[index % gpus].push(Stripe { first_row: index as u32 * rows, pixels });
+    }
+    shares
+}
+
+impl CudaRays {
+    /// On each GPU, room for so many surfaces in the list of `final`: see [`BvhTracer::limit_surfaces`](crate::bvh::BvhTracer::limit_surfaces).
+    pub fn limit_surfaces(&mut self, room: u64) {
+        self.gpus.iter_mut().for_each(|gpu| gpu.tracer.limit_surfaces(room));
+    }
+}
+
+/// All rays and memory, and the time of the GPU that took longest.
+fn together(parts: &[RayStats]) -> RayStats {
+    let mut whole = RayStats::default();
+    for part in parts {
+        whole.rays += part.rays;
+        whole.device_time = whole.device_time.max(part.device_time);
+        whole.upload = whole.upload.max(part.upload);
+        whole.read_back = whole.read_back.max(part.read_back);
+        whole.held_bytes += part.held_bytes;
+    }
+    whole
+}
+
+impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
+    fn name(&self) -> &'static str {
+        T::NAME
+    }
+
+    fn device(&self) -> String {
+        let gpus = self.gpus();
+        let first = &self.gpus[0];
+        let names: Vec<&str> = gpus.iter().map(|gpu| gpu.name.as_str()).collect();
+        let names =
+            if names.len() > 1 { format!("{} GPUs: {}", names.len(), names.join(" + ")) } else { names.concat() };
+        let more = first.tracer.description();
+        let separator = if more.is_empty() { "" } else { ", " };
+        format!("{names}; {}{separator}{more}", gpus[0].driver)
+    }
+
+    fn gpus(&self) -> Vec<Gpu> {
+        self.gpus.iter().map(|gpu| gpu.device.gpu().clone()).collect()
+    }
+
+    fn limits(&self) -> Limits {
+        // The device programs take a pixel's place in the launch for its place in the picture.
+        Limits { parts: false, ..Limits::NONE }
+    }
+
+    fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
+        match T::program(program, fidelity) {
+            Some(_) => Ok(()),
+            None => Err(programs::not_written(T::NAME, program)),
+        }
+    }
+
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        self.gpus.iter_mut().for_each(OneGpu::clear);
+        let prepared = T::prepare(scene, filtered);
+        let shares = vec![(); self.gpus.len()];
+        let built = self.on_each(shares, |gpu, ()| gpu.build(scene, filtered, &prepared))?;
+        Ok(BuildStats { bytes: built.iter().map(|stats| stats.bytes).sum(), nodes: built[0].nodes })
+    }
+
+    fn bytes_per_triangle(&self) -> u64 {
+        T::BYTES_PER_TRIANGLE
+    }
+
+    fn joins(&self, device: DeviceUuid) -> bool {
+        self.drawn_on(device)
+            .is_some_and(|owner| self.gpus.iter().all(|gpu| peers::reaches(&gpu.device, &self.gpus[owner].device)))
+    }
+
+    fn join(&mut self, shared: SharedGBuffer) -> Result<(), BackendError> {
+        let owner = self.drawn_on(shared.device).unwrap_or(0);
+        for gpu in &self.gpus {
+            peers::connect(&gpu.device, &self.gpus[owner].device)?;
+        }
+        self.owner = owner;
+        self.gpus[owner].join(shared)
+    }
+
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        check::images(T::NAME, job, output)?;
+        if job.origin != [0; 2] {
+            return Err(check::missing(
+                T::NAME,
+                job,
+                "it traces whole pictures, and this is a part; use --backend cpu",
+            ));
+        }
+        if job.program != RayProgram::Dummy {
+            check::scene(T::NAME, job)?;
+        }
+        if output.pixels.is_empty() {
+            return Ok(RayStats::default());
+        }
+        let shares = deal(&mut output.pixels, [job.width, job.height], self.gpus.len());
+        progress.start(shares.iter().map(|share| launches(share, job.width).len() as u64).sum());
+        let several = self.gpus.len() > 1;
+        let lent = if several && job.shared.is_some() { Some(self.gpus[self.owner].lend(job)?) } else { None };
+        let owner = self.owner;
+        let shares = shares.into_iter().enumerate().collect();
+        let parts = self.on_each(shares, |gpu, (index, mut share)| {
+            // A small picture may not have a stripe for everyone.
+            if share.is_empty() {
+                return Ok(RayStats::default());
+            }
+            gpu.run(job, &mut share, lent.as_ref().filter(|_| index != owner), progress)
+        })?;
+        Ok(together(&parts))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use curitiba_pipeline::backend::RayCounts;
+    use std::time::Duration;
+
+    #[test]
+    fn every_row_is_dealt_once_whatever_the_size_and_the_number_of_gpus() {
+        for size in [[1, 1], [5, 7], [16, 64], [3, 1000], [64, 1024]] {
+            for gpus in [1, 2, 3, 8] {
+                let mut pixels = vec![[0.0; 4]; (size[0] * size[1]) as usize];
+                for share in deal(&mut pixels, size, gpus) {
+                    for stripe in share {
+                        let first = (stripe.first_row * size[0]) as f32;
+                        for (index, pixel) in stripe.pixels.iter_mut().enumerate() {
+                            pixel[0] += 1.0;
+                            pixel[1] = first + index as f32;
+                        }
+                    }
+                }
+                let dealt = pixels.iter().enumerate().all(|(index, pixel)| pixel[0] == 1.0 && pixel[1] == index as f32);
+                assert!(dealt, "{size:?} on {gpus}");
+            }
+        }
+    }
+
+    #[test]
+    fn each_of_several_gpus_gets_as_many_rows_spread_over_the_picture() {
+        let mut pixels = vec![[0.0; 4]; 1024];
+        let shares = deal(&mut pixels, [1, 1024], 2);
+        assert!(shares.iter().all(|share| share.len() == STRIPES as usize));
+        assert_eq!(
+            shares.iter().map(|share| share.iter().map(|s| s.pixels.len()).sum()).collect::<Vec<usize>>(),
+            [512, 512]
+        );
+        let mut pixels = vec![[0.0; 4]; 1024];
+        assert_eq!(deal(&mut pixels, [1, 1024], 1)[0].len(), 1, "one GPU gets one piece");
+    }
+
+    #[test]
+    fn gpus_add_their_rays_and_the_slowest_tells_the_time() {
+        let part = |shadow, ms| RayStats {
+            rays: RayCounts { shadow, ..RayCounts::default() },
+            device_time: Some(Duration::from_millis(ms)),
+            held_bytes: 100 * shadow,
+            ..RayStats::default()
+        };
+        let whole = together(&[part(3, 7), part(4, 9), RayStats::default()]);
+        assert_eq!((whole.rays.shadow, whole.held_bytes), (7, 700));
+        assert_eq!(whole.device_time, Some(Duration::from_millis(9)));
+    }
+}

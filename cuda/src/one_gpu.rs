@@ -1,0 +1,570 @@
+//! The ray programs on one GPU, whichever tracer it asks. [`crate::multi_gpu`] makes a backend of one or several.
+
+use crate::device::{Address, Buffer, Device};
+use crate::layout::{BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, Params, RAY_COUNT_KINDS, REACHES, THROUGH_GLASS_ENTRIES};
+use crate::peers::{Copies, Lent, copy_here, copy_parts};
+use crate::scene::{SceneBuffers, shades};
+use crate::shared_gbuffer::Joined;
+use crate::sobol_table::table;
+use crate::staging::Staging;
+use cudarc::driver::sys::CUevent_flags;
+use cudarc::driver::{CudaEvent, DeviceRepr};
+use curitiba_passes::cpu::{check, may_trace};
+use curitiba_passes::effects::Preparation;
+use curitiba_passes::effects::constants::THROUGH_GLASS;
+use curitiba_passes::sampling::HemisphereSampler;
+use curitiba_pipeline::backend::{BackendError, BuildStats, RayCounts, RayJob, RayStats};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram};
+use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::shared::SharedGBuffer;
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// What traces the rays of the device programs.
+pub trait DeviceTracer: Sized + Send {
+    /// `cuda` or `optix`.
+    const NAME: &'static str;
+    /// About how many bytes of host and device memory a triangle takes in the structure and while it is built.
+    const BYTES_PER_TRIANGLE: u64;
+    /// What the processor makes of a scene, once for all GPUs.
+    type Prepared: Sync;
+    /// Makes it. `filtered` is that of [`RayBackend::build`](curitiba_pipeline::backend::RayBackend::build).
+    fn prepare(scene: &RenderScene, filtered: &[bool]) -> Self::Prepared;
+    /// Finds what it needs on the device.
+    ///
+    /// # Errors
+    /// If something is missing; says what, and what to do.
+    fn new(device: &Device) -> Result<Self, BackendError>;
+    /// The device program of a ray program; `None` if it has none, and the pass runs elsewhere.
+    fn program(program: RayProgram, fidelity: Fidelity) -> Option<&'static str>;
+    /// What is to be known of it beyond the device; may be empty.
+    fn description(&self) -> String;
+    /// Builds the structure; the old one is released first.
+    ///
+    /// # Errors
+    /// If the device cannot hold it.
+    fn build(
+        &mut self,
+        device: &Device,
+        scene: &RenderScene,
+        filtered: &[bool],
+        prepared: &Self::Prepared,
+        buffers: &SceneBuffers,
+    ) -> Result<BuildStats, BackendError>;
+    /// Releases the structure: until the next build there is nothing to hit.
+    fn clear(&mut self);
+    /// Bytes of device memory that passes hold besides the structure, from one to the next.
+    fn held_bytes(&self) -> u64;
+    /// Makes the job's program ready to launch; compiled once for each fidelity.
+    ///
+    /// # Errors
+    /// If the driver refuses it.
+    fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError>;
+    /// Starts the job's program, which was loaded, over the rows that the parameters name.
+    ///
+    /// # Errors
+    /// If the launch fails.
+    fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError>;
+}
+
+/// Pixels of one launch at most: long passes are cut, so that no kernel runs into a display driver's time limit unless a
+/// pixel is very dear, and progress is seen.
+const PIXELS_OF_LAUNCH: u32 = 1 << 20;
+
+/// Launches that wait behind one another at most: enough that the device never waits for the host.
+const LAUNCHES_AHEAD: usize = 3;
+
+/// Rows of a picture that one GPU computes, without a gap.
+#[derive(Debug)]
+pub(crate) struct Stripe<'a> {
+    /// The first row.
+    pub first_row: u32,
+    /// Their pixels in the picture.
+    pub pixels: &'a mut [[f32; 4]],
+}
+
+impl Stripe<'_> {
+    /// Which pixels of the picture they are.
+    fn range(&self, width: u32) -> Range<usize> {
+        let first = self.first_row as usize * width as usize;
+        first..first + self.pixels.len()
+    }
+
+    fn rows(&self, width: u32) -> u32 {
+        (self.pixels.len() / width.max(1) as usize) as u32
+    }
+}
+
+/// Some rows of a picture, which one launch computes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Launch {
+    /// The first.
+    first_row: u32,
+    /// How many.
+    rows: u32,
+    /// How many follow each other before some belong to other GPUs.
+    stripe: u32,
+    /// How many do.
+    skipped: u32,
+}
+
+/// The launches of a share of a picture. Its stripes have as many rows, but for the last, and are as far apart: a launch
+/// takes as many as it may, since its end leaves a part of the GPU idle.
+pub(crate) fn launches(stripes: &[Stripe<'_>], width: u32) -> Vec<Launch> {
+    let Some(first) = stripes.first() else { return Vec::new() };
+    let (stripe, skipped) = match stripes.get(1) {
+        Some(second) => (first.rows(width), second.first_row - first.first_row - first.rows(width)),
+        None => (BLOCK_HEIGHT, 0),
+    };
+    let all: u32 = stripes.iter().map(|stripe| stripe.rows(width)).sum();
+    let most = (PIXELS_OF_LAUNCH / width.max(1) / stripe).max(1) * stripe;
+    let launch = |done: u32| Launch {
+        first_row: first.first_row + done + done / stripe * skipped,
+        rows: most.min(all - done),
+        stripe,
+        skipped,
+    };
+    (0..all).step_by(most as usize).map(launch).collect()
+}
+
+/// What the exception program reported.
+fn stopped(program: RayProgram, code: i64) -> String {
+    let meaning = match code {
+        -1 => "the stack was full",
+        -2 => "rays were nested too deeply",
+        _ => "see OptiX's list of exceptions",
+    };
+    let stem = program.info().stem;
+    format!("running `{stem}`: OptiX stopped it with exception {code}: {meaning}; please report it, with the project")
+}
+
+/// Device images and tables that are kept from pass to pass.
+#[derive(Debug, Default)]
+struct Images {
+    position: Buffer<f32>,
+    normal: Buffer<f32>,
+    color: Buffer<f32>,
+    triangle: Buffer<u32>,
+    output: Buffer<f32>,
+    counts: Buffer<u64>,
+    sobol: Table<u32>,
+    open_share: Table<f32>,
+    through_glass: Table<f32>,
+    shades: Table<crate::layout::Shade>,
+}
+
+impl Images {
+    /// Bytes of device memory.
+    fn bytes(&self) -> u64 {
+        let attachments = [&self.position, &self.normal, &self.color, &self.output].map(Buffer::bytes);
+        let tables = [self.open_share.buffer.bytes(), self.through_glass.buffer.bytes(), self.sobol.buffer.bytes()];
+        let others = [self.triangle.bytes(), self.counts.bytes(), self.shades.buffer.bytes()];
+        [&attachments[..], &tables, &others].concat().iter().sum()
+    }
+}
+
+/// Values that seldom change from pass to pass: they are copied to the device when they do.
+#[derive(Debug)]
+pub(crate) struct Table<T> {
+    values: Vec<T>,
+    buffer: Buffer<T>,
+}
+
+impl<T> Default for Table<T> {
+    fn default() -> Self {
+        Self { values: Vec::new(), buffer: Buffer::default() }
+    }
+}
+
+impl<T: DeviceRepr + PartialEq> Table<T> {
+    /// Where they are; see [`Buffer::address`].
+    pub fn address(&self, device: &Device) -> Address {
+        self.buffer.address(device)
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    pub fn set(&mut self, device: &Device, what: &str, values: Vec<T>) -> Result<(), BackendError> {
+        if self.values != values {
+            // What fails leaves nothing that a later pass could take for its own.
+            self.values.clear();
+            device.replace(what, &mut self.buffer, &values)?;
+            self.values = values;
+        }
+        Ok(())
+    }
+}
+
+/// One GPU with its own copy of scene and structure.
+#[derive(Debug)]
+pub(crate) struct OneGpu<T> {
+    pub device: Device,
+    pub tracer: T,
+    built: Option<(Arc<RenderScene>, SceneBuffers)>,
+    images: Images,
+    joined: Option<Joined>,
+    staging: Staging,
+}
+
+impl<T: DeviceTracer> OneGpu<T> {
+    /// With nothing built.
+    pub fn new(device: Device) -> Result<Self, BackendError> {
+        let tracer = T::new(&device)?;
+        Ok(Self { device, tracer, built: None, images: Images::default(), joined: None, staging: Staging::default() })
+    }
+
+    /// Opens a G-buffer that the rasteriser fills; the one opened before is released.
+    pub fn join(&mut self, shared: SharedGBuffer) -> Result<(), BackendError> {
+        self.joined = None;
+        self.joined = Some(Joined::open(&self.device, shared)?);
+        Ok(())
+    }
+
+    /// The shared G-buffer of a job that reads one.
+    fn shared(&self, job: &RayJob<'_>) -> Result<Option<(&Joined, u64)>, BackendError> {
+        let Some(value) = job.shared else { return Ok(None) };
+        match self.joined.as_ref().filter(|joined| joined.has_size(job.width, job.height)) {
+            Some(joined) => Ok(Some((joined, value))),
+            None => Err(check::missing(T::NAME, job, "no shared G-buffer of its size was opened")),
+        }
+    }
+
+    /// Copies the rows of the G-buffer that are computed here to the device.
+    fn copy(&mut self, job: &RayJob<'_>, stripes: &[Stripe<'_>]) -> Result<Duration, BackendError> {
+        let start = Instant::now();
+        let (device, images) = (&self.device, &mut self.images);
+        let cast = bytemuck::cast_slice::<[f32; 4], f32>;
+        let parts: Vec<_> = stripes.iter().map(|stripe| stripe.range(job.width)).collect();
+        let fours: Vec<_> = parts.iter().map(|part| 4 * part.start..4 * part.end).collect();
+        device.replace_parts("the positions", &mut images.position, cast(job.position), &fours)?;
+        device.replace_parts("the normals", &mut images.normal, cast(job.normal), &fours)?;
+        device.replace_parts("the colours", &mut images.color, cast(job.color), &fours)?;
+        device.replace_parts("the triangle ids", &mut images.triangle, job.triangle, &parts)?;
+        self.synchronise("copying the G-buffer")?;
+        Ok(start.elapsed())
+    }
+
+    /// Lends the shared G-buffer of a job to other GPUs: a copy, since the rasteriser's own memory is read by other GPUs as slowly
+    /// as that of the host.
+    #[allow(unsafe_code, reason = "copies from the memory of the rasteriser")]
+    pub fn lend(&mut self, job: &RayJob<'_>) -> Result<Lent, BackendError> {
+        self.device.bind()?;
+        let Some((joined, value)) = self.shared(job)? else {
+            return Err(check::missing(T::NAME, job, "no shared G-buffer was handed over"));
+        };
+        joined.wait(&self.device, value)?;
+        let [position, normal, color, triangle] = joined.attachments(&self.device);
+        let (device, images) = (&self.device, &mut self.images);
+        let pixels = job.width as usize * job.height as usize;
+        let floats = [
+            ("the positions", &mut images.position, position),
+            ("the normals", &mut images.normal, normal),
+            ("the colours", &mut images.color, color),
+        ];
+        let mut attachments = [0; 4];
+        for ((what, buffer, from), attachment) in floats.into_iter().zip(&mut attachments) {
+            // SAFETY: attachments have a pixel of four numbers for each of the picture, whose size was compared, and stay until
+            // the pass has ended.
+            *attachment = unsafe { copy_here(device, what, buffer, from, 4 * pixels) }?;
+        }
+        // SAFETY: as above, with one number a pixel.
+        attachments[3] = unsafe { copy_here(device, "the triangle ids", &mut images.triangle, triangle, pixels) }?;
+        let ready = device.stream().record_event(None);
+        let ready = ready.map_err(|error| device.fault("waiting for the rasteriser", &error))?;
+        Ok(Lent { context: Arc::clone(device.context()), attachments, ready })
+    }
+
+    /// Starts copying the rows of a lent G-buffer that are computed here.
+    #[allow(unsafe_code, reason = "copies from the memory of another GPU")]
+    fn borrow(&mut self, job: &RayJob<'_>, lent: &Lent, stripes: &[Stripe<'_>]) -> Result<Copies, BackendError> {
+        let (device, images) = (&self.device, &mut self.images);
+        let parts: Vec<_> = stripes.iter().map(|stripe| stripe.range(job.width)).collect();
+        let fours: Vec<_> = parts.iter().map(|part| 4 * part.start..4 * part.end).collect();
+        let pixels = job.width as usize * job.height as usize;
+        let [position, normal, color, triangle] = lent.attachments.map(|from| (&*lent.context, from));
+        let floats = [
+            ("the positions", &mut images.position, position),
+            ("the normals", &mut images.normal, normal),
+            ("the colours", &mut images.color, color),
+        ];
+        Copies::start(device, lent, || {
+            for (what, buffer, from) in floats.into_iter().filter(|(_, _, from)| from.1 != 0) {
+                // SAFETY: attachments have a pixel of four numbers for each of the picture, whose size the lender compared,
+                // and stay until the pass has ended.
+                unsafe { copy_parts(device, what, buffer, from, 4 * pixels, &fours) }?;
+            }
+            if triangle.1 != 0 {
+                // SAFETY: as above, with one number a pixel.
+                unsafe { copy_parts(device, "the triangle ids", &mut images.triangle, triangle, pixels, &parts) }?;
+            }
+            Ok(())
+        })
+    }
+
+    /// Addresses of positions, normals, colours and triangle ids: in the shared G-buffer, or in the copy that is here.
+    fn gbuffer(&self, job: &RayJob<'_>, copied: bool) -> Result<[Address; 4], BackendError> {
+        let (device, images) = (&self.device, &self.images);
+        if !copied && let Some((joined, _)) = self.shared(job)? {
+            return Ok(joined.attachments(device));
+        }
+        let (position, normal, color) = (&images.position, &images.normal, &images.color);
+        let floats = [position, normal, color].map(|buffer| buffer.address(device));
+        Ok([floats[0], floats[1], floats[2], images.triangle.address(device)])
+    }
+
+    /// Copies a pass's tables to the device, and describes them.
+    fn describe(&mut self, job: &RayJob<'_>, copied: bool) -> Result<Params, BackendError> {
+        let [position, normal, color, triangle] = self.gbuffer(job, copied)?;
+        let (device, images) = (&self.device, &mut self.images);
+        let pixels = job.width as usize * job.height as usize;
+        device.reserve("the picture", &mut images.output, 4 * pixels)?;
+        let prepared = Preparation::of(job).map_err(|why| check::missing(T::NAME, job, &why))?;
+        let Preparation { sampler, open_share, to_light, light_color } = prepared;
+        let samples = job.program.info().samples(&job.params);
+        let (strata, points) = match sampler {
+            None => (0, Vec::new()),
+            Some(HemisphereSampler::Strata { side }) => (side, Vec::new()),
+            Some(HemisphereSampler::Sobol(points)) => (0, points),
+        };
+        if !open_share.is_empty() {
+            images.open_share.set(device, "the table of open shares", open_share)?;
+        }
+        if !points.is_empty() {
+            images.sobol.set(device, "the occlusion points", table(points))?;
+        }
+        let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
+        images.through_glass.set(device, "the table of glass", through)?;
+        images.shades.set(device, "the materials", shades(job))?;
+        device.clear("the ray counts", &mut images.counts, EXCEPTION_SLOT as usize + 1)?;
+        Ok(Params {
+            position,
+            normal,
+            color,
+            triangle,
+            output: images.output.address(device),
+            positions: 0,
+            normals: 0,
+            texcoords: 0,
+            triangles: 0,
+            materials: 0,
+            shades: images.shades.address(device),
+            textures: 0,
+            texels: 0,
+            sobol: images.sobol.address(device),
+            open_share: images.open_share.address(device),
+            through_glass: images.through_glass.address(device),
+            ray_counts: images.counts.address(device),
+            nodes: 0,
+            leaves: 0,
+            surfaces: 0,
+            first_surface: 0,
+            progress: 0,
+            settled: 0,
+            capacity: 0,
+            handle: 0,
+            node_count: 0,
+            width: job.width,
+            height: job.height,
+            first_row: 0,
+            rows: job.height,
+            stripe: BLOCK_HEIGHT,
+            skipped: 0,
+            seed: job.seed,
+            samples,
+            strata,
+            depth: job.params.depth.min(MAX_DEPTH),
+            cut: u32::from(
+                job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some()),
+            ),
+            radius: job.params.radius,
+            index: job.params.index,
+            eye: job.eye.to_array(),
+            to_light: to_light.to_array(),
+            light_color: light_color.to_array(),
+            scene_low: [0.0; 3],
+            scene_high: [0.0; 3],
+            schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
+            listed: [0; REACHES as usize - 1],
+        })
+    }
+
+    /// Runs a pass over its rows, launch after launch without waiting in between, and returns the time that the device took.
+    fn launch_all(
+        &mut self,
+        job: &RayJob<'_>,
+        params: &mut Params,
+        stripes: &[Stripe<'_>],
+        progress: &Progress,
+    ) -> Result<Duration, BackendError> {
+        let (device, mut total) = (&self.device, 0.0);
+        let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
+        let event = || device.stream().record_event(Some(CUevent_flags::CU_EVENT_DEFAULT)).map_err(failed);
+        let mut ahead: VecDeque<[CudaEvent; 2]> = VecDeque::with_capacity(LAUNCHES_AHEAD);
+        let wait = |[start, end]: [CudaEvent; 2]| -> Result<f64, BackendError> {
+            let milliseconds = start.elapsed_ms(&end).map_err(failed)?;
+            progress.advance(1);
+            Ok(f64::from(milliseconds))
+        };
+        for Launch { first_row, rows, stripe, skipped } in launches(stripes, job.width) {
+            if ahead.len() == LAUNCHES_AHEAD
+                && let Some(first) = ahead.pop_front()
+            {
+                total += wait(first)?;
+            }
+            (params.first_row, params.rows) = (first_row, rows);
+            (params.stripe, params.skipped) = (stripe, skipped);
+            let start = event()?;
+            self.tracer.launch(device, job, params)?;
+            ahead.push_back([start, event()?]);
+        }
+        for launched in ahead {
+            total += wait(launched)?;
+        }
+        Ok(Duration::from_secs_f64(total.max(0.0) * 1e-3))
+    }
+
+    fn read_counts(&self, job: &RayJob<'_>) -> Result<RayCounts, BackendError> {
+        let mut sums = vec![0_u64; EXCEPTION_SLOT as usize + 1];
+        if let Some(counts) = &self.images.counts.0 {
+            let copied = self.device.stream().memcpy_dtoh(counts, &mut sums);
+            copied.map_err(|error| self.device.fault("reading the ray counts", &error))?;
+        }
+        self.synchronise("reading the ray counts")?;
+        if let Some(code) = sums.pop().filter(|code| *code != 0) {
+            return Err(BackendError::Device { backend: T::NAME, message: stopped(job.program, code.cast_signed()) });
+        }
+        let mut kinds = [0_u64; RAY_COUNT_KINDS as usize];
+        for slot in sums.chunks_exact(kinds.len()) {
+            kinds.iter_mut().zip(slot).for_each(|(kind, count)| *kind += count);
+        }
+        let [shadow, occlusion, reflected, refracted, certain] = kinds;
+        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain })
+    }
+
+    fn synchronise(&self, doing: &str) -> Result<(), BackendError> {
+        self.device.stream().synchronize().map_err(|error| self.device.fault(doing, &error))
+    }
+
+    /// Copies a scene to the device and builds its structure; the old ones are released first.
+    pub fn build(
+        &mut self,
+        scene: &Arc<RenderScene>,
+        filtered: &[bool],
+        prepared: &T::Prepared,
+    ) -> Result<BuildStats, BackendError> {
+        self.device.bind()?;
+        let buffers = SceneBuffers::new(&self.device, scene)?;
+        let mut stats = self.tracer.build(&self.device, scene, filtered, prepared, &buffers)?;
+        stats.bytes += buffers.bytes();
+        self.synchronise("building")?;
+        self.built = Some((Arc::clone(scene), buffers));
+        Ok(stats)
+    }
+
+    /// Releases scene and structure: two would not always fit.
+    pub fn clear(&mut self) {
+        self.built = None;
+        self.tracer.clear();
+    }
+
+    /// Runs a pass, which was checked, over some of its rows. A shared G-buffer is this GPU's own, or `lent` by another. What
+    /// fails leaves no pixel of use.
+    pub fn run(
+        &mut self,
+        job: &RayJob<'_>,
+        stripes: &mut [Stripe<'_>],
+        lent: Option<&Lent>,
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        self.device.bind()?;
+        self.tracer.load(&self.device, job)?;
+        let mut upload = if job.shared.is_none() { Some(self.copy(job, stripes)?) } else { None };
+        let borrowed = lent.map(|lent| self.borrow(job, lent, stripes)).transpose()?;
+        let copied = upload.is_some() || borrowed.is_some();
+        let mut params = self.describe(job, copied)?;
+        // Kept until the kernels are done.
+        let unbuilt;
+        match &self.built {
+            _ if job.program == RayProgram::Dummy => {}
+            Some((scene, buffers)) if std::ptr::eq(&raw const **scene, job.scene) => {
+                buffers.fill(&self.device, &mut params);
+            }
+            _ if !may_trace(job) => {
+                self.clear();
+                unbuilt = SceneBuffers::new(&self.device, job.scene)?;
+                unbuilt.fill(&self.device, &mut params);
+            }
+            _ => return Err(check::missing(T::NAME, job, "its scene's acceleration structure was not built")),
+        }
+        if !copied && let Some((joined, value)) = self.shared(job)? {
+            joined.wait(&self.device, value)?;
+        }
+        let device_time = self.launch_all(job, &mut params, stripes, progress)?;
+        if let Some(copies) = &borrowed {
+            upload = Some(copies.time(&self.device)?);
+        }
+        let start = Instant::now();
+        if let Some(picture) = &self.images.output.0 {
+            let parts = stripes.iter_mut().map(|stripe| {
+                let first = 4 * stripe.range(job.width).start;
+                (first, stripe.pixels.as_flattened_mut())
+            });
+            self.staging.read(&self.device, picture, parts.collect())?;
+        }
+        let read_back = Some(start.elapsed());
+        let rays = self.read_counts(job)?;
+        let held_bytes = self.images.bytes() + self.tracer.held_bytes();
+        Ok(RayStats { rays, upload, read_back, device_time: Some(device_time), held_bytes })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_exception_is_told_with_the_program_and_its_meaning() {
+        let message = stopped(RayProgram::Final, -1);
+        assert!(message.contains("`final`") && message.contains("exception -1: the stack was full"), "{message}");
+        assert!(stopped(RayProgram::Ssao, 7).contains("exception 7: see"));
+    }
+
+    #[test]
+    fn launches_cover_the_rows_of_a_share_once_and_in_order() {
+        // Width, rows of a stripe, GPUs, rows in all.
+        for (width, stripe, gpus, height) in
+            [(1024, 1024, 1, 1024), (2048, 64, 3, 1500), (3, 8, 2, 1), (70_000, 16, 2, 99), (16_384, 40, 1, 333)]
+        {
+            let stripe = if gpus == 1 { height } else { stripe };
+            for gpu in 0..gpus {
+                let starts: Vec<u32> = (0..height).step_by(stripe as usize).skip(gpu).step_by(gpus).collect();
+                let rows_from = |first_row: u32| stripe.min(height - first_row);
+                let mut pixels: Vec<Vec<[f32; 4]>> =
+                    starts.iter().map(|start| vec![[0.0; 4]; (rows_from(*start) * width) as usize]).collect();
+                let stripes: Vec<Stripe<'_>> = starts
+                    .iter()
+                    .zip(&mut pixels)
+                    .map(|(first_row, pixels)| Stripe { first_row: *first_row, pixels })
+                    .collect();
+                let expected: Vec<u32> = starts.iter().flat_map(|start| *start..*start + rows_from(*start)).collect();
+                let launches = launches(&stripes, width);
+                let row = |launch: &Launch, row: u32| launch.first_row + row + row / launch.stripe * launch.skipped;
+                let found: Vec<u32> =
+                    launches.iter().flat_map(|launch| (0..launch.rows).map(move |index| row(launch, index))).collect();
+                assert_eq!(found, expected, "{width} {stripe} {gpus} {height}");
+                for launch in launches {
+                    assert!(
+                        launch.rows * width <= PIXELS_OF_LAUNCH.max(launch.stripe * width)
+                            && launch.stripe % BLOCK_HEIGHT == 0
+                    );
+                }
+            }
+        }
+    }
+}

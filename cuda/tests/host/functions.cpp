@@ -1,0 +1,137 @@
+// Runs functions of the device headers on the host. Reads a table of words of 32 bits from standard input, writes one to standard
+// output; `main.rs` says what is in them, and compares.
+#include "cuda.h"
+#include "cone_test.cuh"
+#include <cstdio>
+#include <string>
+#include <vector>
+
+static std::vector<unsigned> input, output;
+static size_t place = 0;
+static unsigned word() { return input[place++]; }
+static float number() { return __uint_as_float(word()); }
+static float3 vector() { float x = number(), y = number(), z = number(); return vec3(x, y, z); }
+static void put(unsigned value) { output.push_back(value); }
+static void put(float value) { put(__float_as_uint(value)); }
+static void put(float3 v) { put(v.x); put(v.y); put(v.z); }
+
+// A scene of triangles with corners of their own.
+struct Scene {
+    std::vector<float> positions;
+    std::vector<unsigned> triangles;
+    Params params = {};
+
+    explicit Scene(unsigned count) {
+        for (unsigned i = 0; i < 9 * count; ++i) positions.push_back(number());
+        for (unsigned i = 0; i < 3 * count; ++i) triangles.push_back(i);
+        params.positions = positions.data();
+        params.triangles = triangles.data();
+        for (int axis = 0; axis < 3; ++axis) {
+            params.scene_low[axis] = INFINITY;
+            params.scene_high[axis] = -INFINITY;
+            for (unsigned i = axis; i < positions.size(); i += 3) {
+                params.scene_low[axis] = fminf(params.scene_low[axis], positions[i]);
+                params.scene_high[axis] = fmaxf(params.scene_high[axis], positions[i]);
+            }
+        }
+    }
+    unsigned count() const { return (unsigned)triangles.size() / 3; }
+};
+
+// The nearest hit of each ray among all triangles; of several at one distance, the first.
+static void intersections() {
+    Scene scene(word());
+    while (place < input.size()) {
+        Ray ray = {vector(), vector(), 0.0f, 0.0f};
+        ray.t_min = number();
+        ray.t_max = number();
+        Query query;
+        Hit best = {0.0f, NO_TRIANGLE, 0.0f, 0.0f};
+        float limit = ray.t_max;
+        for (unsigned id = 0; prepare(ray, query) && id < scene.count(); ++id) {
+            Corners corners = positions_of(scene.params, id);
+            Hit hit;
+            if (intersect(scene.params, query, corners.a, corners.b, corners.c, limit, hit) && hit.t < limit) {
+                hit.triangle = id;
+                best = hit;
+                limit = hit.t;
+            }
+        }
+        put(best.triangle);
+        put(best.t);
+        put(best.u);
+        put(best.v);
+    }
+}
+
+// Points of triangles near positions, and where rays from there start.
+static void points() {
+    Scene scene(word());
+    while (place < input.size()) {
+        unsigned triangle = word();
+        float3 position = vector(), direction = vector();
+        SurfacePoint point = snap(scene.params, triangle, position);
+        put(point.position);
+        put(point.normal);
+        put(point.error);
+        put(spawn(point, direction));
+    }
+}
+
+// Random numbers, directions of a hemisphere, and weights of an interface of glass.
+static void samples() {
+    while (place < input.size()) {
+        unsigned x = word(), y = word(), seed = word();
+        unsigned key = pixel_key(x, y, seed);
+        uint2 bits = dimensions(key, x);
+        put(key);
+        put(path_key(key, y));
+        put(bits.x);
+        put(bits.y);
+        put(scramble_reversed(x, seed));
+        float2 point = make_float2(unit_of(bits.x), unit_of(bits.y));
+        float3 direction = cosine_direction(point);
+        put(direction);
+        put(to_world(basis_around(vector()), direction));
+        float cosine = number(), index = number();
+        Interface exact = fresnel(cosine, index), rough = schlick(cosine, index);
+        put(exact.reflectance);
+        put(exact.cos_refracted);
+        put(rough.reflectance);
+        put(rough.cos_refracted);
+    }
+}
+
+// What the cone test of a triangle says of rays from an origin (1: stopped, 2: not), and what the watertight test does (4: stopped).
+static void cones() {
+    Scene scene(word());
+    scene.params.radius = number();
+    while (place < input.size()) {
+        unsigned id = word();
+        float3 origin = vector(), facing = vector(), direction = vector();
+        Corners corners = positions_of(scene.params, id);
+        Triangle triangle = {corners.a, corners.b, corners.c, id};
+        HalfBall ball = half_ball(scene.params, origin, facing, scene.params.radius);
+        Facet facet;
+        bool hit = false, miss = true;
+        if (ball.meets(triangle) && facet_of(scene.params, triangle, id, ball, facet)) judge(facet, direction, hit, miss);
+        Query query;
+        Hit found;
+        bool stopped = prepare({origin, direction, 0.0f, scene.params.radius}, query) &&
+                       intersect(scene.params, query, triangle.a, triangle.b, triangle.c, query.t_max, found) &&
+                       found.t < query.t_max;
+        put((unsigned)hit | (unsigned)miss << 1 | (unsigned)stopped << 2);
+    }
+}
+
+int main(int count, char **arguments) {
+    unsigned value;
+    while (std::fread(&value, sizeof value, 1, stdin) == 1) input.push_back(value);
+    std::string what = count > 1 ? arguments[1] : "";
+    if (what == "intersections") intersections();
+    else if (what == "points") points();
+    else if (what == "samples") samples();
+    else if (what == "cones") cones();
+    else return 1;
+    return std::fwrite(output.data(), 4, output.size(), stdout) == output.size() ? 0 : 1;
+}

@@ -1,0 +1,313 @@
+//! The device headers that contain arithmetic, compiled for the host and compared bit for bit with the Rust that they follow; no GPU is
+//! needed. Without a C++ compiler (`$CXX`, `c++`, `g++` or `clang++`) the tests are skipped.
+//!
+//! Each comparison has a negative control: with one constant of the header changed, it fails.
+
+use curitiba_passes::effects::{fresnel, schlick};
+use curitiba_passes::sampling::hash::{dimensions, path_key, pixel_key, unit};
+use curitiba_passes::sampling::hemisphere::{Basis, cosine};
+use curitiba_passes::sampling::owen_sobol::scramble_reversed;
+use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
+use curitiba_pipeline::scene::{Batch, Geometry};
+use glam::{Vec2, Vec3};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+/// The first C++ compiler that answers.
+fn compiler() -> Option<String> {
+    static FOUND: OnceLock<Option<String>> = OnceLock::new();
+    let answers = |name: &String| {
+        let version = Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+        version.is_ok_and(|status| status.success())
+    };
+    let named = std::env::var("CXX").ok().into_iter();
+    FOUND.get_or_init(|| named.chain(["c++", "g++", "clang++"].map(str::to_owned)).find(answers)).clone()
+}
+
+/// The functions of the headers, as a program of the host; `change` is made to `params.cuh` before it is compiled. `None` without a
+/// compiler.
+fn compiled(name: &str, change: Option<[&str; 2]>) -> Option<PathBuf> {
+    let Some(compiler) = compiler() else {
+        println!("skipped: there is no C++ compiler (c++, g++ or clang++)");
+        return None;
+    };
+    let crate_folder = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("device-on-host-{name}"));
+    std::fs::create_dir_all(&folder).expect("the folder for temporary files can be written");
+    for entry in std::fs::read_dir(crate_folder.join("programs")).expect("the programs are there") {
+        let path = entry.expect("readable").path();
+        if path.extension().is_some_and(|extension| extension == "cuh") {
+            let mut text = std::fs::read_to_string(&path).expect("text");
+            if path.ends_with("params.cuh")
+                && let Some([from, to]) = change
+            {
+                assert_eq!(text.matches(from).count(), 1, "`{from}` is in the header once");
+                text = text.replace(from, to);
+            }
+            std::fs::write(folder.join(path.file_name().expect("a file")), text).expect("a copy can be written");
+        }
+    }
+    let program = folder.join("functions");
+    let output = Command::new(compiler)
+        .args(["-std=c++17", "-O1", "-ffp-contract=off", "-I"])
+        .arg(crate_folder.join("tests/host"))
+        .arg("-I")
+        .arg(&folder)
+        .arg(crate_folder.join("tests/host/functions.cpp"))
+        .arg("-o")
+        .arg(&program)
+        .output()
+        .expect("the compiler runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    Some(program)
+}
+
+/// What functions of the headers make of a table of words.
+fn run(program: &Path, function: &str, input: &[u32]) -> Vec<u32> {
+    let mut child = Command::new(program)
+        .arg(function)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("the program that was just compiled runs");
+    let bytes: Vec<u8> = input.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let mut stdin = child.stdin.take().expect("a pipe");
+    let writer = std::thread::spawn(move || stdin.write_all(&bytes));
+    let output = child.wait_with_output().expect("it ends");
+    writer.join().expect("no panic").expect("it reads all");
+    assert!(output.status.success(), "{function} failed");
+    output.stdout.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect()
+}
+
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 32) as u32
+    }
+
+    fn unit(&mut self) -> f32 {
+        unit(self.bits())
+    }
+
+    fn cube(&mut self) -> Vec3 {
+        Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
+    }
+
+    fn direction(&mut self) -> Vec3 {
+        self.cube().normalize_or(Vec3::X)
+    }
+}
+
+/// Triangles with corners of their own, of several sizes, some of them slivers, around a centre.
+fn soup(random: &mut Random, count: u32, center: Vec3) -> Geometry {
+    let mut geometry = Geometry::default();
+    for index in 0..count {
+        let (middle, size) = (center + random.cube(), [1.0, 0.1, 0.01][index as usize % 3]);
+        let mut corners = [0; 3].map(|_| middle + random.cube() * size);
+        if index % 5 == 0 {
+            corners[2] = corners[0].lerp(corners[1], 0.3) + random.cube() * size * 1e-5;
+        }
+        geometry.positions.extend(corners);
+        geometry.triangles.push([3 * index, 3 * index + 1, 3 * index + 2]);
+    }
+    geometry.batches.push(Batch { material: 0, first: 0, count });
+    geometry
+}
+
+fn words(vectors: impl IntoIterator<Item = Vec3>) -> impl Iterator<Item = u32> {
+    vectors.into_iter().flat_map(|vector| vector.to_array()).map(f32::to_bits)
+}
+
+fn header(geometry: &Geometry) -> Vec<u32> {
+    [geometry.triangles.len() as u32].into_iter().chain(words(geometry.positions.iter().copied())).collect()
+}
+
+/// A point of a triangle: inside, on an edge or at a corner, by `kind`.
+fn target(random: &mut Random, geometry: &Geometry, triangle: u32, kind: usize) -> Vec3 {
+    let [a, b, c] = geometry.corners(triangle);
+    let (u, v) = (random.unit(), random.unit());
+    let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+    match kind {
+        0 => a,
+        1 => a.lerp(b, u),
+        _ => a + (b - a) * u + (c - a) * v,
+    }
+}
+
+const CENTERS: [Vec3; 3] = [Vec3::ZERO, Vec3::new(30.0, -20.0, 10.0), Vec3::new(1.0e4, 3.0e3, 0.0)];
+
+/// Rays at points, edges and corners of triangles, and how many of them the headers answer otherwise than the tree.
+fn intersections_that_differ(program: &Path) -> [usize; 2] {
+    let mut random = Random(1);
+    let (mut differ, mut hits) = (0, 0);
+    for center in CENTERS {
+        let geometry = soup(&mut random, 60, center);
+        let tree = Bvh::build(&geometry, &[], Quality::default());
+        let mut input = header(&geometry);
+        let mut expected = Vec::new();
+        for index in 0..6000 {
+            let goal = target(&mut random, &geometry, index % 60, index as usize % 4);
+            let origin = if index % 7 == 0 { goal } else { center + random.cube() * 2.0 };
+            let direction = (goal - origin).normalize_or(random.direction());
+            let distance = (goal - origin).length();
+            let (t_min, t_max) =
+                [(0.0, f32::INFINITY), (0.0, distance), (distance, 9.0), (0.01, 0.5)][index as usize % 11 % 4];
+            input.extend(words([origin, direction]).chain([t_min, t_max].map(f32::to_bits)));
+            expected.push(tree.closest(&Ray { origin, direction, t_min, t_max }, |_: &Hit| true));
+        }
+        for (found, expected) in run(program, "intersections", &input).as_chunks().0.iter().zip(expected) {
+            let expected: [u32; 4] = expected
+                .map_or([u32::MAX, 0, 0, 0], |hit| [hit.triangle, hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits()]);
+            hits += usize::from(expected[0] != u32::MAX);
+            differ += usize::from(*found != expected);
+        }
+    }
+    [differ, hits]
+}
+
+#[test]
+fn the_triangle_test_of_the_device_has_the_bits_of_the_tree() {
+    let Some(program) = compiled("triangle", None) else { return };
+    let [differ, hits] = intersections_that_differ(&program);
+    assert!(differ == 0 && hits > 5000, "{differ} rays differ, {hits} hit something");
+    for (name, change) in [
+        ("padding", ["SLAB_ERROR = 4.7683716e-7f", "SLAB_ERROR = 4.7683716e-3f"]),
+        ("planes", ["FAR_PLANES = 1.0000005e0f", "FAR_PLANES = 0.9e0f"]),
+    ] {
+        let changed = compiled(name, Some(change)).expect("there is a compiler");
+        assert!(intersections_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
+    }
+}
+
+/// Points of triangles and starts of rays that differ, of how many.
+fn points_that_differ(program: &Path) -> [usize; 2] {
+    let mut random = Random(2);
+    let (mut differ, mut all) = (0, 0);
+    for center in CENTERS {
+        let geometry = soup(&mut random, 60, center);
+        let (mut input, mut expected) = (header(&geometry), Vec::new());
+        for index in 0..3000 {
+            let triangle = index % 60;
+            let off = random.cube() * [0.0, 1e-6, 1e-3, 1.0][index as usize % 13 % 4];
+            let position = target(&mut random, &geometry, triangle, index as usize % 4) + off;
+            let direction = random.direction();
+            input.extend([triangle].into_iter().chain(words([position, direction])));
+            let point = SurfacePoint::snap(&geometry, triangle, position);
+            let start = words([point.spawn(direction)]);
+            let words: Vec<u32> =
+                words([point.position, point.normal]).chain([point.error.to_bits()]).chain(start).collect();
+            expected.push(words);
+        }
+        for (found, expected) in run(program, "points", &input).as_chunks::<10>().0.iter().zip(expected) {
+            // Zeros of either sign are one place.
+            let same = found.iter().zip(expected).all(|(a, b)| f32::from_bits(*a) == f32::from_bits(b));
+            differ += usize::from(!same);
+            all += 1;
+        }
+    }
+    [differ, all]
+}
+
+#[test]
+fn points_and_offsets_of_the_device_have_the_bits_of_the_processor() {
+    let Some(program) = compiled("points", None) else { return };
+    let [differ, all] = points_that_differ(&program);
+    assert!(differ == 0 && all == 9000, "{differ} of {all} points differ");
+    for (name, change) in [
+        ("units", ["OFFSET_UNITS = 3.2e1f", "OFFSET_UNITS = 3.3e1f"]),
+        ("reach", ["OFFSET_REACH = 5e-1f", "OFFSET_REACH = 6e-1f"]),
+        ("margin", ["OFFSET_MARGIN = 3.2e1f", "OFFSET_MARGIN = 9.6e1f"]),
+    ] {
+        let changed = compiled(name, Some(change)).expect("there is a compiler");
+        assert!(points_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
+    }
+}
+
+/// Samples that differ, of how many.
+fn samples_that_differ(program: &Path) -> [usize; 2] {
+    let mut random = Random(3);
+    let (mut input, mut expected) = (Vec::new(), Vec::new());
+    for _ in 0..5000 {
+        let [x, y, seed] = [random.bits(), random.bits(), random.bits()];
+        let (normal, cos, index) = (random.direction(), random.unit(), 0.5 + random.unit());
+        input.extend([x, y, seed].into_iter().chain(words([normal])).chain([cos, index].map(f32::to_bits)));
+        let key = pixel_key(x, y, seed);
+        let bits = dimensions(key, x);
+        let direction = cosine(Vec2::from(bits.map(unit)));
+        let world = Basis::around(normal).to_world(direction);
+        let (exact, rough) = (fresnel(cos, index), schlick(cos, index));
+        let weights = [exact.reflectance, exact.cos_refracted, rough.reflectance, rough.cos_refracted];
+        let integers = [key, path_key(key, y), bits[0], bits[1], scramble_reversed(x, seed)];
+        let sample: Vec<u32> =
+            integers.into_iter().chain(words([direction, world])).chain(weights.map(f32::to_bits)).collect();
+        expected.push(sample);
+    }
+    let found = run(program, "samples", &input);
+    let found = found.as_chunks::<15>().0;
+    let differ =
+        found.iter().zip(&expected).filter(|(found, expected)| found.as_slice() != expected.as_slice()).count();
+    [differ, found.len()]
+}
+
+#[test]
+fn samples_and_weights_of_the_device_have_the_bits_of_the_processor() {
+    let Some(program) = compiled("samples", None) else { return };
+    let [differ, all] = samples_that_differ(&program);
+    assert!(differ == 0 && all == 5000, "{differ} of {all} samples differ");
+    let change = ["HASH_DIMENSIONS = 2u", "HASH_DIMENSIONS = 3u"];
+    let changed = compiled("dimensions", Some(change)).expect("there is a compiler");
+    assert!(samples_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
+}
+
+/// Verdicts of cone tests: wrong ones, certain ones, all.
+fn verdicts(program: &Path) -> [usize; 3] {
+    let mut random = Random(4);
+    let (mut wrong, mut certain, mut all) = (0, 0, 0);
+    for center in CENTERS {
+        let geometry = soup(&mut random, 60, center);
+        let tree = Bvh::build(&geometry, &[], Quality::default());
+        let radius = 0.7;
+        let mut input = header(&geometry);
+        input.push(f32::to_bits(radius));
+        let mut rays = Vec::new();
+        for index in 0..9000 {
+            let triangle = index % 60;
+            // At corners and edges, and at ends of rays: where bounds are needed.
+            let goal = target(&mut random, &geometry, triangle, index as usize % 3);
+            let distance = [0.3, radius, 0.69999, 1e-3][index as usize % 4];
+            let direction = random.direction();
+            let origin = goal - direction * distance;
+            let facing = (direction + random.cube() * 0.5).normalize_or(direction);
+            if facing.dot(direction) <= 0.0 {
+                continue;
+            }
+            input.extend([triangle].into_iter().chain(words([origin, facing, direction])));
+            rays.push(Ray { origin, direction, t_min: 0.0, t_max: radius });
+        }
+        for (found, ray) in run(program, "cones", &input).into_iter().zip(rays) {
+            let (hit, miss, stopped) = (found & 1 != 0, found & 2 != 0, found & 4 != 0);
+            wrong += usize::from(hit && !stopped || miss && stopped);
+            wrong += usize::from(hit && !tree.occluded(&ray, |_: &Hit| true));
+            certain += usize::from(hit || miss);
+            all += 1;
+        }
+    }
+    [wrong, certain, all]
+}
+
+#[test]
+fn what_cone_tests_of_the_device_say_is_what_the_watertight_test_says() {
+    let Some(program) = compiled("cones", None) else { return };
+    let [wrong, certain, all] = verdicts(&program);
+    assert!(wrong == 0 && certain * 5 > all && certain < all, "{wrong} of {certain} verdicts are wrong, of {all} rays");
+    let change = ["EDGE_ERROR = 8.583069e-6f", "EDGE_ERROR = 8.583069e-10f"];
+    let changed = compiled("edges", Some(change)).expect("there is a compiler");
+    assert!(verdicts(&changed)[0] > 0, "{change:?} is not noticed");
+    let change = ["DISTANCE_MARGIN = 2e-6f", "DISTANCE_MARGIN = -2e-4f"];
+    let changed = compiled("margins", Some(change)).expect("there is a compiler");
+    assert!(verdicts(&changed)[0] > 0, "{change:?} is not noticed");
+}

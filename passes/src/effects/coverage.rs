@@ -1,0 +1,40 @@
+//! Where surfaces are cut out.
+
+use super::interpolate::texture_coordinates;
+use crate::trace::Hit;
+use curitiba_pipeline::backend::Shade;
+use curitiba_pipeline::scene::RenderScene;
+
+/// Says where the surface of a triangle really is.
+pub trait Coverage: Sync {
+    /// Whether there is a surface at this point of the triangle.
+    fn covers(&self, hit: &Hit) -> bool;
+}
+
+/// Every triangle is whole.
+#[derive(Debug, Clone, Copy)]
+pub struct Opaque;
+
+impl Coverage for Opaque {
+    fn covers(&self, _: &Hit) -> bool {
+        true
+    }
+}
+
+/// Triangles are cut out where the texture's alpha (level 0) is below the material's cutoff.
+#[derive(Debug, Clone, Copy)]
+pub struct AlphaTested<'a> {
+    /// Whose triangles are hit.
+    pub scene: &'a RenderScene,
+    /// By material.
+    pub shades: &'a [Shade],
+}
+
+impl Coverage for AlphaTested<'_> {
+    fn covers(&self, hit: &Hit) -> bool {
+        let shade = &self.shades[self.scene.geometry.material_of(hit.triangle) as usize];
+        let (Some(texture), Some(cutoff)) = (shade.texture, shade.alpha_cutoff) else { return true };
+        let uv = texture_coordinates(&self.scene.geometry, hit);
+        self.scene.textures[texture as usize].sample(uv, 0.0).w >= cutoff
+    }
+}

@@ -1,0 +1,83 @@
+//! A pass and its pixels: what every program is a function of.
+
+use super::coverage::Coverage;
+use crate::sampling::HemisphereSampler;
+use crate::sampling::hash::pixel_key;
+use crate::trace::{Hit, Tracer};
+use curitiba_pipeline::backend::{NO_TRIANGLE, RayJob};
+use curitiba_pipeline::scene::TriangleRanges;
+use glam::{Vec3, Vec4};
+
+/// What the pixels of one pass have in common. The job's slices were checked against its sizes.
+#[derive(Debug)]
+pub struct Pass<'a, T, C> {
+    /// The job.
+    pub job: &'a RayJob<'a>,
+    /// Its scene's acceleration structure.
+    pub tracer: &'a T,
+    /// Where its triangles are cut out.
+    pub coverage: C,
+    /// Unit vector towards the light; 0 where the program does not read it.
+    pub to_light: Vec3,
+    /// The light's colour; 0 where the program does not read it.
+    pub light_color: Vec3,
+    /// Occlusion directions in `corrected`; `None` switches occlusion off.
+    pub occlusion: Option<HemisphereSampler>,
+    /// Strata a side in `thesis`; 0 switches occlusion off.
+    pub strata: u32,
+    /// See [`open_shares`](super::open_shares); empty where occlusion is off.
+    pub open_share: Vec<f32>,
+    /// The triangles of glass, for radiance rays.
+    pub glass: TriangleRanges,
+    /// Those that shadow rays pass.
+    pub shadow_glass: TriangleRanges,
+}
+
+/// A pixel of the pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pixel {
+    /// Column.
+    pub x: u32,
+    /// Row from the top.
+    pub y: u32,
+    /// `y * width + x`.
+    pub index: usize,
+}
+
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    /// The key of a pixel's random numbers: of its place in the whole picture.
+    pub(super) fn key(&self, pixel: Pixel) -> u32 {
+        let [x, y] = self.job.origin;
+        pixel_key(x + pixel.x, y + pixel.y, self.job.seed)
+    }
+
+    pub(super) fn position(&self, pixel: Pixel) -> Vec4 {
+        Vec4::from_array(self.job.position[pixel.index])
+    }
+
+    pub(super) fn normal(&self, pixel: Pixel) -> Vec3 {
+        Vec4::from_array(self.job.normal[pixel.index]).truncate()
+    }
+
+    pub(super) fn triangle(&self, pixel: Pixel) -> Option<u32> {
+        Some(self.job.triangle[pixel.index]).filter(|triangle| *triangle != NO_TRIANGLE)
+    }
+
+    pub(super) fn is_glass(&self, triangle: u32) -> bool {
+        self.glass.contains(triangle)
+    }
+
+    /// Whether a hit stops light: covered, and not glass that shadow rays pass.
+    pub(super) fn stops_light(&self, hit: &Hit) -> bool {
+        !self.passes_light(hit) && self.coverage.covers(hit)
+    }
+
+    pub(super) fn passes_light(&self, hit: &Hit) -> bool {
+        self.shadow_glass.contains(hit.triangle)
+    }
+}
+
+/// A colour with alpha 1.
+pub(crate) fn opaque(color: Vec3) -> [f32; 4] {
+    color.extend(1.0).to_array()
+}

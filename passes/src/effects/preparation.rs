@@ -1,0 +1,38 @@
+//! What a pass prepares from its job, once for all pixels and on every backend.
+
+use super::occlusion::open_shares;
+use crate::sampling::{HemisphereSampler, square_root};
+use curitiba_pipeline::backend::RayJob;
+use curitiba_pipeline::programs::Fidelity;
+use glam::Vec3;
+
+/// What the pixels of a pass have in common, beside the scene.
+#[derive(Debug)]
+pub struct Preparation {
+    /// Where the occlusion rays of a point go: in thesis fidelity always strata. `None` switches occlusion off.
+    pub sampler: Option<HemisphereSampler>,
+    /// See [`open_shares`]; empty where occlusion is off.
+    pub open_share: Vec<f32>,
+    /// Unit vector towards the light; 0 where there is none.
+    pub to_light: Vec3,
+    /// The light's colour, linear; 0 where there is none.
+    pub light_color: Vec3,
+}
+
+impl Preparation {
+    /// That of a job.
+    ///
+    /// # Errors
+    /// What is wrong with the number of samples, if the sampler cannot have that many.
+    pub fn of(job: &RayJob<'_>) -> Result<Self, String> {
+        let samples = job.program.info().samples(&job.params);
+        let sampler = match job.fidelity {
+            _ if samples == 0 => None,
+            Fidelity::Corrected => Some(HemisphereSampler::new(job.params.sampler, samples)?),
+            Fidelity::Thesis => Some(HemisphereSampler::Strata { side: square_root(samples)? }),
+        };
+        let open_share = if samples == 0 { Vec::new() } else { open_shares(samples, job.params.intensity) };
+        let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
+        Ok(Self { sampler, open_share, to_light, light_color })
+    }
+}

@@ -1,0 +1,254 @@
+//! Small worlds for tests, traced by brute force.
+
+use crate::cpu;
+use crate::trace::{BruteForce, Bvh, Quality, Ray, Tracer};
+use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob, Shade, Sun};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+use curitiba_pipeline::scene::texture::Texture;
+use curitiba_pipeline::scene::{Batch, Material, RenderScene};
+use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
+
+/// A scene in the making, with what passes know of its materials.
+#[derive(Default)]
+pub struct World {
+    pub scene: RenderScene,
+    pub shades: Vec<Shade>,
+    pub glass: Vec<bool>,
+    pub shadow_glass: Vec<bool>,
+    pub sun: Option<Sun>,
+}
+
+/// The light that most worlds have.
+pub const SUN_COLOR: Vec3 = Vec3::new(0.9, 0.8, 0.7);
+
+impl World {
+    /// No surface, and light that travels in this direction.
+    pub fn lit_along(direction: Vec3) -> Self {
+        Self { sun: Some(Sun { direction: direction.normalize(), color: SUN_COLOR }), ..Self::default() }
+    }
+
+    /// Triangles anywhere around the origin, whose vertex normals agree with theirs, look to the other side, or each somewhere.
+    pub fn scattered() -> Self {
+        let mut state = 5_u32;
+        let mut random = move || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / 8_388_608.0 - 1.0
+        };
+        let mut world = Self::lit_along(Vec3::new(0.4, -1.0, 0.3));
+        let paint = world.paint(Vec3::splat(0.5));
+        for index in 0..300 {
+            let mut vector = || Vec3::new(random(), random(), random());
+            let center = vector() * 4.0;
+            let corners = [0, 1, 2].map(|_| center + vector());
+            let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or(Vec3::Y);
+            let bend = [0.2, 0.2, 3.0][index % 3];
+            let flat = if index % 2 == 0 { flat } else { -flat };
+            world.triangle(paint, corners, [0, 1, 2].map(|_| (flat + vector() * bend).normalize_or(flat)));
+        }
+        world
+    }
+
+    fn material(&mut self, shade: Shade, glass: bool) -> u32 {
+        let material = Material { name: format!("material {}", self.shades.len()), ..Material::default() };
+        self.scene.materials.push(material);
+        self.shades.push(shade);
+        self.glass.push(glass);
+        self.shadow_glass.push(glass);
+        self.shades.len() as u32 - 1
+    }
+
+    /// An opaque material.
+    pub fn paint(&mut self, diffuse: Vec3) -> u32 {
+        let shade = Shade { diffuse: diffuse.extend(1.0), emission: Vec4::ZERO, texture: None, alpha_cutoff: None };
+        self.material(shade, false)
+    }
+
+    /// Glass, for radiance and shadow rays.
+    pub fn glass(&mut self) -> u32 {
+        let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None };
+        self.material(shade, true)
+    }
+
+    /// A textured material; `texels` are two texels side by side.
+    pub fn picture(&mut self, texels: [[u8; 4]; 2], alpha_cutoff: Option<f32>) -> u32 {
+        self.scene.textures.push(Texture::new("picture".to_owned(), 2, 1, texels.to_vec()));
+        let texture = Some(self.scene.textures.len() as u32 - 1);
+        self.material(Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture, alpha_cutoff }, false)
+    }
+
+    /// A triangle; texture coordinates are (0, 0), (1, 0), (0, 1).
+    pub fn triangle(&mut self, material: u32, corners: [Vec3; 3], normals: [Vec3; 3]) {
+        let geometry = &mut self.scene.geometry;
+        let first = geometry.positions.len() as u32;
+        geometry.positions.extend(corners);
+        geometry.normals.extend(normals);
+        geometry.texcoords.extend([Vec2::ZERO, Vec2::X, Vec2::Y]);
+        let id = geometry.triangles.len() as u32;
+        geometry.triangles.push([first, first + 1, first + 2]);
+        match geometry.batches.last_mut() {
+            Some(batch) if batch.material == material => batch.count += 1,
+            _ => geometry.batches.push(Batch { material, first: id, count: 1 }),
+        }
+    }
+
+    /// A parallelogram around `center`, spanned by both half sides; its winding and normal are `x.cross(y)`'s. Texture
+    /// coordinates run from (0, 0) at `center - x - y` to (1, 1).
+    pub fn quad(&mut self, material: u32, center: Vec3, x: Vec3, y: Vec3) {
+        let normal = x.cross(y).normalize();
+        let corners = [center - x - y, center + x - y, center + x + y, center - x + y];
+        self.triangle(material, [corners[0], corners[1], corners[3]], [normal; 3]);
+        self.triangle(material, [corners[2], corners[3], corners[1]], [normal; 3]);
+        let texcoords = &mut self.scene.geometry.texcoords;
+        let first = texcoords.len() - 3;
+        texcoords[first..].copy_from_slice(&[Vec2::ONE, Vec2::Y, Vec2::X]);
+    }
+
+    /// Gives every vertex this normal.
+    pub fn bend_normals(&mut self, normal: Vec3) {
+        self.scene.geometry.normals.fill(normal.normalize());
+    }
+
+    /// Scales, rotates and moves everything, the light included.
+    pub fn transform(&mut self, rotation: Mat3, scale: f32, offset: Vec3) {
+        let geometry = &mut self.scene.geometry;
+        geometry.positions.iter_mut().for_each(|p| *p = rotation * *p * scale + offset);
+        geometry.normals.iter_mut().for_each(|n| *n = (rotation * *n).normalize());
+        if let Some(sun) = &mut self.sun {
+            sun.direction = (rotation * sun.direction).normalize();
+        }
+    }
+
+    /// The reference tracer; every hit asks the program, as in the backend.
+    pub fn brute_force(&self) -> BruteForce {
+        BruteForce::new(&self.scene.geometry, &vec![true; self.scene.materials.len()])
+    }
+
+    /// The tracer that the backend uses.
+    pub fn tree(&self) -> Bvh {
+        Bvh::build(&self.scene.geometry, &vec![true; self.scene.materials.len()], Quality::default())
+    }
+
+    /// The lit colour of a material, facing the light with this cosine.
+    pub fn lit(&self, material: u32, cos: f32) -> Vec3 {
+        let diffuse = self.shades[material as usize].diffuse.truncate();
+        diffuse * SUN_COLOR * cos.max(0.0) + 0.3 * diffuse
+    }
+}
+
+/// The colour of pixels that show nothing.
+pub const BACKGROUND: [f32; 4] = [0.1, 0.2, 0.4, 0.25];
+
+/// A G-buffer of a world, one pixel a target.
+pub struct Shot<'w> {
+    world: &'w World,
+    eye: Vec3,
+    width: u32,
+    pub position: Vec<[f32; 4]>,
+    pub normal: Vec<[f32; 4]>,
+    pub color: Vec<[f32; 4]>,
+    pub triangle: Vec<u32>,
+}
+
+impl<'w> Shot<'w> {
+    /// What lies in the direction of each target, as the report's raster pass writes it.
+    pub fn of(world: &'w World, eye: Vec3, targets: impl IntoIterator<Item = Vec3>) -> Self {
+        let mut shot = Self {
+            world,
+            eye,
+            width: 0,
+            position: Vec::new(),
+            normal: Vec::new(),
+            color: Vec::new(),
+            triangle: Vec::new(),
+        };
+        let tracer = world.brute_force();
+        for target in targets {
+            shot.push(&tracer, (target - eye).normalize());
+        }
+        shot.width = shot.position.len() as u32;
+        shot
+    }
+
+    /// The same with `width` targets a row.
+    pub fn rows(self, width: u32) -> Self {
+        assert_eq!(self.position.len() % width as usize, 0);
+        Self { width, ..self }
+    }
+
+    fn push(&mut self, tracer: &BruteForce, direction: Vec3) {
+        let ray = Ray { origin: self.eye, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let nearest = tracer.candidates(&ray).min_by(|a, b| a.0.x.total_cmp(&b.0.x));
+        let Some((DVec3 { x: t, y: u, z: v }, triangle, _)) = nearest else {
+            self.position.push([0.0; 4]);
+            self.normal.push([0.0; 4]);
+            self.color.push(BACKGROUND);
+            self.triangle.push(NO_TRIANGLE);
+            return;
+        };
+        let geometry = &self.world.scene.geometry;
+        let position = (self.eye.as_dvec3() + direction.as_dvec3() * t).as_vec3();
+        let [a, b, c] = geometry.triangles[triangle as usize].map(|vertex| geometry.normals[vertex as usize]);
+        let (u, v) = (u as f32, v as f32);
+        let normal = (a * (1.0 - u - v) + b * u + c * v).normalize();
+        let cos = self.world.sun.map_or(0.0, |sun| normal.dot(-sun.direction).max(0.0));
+        let material = geometry.material_of(triangle);
+        let glass = self.world.glass[material as usize];
+        self.position.push(position.extend(cos).to_array());
+        self.normal.push(normal.extend(0.0).to_array());
+        let lit = self.world.lit(material, cos).extend(1.0).to_array();
+        self.color.push(if glass { [1.0, 0.0, 1.0, 0.0] } else { lit });
+        self.triangle.push(triangle);
+    }
+
+    /// A job of a program over this G-buffer.
+    pub fn job(&self, program: RayProgram, fidelity: Fidelity, params: RayParams) -> RayJob<'_> {
+        RayJob {
+            origin: [0; 2],
+            scene: &self.world.scene,
+            program,
+            params,
+            fidelity,
+            seed: 0,
+            eye: self.eye,
+            sun: self.world.sun,
+            width: self.width,
+            height: (self.position.len() as u32).checked_div(self.width).unwrap_or(0),
+            position: &self.position,
+            normal: &self.normal,
+            color: &self.color,
+            triangle: &self.triangle,
+            shared: None,
+            shades: &self.world.shades,
+            glass: &self.world.glass,
+            shadow_glass: &self.world.shadow_glass,
+        }
+    }
+
+    /// The picture of a program, and its rays.
+    pub fn run(&self, program: RayProgram, fidelity: Fidelity, params: RayParams) -> (Vec<[f32; 4]>, RayCounts) {
+        self.run_on(&self.world.brute_force(), &self.job(program, fidelity, params))
+    }
+
+    /// The same on another tracer.
+    pub fn run_on(&self, tracer: &impl Tracer, job: &RayJob<'_>) -> (Vec<[f32; 4]>, RayCounts) {
+        // What no program would write.
+        let mut output = Image::filled(job.width, job.height, [f32::NAN; 4]);
+        let stats = cpu::trace(tracer, job, &mut output, &Progress::default()).expect("a complete job");
+        (output.pixels, stats.rays)
+    }
+}
+
+/// Points of a square grid on a parallelogram, cell centres, row by row.
+pub fn grid(side: u32, center: Vec3, x: Vec3, y: Vec3) -> impl Iterator<Item = Vec3> {
+    let at = move |i: u32| (2.0 * (i as f32 + 0.5) / side as f32) - 1.0;
+    (0..side * side).map(move |i| center + x * at(i % side) + y * at(i / side))
+}
+
+/// Asserts that two colours agree, with the index of the pixel in the message.
+#[track_caller]
+pub fn assert_close(found: [f32; 4], expected: Vec3, tolerance: f32, what: impl std::fmt::Display) {
+    let difference = (Vec4::from_array(found).truncate() - expected).abs().max_element();
+    assert!(difference <= tolerance, "{what}: {found:?} is not {expected} (off by {difference})");
+}

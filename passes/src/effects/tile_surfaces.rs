@@ -1,0 +1,282 @@
+//! The surfaces of a tile's pixels, found before the pixels are computed, and their light: shadow rays of a tile run side by side, and go
+//! down the tree as packets.
+
+use super::coverage::Coverage;
+use super::light::share_of_light;
+use super::pass::{Pass, Pixel};
+use super::surface::{Surface, Surfaces};
+use super::tile::{Area, TILE};
+use super::visible_pixels::VisiblePixels;
+use crate::trace::{
+    Detected, Hit, Kernel, LANES, PACKET, Packet, Simd, SurfacePoints, Tracer, at_vertices, vector_at, vertices,
+};
+use glam::Vec3;
+
+/// What is known of a pixel before it is computed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Known {
+    /// The light's share; `None` where nobody asked.
+    pub(super) light: Option<f32>,
+    /// Its surface and the direction in which it is seen, where the program needs them again.
+    pub(super) surface: Option<(Surface, Vec3)>,
+    /// Where rays to the viewer's side of that surface start.
+    pub(super) origin: Vec3,
+    /// Its ambient occlusion; `None` where it has not been found out.
+    pub(super) occlusion: Option<f32>,
+}
+
+impl Known {
+    pub(super) const NOTHING: Self = Self { light: None, surface: None, origin: Vec3::ZERO, occlusion: None };
+}
+
+/// What is known of a tile's pixels, and the buffers that it takes to find out.
+#[derive(Debug, Default)]
+pub struct TileSurfaces {
+    /// By place; empty where the program asks pixel by pixel.
+    known: Vec<Known>,
+    /// Pixels whose surfaces are looked for.
+    shown: VisiblePixels,
+    packets: Vec<Packet>,
+    /// The place of each ray.
+    places: Vec<u16>,
+    blocked: Vec<u16>,
+    /// Glass surfaces that rays cross: the ray and the distance.
+    crossings: Vec<(u32, f32)>,
+    distances: Vec<f32>,
+}
+
+impl TileSurfaces {
+    /// What is known of the pixel at a place of a tile, whether it was surveyed or not.
+    pub(super) fn known(&self, place: usize) -> Known {
+        self.known.get(place).copied().unwrap_or(Known::NOTHING)
+    }
+
+    /// What is known of the pixel at a place of a tile that was surveyed.
+    pub(super) fn at(&self, place: usize) -> &Known {
+        &self.known[place]
+    }
+
+    pub(super) fn at_mut(&mut self, place: usize) -> &mut Known {
+        &mut self.known[place]
+    }
+
+    /// Finds the surfaces of the pixels of a tile that are wanted; nothing else is known of it then.
+    pub(super) fn survey<T: Tracer, C: Coverage>(
+        &mut self,
+        pass: &Pass<'_, T, C>,
+        area: Area,
+        wanted: impl Fn(Pixel, u32) -> bool,
+    ) {
+        self.clear();
+        Detected::cached().run(Survey { surfaces: self, pass, area, wanted });
+    }
+
+    /// Nothing is known of any pixel, as if none had been surveyed.
+    pub(super) fn forget(&mut self) {
+        self.known.clear();
+        self.shown.forget();
+    }
+
+    /// Forgets the tile before.
+    pub(super) fn clear(&mut self) {
+        self.known.clear();
+        self.known.resize(TILE * TILE, Known::NOTHING);
+        self.packets.clear();
+        self.places.clear();
+        self.crossings.clear();
+    }
+
+    fn push(&mut self, place: usize, origin: Vec3, direction: Vec3) {
+        let lane = self.places.len() % PACKET;
+        if lane == 0 {
+            self.packets.push(Packet::new(0.0, f32::INFINITY));
+        }
+        if let Some(packet) = self.packets.last_mut() {
+            packet.set(lane, origin, direction);
+        }
+        self.places.push(place as u16);
+    }
+
+    /// Traces all rays, and returns how many there are.
+    fn trace<T: Tracer>(&mut self, tracer: &T, mut stops: impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool) -> u64 {
+        let Self { packets, blocked, crossings, .. } = self;
+        blocked.clear();
+        blocked.resize(packets.len(), 0);
+        tracer.occluded_packets(packets, blocked, |ray, hit| stops(ray as u32, hit, crossings));
+        self.places.len() as u64
+    }
+
+    /// Notes the light's share at the place of every ray.
+    fn note_answers(&mut self) {
+        let Self { known, places, blocked, crossings, distances, .. } = self;
+        crossings.sort_unstable_by_key(|(ray, _)| *ray);
+        let mut crossings = crossings.iter().peekable();
+        for (ray, place) in places.iter().enumerate() {
+            distances.clear();
+            while let Some((_, t)) = crossings.next_if(|crossing| crossing.0 as usize == ray) {
+                distances.push(*t);
+            }
+            let stopped = blocked[ray / PACKET] >> (ray % PACKET) & 1 == 1;
+            known[*place as usize].light = Some(share_of_light(stopped, distances));
+        }
+    }
+}
+
+/// What finds the surfaces of a tile.
+struct Survey<'a, T, C, W> {
+    surfaces: &'a mut TileSurfaces,
+    pass: &'a Pass<'a, T, C>,
+    area: Area,
+    wanted: W,
+}
+
+impl<T: Tracer, C: Coverage, W: Fn(Pixel, u32) -> bool> Kernel<()> for Survey<'_, T, C, W> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { surfaces: TileSurfaces { known, shown, .. }, pass, area, wanted } = self;
+        let fetch = |pixel: usize| simd.prefetch(&pass.job.normal[pixel]);
+        shown.collect(simd, (pass, area), wanted, fetch);
+        for lanes in shown.sixteens() {
+            let geometry = &pass.job.scene.geometry;
+            let corners = at_vertices(simd, &geometry.positions, &vertices(simd, &geometry.triangles, lanes.triangles));
+            let stored = simd.gather(pass.job.position, lanes.pixels);
+            let normals = simd.gather(pass.job.normal, lanes.pixels);
+            for half in 0..2 {
+                let points = SurfacePoints::snap(&corners, &stored, half);
+                let surfaces = Surfaces::new(&points, &normals, half, pass.job.eye);
+                let near = points.near(simd);
+                for (lane, &place) in lanes.places[half * LANES..][..LANES].iter().enumerate() {
+                    let index = half * LANES + lane;
+                    if lanes.used >> index & 1 == 0 {
+                        return;
+                    }
+                    let known = &mut known[usize::from(place)];
+                    if near >> lane & 1 == 0 {
+                        known.surface = Some(surfaces.get(&points, lane));
+                        known.origin = surfaces.origin(lane);
+                    } else {
+                        let point = pass.point_of(lanes.triangles[index], vector_at(&stored, index));
+                        let seen @ (surface, _) = pass.surface_of(point, vector_at(&normals, index));
+                        known.surface = Some(seen);
+                        known.origin = surface.origin(surface.facing);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Finds out the light of a tile: `origin` gives for each pixel its share of the light where no ray is needed to know it,
+/// or else where its ray starts; neither where it is not asked for. It is shown what is known so far.
+///
+/// Returns the number of rays.
+pub(super) fn prepare_light<T: Tracer, C: Coverage>(
+    pass: &Pass<'_, T, C>,
+    area: Area,
+    surfaces: &mut TileSurfaces,
+    mut origin: impl FnMut(Pixel, &Known) -> (Option<f32>, Option<Vec3>),
+    mut stops: impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool,
+) -> u64 {
+    for (place, pixel) in area.pixels() {
+        let (share, start) = origin(pixel, &surfaces.known[place]);
+        surfaces.known[place].light = share;
+        if let Some(start) = start {
+            surfaces.push(place, start, pass.to_light);
+        }
+    }
+    let rays = surfaces.trace(pass.tracer, &mut stops);
+    surfaces.note_answers();
+    rays
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Survey, TileSurfaces};
+    use crate::effects::coverage::Opaque;
+    use crate::effects::pass::Pass;
+    use crate::effects::tests::world::{Shot, World, grid};
+    use crate::effects::tile::{Area, PART, TILE, corner_of, part_of};
+    use crate::trace::{Detected, InstructionSet};
+    use curitiba_pipeline::backend::NO_TRIANGLE;
+    use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+    use curitiba_pipeline::scene::TriangleRanges;
+    use glam::Vec3;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_pixel_of_a_tile_has_a_place_of_its_own() {
+        for (width, height) in [(16, 16), (7, 16), (16, 1), (1, 1), (5, 9)] {
+            let area = Area { x: 32, y: 48, width, height, stride: 100 };
+            let places: BTreeSet<usize> = area.pixels().map(|(place, _)| place).collect();
+            assert_eq!(places.len(), width * height);
+            for (place, pixel) in area.pixels() {
+                assert_eq!((pixel.x as usize, pixel.y as usize), (32 + place % TILE, 48 + place / TILE));
+                assert_eq!(pixel.index, pixel.y as usize * 100 + pixel.x as usize);
+                let (part, lane) = part_of(place);
+                let (left, top) = corner_of(part);
+                assert_eq!((left + lane % PART, top + lane / PART), (place % TILE, place / TILE));
+            }
+        }
+    }
+
+    #[test]
+    fn the_surfaces_of_a_tile_are_those_of_its_pixels_one_by_one() {
+        let world = World::scattered();
+        let geometry = &world.scene.geometry;
+        // Corners and middles of borders, where rays start elsewhere, among the others.
+        let targets = grid(16, Vec3::ZERO, Vec3::X * 4.0, Vec3::NEG_Y * 4.0).enumerate().map(|(index, target)| {
+            let [a, b, _] = geometry.corners(index as u32);
+            [target, target, a, a.midpoint(b)][index % 4]
+        });
+        let mut shot = Shot::of(&world, Vec3::new(1.0, 2.0, 12.0), targets).rows(16);
+        // A normal that has no direction, and a point that has no view.
+        shot.normal[0] = [0.0; 4];
+        shot.position[1] =
+            shot.job(RayProgram::Ssao, Fidelity::Corrected, RayParams::default()).eye.extend(0.0).to_array();
+        let job = shot.job(RayProgram::Ssao, Fidelity::Corrected, RayParams::default());
+        let pass = Pass {
+            job: &job,
+            tracer: &world.tree(),
+            coverage: Opaque,
+            to_light: Vec3::ZERO,
+            light_color: Vec3::ZERO,
+            occlusion: None,
+            strata: 0,
+            open_share: Vec::new(),
+            glass: TriangleRanges::default(),
+            shadow_glass: TriangleRanges::default(),
+        };
+        let area = Area { x: 0, y: 0, width: TILE, height: TILE, stride: TILE };
+        for simd in [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable]
+            .into_iter()
+            .filter_map(Detected::new)
+        {
+            let mut surfaces = TileSurfaces::default();
+            surfaces.clear();
+            simd.run(Survey {
+                surfaces: &mut surfaces,
+                pass: &pass,
+                area,
+                wanted: |_, triangle: u32| !triangle.is_multiple_of(5),
+            });
+            let (mut found, mut drawn) = (0, 0);
+            for (place, pixel) in area.pixels() {
+                let known = surfaces.known(place);
+                let triangle = job.triangle[pixel.index];
+                if triangle == NO_TRIANGLE || triangle.is_multiple_of(5) {
+                    assert_eq!(known.surface, None);
+                    continue;
+                }
+                let alone @ (surface, _) = pass.surface_at(pixel, triangle, pass.normal(pixel));
+                assert_eq!(
+                    (known.surface, known.origin),
+                    (Some(alone), surface.origin(surface.facing)),
+                    "{simd:?} {place}"
+                );
+                found += 1;
+                drawn += usize::from(surface.is_drawn_in());
+            }
+            assert!(found > 100 && drawn > 10 && found - drawn > 50, "{found} {drawn}");
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! The wide tree from obvhs's binary one.
+
+use super::collapse::Plan;
+use super::effort::Quality;
+use super::emit::{Emitted, emit};
+use super::input::{Survey, Triangles};
+use super::leaf_format::LeafFormat;
+use super::ploc::binary_tree;
+use crate::trace::tree::{Bounds, Child, Node};
+
+/// The tree.
+pub(crate) struct Built<L> {
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) leaves: Vec<L>,
+    pub(crate) root: Child,
+    pub(crate) bounds: Bounds,
+    /// How many triangles are in it.
+    pub(crate) triangles: usize,
+}
+
+/// Builds the tree over the triangles with finite corners. The result does not depend on the number of threads.
+pub(crate) fn build<L: LeafFormat>(triangles: &Triangles<'_>, quality: Quality) -> Built<L> {
+    let survey = Survey::new(triangles, L::MOST);
+    let (bounds, count) = (survey.bounds, survey.triangles);
+    let tree = binary_tree(triangles, survey, quality.effort(count));
+    if tree.nodes.is_empty() {
+        return Built { nodes: Vec::new(), leaves: Vec::new(), root: Child::NONE, bounds, triangles: 0 };
+    }
+    let plan = Plan::new::<L>(&tree);
+    drop(tree);
+    let Emitted { nodes, leaves, root } = emit(&plan, triangles);
+    Built { nodes, leaves, root, bounds, triangles: count }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trace::Bvh;
+    use crate::trace::simd::LANES;
+    use curitiba_pipeline::scene::{Batch, Geometry};
+    use glam::Vec3;
+
+    /// Waves of triangles, some of them on one spot, enough of them that the work is shared.
+    fn waves(count: u32) -> Geometry {
+        let mut geometry = Geometry::default();
+        for triangle in 0..count {
+            let (x, z) = ((triangle % 181) as f32, (triangle / 181) as f32);
+            let y = (x * 0.3).sin() + (z * 0.2).cos();
+            for [dx, dz] in [[0.0, 0.0], [1.0, 0.1], [0.3, 1.0]] {
+                geometry.positions.push(if triangle % 97 == 0 {
+                    Vec3::new(dx, 9.0, dz)
+                } else {
+                    Vec3::new(x + dx, y, z + dz)
+                });
+            }
+            geometry.triangles.push([3 * triangle, 3 * triangle + 1, 3 * triangle + 2]);
+        }
+        geometry.batches.push(Batch { material: 0, first: 0, count });
+        geometry
+    }
+
+    fn bytes(bvh: &Bvh) -> (String, String) {
+        (format!("{:?}", bvh.tree.nodes), format!("{:?}", bvh.tree.leaves))
+    }
+
+    #[test]
+    fn the_tree_is_the_same_bit_by_bit_whatever_the_number_of_threads() {
+        let geometry = waves(40_000);
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| Bvh::build(&geometry, &[], Quality::Balanced))
+        };
+        let one = with(1);
+        let all = bytes(&one);
+        for threads in [2, 3, 8] {
+            assert!(bytes(&with(threads)) == all, "{threads} threads");
+        }
+        // The comparison can fail: another effort gives another tree.
+        assert!(bytes(&Bvh::build(&geometry, &[], Quality::Fast)) != all);
+    }
+
+    #[test]
+    fn every_triangle_is_in_one_block_and_every_box_holds_what_is_below_it() {
+        for count in [1, 2, 9, 500, 40_000] {
+            let geometry = waves(count);
+            let bvh = Bvh::build(&geometry, &[], Quality::Balanced);
+            let mut seen = vec![0; count as usize];
+            let mut pending = vec![(bvh.tree.root, bvh.tree.bounds)];
+            let inside = |outer: Bounds, inner: Bounds| outer.union(inner) == outer;
+            while let Some((child, bounds)) = pending.pop() {
+                if child.is_leaf() {
+                    let leaf = &bvh.tree.leaves[child.index()];
+                    for lane in (0..LANES).filter(|&lane| !leaf.corners(lane)[0][0].is_nan()) {
+                        seen[leaf.triangle(lane) as usize] += 1;
+                        assert!(inside(bounds, Bounds::of(&leaf.corners(lane).map(Vec3::from))));
+                    }
+                    continue;
+                }
+                let node = &bvh.tree.nodes[child.index()];
+                for lane in (0..LANES).filter(|&lane| node.children[lane] != Child::NONE) {
+                    let own = node.bounds(lane);
+                    assert!(inside(bounds, own));
+                    pending.push((node.children[lane], own));
+                }
+            }
+            assert!(seen.iter().all(|&times| times == 1), "{count} triangles");
+        }
+    }
+}

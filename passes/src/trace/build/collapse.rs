@@ -1,0 +1,292 @@
+//! Which nodes of a binary tree become nodes and leaves of the wide one.
+
+use super::leaf_format::LeafFormat;
+use crate::trace::simd::{Detected, F8, Kernel, LANES, Plain, Simd, lower};
+use obvhs::bvh2::Bvh2;
+use std::marker::PhantomData;
+
+/// Cost of opening a node, one vector test of eight, in the surface area heuristic; children cost [`LeafFormat::CHILD_COST`]
+/// more, and leaves [`LeafFormat::cost`].
+const NODE_COST: f32 = 1.0;
+
+/// How many times fewer nodes than there are have halves that are planned, and written, side by side. They are the first
+/// ones of the list, which obvhs fills from its end: those that it merged last, when there were so many clusters left. So
+/// the subtrees below them are of similar sizes; by levels, they would be far from that.
+const SHARE: usize = 512;
+/// Levels of nodes whose halves are planned side by side, at most.
+const DEEPEST: u32 = 64;
+
+/// What the collapse knows of a subtree.
+#[derive(Debug, Clone, Copy)]
+struct Summary {
+    triangles: u32,
+    /// In lane `i` the least cost of the subtree as at most `i + 1` children of one node; the last one is not used.
+    cost: F8,
+}
+
+/// The decisions about one binary node.
+///
+/// Three bits for each number of children from 2 to 7: how many of them the left half gets, 0 if one child fewer is as
+/// good. Three bits: how many children, less 2, the node has if it is opened; three: how many of them the left half gets.
+/// One bit: it is a leaf.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Choice(u32);
+
+impl Choice {
+    const OPENED: u32 = 3 * (LANES as u32 - 2);
+    const LEAF: u32 = 1 << 24;
+
+    /// Whether the subtree, as one child, is a leaf.
+    pub(crate) fn is_leaf(self) -> bool {
+        self.0 & Self::LEAF != 0
+    }
+
+    /// How many children each half of the subtree provides, as one child that is no leaf.
+    pub(crate) fn opened(self) -> [usize; 2] {
+        let children = (self.0 >> Self::OPENED & 7) as usize + 2;
+        let left = (self.0 >> (Self::OPENED + 3) & 7) as usize;
+        [left, children - left]
+    }
+
+    /// How many of `children` children, 2 to 7, the left half gets; 0 if one child fewer is as good.
+    pub(crate) fn share(self, children: usize) -> usize {
+        (self.0 >> (3 * (children - 2)) & 7) as usize
+    }
+}
+
+/// A binary node with what was decided.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    choice: Choice,
+    /// What a ray that meets the bounds of the subtree costs there, as one child; until that is known, half the area.
+    cost: f32,
+    /// The entry behind the subtree.
+    end: u32,
+    /// The first of its triangles in the plan's list.
+    first: u32,
+}
+
+/// The cheapest collapse of a binary tree into nodes of eight and leaves (Ylitie, Karras and Laine, "Efficient Incoherent
+/// Ray Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 3.1).
+///
+/// It holds the whole tree but its boxes, in the order in which it is walked: the binary tree is all over the memory.
+pub(crate) struct Plan {
+    /// The nodes, each before its left half, that before its right half; of a large subtree only the first one.
+    entries: Vec<Entry>,
+    /// The triangles from left to right; none of a large subtree.
+    triangles: Vec<u32>,
+    /// The halves of a large subtree, which are planned side by side.
+    halves: Option<Box<[Plan; 2]>>,
+}
+
+impl Plan {
+    /// The plan of a tree that has nodes.
+    pub(crate) fn new<L: LeafFormat>(tree: &Bvh2) -> Self {
+        Planner::<L> { tree, large: tree.nodes.len() / SHARE, leaf: PhantomData }.whole(0, 0).0
+    }
+
+    /// The whole tree.
+    pub(crate) fn root(&self) -> Subtree<'_> {
+        Subtree { plan: self, index: 0 }
+    }
+}
+
+/// A part of a plan.
+#[derive(Clone, Copy)]
+pub(crate) struct Subtree<'a> {
+    plan: &'a Plan,
+    index: u32,
+}
+
+impl<'a> Subtree<'a> {
+    fn entry(self) -> &'a Entry {
+        &self.plan.entries[self.index as usize]
+    }
+
+    /// What was decided about its root.
+    pub(crate) fn choice(self) -> Choice {
+        self.entry().choice
+    }
+
+    /// What a ray that meets its bounds costs there, as one child.
+    pub(crate) fn cost(self) -> f32 {
+        self.entry().cost
+    }
+
+    /// Whether it is large enough that its parts are written side by side.
+    pub(crate) fn is_large(self) -> bool {
+        self.plan.halves.is_some()
+    }
+
+    /// Its halves, if its root has two.
+    #[inline]
+    pub(crate) fn halves(self) -> [Self; 2] {
+        match &self.plan.halves {
+            Some(halves) => [halves[0].root(), halves[1].root()],
+            None => {
+                let left = Self { index: self.index + 1, ..self };
+                [left, Self { index: left.entry().end, ..self }]
+            }
+        }
+    }
+
+    /// Adds its triangles to a list, from left to right.
+    #[inline]
+    pub(crate) fn triangles(self, list: &mut Vec<u32>) {
+        if let Some(halves) = &self.plan.halves {
+            return halves.iter().for_each(|half| half.root().triangles(list));
+        }
+        let entry = self.entry();
+        let behind =
+            self.plan.entries.get(entry.end as usize).map_or(self.plan.triangles.len(), |next| next.first as usize);
+        list.extend_from_slice(&self.plan.triangles[entry.first as usize..behind]);
+    }
+}
+
+struct Planner<'a, L> {
+    tree: &'a Bvh2,
+    /// The nodes before this one may have halves that are planned side by side.
+    large: usize,
+    leaf: PhantomData<fn() -> L>,
+}
+
+impl<L: LeafFormat> Planner<'_, L> {
+    /// Plans a subtree, the halves of a large one side by side.
+    fn whole(&self, index: u32, depth: u32) -> (Plan, Summary) {
+        let node = &self.tree.nodes[index as usize];
+        if index as usize >= self.large || depth >= DEEPEST || node.is_leaf() {
+            return Detected::cached().run(Small { planner: self, root: index });
+        }
+        let half = |index: u32| self.whole(index, depth + 1);
+        let (left, right) = rayon::join(|| half(node.first_index), || half(node.first_index + 1));
+        let (choice, cost, summary) = Self::inner(Plain, node.aabb().half_area(), &left.1, &right.1);
+        let entry = Entry { choice, cost, end: 1, first: 0 };
+        (Plan { entries: vec![entry], triangles: Vec::new(), halves: Some(Box::new([left.0, right.0])) }, summary)
+    }
+
+    /// Plans a node with two halves. What is done for all numbers of children is written as loops over lanes.
+    #[inline(always)]
+    fn inner<S: Simd>(simd: S, area: f32, left: &Summary, right: &Summary) -> (Choice, f32, Summary) {
+        let triangles = left.triangles + right.triangles;
+        let (costs, shares) = splits(&left.cost.0, &right.cost.0);
+        let mut totals = [f32::INFINITY; LANES];
+        for lane in 1..LANES {
+            totals[lane] = costs[lane] + area * (NODE_COST + L::CHILD_COST * (lane + 1) as f32);
+        }
+        let mut least = totals;
+        for half in [4, 2, 1] {
+            for lane in 0..half {
+                least[lane] = lower(least[lane], least[lane + half]);
+            }
+        }
+        let opened = least[0];
+        // The fewest children of those that cost the same.
+        let mut children = 2;
+        for lane in (1..LANES).rev() {
+            children = if totals[lane] == opened { lane + 1 } else { children };
+        }
+        let mut choice = (shares[children - 1] << 3 | (children as u32 - 2)) << Choice::OPENED;
+        let mut single = opened;
+        if triangles as usize <= L::MOST {
+            let leaf = area * L::cost(triangles as usize);
+            if leaf <= opened {
+                single = leaf;
+                choice |= Choice::LEAF;
+            }
+        }
+        let mut cost = costs;
+        cost[0] = single;
+        for step in [1, 2, 4] {
+            let before = cost;
+            for lane in step..LANES {
+                cost[lane] = lower(before[lane], before[lane - step]);
+            }
+        }
+        let mut better = [0; LANES];
+        for lane in 1..LANES - 1 {
+            better[lane] = if costs[lane] < cost[lane - 1] { shares[lane] << (3 * (lane - 1)) } else { 0 };
+        }
+        choice |= better.into_iter().fold(0, |all, bits| all | bits);
+        // Kept in one piece: parts that are stored one by one are waited for when they are loaded together.
+        let cost = simd.store(simd.load(&F8(cost)));
+        (Choice(choice), single / area, Summary { triangles, cost })
+    }
+}
+
+/// The cheapest ways to make so many children, less 1, of two halves: the costs, and how many of them are of the left one.
+#[inline(always)]
+fn splits(left: &[f32; LANES], right: &[f32; LANES]) -> ([f32; LANES], [u32; LANES]) {
+    let mut costs = [f32::INFINITY; LANES];
+    let mut shares = [1; LANES];
+    let mut padded = [f32::INFINITY; 2 * LANES];
+    padded[LANES..].copy_from_slice(right);
+    for share in 1..LANES {
+        for lane in 0..LANES {
+            let cost = left[share - 1] + padded[LANES + lane - share];
+            let better = cost < costs[lane];
+            costs[lane] = if better { cost } else { costs[lane] };
+            shares[lane] = if better { share as u32 } else { shares[lane] };
+        }
+    }
+    (costs, shares)
+}
+
+/// Plans a subtree of any depth on one thread.
+struct Small<'a, L> {
+    planner: &'a Planner<'a, L>,
+    root: u32,
+}
+
+impl<L: LeafFormat> Kernel<(Plan, Summary)> for Small<'_, L> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> (Plan, Summary) {
+        let nodes = &self.planner.tree.nodes;
+        // As many as most subtrees have, to grow seldom.
+        let mut entries = Vec::with_capacity(4 * SHARE);
+        let mut triangles = Vec::with_capacity(4 * SHARE);
+        let mut pending = Vec::with_capacity(DEEPEST as usize);
+        let mut next = Some(self.root);
+        while let Some(index) = next {
+            let node = &nodes[index as usize];
+            let area = node.aabb().half_area();
+            // Where its subtree ends is not known yet; for leaves it is this.
+            let end = entries.len() as u32 + 1;
+            let first = triangles.len() as u32;
+            next = if node.is_leaf() {
+                triangles.extend(node.first_index..node.first_index + node.prim_count);
+                entries.push(Entry { choice: Choice(Choice::LEAF), cost: area, end, first });
+                pending.pop()
+            } else {
+                entries.push(Entry { choice: Choice(0), cost: area, end: 0, first });
+                pending.push(node.first_index + 1);
+                if let Some(right) = nodes.get(node.first_index as usize + 1) {
+                    simd.prefetch(right);
+                }
+                Some(node.first_index)
+            };
+        }
+        // Backwards, both halves of a node lie on the stack when it is reached.
+        let mut done: Vec<(u32, Summary)> = Vec::with_capacity(DEEPEST as usize);
+        let mut behind = triangles.len() as u32;
+        for entry in entries.iter_mut().rev() {
+            let area = entry.cost;
+            if entry.choice.is_leaf() {
+                let count = behind - entry.first;
+                entry.cost = L::cost(count as usize);
+                let cost = simd.store(simd.splat(area * entry.cost));
+                done.push((entry.end, Summary { triangles: count, cost }));
+            } else {
+                let both = done.pop().zip(done.pop());
+                let ((_, left), (end, right)) = both.expect("both halves come before their parent");
+                let (choice, cost, summary) = Planner::<L>::inner(simd, area, &left, &right);
+                *entry = Entry { choice, cost, end, ..*entry };
+                done.push((end, summary));
+            }
+            behind = entry.first;
+        }
+        let (_, summary) = done.pop().expect("there is a root");
+        entries.shrink_to_fit();
+        triangles.shrink_to_fit();
+        (Plan { entries, triangles, halves: None }, summary)
+    }
+}

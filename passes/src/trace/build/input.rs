@@ -1,0 +1,186 @@
+//! The triangles that a tree is built over.
+
+use crate::trace::tree::{Bounds, TRANSPARENT};
+use curitiba_pipeline::scene::Geometry;
+use glam::{Vec3, Vec3A};
+use rayon::prelude::*;
+
+/// Triangles that a thread takes at a time. Pairs do not reach across.
+const GRAIN: usize = 8192;
+
+/// All triangles of a scene. They are read where they are: a copy with the corners is several times as large, and the
+/// neighbours that a leaf is made of share vertices.
+pub(crate) struct Triangles<'a> {
+    geometry: &'a Geometry,
+    /// By material; empty if none is.
+    transparent: &'a [bool],
+}
+
+impl<'a> Triangles<'a> {
+    /// # Panics
+    /// If there are 2³¹ triangles or more.
+    pub(crate) fn new(geometry: &'a Geometry, transparent: &'a [bool]) -> Self {
+        assert!(geometry.triangles.len() < TRANSPARENT as usize, "a tree holds fewer than 2^31 triangles");
+        Self { geometry, transparent: if transparent.contains(&true) { transparent } else { &[] } }
+    }
+
+    /// The corners of a triangle; NaN where an index is out of range.
+    #[inline]
+    pub(crate) fn corners(&self, id: u32) -> [Vec3; 3] {
+        let [a, b, c] = self.geometry.triangles[id as usize];
+        [*self.position(a), *self.position(b), *self.position(c)]
+    }
+
+    /// The same in vectors, straight from where they lie: vectors made of scalars just written to memory are waited for.
+    #[inline]
+    fn wide_corners(&self, id: u32) -> [Vec3A; 3] {
+        let [a, b, c] = self.geometry.triangles[id as usize];
+        [Vec3A::from(*self.position(a)), Vec3A::from(*self.position(b)), Vec3A::from(*self.position(c))]
+    }
+
+    /// The bounds of a triangle.
+    #[inline]
+    pub(crate) fn extent(&self, id: u32) -> Extent {
+        Extent::of(self.wide_corners(id))
+    }
+
+    /// The bounds of some triangles.
+    #[inline]
+    pub(crate) fn bounds(&self, ids: &[u32]) -> Bounds {
+        ids.iter().map(|id| self.extent(*id)).fold(Extent::EMPTY, Extent::union).bounds()
+    }
+
+    #[inline]
+    fn position(&self, vertex: u32) -> &Vec3 {
+        self.geometry.positions.get(vertex as usize).unwrap_or(&Vec3::NAN)
+    }
+
+    /// The id of a triangle, with [`TRANSPARENT`].
+    #[inline]
+    pub(crate) fn marked(&self, id: u32) -> u32 {
+        if !self.transparent.is_empty() && self.is_transparent(id) { id | TRANSPARENT } else { id }
+    }
+
+    fn is_transparent(&self, id: u32) -> bool {
+        let batches = &self.geometry.batches;
+        let next = batches.partition_point(|batch| batch.first <= id);
+        let batch = next.checked_sub(1).map(|last| batches[last]).filter(|batch| id - batch.first < batch.count);
+        batch.is_some_and(|batch| self.transparent.get(batch.material as usize) == Some(&true))
+    }
+}
+
+/// One triangle, or two that follow each other, as a leaf of the binary tree: the id of the first, and whether there is a
+/// second in the lowest bit.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct InputLeaf(u32);
+
+impl InputLeaf {
+    pub(crate) fn first(self) -> u32 {
+        self.0 >> 1
+    }
+
+    pub(crate) fn count(self) -> u32 {
+        (self.0 & 1) + 1
+    }
+}
+
+/// What a first look at all triangles finds.
+pub(crate) struct Survey {
+    /// Bounds of the triangles that are kept: those whose corners are finite.
+    pub(crate) bounds: Bounds,
+    /// How many are kept.
+    pub(crate) triangles: usize,
+    /// All that are kept.
+    pub(crate) leaves: Vec<InputLeaf>,
+}
+
+impl Survey {
+    /// Two triangles that follow each other and share an edge are put together if wide leaves hold at least four triangles
+    /// (`most`). The result does not depend on the number of threads, not even the sign of a zero.
+    pub(crate) fn new(triangles: &Triangles<'_>, most: usize) -> Self {
+        let count = triangles.geometry.triangles.len();
+        let part = |part: usize| Self::part(triangles, part * GRAIN..count.min((part + 1) * GRAIN), most);
+        let parts: Vec<Self> = (0..count.div_ceil(GRAIN)).into_par_iter().map(part).collect();
+        let mut all = Self { bounds: Bounds::EMPTY, triangles: 0, leaves: Vec::new() };
+        all.leaves.reserve_exact(parts.iter().map(|part| part.leaves.len()).sum());
+        for part in parts {
+            all.bounds = all.bounds.union(part.bounds);
+            all.triangles += part.triangles;
+            all.leaves.extend_from_slice(&part.leaves);
+        }
+        all
+    }
+
+    fn part(triangles: &Triangles<'_>, ids: std::ops::Range<usize>, most: usize) -> Self {
+        let mut leaves: Vec<InputLeaf> = Vec::with_capacity(ids.len());
+        let (mut all, mut count) = (Extent::EMPTY, 0);
+        // The triangle before, unless it was left out or has a partner.
+        let mut alone: Option<([Vec3A; 3], Extent)> = None;
+        for id in ids {
+            let corners = triangles.wide_corners(id as u32);
+            // A product is NaN where a coordinate is not finite.
+            let [a, b, c] = corners;
+            if a * 0.0 + b * 0.0 + c * 0.0 != Vec3A::ZERO {
+                alone = None;
+                continue;
+            }
+            let own = Extent::of(corners);
+            all = all.union(own);
+            count += 1;
+            if let Some((before, extent)) = &alone
+                && most >= 4
+                && is_pair(before, &corners, *extent, own)
+                && let Some(last) = leaves.last_mut()
+            {
+                last.0 |= 1;
+                alone = None;
+            } else {
+                leaves.push(InputLeaf((id as u32) << 1));
+                alone = Some((corners, own));
+            }
+        }
+        Self { bounds: all.bounds(), triangles: count, leaves }
+    }
+}
+
+/// [`Bounds`] in vectors.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Extent {
+    pub(crate) low: Vec3A,
+    pub(crate) high: Vec3A,
+}
+
+impl Extent {
+    pub(crate) const EMPTY: Self = Self { low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
+
+    #[inline]
+    fn of([a, b, c]: [Vec3A; 3]) -> Self {
+        let of = |corner: Vec3A| Self { low: corner, high: corner };
+        Self::EMPTY.union(of(a)).union(of(b)).union(of(c))
+    }
+
+    #[inline]
+    pub(crate) fn union(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    #[inline]
+    pub(crate) fn bounds(self) -> Bounds {
+        Bounds { low: self.low.into(), high: self.high.into() }
+    }
+
+    /// Half the surface area.
+    #[inline]
+    fn half_area(self) -> f32 {
+        let size = self.high - self.low;
+        let [x, y, z] = (size * Vec3A::new(size.y, size.z, size.x)).to_array();
+        x + y + z
+    }
+}
+
+/// Whether two triangles go into one leaf: the halves of a quadrilateral.
+#[inline]
+fn is_pair(first: &[Vec3A; 3], second: &[Vec3A; 3], own: Extent, other: Extent) -> bool {
+    let shared = first.iter().filter(|corner| second.contains(corner)).count();
+    shared >= 2 && own.union(other).half_area() <= (own.half_area() + other.half_area())
+}

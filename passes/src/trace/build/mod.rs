@@ -1,0 +1,19 @@
+//! From triangles to the wide tree: a binary tree by clustering (`ploc`), the cheapest collapse of it into wide nodes
+//! (`collapse`), and the writing of those (`emit`).
+//!
+//! The layout of leaves is a parameter (`leaf_format`): the processor's tree has leaves of eight triangles, the GPU's
+//! (`gpu_tree`) of three.
+//! May use: `tree`, `rounding`, `simd`.
+
+mod builder;
+mod collapse;
+mod effort;
+mod emit;
+pub mod gpu_tree;
+mod input;
+mod leaf_format;
+mod ploc;
+
+pub(crate) use builder::build;
+pub use effort::Quality;
+pub(crate) use input::Triangles;

@@ -1,0 +1,57 @@
+//! One ray, what it hits, and a fan of rays from one point.
+
+use glam::Vec3;
+
+/// A ray and the open interval of distances in which it meets surfaces.
+///
+/// The interval is open on both sides: a surface exactly at `t_min` or at `t_max` is not hit. In particular a ray whose
+/// origin lies exactly on a triangle does not hit it at distance 0. Rays with a component that is not finite, without a
+/// direction, or with an empty interval miss everything.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// Origin, world.
+    pub origin: Vec3,
+    /// Direction, unit length; distances are multiples of it.
+    pub direction: Vec3,
+    /// Hits have `t > t_min`; 0 or more.
+    pub t_min: f32,
+    /// Hits have `t < t_max`; may be infinite.
+    pub t_max: f32,
+}
+
+/// Where a ray meets a triangle. Both sides of a triangle are hit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// Distance along the ray.
+    pub t: f32,
+    /// Triangle id, as in [`Geometry::triangles`](curitiba_pipeline::scene::Geometry::triangles).
+    pub triangle: u32,
+    /// Barycentric coordinate of corner 1.
+    pub u: f32,
+    /// Barycentric coordinate of corner 2.
+    pub v: f32,
+}
+
+/// Many rays from one origin.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fan<'a> {
+    /// Origin, world.
+    pub origin: Vec3,
+    /// A unit vector that no direction looks against, where there is one: `direction · above >= 0`, but for rounding. What
+    /// lies wholly below the origin's plane is then met by no ray.
+    pub above: Option<Vec3>,
+    /// Hits have `t > t_min`; 0 or more.
+    pub t_min: f32,
+    /// Hits have `t < t_max`; may be infinite.
+    pub t_max: f32,
+    /// Unit directions.
+    pub directions: &'a [Vec3],
+}
+
+impl Fan<'_> {
+    /// The rays one by one.
+    pub fn rays(&self) -> impl Iterator<Item = Ray> + '_ {
+        let Self { origin, t_min, t_max, .. } = *self;
+        self.directions.iter().map(move |&direction| Ray { origin, direction, t_min, t_max })
+    }
+}

@@ -1,0 +1,202 @@
+//! How much two triangles see of each other.
+//!
+//! The visibility of a pair is the share of the segments between its triangles that nothing blocks: of the segments that leave
+//! both front sides, or of all (see [`Facing`]). The form factor weighs each segment by what it carries:
+//! `F_ab = 1/A_a ∫∫ V cos θ_a cos θ_b / (π r²) dA_b dA_a`.
+//!
+//! A pair is decided before a ray is traced where that is exact:
+//!
+//! 1. [`Class::Never`]: no part of one triangle is in front of the other.
+//! 2. [`Class::Open`]: the shaft, which is the convex hull of both (Haines and Wallace, "Shaft Culling for Efficient Ray-Traced
+//!    Radiosity", 1991), meets no triangle. The form factor is then the contour integral of Sparrow and Lambert.
+//! 3. [`Class::Closed`]: a surface without a border inside the shaft crosses it.
+//! 4. [`Class::Sampled`]: everything else. Segments between four-dimensional points are tested in `f64` against the triangles in the
+//!    shaft, or traced where those are many.
+//!
+//! What makes results trustworthy:
+//!
+//! * Segments run between error-bounded offset points of both triangles
+//!   ([`SurfacePoint`](crate::trace::SurfacePoint)): no distance is multiplied by an epsilon. What is nearer to a triangle
+//!   than that offset is not seen.
+//! * The triangles of the pair are excluded by their ids. A copy of a triangle in the same place is at the distance 0 and does not
+//!   block; [`Surfaces::duplicates`] counts them.
+//! * The points of a pair come from a hash of the seed and of both triangles' corners. Results are equal, bit by bit, for `(a, b)` and
+//!   `(b, a)`, for any number of threads, and for any order of the triangles.
+//! * Triangles are one-sided, as the source of this module has them: what leaves the back of one is not counted.
+//!
+//! It does not compute light that is reflected on the way, and it does not look through textures: triangles of materials that
+//! are not opaque block nothing.
+
+mod contour;
+mod cover;
+mod estimate;
+mod pairs;
+mod points;
+mod segments;
+mod shaft;
+mod sphere;
+mod surfaces;
+mod tree;
+
+pub use estimate::{Estimator, Room};
+pub use pairs::{AllPairs, Cursor, NearPairs, PairSource, RowPairs};
+pub use points::REPLICATES;
+pub use surfaces::Surfaces;
+
+/// What is done with segments that do not leave the front of both triangles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Facing {
+    /// They are left out: the visibility of the parts that face each other. Where there are none it is absent.
+    #[default]
+    Skip,
+    /// They count as blocked: the result is divided by the number of all segments.
+    Zero,
+}
+
+/// Which points are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Sampler {
+    /// Owen-scrambled Sobol points.
+    #[default]
+    Sobol,
+    /// Hammersley points with the rotation of Cranley and Patterson.
+    Hammersley,
+}
+
+/// When a pair is sampled well enough.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Effort {
+    /// So many segments, a multiple of [`REPLICATES`] in [`Options::SAMPLES`].
+    Samples(u32),
+    /// From 64 segments on twice as many until the standard error of the visibility is at most this, or until there are
+    /// [`Options::MOST`].
+    Error(f64),
+}
+
+/// What is asked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// How long pairs are sampled.
+    pub effort: Effort,
+    /// What segments that leave a back side count.
+    pub facing: Facing,
+    /// Which points.
+    pub sampler: Sampler,
+    /// Whether form factors are wanted too.
+    pub form_factors: bool,
+    /// Seed of the points.
+    pub seed: u32,
+}
+
+impl Options {
+    /// How many segments a pair may have.
+    pub const SAMPLES: std::ops::RangeInclusive<u32> = 8..=Self::MOST;
+    /// Most segments of a pair.
+    pub const MOST: u32 = 1 << 16;
+
+    /// What is wrong with them.
+    ///
+    /// # Errors
+    /// What would be valid, if the effort is out of range.
+    pub fn check(&self) -> Result<(), String> {
+        match self.effort {
+            Effort::Samples(samples)
+                if !Self::SAMPLES.contains(&samples) || !samples.is_multiple_of(REPLICATES as u32) =>
+            {
+                Err(format!(
+                    "{samples} samples: a multiple of {REPLICATES} from 8 to {} is valid, such as 64",
+                    Self::MOST
+                ))
+            }
+            Effort::Error(error) if !(1e-4..=1.0).contains(&error) => {
+                Err(format!("an error of {error}: 0.0001 to 1 is valid, such as 0.01"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Segments of the point sets that a pair may need.
+    pub(crate) fn most(&self) -> u32 {
+        match self.effort {
+            Effort::Samples(samples) => samples,
+            Effort::Error(_) => Self::MOST,
+        }
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            effort: Effort::Samples(64),
+            facing: Facing::Skip,
+            sampler: Sampler::Sobol,
+            form_factors: false,
+            seed: 0,
+        }
+    }
+}
+
+/// How the visibility of a pair was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Class {
+    /// No part of one is in front of the other, or one has no area.
+    Never = 0,
+    /// Nothing is between them: exact.
+    Open = 1,
+    /// Nothing of one is seen from the other: exact.
+    Closed = 2,
+    /// From samples, with a standard error.
+    Sampled = 3,
+}
+
+impl Class {
+    /// All, by their number.
+    pub const ALL: [Self; 4] = [Self::Never, Self::Open, Self::Closed, Self::Sampled];
+
+    /// As it is written.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        ["never", "open", "closed", "sampled"][self as usize]
+    }
+}
+
+/// The result of a pair.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row {
+    /// The triangles, as they were asked for.
+    pub pair: [u32; 2],
+    /// How it was found.
+    pub class: Class,
+    /// The visibility, 0 to 1; `None` if no segment leaves the front of both and such segments are skipped.
+    pub visibility: Option<f64>,
+    /// Its standard error; 0 where it is exact. Where all samples agree it is 3 over their number, the bound of the rule
+    /// of three. [`Self::QUANTILE`] times it on either side is a 95 % interval.
+    pub error: f64,
+    /// The form factors from the first to the second triangle and back, if they were asked for: shares of what leaves a
+    /// triangle.
+    pub form_factors: Option<[f64; 2]>,
+    /// Their standard errors; 0 where they are exact.
+    pub form_factor_errors: [f64; 2],
+    /// Segments that were sampled for the visibility.
+    pub samples: u32,
+    /// Those of them that leave the front of both.
+    pub valid: u32,
+}
+
+impl Row {
+    /// The 97.5 % quantile of Student's distribution with seven degrees of freedom, one fewer than replicates.
+    pub const QUANTILE: f64 = 2.364_624;
+
+    /// The same pair, asked for in the other order.
+    #[must_use]
+    pub(crate) fn swapped(self) -> Self {
+        let ([a, b], [e, f]) = (self.pair, self.form_factor_errors);
+        Self {
+            pair: [b, a],
+            form_factors: self.form_factors.map(|[ab, ba]| [ba, ab]),
+            form_factor_errors: [f, e],
+            ..self
+        }
+    }
+}

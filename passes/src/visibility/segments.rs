@@ -1,0 +1,159 @@
+//! Segments between the triangles of a pair, and what blocks them.
+
+use super::points::{REPLICATES, Table, seeds};
+use super::shaft::{Blocker, Pair};
+use crate::trace::{Detected, Kernel, Simd};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// Segments that are tested together: eight of each replicate.
+pub(super) const BATCH: usize = 8 * REPLICATES;
+/// Blockers between two looks at whether a segment is left.
+const LOOK: usize = 8;
+
+/// Segments by axis, relative to the pair's origin. Lanes are `8 replicate + point`.
+#[derive(Debug, Clone)]
+#[repr(C, align(64))]
+pub(super) struct Batch {
+    pub(super) from: [[f64; BATCH]; 3],
+    pub(super) to: [[f64; BATCH]; 3],
+    /// What a segment carries between areas of 1: `cos cos / (π r²)`.
+    pub(super) weight: [f64; BATCH],
+    /// 1 where a segment leaves both fronts, else 0.
+    pub(super) valid: [u64; BATCH],
+    /// 1 where it is blocked; of no meaning where it is not valid.
+    pub(super) blocked: [u64; BATCH],
+}
+
+impl Default for Batch {
+    fn default() -> Self {
+        Self {
+            from: [[0.0; BATCH]; 3],
+            to: [[0.0; BATCH]; 3],
+            weight: [0.0; BATCH],
+            valid: [0; BATCH],
+            blocked: [0; BATCH],
+        }
+    }
+}
+
+impl Batch {
+    /// Points `first` to `first + 8` of every replicate, of sets of `points`; those beyond `points` are not valid.
+    pub(super) fn fill(&mut self, table: &Table, pair: &Pair, (key, seed): ([u32; 2], u32), first: u32, points: u32) {
+        Detected::cached().run(Fill { batch: self, table, pair, key, seed, first, points });
+    }
+
+    /// Puts a segment into a lane.
+    pub(super) fn set(&mut self, lane: usize, from: DVec3, to: DVec3) {
+        for axis in 0..3 {
+            self.from[axis][lane] = from[axis];
+            self.to[axis][lane] = to[axis];
+        }
+        self.valid[lane] = 1;
+    }
+
+    /// The ends of a segment.
+    pub(super) fn get(&self, lane: usize) -> [DVec3; 2] {
+        [&self.from, &self.to].map(|ends| DVec3::new(ends[0][lane], ends[1][lane], ends[2][lane]))
+    }
+
+    /// Says which segments are blocked.
+    pub(super) fn block(&mut self, blockers: &[Blocker]) {
+        self.blocked = [0; BATCH];
+        for some in blockers.chunks(LOOK) {
+            Detected::cached().run(Block { batch: self, blockers: some });
+            let open: u64 = self.valid.iter().zip(&self.blocked).map(|(valid, blocked)| valid & !blocked).sum();
+            if open == 0 {
+                return;
+            }
+        }
+    }
+}
+
+struct Fill<'a> {
+    batch: &'a mut Batch,
+    table: &'a Table,
+    pair: &'a Pair,
+    key: [u32; 2],
+    seed: u32,
+    first: u32,
+    points: u32,
+}
+
+impl Kernel<()> for Fill<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Self { batch, table, pair, key, seed, first, points } = self;
+        let [a, b] = &pair.sides;
+        for replicate in 0..REPLICATES {
+            let seeds = seeds(key, seed, replicate as u32);
+            let axes = [0, 1, 2, 3].map(|d: usize| table.eight(d, first as usize, points, seeds[d]));
+            place([&axes[0], &axes[1]], &a.start, 8 * replicate, &mut batch.from);
+            place([&axes[2], &axes[3]], &b.start, 8 * replicate, &mut batch.to);
+        }
+        let (n, m) = (a.normal, b.normal);
+        for lane in 0..BATCH {
+            let x = batch.to[0][lane] - batch.from[0][lane];
+            let y = batch.to[1][lane] - batch.from[1][lane];
+            let z = batch.to[2][lane] - batch.from[2][lane];
+            let leaving = n.x * x + n.y * y + n.z * z;
+            let arriving = -(m.x * x + m.y * y + m.z * z);
+            let square = x * x + y * y + z * z;
+            let valid = (leaving > 0.0) & (arriving > 0.0) & ((lane as u32 & 7) + first < points);
+            batch.valid[lane] = u64::from(valid);
+            batch.weight[lane] = if valid { leaving * arriving / (PI * square * square) } else { 0.0 };
+        }
+    }
+}
+
+/// Uniform points of a triangle (Osada, Funkhouser, Chazelle and Dobkin, "Shape Distributions", 2002, section 4.2).
+#[inline(always)]
+fn place([xs, ys]: [&[f64; 8]; 2], &[a, b, c]: &[DVec3; 3], first: usize, points: &mut [[f64; BATCH]; 3]) {
+    let (ab, ac) = (b - a, c - a);
+    let (mut us, mut vs) = ([0.0; 8], [0.0; 8]);
+    for index in 0..8 {
+        let root = xs[index].sqrt();
+        us[index] = root * (1.0 - ys[index]);
+        vs[index] = root * ys[index];
+    }
+    for axis in 0..3 {
+        let points = &mut points[axis][first..first + 8];
+        for index in 0..8 {
+            points[index] = a[axis] + us[index] * ab[axis] + vs[index] * ac[axis];
+        }
+    }
+}
+
+struct Block<'a> {
+    batch: &'a mut Batch,
+    blockers: &'a [Blocker],
+}
+
+impl Kernel<()> for Block<'_> {
+    /// A segment crosses a triangle if its ends are on different sides of the plane and it passes all edges on one side; edges belong to
+    /// the triangle, so nothing passes between two that share one.
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Self { batch, blockers } = self;
+        for Blocker { corners: [a, b, c] } in blockers {
+            let normal = (*b - *a).cross(*c - *a);
+            let offset = normal.dot(*a);
+            // Plücker coordinates of the edges.
+            let edges = [(*a, *b), (*b, *c), (*c, *a)].map(|(from, to)| (to - from, from.cross(to)));
+            for lane in 0..BATCH {
+                let p = DVec3::new(batch.from[0][lane], batch.from[1][lane], batch.from[2][lane]);
+                let q = DVec3::new(batch.to[0][lane], batch.to[1][lane], batch.to[2][lane]);
+                let d = q - p;
+                let moment = p.cross(q);
+                let heights = (normal.dot(p) - offset) * (normal.dot(q) - offset);
+                let [x, y, z] = edges.map(|(along, own)| d.dot(own) + moment.dot(along));
+                let low = if x < y { x } else { y };
+                let low = if z < low { z } else { low };
+                let high = if x > y { x } else { y };
+                let high = if z > high { z } else { high };
+                let crosses = (heights < 0.0) & ((low >= 0.0) | (high <= 0.0));
+                batch.blocked[lane] |= u64::from(crosses);
+            }
+        }
+    }
+}

@@ -1,0 +1,450 @@
+//! The shaft of a pair, and the triangles in it.
+
+use super::surfaces::Surfaces;
+use super::tree::{LEAF, Leaf, NONE, Node, Tree, WIDE};
+use crate::trace::{Detected, Kernel, Simd};
+use glam::{DVec3, Vec3};
+
+/// Triangles that are gathered; where there are more, segments are traced.
+pub(super) const GATHERED: usize = 128;
+/// Unit roundoff of `f32`.
+const ROUNDOFF: f32 = 1.0 / 16_777_216.0;
+/// What rounding in `f64` may make of a coordinate, in units of the largest one that takes part.
+pub(super) const TINY: f64 = 1.0e-14;
+
+/// A convex polygon: a triangle, or what a plane leaves of it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Polygon {
+    corners: [DVec3; 4],
+    count: usize,
+}
+
+impl Polygon {
+    /// The part of a triangle where `height` is positive.
+    pub(super) fn above(corners: [DVec3; 3], height: impl Fn(DVec3) -> f64) -> Self {
+        let heights = corners.map(&height);
+        let mut part = Self::default();
+        for index in 0..3 {
+            let (here, next) = (index, (index + 1) % 3);
+            if heights[here] > 0.0 {
+                part.push(corners[here]);
+            }
+            if (heights[here] > 0.0) != (heights[next] > 0.0) {
+                let share = heights[here] / (heights[here] - heights[next]);
+                part.push(corners[here].lerp(corners[next], share));
+            }
+        }
+        part
+    }
+
+    fn push(&mut self, corner: DVec3) {
+        if self.count < 4 {
+            self.corners[self.count] = corner;
+            self.count += 1;
+        }
+    }
+
+    /// Its corners, in the order of the triangle's.
+    pub(super) fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.count]
+    }
+
+    /// Each corner and the next.
+    pub(super) fn edges(&self) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
+        (0..self.count).map(|index| (self.corners[index], self.corners[(index + 1) % self.count]))
+    }
+
+    pub(super) fn area(&self) -> f64 {
+        let fan = self.corners().windows(2).skip(1);
+        let first = self.corners[0];
+        0.5 * fan.map(|pair| (pair[0] - first).cross(pair[1] - first)).sum::<DVec3>().length()
+    }
+}
+
+/// One triangle of a pair, relative to the pair's origin.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Side {
+    pub(super) id: u32,
+    /// Where segments start or end.
+    pub(super) start: [DVec3; 3],
+    /// Unit normal of the front.
+    pub(super) normal: DVec3,
+    /// The part of `start` that is in front of the other side.
+    pub(super) front: Polygon,
+    /// The area of the triangle itself.
+    pub(super) area: f64,
+}
+
+impl Side {
+    fn new(surfaces: &Surfaces, id: u32, origin: DVec3) -> Option<Self> {
+        let [a, b, c] = surfaces.corners(id);
+        let cross = (b - a).cross(c - a);
+        let length = cross.length();
+        let start = surfaces.all[id as usize].start.map(|corner| corner.as_dvec3() - origin);
+        let usable = length > 0.0 && start.iter().all(|corner| corner.is_finite());
+        let normal = cross / length;
+        usable.then_some(Self { id, start, normal, front: Polygon::default(), area: 0.5 * length })
+    }
+
+    /// How far a point is in front of it.
+    pub(super) fn height(&self, point: DVec3) -> f64 {
+        self.normal.dot(point - self.start[0])
+    }
+}
+
+/// Two triangles that face each other at least in part.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pair {
+    /// What positions are relative to, itself relative to the scene's shift.
+    pub(super) origin: DVec3,
+    pub(super) sides: [Side; 2],
+}
+
+impl Pair {
+    /// Nothing if no segment leaves the front of both.
+    ///
+    /// The points of one side that are in front of the other do not depend on where on the other a segment ends: so the segments
+    /// that leave both fronts are those between two convex polygons.
+    pub(super) fn new(surfaces: &Surfaces, [a, b]: [u32; 2]) -> Option<Self> {
+        let origin = surfaces.all[a as usize].start[0].as_dvec3();
+        let mut a = Side::new(surfaces, a, origin)?;
+        let mut b = Side::new(surfaces, b, origin)?;
+        a.front = Polygon::above(a.start, |point| b.height(point));
+        b.front = Polygon::above(b.start, |point| a.height(point));
+        let seen = a.front.count >= 3 && b.front.count >= 3;
+        seen.then_some(Self { origin, sides: [a, b] })
+    }
+
+    /// The share of segments that leave both fronts.
+    pub(super) fn valid_share(&self) -> f64 {
+        let share = |side: &Side| {
+            let [a, b, c] = side.start;
+            (side.front.area() / (0.5 * (b - a).cross(c - a).length())).min(1.0)
+        };
+        share(&self.sides[0]) * share(&self.sides[1])
+    }
+
+    /// Whether all segments do.
+    pub(super) fn is_whole(&self) -> bool {
+        let [a, b] = &self.sides;
+        a.start.iter().all(|point| b.height(*point) > 0.0) && b.start.iter().all(|point| a.height(*point) > 0.0)
+    }
+}
+
+/// A triangle in the way, relative to the pair's origin.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Blocker {
+    pub(super) corners: [DVec3; 3],
+}
+
+/// Faces of the hull of two polygons of four corners, at most.
+const FACES: usize = 10;
+
+/// The convex hull of both sides: what is inside has `normal · x <= offset` for all faces.
+#[derive(Debug, Clone)]
+pub(super) struct Shaft {
+    faces: [(DVec3, f64); FACES],
+    count: usize,
+    corners: [DVec3; 8],
+    corner_count: usize,
+    /// The largest coordinate of a corner.
+    size: f64,
+}
+
+impl Shaft {
+    /// Each face of the hull but the polygons themselves holds an edge of one and a corner of the other, and each edge bounds one such
+    /// face: the one that is found by turning a plane about the edge until all of the other polygon is inside.
+    pub(super) fn new(pair: &Pair) -> Self {
+        let [a, b] = &pair.sides;
+        let mut corners = [DVec3::ZERO; 8];
+        let mut corner_count = 0;
+        for corner in a.front.corners().iter().chain(b.front.corners()) {
+            corners[corner_count] = *corner;
+            corner_count += 1;
+        }
+        let size = corners[..corner_count].iter().fold(0.0_f64, |size, corner| size.max(corner.abs().max_element()));
+        let mut shaft = Self { faces: [(DVec3::ZERO, 0.0); FACES], count: 0, corners, corner_count, size };
+        shaft.push(-a.normal);
+        shaft.push(-b.normal);
+        for (base, other) in [(a, b), (b, a)] {
+            for (from, to) in base.front.edges() {
+                let along = to - from;
+                let mut face = DVec3::ZERO;
+                for corner in other.front.corners() {
+                    let toward = *corner - from;
+                    if face == DVec3::ZERO || face.dot(toward) > 0.0 {
+                        face = along.cross(toward);
+                    }
+                }
+                shaft.push(face);
+            }
+        }
+        shaft
+    }
+
+    fn push(&mut self, normal: DVec3) {
+        let normal = normal.normalize_or_zero();
+        if normal != DVec3::ZERO && self.count < FACES {
+            let offset = self.corners().iter().fold(f64::NEG_INFINITY, |most, corner| most.max(normal.dot(*corner)));
+            self.faces[self.count] = (normal, offset);
+            self.count += 1;
+        }
+    }
+
+    pub(super) fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.corner_count]
+    }
+
+    pub(super) fn faces(&self) -> &[(DVec3, f64)] {
+        &self.faces[..self.count]
+    }
+
+    /// What rounding may add to a height over a face of a point with such a coordinate.
+    pub(super) fn slack(&self, size: f64) -> f64 {
+        TINY * self.size.max(size)
+    }
+
+    /// Whether a triangle has points inside; touching the surface does not count.
+    fn meets(&self, corners: &[DVec3; 3]) -> bool {
+        let size = corners.iter().fold(0.0_f64, |size, corner| size.max(corner.abs().max_element()));
+        let slack = self.slack(size);
+        let mut inside = true;
+        for (normal, offset) in self.faces() {
+            let [a, b, c] = corners.map(|corner| normal.dot(corner) - offset);
+            if a.min(b).min(c) >= -slack {
+                return false;
+            }
+            inside &= a.max(b).max(c) <= -slack;
+        }
+        let [a, b, c] = *corners;
+        let cross = (b - a).cross(c - a).normalize_or_zero();
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for corner in self.corners() {
+            let height = cross.dot(*corner - a);
+            (low, high) = (low.min(height), high.max(height));
+        }
+        if low >= -slack || high <= slack {
+            return false;
+        }
+        inside || self.leaves_some(corners, slack)
+    }
+
+    /// Cuts a triangle at all faces; whether anything is left.
+    fn leaves_some(&self, corners: &[DVec3; 3], slack: f64) -> bool {
+        const MOST: usize = 3 + FACES;
+        let mut polygon = [DVec3::ZERO; MOST + 1];
+        polygon[..3].copy_from_slice(corners);
+        let mut count = 3;
+        for (normal, offset) in self.faces() {
+            let height = |point: DVec3| normal.dot(point) - offset + slack;
+            let mut kept = [DVec3::ZERO; MOST + 1];
+            let mut kept_count = 0;
+            for index in 0..count {
+                let (here, next) = (polygon[index], polygon[(index + 1) % count]);
+                let (h, n) = (height(here), height(next));
+                if h < 0.0 && kept_count < MOST {
+                    kept[kept_count] = here;
+                    kept_count += 1;
+                }
+                if (h < 0.0) != (n < 0.0) && kept_count < MOST {
+                    kept[kept_count] = here.lerp(next, h / (h - n));
+                    kept_count += 1;
+                }
+            }
+            (polygon, count) = (kept, kept_count);
+            if count < 3 {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Gathers the triangles that have points inside, but for the pair's own; false if they are too many.
+    pub(super) fn gather(&self, surfaces: &Surfaces, pair: &Pair, room: &mut Gathered) -> bool {
+        room.blockers.clear();
+        Detected::cached().run(Descent { shaft: self, surfaces, pair, room })
+    }
+}
+
+/// What a descent finds, and what it needs.
+#[derive(Debug, Default)]
+pub(super) struct Gathered {
+    pub(super) blockers: Vec<Blocker>,
+    stack: Vec<u32>,
+}
+
+/// The faces in `f32`, conservatively, relative to a point near the shaft.
+struct Rough {
+    normals: [Vec3; FACES],
+    offsets: [f32; FACES],
+    count: usize,
+    low: Vec3,
+    high: Vec3,
+    origin: Vec3,
+    /// Largest distance of the box from the origin.
+    size: f32,
+}
+
+impl Rough {
+    fn new(shaft: &Shaft, origin: DVec3) -> Self {
+        let near = origin.as_vec3();
+        let mut rough = Self {
+            normals: [Vec3::ZERO; FACES],
+            offsets: [0.0; FACES],
+            count: shaft.count,
+            low: Vec3::INFINITY,
+            high: Vec3::NEG_INFINITY,
+            origin: near,
+            size: 0.0,
+        };
+        // The origin of a pair is a position in `f32`, so nothing is lost between the two.
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for corner in shaft.corners() {
+            (low, high) = (low.min(*corner), high.max(*corner));
+        }
+        let size = shaft.size as f32;
+        let pad = (origin.abs().as_vec3() + Vec3::splat(size)) * (4.0 * ROUNDOFF);
+        rough.low = (low + origin).as_vec3() - pad;
+        rough.high = (high + origin).as_vec3() + pad;
+        rough.size = size + 2.0 * pad.max_element();
+        for (index, (normal, _)) in shaft.faces().iter().enumerate() {
+            let rounded = normal.as_vec3();
+            let wide = rounded.as_dvec3();
+            let most = shaft.corners().iter().fold(f64::NEG_INFINITY, |most, corner| most.max(wide.dot(*corner)));
+            rough.normals[index] = rounded;
+            rough.offsets[index] = most as f32 + size * (2.0 * ROUNDOFF);
+        }
+        rough
+    }
+
+    /// Bits of the children that may have points inside. Only what of a box is in the box of the shaft is looked at.
+    #[inline(always)]
+    fn enters(&self, node: &Node) -> u32 {
+        let (mut low, mut high) = ([[0.0_f32; WIDE]; 3], [[0.0_f32; WIDE]; 3]);
+        let mut out = [0_u32; WIDE];
+        for axis in 0..3 {
+            let (least, most, origin) = (self.low[axis], self.high[axis], self.origin[axis]);
+            for lane in 0..WIDE {
+                let (l, h) = (node.low[axis][lane], node.high[axis][lane]);
+                let l = if l > least { l } else { least };
+                let h = if h < most { h } else { most };
+                out[lane] |= u32::from(l > h);
+                low[axis][lane] = l - origin;
+                high[axis][lane] = h - origin;
+            }
+        }
+        // Subtraction, three products and two sums of numbers of at most `size`.
+        let slack = 8.0 * ROUNDOFF * self.size;
+        for (normal, offset) in self.normals[..self.count].iter().zip(self.offsets) {
+            let x = if normal.x >= 0.0 { &low[0] } else { &high[0] };
+            let y = if normal.y >= 0.0 { &low[1] } else { &high[1] };
+            let z = if normal.z >= 0.0 { &low[2] } else { &high[2] };
+            for lane in 0..WIDE {
+                let least = normal.x * x[lane] + normal.y * y[lane] + normal.z * z[lane];
+                out[lane] |= u32::from(least > offset + slack);
+            }
+        }
+        bits(&out)
+    }
+
+    /// Bits of the triangles that may have points inside.
+    #[allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
+    #[inline(always)]
+    fn meets(&self, leaf: &Leaf) -> u32 {
+        let mut out = [0_u32; WIDE];
+        let mut relative = [[[0.0_f32; WIDE]; 3]; 3];
+        let mut size = [0.0_f32; WIDE];
+        for axis in 0..3 {
+            let (least, most, origin) = (self.low[axis], self.high[axis], self.origin[axis]);
+            for lane in 0..WIDE {
+                let [a, b, c] = [0, 1, 2].map(|corner: usize| leaf.corners[corner][axis][lane]);
+                let below = (a < least) & (b < least) & (c < least);
+                let above = (a > most) & (b > most) & (c > most);
+                out[lane] |= u32::from(below | above);
+            }
+            for corner in 0..3 {
+                for lane in 0..WIDE {
+                    let value = leaf.corners[corner][axis][lane] - origin;
+                    relative[corner][axis][lane] = value;
+                    let length = value.abs();
+                    size[lane] = if length > size[lane] { length } else { size[lane] };
+                }
+            }
+        }
+        for (normal, offset) in self.normals[..self.count].iter().zip(self.offsets) {
+            for lane in 0..WIDE {
+                let [a, b, c] = [0, 1, 2].map(|corner: usize| {
+                    let [x, y, z] = &relative[corner];
+                    normal.x * x[lane] + normal.y * y[lane] + normal.z * z[lane]
+                });
+                let limit = offset + 8.0 * ROUNDOFF * size[lane];
+                out[lane] |= u32::from((a > limit) & (b > limit) & (c > limit));
+            }
+        }
+        bits(&out)
+    }
+}
+
+/// Bits of the lanes that hold 0.
+#[inline(always)]
+fn bits(out: &[u32; WIDE]) -> u32 {
+    let mut bits = 0;
+    for (lane, out) in out.iter().enumerate() {
+        bits |= (1 - (out & 1)) << lane;
+    }
+    bits
+}
+
+struct Descent<'a> {
+    shaft: &'a Shaft,
+    surfaces: &'a Surfaces,
+    pair: &'a Pair,
+    room: &'a mut Gathered,
+}
+
+impl Kernel<bool> for Descent<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> bool {
+        let Self { shaft, surfaces, pair, room } = self;
+        let Tree { nodes, leaves } = &surfaces.tree;
+        let own = pair.sides.map(|side| side.id);
+        let rough = Rough::new(shaft, pair.origin);
+        let Gathered { blockers, stack } = room;
+        stack.clear();
+        if !nodes.is_empty() {
+            stack.push(0);
+        }
+        while let Some(entry) = stack.pop() {
+            if entry & LEAF == 0 {
+                let node = &nodes[entry as usize];
+                let mut entered = rough.enters(node);
+                while entered != 0 {
+                    let lane = entered.trailing_zeros() as usize;
+                    entered &= entered - 1;
+                    if node.children[lane] != NONE {
+                        stack.push(node.children[lane]);
+                    }
+                }
+                continue;
+            }
+            let leaf = &leaves[(entry & !LEAF) as usize];
+            let mut met = rough.meets(leaf);
+            while met != 0 {
+                let lane = met.trailing_zeros() as usize;
+                met &= met - 1;
+                let id = leaf.ids[lane];
+                if id == NONE || own.contains(&id) {
+                    continue;
+                }
+                let corners = surfaces.corners(id).map(|corner| corner - pair.origin);
+                if shaft.meets(&corners) {
+                    if blockers.len() == GATHERED {
+                        return false;
+                    }
+                    blockers.push(Blocker { corners });
+                }
+            }
+        }
+        true
+    }
+}

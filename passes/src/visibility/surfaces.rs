@@ -1,0 +1,152 @@
+//! The triangles of a scene, prepared for pairs.
+
+use super::points;
+use super::tree::Tree;
+use crate::trace::SurfacePoint;
+use curitiba_pipeline::scene::{Geometry, TriangleRanges};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// A triangle as pairs see it. Positions are relative to [`Surfaces::shift`].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Surface {
+    /// Where segments start: the corners, drawn in from the borders and moved off the front by their error bounds. The bounds are
+    /// convex over the triangle, so what lies between these corners is at least as far off as its own bound asks for.
+    pub(super) start: [Vec3; 3],
+    /// Which points it gets.
+    pub(super) key: [u32; 2],
+}
+
+/// The triangles of a scene, what is in the way between them, and how to find it.
+///
+/// Takes about 130 bytes a triangle beside the geometry's copy, which [`Self::geometry`] hands to the tracer.
+#[derive(Debug)]
+pub struct Surfaces {
+    geometry: Geometry,
+    see_through: TriangleRanges,
+    pub(super) all: Vec<Surface>,
+    pub(super) tree: Tree,
+    shift: Vec3,
+    duplicates: usize,
+}
+
+impl Surfaces {
+    /// Takes all triangles; those of materials that `see_through` marks block nothing (materials beyond its end are opaque).
+    ///
+    /// A scene that lies far from the origin is moved there if that changes no position's bits, so that rounding is that
+    /// of its size and not of its place.
+    #[must_use]
+    pub fn new(geometry: &Geometry, see_through: &[bool]) -> Self {
+        let shift = shift_of(&geometry.positions);
+        let local = Geometry {
+            positions: geometry.positions.iter().map(|position| *position - shift).collect(),
+            triangles: geometry.triangles.clone(),
+            batches: geometry.batches.clone(),
+            ..Geometry::default()
+        };
+        let see_through = TriangleRanges::new(geometry, see_through);
+        let all = (0..local.triangles.len() as u32)
+            .into_par_iter()
+            .map(|id| surface(&local, id, geometry.corners(id).map(|corner| corner.to_array().map(f32::to_bits))))
+            .collect();
+        let tree = Tree::build(&local, |id| !see_through.contains(id));
+        let duplicates = duplicates(geometry);
+        Self { geometry: local, see_through, all, tree, shift, duplicates }
+    }
+
+    /// The geometry to build a tracer on, with every material marked as transparent: [`Estimator`](super::Estimator) says itself which hits
+    /// count.
+    #[must_use]
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// The marks to build a tracer with: all materials ask.
+    #[must_use]
+    pub fn marks(&self) -> Vec<bool> {
+        let most = self.geometry.batches.iter().map(|batch| batch.material).max();
+        vec![true; most.map_or(0, |most| most as usize + 1)]
+    }
+
+    /// What was subtracted from every position.
+    #[must_use]
+    pub fn shift(&self) -> Vec3 {
+        self.shift
+    }
+
+    /// Number of triangles; ids are below it.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.all.len()
+    }
+
+    /// Whether there are no triangles.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.all.is_empty()
+    }
+
+    /// Triangles that lie in the place of an earlier one, with the same corners in any order. Neither blocks what the other
+    /// sends: that is not hidden but counted here.
+    #[must_use]
+    pub fn duplicates(&self) -> usize {
+        self.duplicates
+    }
+
+    /// Triangles that block nothing.
+    #[must_use]
+    pub fn see_through(&self) -> usize {
+        self.see_through.as_slice().iter().map(|[first, end]| (end - first) as usize).sum()
+    }
+
+    /// Whether a triangle can block.
+    pub(super) fn is_opaque(&self, triangle: u32) -> bool {
+        !self.see_through.contains(triangle)
+    }
+
+    /// The area of a triangle, in the unit of the positions squared.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    #[must_use]
+    pub fn area(&self, triangle: u32) -> f64 {
+        let [a, b, c] = self.corners(triangle);
+        0.5 * (b - a).cross(c - a).length()
+    }
+
+    /// Corners relative to the shift.
+    pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.geometry.corners(triangle).map(|corner| corner.as_dvec3())
+    }
+}
+
+fn surface(local: &Geometry, id: u32, bits: [[u32; 3]; 3]) -> Surface {
+    let corners = local.corners(id);
+    let start = corners.map(|corner| {
+        let point = SurfacePoint::snap(local, id, corner);
+        point.spawn(point.normal)
+    });
+    Surface { start, key: points::key(&bits) }
+}
+
+/// The first position, if the scene is farther from the origin than it is large and all others can be told from there without
+/// rounding; else 0.
+fn shift_of(positions: &[Vec3]) -> Vec3 {
+    let Some(&first) = positions.first() else { return Vec3::ZERO };
+    let (low, high) = positions.iter().fold((first, first), |(low, high), p| (low.min(*p), high.max(*p)));
+    let far = low.abs().max(high.abs()).max_element() > 2.0 * (high - low).max_element();
+    let exact = |p: &Vec3| (*p - first).as_dvec3() + first.as_dvec3() == p.as_dvec3();
+    if far && positions.iter().all(exact) { first } else { Vec3::ZERO }
+}
+
+fn duplicates(geometry: &Geometry) -> usize {
+    let mut seen: HashMap<[[u32; 3]; 3], ()> = HashMap::with_capacity(geometry.triangles.len());
+    let place = |id: u32| {
+        // Adding 0 makes both zeros one.
+        let mut corners = geometry.corners(id).map(|corner| (corner + 0.0).to_array().map(f32::to_bits));
+        corners.sort_unstable();
+        corners
+    };
+    (0..geometry.triangles.len() as u32).filter(|id| seen.insert(place(*id), ()).is_some()).count()
+}

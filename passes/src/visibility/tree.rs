@@ -1,0 +1,202 @@
+//! A tree of boxes over the triangles that block, to be asked with shafts and with distances.
+//!
+//! [`Bvh`](crate::trace::Bvh) answers rays. Here the triangles themselves are wanted, and areas by node.
+
+use curitiba_pipeline::scene::Geometry;
+use glam::Vec3;
+
+/// Children of a node, and triangles of a leaf.
+pub(super) const WIDE: usize = 8;
+/// Bins of the surface-area heuristic.
+const BINS: usize = 16;
+/// Below this depth triangles are halved by their order, which bounds the depth.
+const DEEP: usize = 48;
+
+/// A child that is a leaf.
+pub(super) const LEAF: u32 = 1 << 31;
+/// No child.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// Eight boxes, by axis; boxes of no child are empty.
+#[derive(Debug, Clone)]
+#[repr(C, align(32))]
+pub(super) struct Node {
+    pub(super) low: [[f32; WIDE]; 3],
+    pub(super) high: [[f32; WIDE]; 3],
+    /// A node, or [`LEAF`] and a leaf, or [`NONE`].
+    pub(super) children: [u32; WIDE],
+}
+
+/// Eight triangles: corners by axis. Places without a triangle hold NaN and the id [`NONE`].
+#[derive(Debug, Clone)]
+#[repr(C, align(32))]
+pub(super) struct Leaf {
+    pub(super) corners: [[[f32; WIDE]; 3]; 3],
+    pub(super) ids: [u32; WIDE],
+}
+
+/// The tree; the root is node 0, if there is one.
+#[derive(Debug, Default)]
+pub(super) struct Tree {
+    pub(super) nodes: Vec<Node>,
+    pub(super) leaves: Vec<Leaf>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Extent {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Extent {
+    const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+
+    fn union(self, other: Self) -> Self {
+        Self { low: self.low.min(other.low), high: self.high.max(other.high) }
+    }
+
+    fn half_area(self) -> f32 {
+        let side = (self.high - self.low).max(Vec3::ZERO);
+        side.x * side.y + side.y * side.z + side.z * side.x
+    }
+
+    fn middle(self) -> Vec3 {
+        self.low * 0.5 + self.high * 0.5
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Item {
+    extent: Extent,
+    id: u32,
+}
+
+/// A run of items that becomes a child.
+#[derive(Clone, Copy)]
+struct Part {
+    first: usize,
+    end: usize,
+    extent: Extent,
+}
+
+impl Tree {
+    /// The tree over the triangles with finite corners that `wanted` takes.
+    pub(super) fn build(geometry: &Geometry, wanted: impl Fn(u32) -> bool) -> Self {
+        let mut items: Vec<Item> = (0..geometry.triangles.len() as u32)
+            .filter(|id| wanted(*id))
+            .filter_map(|id| {
+                let [a, b, c] = geometry.corners(id);
+                let extent = Extent { low: a.min(b).min(c), high: a.max(b).max(c) };
+                (extent.low.is_finite() && extent.high.is_finite()).then_some(Item { extent, id })
+            })
+            .collect();
+        let mut tree = Self::default();
+        if !items.is_empty() {
+            let end = items.len();
+            tree.node(geometry, &mut items, Part { first: 0, end, extent: Extent::EMPTY }, 0);
+        }
+        tree
+    }
+
+    /// Adds the node over a part, and what is below it.
+    fn node(&mut self, geometry: &Geometry, items: &mut [Item], part: Part, depth: usize) -> u32 {
+        let mut parts = vec![part];
+        // The largest part that is no leaf is divided until there are eight.
+        while parts.len() < WIDE {
+            let largest = (0..parts.len())
+                .filter(|index| parts[*index].end - parts[*index].first > WIDE)
+                .max_by(|a, b| parts[*a].extent.half_area().total_cmp(&parts[*b].extent.half_area()));
+            let Some(largest) = largest else { break };
+            let whole = parts.swap_remove(largest);
+            let middle = whole.first + divide(&mut items[whole.first..whole.end], depth);
+            for (first, end) in [(whole.first, middle), (middle, whole.end)] {
+                let extent = items[first..end].iter().fold(Extent::EMPTY, |all, item| all.union(item.extent));
+                parts.push(Part { first, end, extent });
+            }
+        }
+        if let [only] = &mut parts[..] {
+            only.extent = items[only.first..only.end].iter().fold(Extent::EMPTY, |all, item| all.union(item.extent));
+        }
+        let index = self.nodes.len();
+        let none =
+            Node { low: [[f32::INFINITY; WIDE]; 3], high: [[f32::NEG_INFINITY; WIDE]; 3], children: [NONE; WIDE] };
+        self.nodes.push(none);
+        for (lane, part) in parts.into_iter().enumerate() {
+            for axis in 0..3 {
+                self.nodes[index].low[axis][lane] = part.extent.low[axis];
+                self.nodes[index].high[axis][lane] = part.extent.high[axis];
+            }
+            let child = if part.end - part.first <= WIDE {
+                self.leaf(geometry, &items[part.first..part.end])
+            } else {
+                self.node(geometry, items, part, depth + 3)
+            };
+            self.nodes[index].children[lane] = child;
+        }
+        index as u32
+    }
+
+    fn leaf(&mut self, geometry: &Geometry, items: &[Item]) -> u32 {
+        let mut leaf = Leaf { corners: [[[f32::NAN; WIDE]; 3]; 3], ids: [NONE; WIDE] };
+        for (lane, item) in items.iter().enumerate() {
+            for (corner, position) in geometry.corners(item.id).into_iter().enumerate() {
+                for axis in 0..3 {
+                    leaf.corners[corner][axis][lane] = position[axis];
+                }
+            }
+            leaf.ids[lane] = item.id;
+        }
+        self.leaves.push(leaf);
+        LEAF | (self.leaves.len() - 1) as u32
+    }
+}
+
+/// Sorts items into two parts, neither empty, and returns where the second begins: by the surface-area heuristic in bins (Wald,
+/// "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007).
+fn divide(items: &mut [Item], depth: usize) -> usize {
+    let half = items.len() / 2;
+    if depth >= DEEP {
+        return half;
+    }
+    let middles = items.iter().fold(Extent::EMPTY, |all, item| {
+        let middle = item.extent.middle();
+        all.union(Extent { low: middle, high: middle })
+    });
+    let side = middles.high - middles.low;
+    let bin = |axis: usize, item: &Item| {
+        let place = (item.extent.middle()[axis] - middles.low[axis]) / side[axis] * BINS as f32;
+        (place as usize).min(BINS - 1)
+    };
+    let mut best = (f32::INFINITY, 0, 0);
+    for axis in (0..3).filter(|axis| side[*axis] > 0.0) {
+        let mut bins = [(Extent::EMPTY, 0_usize); BINS];
+        for item in items.iter() {
+            let (extent, count) = &mut bins[bin(axis, item)];
+            (*extent, *count) = (extent.union(item.extent), *count + 1);
+        }
+        let cost = |bins: &[(Extent, usize)]| {
+            let join =
+                |(all, sum): (Extent, usize), (extent, count): &(Extent, usize)| (all.union(*extent), sum + count);
+            let (extent, count) = bins.iter().fold((Extent::EMPTY, 0), join);
+            if count == 0 { f32::INFINITY } else { extent.half_area() * count as f32 }
+        };
+        for border in 1..BINS {
+            let cost = cost(&bins[..border]) + cost(&bins[border..]);
+            if cost < best.0 {
+                best = (cost, axis, border);
+            }
+        }
+    }
+    let (cost, axis, border) = best;
+    if !cost.is_finite() {
+        return half;
+    }
+    let mut split = 0;
+    for index in 0..items.len() {
+        if bin(axis, &items[index]) < border {
+            items.swap(index, split);
+            split += 1;
+        }
+    }
+    if split == 0 || split == items.len() { half } else { split }
+}

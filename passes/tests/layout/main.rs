@@ -1,0 +1,141 @@
+//! The layout of `src`: imports run down the floors that are listed here, and no files import each other in a circle.
+
+mod imports;
+
+use imports::{Imports, Source};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The rooms of a folder by floor, the ground first. A room is a file or a folder, and uses rooms on lower floors only.
+type Floors = [&'static [&'static str]];
+
+const OF_CRATE: &Floors =
+    &[&["trace"], &["sampling"], &["effects"], &["raster"], &["cpu"], &["explain"], &["visibility"]];
+const OF_TRACE: &Floors = &[
+    &["simd"],
+    &["rounding"],
+    &["ray"],
+    &["tree"],
+    &["origin", "build", "single"],
+    &["packet", "fan"],
+    &["parallel"],
+    &["tracer"],
+    &["bvh", "reference", "recorder"],
+];
+
+/// The floor of a module's room below `folder`, counted from the ground; `None` for the folder itself.
+fn floor(floors: &Floors, folder: &str, module: &str) -> Option<(usize, String)> {
+    let rest = module.strip_prefix(folder)?.strip_prefix("::")?;
+    let room = rest.split("::").next().unwrap_or(rest);
+    let floor = floors.iter().position(|rooms| rooms.contains(&room));
+    Some((
+        floor.unwrap_or_else(|| panic!("`{room}` of `{folder}` is on no floor: add it to the list")),
+        room.to_owned(),
+    ))
+}
+
+/// The imports that do not run down, as `from -> to`.
+fn upward(imports: &Imports, floors: &Floors, folder: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (from, targets) in &imports.of {
+        let Some((own_floor, own)) = floor(floors, folder, from) else { continue };
+        for to in targets {
+            let Some((other_floor, other)) = floor(floors, folder, to) else { continue };
+            if own != other && other_floor >= own_floor {
+                found.push(format!("{from} -> {to}"));
+            }
+        }
+    }
+    found
+}
+
+/// A circle of files that import each other, if there is one.
+fn circle(imports: &Imports) -> Option<Vec<String>> {
+    fn visit(imports: &Imports, module: &str, path: &mut Vec<String>, done: &mut BTreeMap<String, bool>) -> bool {
+        if let Some(finished) = done.get(module) {
+            if !finished {
+                path.push(module.to_owned());
+            }
+            return !finished;
+        }
+        done.insert(module.to_owned(), false);
+        path.push(module.to_owned());
+        for target in imports.of.get(module).into_iter().flatten() {
+            if visit(imports, target, path, done) {
+                return true;
+            }
+        }
+        path.pop();
+        done.insert(module.to_owned(), true);
+        false
+    }
+    let mut done = BTreeMap::new();
+    for module in imports.of.keys() {
+        let mut path = Vec::new();
+        if visit(imports, module, &mut path, &mut done) {
+            let first = path.iter().position(|other| Some(other) == path.last()).unwrap_or(0);
+            return Some(path[first..].to_vec());
+        }
+    }
+    None
+}
+
+fn of_this_crate() -> Imports {
+    let imports = Imports::of(&imports::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src")));
+    let arrows: usize = imports.of.values().map(|targets| targets.len()).sum();
+    assert!(imports.of.len() > 80 && arrows > 200, "{} files with {arrows} imports were read", imports.of.len());
+    imports
+}
+
+#[test]
+fn imports_run_down_the_floors() {
+    let imports = of_this_crate();
+    assert_eq!(upward(&imports, OF_CRATE, "crate"), [""; 0]);
+    assert_eq!(upward(&imports, OF_TRACE, "crate::trace"), [""; 0]);
+}
+
+#[test]
+fn no_files_import_each_other_in_a_circle() {
+    assert_eq!(circle(&of_this_crate()), None);
+}
+
+fn source(module: &str, text: &str) -> Source {
+    Source { module: module.to_owned(), text: text.to_owned() }
+}
+
+/// What the tests above would miss if names were not followed through the folders that hand them on.
+#[test]
+fn upward_imports_and_circles_are_seen() {
+    let files = [
+        source("crate", "mod trace;"),
+        source("crate::trace", "mod simd;\nmod tree;\npub(crate) use tree::{Leaf, Node as Inner};"),
+        source("crate::trace::simd", "mod vector;\npub(crate) use vector::F8;"),
+        source(
+            "crate::trace::simd::vector",
+            "use crate::trace::{Inner,\n    Leaf};\n/// See crate::trace::tree::leaf.\nstruct F8;",
+        ),
+        source("crate::trace::tree", "mod leaf;\nmod node;\npub use leaf::Leaf;\npub use node::Node;"),
+        source("crate::trace::tree::leaf", "use super::node::Node;\nuse crate::trace::simd::F8;"),
+        source(
+            "crate::trace::tree::node",
+            "fn f() { super::leaf::g() }\n#[cfg(test)]\nmod tests { use crate::trace::simd::F8; }",
+        ),
+    ];
+    let imports = Imports::of(&files);
+    let of = |module: &str| imports.of[module].iter().map(String::as_str).collect::<Vec<_>>();
+    assert_eq!(of("crate::trace::simd::vector"), ["crate::trace::tree::leaf", "crate::trace::tree::node"]);
+    assert_eq!(of("crate::trace::tree::leaf"), ["crate::trace::simd::vector", "crate::trace::tree::node"]);
+    assert_eq!(of("crate::trace::tree::node"), ["crate::trace::tree::leaf"]);
+    let floors: &Floors = &[&["simd"], &["tree"]];
+    assert_eq!(
+        upward(&imports, floors, "crate::trace"),
+        [
+            "crate::trace::simd::vector -> crate::trace::tree::leaf",
+            "crate::trace::simd::vector -> crate::trace::tree::node",
+        ]
+    );
+    assert!(circle(&imports).is_some_and(|circle| circle.len() == 3 || circle.len() == 4));
+    let straight =
+        Imports::of(&files[..5].iter().filter(|file| !file.module.ends_with("vector")).cloned().collect::<Vec<_>>());
+    assert_eq!(circle(&straight), None);
+}

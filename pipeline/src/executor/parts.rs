@@ -1,0 +1,245 @@
+//! Rendering a picture part by part, and drawing in blocks what is larger than a rasteriser can draw.
+
+use super::{Observer, RenderError, Renderer};
+use crate::backend::{Attachments, BackendError, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect, View};
+use crate::image::{Image, Rows, count_non_finite};
+use crate::memory::{self, Refused};
+use glam::{DMat4, DVec4};
+use std::io;
+use std::time::{Duration, Instant};
+
+/// What two rectangles have in common.
+fn common(a: Rect, b: Rect) -> Option<Rect> {
+    let (x, y) = (a.x.max(b.x), a.y.max(b.y));
+    let (right, bottom) = ((a.x + a.width).min(b.x + b.width), (a.y + a.height).min(b.y + b.height));
+    (x < right && y < bottom).then(|| Rect { x, y, width: right - x, height: bottom - y })
+}
+
+impl GBuffer {
+    /// Holds another part of the picture from now on; what is in it is not defined until it is drawn.
+    fn place(&mut self, part: Rect) -> Result<(), Refused> {
+        let pixels = part.width as usize * part.height as usize;
+        for channel in [&mut self.color, &mut self.position, &mut self.normal] {
+            if !channel.is_empty() {
+                memory::resize(channel, pixels, [0.0; 4])?;
+            }
+        }
+        if !self.triangle.is_empty() {
+            memory::resize(&mut self.triangle, pixels, NO_TRIANGLE)?;
+        }
+        (self.origin, self.width, self.height) = ([part.x, part.y], part.width, part.height);
+        Ok(())
+    }
+}
+
+impl Renderer {
+    /// A frame begins.
+    pub(super) fn begin_frame(&mut self) {
+        self.frame = self.frame.saturating_add(1);
+        if self.plan.parts.list.len() > 1 {
+            self.timeline.begin_parts();
+        }
+    }
+
+    /// All parts of a frame are done.
+    pub(super) fn end_frame(&mut self) {
+        if self.plan.parts.list.len() > 1 {
+            self.timeline.end_parts();
+        }
+    }
+
+    /// Lets the targets hold a part of the picture.
+    pub(super) fn place_targets(&mut self, part: usize) -> Result<(), Refused> {
+        self.part = part;
+        if self.plan.in_parts() {
+            let rendered = self.plan.parts.list[part].rendered;
+            self.targets.iter_mut().chain([&mut self.window]).try_for_each(|buffer| buffer.place(rendered))?;
+        }
+        Ok(())
+    }
+
+    /// A copy of what the window holds of a rectangle of the picture.
+    pub(super) fn picture(&self, rectangle: Rect) -> Result<Image, Refused> {
+        let mut pixels = memory::with_capacity(rectangle.width as usize * rectangle.height as usize)?;
+        self.copy_rows(rectangle, &mut pixels);
+        Ok(Image { width: rectangle.width, height: rectangle.height, pixels })
+    }
+
+    /// Appends what the window holds of a rectangle of the picture.
+    pub(super) fn copy_rows(&self, rectangle: Rect, pixels: &mut Vec<[f32; 4]>) {
+        append(self.window.held(), &self.window.color, rectangle, pixels);
+    }
+
+    /// The views and viewports that a raster pass is drawn with into a target: its own, or blocks of it where the rasteriser
+    /// cannot draw it at once.
+    pub(super) fn blocks(&self, view: View, viewport: Rect, target: &GBuffer) -> Vec<(View, Rect)> {
+        let Some(side) = self.plan.block else { return vec![(view, viewport)] };
+        let held = target.held();
+        let starts = |length: u32| (0..length).step_by(side as usize);
+        let all = starts(viewport.height).flat_map(|y| starts(viewport.width).map(move |x| (x, y)));
+        let block = |(x, y)| Rect { x, y, width: side.min(viewport.width - x), height: side.min(viewport.height - y) };
+        let seen = all.map(block).filter(|block| common(*block, held).is_some());
+        seen.map(|block| (view_of_block(view, viewport, block), block)).collect()
+    }
+
+    /// Renders a frame into an encoder that asks for its rows.
+    pub(super) fn rows<'a>(&'a mut self, observer: &'a mut dyn Observer) -> PartRows<'a> {
+        self.begin_frame();
+        PartRows { renderer: self, observer, next: 0, given: 0, rows: Vec::new(), told: Told::default() }
+    }
+}
+
+/// Appends a rectangle of the picture from the pixels of `held`, in which it lies.
+pub(super) fn append(held: Rect, channel: &[[f32; 4]], rectangle: Rect, pixels: &mut Vec<[f32; 4]>) {
+    let (left, top) = ((rectangle.x - held.x) as usize, (rectangle.y - held.y) as usize);
+    let rows = channel.chunks_exact((held.width as usize).max(1)).skip(top).take(rectangle.height as usize);
+    for row in rows {
+        pixels.extend_from_slice(&row[left..left + rectangle.width as usize]);
+    }
+}
+
+/// The camera of a block of a viewport: what it sees fills the block.
+fn view_of_block(view: View, whole: Rect, block: Rect) -> View {
+    let axis = |start: u32, length: u32, first: u32, side: u32| {
+        let [length, side] = [length, side].map(f64::from);
+        let before = f64::from(first - start);
+        // From -1..1 over the whole to -1..1 over the block.
+        (length / side, (length - 2.0 * before - side) / side)
+    };
+    let (across, right) = axis(whole.x, whole.width, block.x, block.width);
+    // Rows count downwards, the axis goes up.
+    let (up, down) = axis(whole.y, whole.height, block.y, block.height);
+    let to_block = DMat4::from_cols(
+        DVec4::new(across, 0.0, 0.0, 0.0),
+        DVec4::new(0.0, up, 0.0, 0.0),
+        DVec4::Z,
+        DVec4::new(right, -down, 0.0, 1.0),
+    );
+    View { clip_from_world: (to_block * view.clip_from_world.as_dmat4()).as_mat4(), eye: view.eye }
+}
+
+/// Draws a job block by block, and returns the triangles submitted.
+pub(super) fn draw_blocks(
+    raster: &mut dyn Rasteriser,
+    job: &RasterJob<'_>,
+    blocks: &[(View, Rect)],
+    host: Attachments,
+    target: &mut GBuffer,
+) -> Result<u64, BackendError> {
+    let mut triangles = 0;
+    for (view, viewport) in blocks {
+        let job = RasterJob { view: *view, viewport: *viewport, ..*job };
+        triangles += raster.draw(&job, target)?.triangles;
+        if raster.needs_read_back() && host != Attachments::default() {
+            raster.read_back(&job, host, target)?;
+        }
+    }
+    Ok(triangles)
+}
+
+/// The rows of a frame, rendered when they are asked for.
+pub(super) struct PartRows<'a> {
+    renderer: &'a mut Renderer,
+    observer: &'a mut dyn Observer,
+    /// The part that is rendered next.
+    next: usize,
+    /// Rows of the last one that were handed out.
+    given: u32,
+    rows: Vec<[f32; 4]>,
+    told: Told,
+}
+
+/// What became of a frame whose rows were asked for.
+#[derive(Debug, Default)]
+pub(super) struct Told {
+    /// Why rendering ended early.
+    pub failed: Option<RenderError>,
+    /// Pixels with a value that is not finite.
+    pub not_finite: usize,
+    /// What rendering took.
+    pub took: Duration,
+}
+
+impl PartRows<'_> {
+    /// When the encoder is done.
+    pub fn told(self) -> Told {
+        self.told
+    }
+}
+
+impl Rows for PartRows<'_> {
+    fn size(&self) -> [u32; 2] {
+        let crop = self.renderer.plan.parts.crop;
+        [crop.width, crop.height]
+    }
+
+    fn next(&mut self, count: u32) -> io::Result<&[[f32; 4]]> {
+        self.rows.clear();
+        let mut wanted = count;
+        while wanted > 0 {
+            let parts = &self.renderer.plan.parts.list;
+            let left = self.next.checked_sub(1).map_or(0, |last| parts[last].written.height - self.given);
+            if left == 0 {
+                if self.next == parts.len() {
+                    break;
+                }
+                let start = Instant::now();
+                let drawn = self.renderer.draw_part(self.next, self.observer);
+                self.told.took += start.elapsed();
+                if let Err(error) = drawn {
+                    let message = error.to_string();
+                    self.told.failed = Some(error);
+                    return Err(io::Error::other(message));
+                }
+                (self.next, self.given) = (self.next + 1, 0);
+                if self.next == self.renderer.plan.parts.list.len() {
+                    self.renderer.end_frame();
+                }
+                continue;
+            }
+            let taken = left.min(wanted);
+            let written = self.renderer.plan.parts.list[self.next - 1].written;
+            let part = Rect { y: written.y + self.given, height: taken, ..written };
+            self.renderer.copy_rows(part, &mut self.rows);
+            self.given += taken;
+            wanted -= taken;
+        }
+        self.told.not_finite += count_non_finite(&self.rows);
+        Ok(&self.rows)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{Mat4, Vec3};
+
+    #[test]
+    fn a_block_shows_what_the_whole_shows_there() {
+        let eye = Vec3::new(1.0, 2.0, 3.0);
+        let projection = glam::camera::rh::proj::directx::perspective(1.0, 1.5, 100.0, 0.1);
+        let view = View {
+            clip_from_world: projection
+                * glam::camera::rh::view::look_to_mat4(eye, Vec3::new(0.2, -0.1, -1.0).normalize(), Vec3::Y),
+            eye,
+        };
+        assert_ne!(view.clip_from_world, Mat4::IDENTITY);
+        let whole = Rect { x: 0, y: 0, width: 3000, height: 2000 };
+        let pixel = |view: &View, viewport: Rect, point: Vec3| {
+            let clip = view.clip_from_world * point.extend(1.0);
+            let (x, y) = (clip.x / clip.w * 0.5 + 0.5, 0.5 - clip.y / clip.w * 0.5);
+            let (width, height) = (viewport.width as f32, viewport.height as f32);
+            [viewport.x as f32 + x * width, viewport.y as f32 + y * height, clip.z / clip.w]
+        };
+        for block in [Rect { x: 0, y: 0, width: 512, height: 512 }, Rect { x: 2560, y: 1536, width: 440, height: 464 }]
+        {
+            let part = view_of_block(view, whole, block);
+            for point in [Vec3::new(0.0, 0.0, -9.0), Vec3::new(3.0, 1.0, -20.0), Vec3::new(-4.0, 5.0, -7.5)] {
+                let (expected, found) = (pixel(&view, whole, point), pixel(&part, block, point));
+                for (expected, found) in expected.into_iter().zip(found) {
+                    assert!((expected - found).abs() < 2e-3, "{expected} and {found} in {block:?}");
+                }
+            }
+        }
+    }
+}

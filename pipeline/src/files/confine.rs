@@ -1,0 +1,124 @@
+//! The folder that all files must lie in, and the record of what was read.
+
+use std::collections::BTreeSet;
+use std::io;
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+
+/// Set once, before anything is read.
+static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+/// The first file that was refused.
+static REFUSED: OnceLock<PathBuf> = OnceLock::new();
+/// Files that were read, while they are recorded.
+static FILES_READ: Mutex<Option<BTreeSet<PathBuf>>> = Mutex::new(None);
+
+/// From now on no file outside `folder` is read or written by this process, wherever symbolic links lead. It cannot be
+/// undone.
+///
+/// A path is resolved before its file is opened. Whoever can change folders inside `folder` while the program runs could
+/// exchange one for a link in between: this guards against what files say, not against other programs.
+///
+/// # Errors
+/// If `folder` is no folder, or another folder was named before.
+pub fn confine(folder: &Path) -> io::Result<()> {
+    let real = folder.canonicalize()?;
+    if !real.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::NotADirectory, "this is not a folder"));
+    }
+    if *FOLDER.get_or_init(|| real.clone()) != real {
+        return Err(io::Error::other("the process is confined to another folder already"));
+    }
+    Ok(())
+}
+
+/// The folder that [`confine`] named, without symbolic links.
+#[must_use]
+pub fn confined_to() -> Option<&'static Path> {
+    FOLDER.get().map(PathBuf::as_path)
+}
+
+/// The first file that was refused because it lies outside the folder of [`confine`]. Loaders go on without some files
+/// that they cannot read, such as textures; a refused one ends the load, which asks here.
+#[must_use]
+pub fn refused() -> Option<&'static Path> {
+    REFUSED.get().map(PathBuf::as_path)
+}
+
+/// Whether a file that [`confine`] knows nothing against may be opened. `real` is free of symbolic links.
+pub(super) fn check(real: &Path) -> io::Result<()> {
+    match confined_to() {
+        Some(folder) if !real.starts_with(folder) => {
+            let _ = REFUSED.set(real.to_owned());
+            Err(io::Error::new(io::ErrorKind::PermissionDenied, refusal(real, folder)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether [`confine`] allows a path of which the last parts need not exist.
+///
+/// # Errors
+/// If it does not.
+pub fn check_place(path: &Path) -> io::Result<()> {
+    if confined_to().is_none() {
+        return Ok(());
+    }
+    let absolute = std::path::absolute(path)?;
+    let mut missing = PathBuf::new();
+    for existing in absolute.ancestors() {
+        if let Ok(real) = existing.canonicalize() {
+            missing = absolute.strip_prefix(existing).map(Path::to_owned).unwrap_or(missing);
+            if missing.components().any(|part| part == Component::ParentDir) {
+                break;
+            }
+            return check(&real.join(missing));
+        }
+    }
+    Err(io::Error::new(
+        io::ErrorKind::NotFound,
+        format!("`..` follows a missing folder, so --confine cannot tell where {} leads", path.display()),
+    ))
+}
+
+/// The sentence about a refused file.
+fn refusal(real: &Path, folder: &Path) -> String {
+    format!("{} lies outside {}, which --confine names", real.display(), folder.display())
+}
+
+fn files_read() -> MutexGuard<'static, Option<BTreeSet<PathBuf>>> {
+    FILES_READ.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Begins to record which files are read, for [`outside`].
+pub fn record_files_read() {
+    files_read().get_or_insert_default();
+}
+
+/// Whether anybody asks where files really lie.
+pub(super) fn asks_for_real_paths() -> bool {
+    confined_to().is_some() || files_read().is_some()
+}
+
+/// Notes that a file is read.
+pub(super) fn note(real: &Path) {
+    if let Some(files) = &mut *files_read() {
+        files.insert(real.to_owned());
+    }
+}
+
+/// Whether a file, named without symbolic links, was read since [`record_files_read`].
+pub(super) fn was_read(real: &Path) -> bool {
+    files_read().as_ref().is_some_and(|files| files.contains(real))
+}
+
+/// Of the files read since [`record_files_read`] and of `more`, those that lie outside `folder`, symbolic links resolved,
+/// in the order of their paths.
+#[must_use]
+pub fn outside(folder: &Path, more: impl IntoIterator<Item = PathBuf>) -> Vec<PathBuf> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
+    let mut files = files_read().clone().unwrap_or_default();
+    files.extend(more.into_iter().filter_map(|path| path.canonicalize().ok()));
+    files.retain(|path| !path.starts_with(&folder));
+    files.into_iter().collect()
+}

@@ -1,0 +1,101 @@
+//! Reading.
+
+use super::{confine, fault};
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::path::Path;
+
+/// A regular file that is read. It holds as many bytes as its size was when it was opened: what is appended meanwhile is
+/// not read, and an earlier end is an error.
+#[derive(Debug)]
+pub struct Input {
+    file: File,
+    size: u64,
+    position: u64,
+    faults: fault::Watch,
+}
+
+/// Opens a regular file.
+///
+/// # Errors
+/// If it is missing, a folder, a pipe or a device, lies outside the folder of [`confine`](super::confine), or the system
+/// refuses it.
+pub fn open(path: &Path) -> io::Result<Input> {
+    let mut faults = fault::watch(path);
+    faults.on_open()?;
+    let real = if confine::asks_for_real_paths() {
+        let real = path.canonicalize()?;
+        confine::check(&real)?;
+        confine::note(&real);
+        Some(real)
+    } else {
+        None
+    };
+    let path = real.as_deref().unwrap_or(path);
+    // Before it is opened: opening a pipe waits for its writer.
+    let metadata = std::fs::metadata(path)?;
+    if metadata.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::IsADirectory, "this is a folder and not a regular file"));
+    }
+    if !metadata.is_file() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is not a regular file"));
+    }
+    Ok(Input { file: File::open(path)?, size: metadata.len(), position: 0, faults })
+}
+
+/// Reads a whole file of at most `most` bytes.
+///
+/// # Errors
+/// As [`open`]; if the file is larger; if it cannot be read to its end.
+pub fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut input = open(path)?;
+    if input.size() > most {
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("it is larger than {} MiB", most >> 20)));
+    }
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(usize::try_from(input.size()).unwrap_or(usize::MAX))?;
+    input.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+impl Input {
+    /// Its size, bytes.
+    #[must_use]
+    pub fn size(&self) -> u64 {
+        self.size
+    }
+}
+
+impl Read for Input {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let left = self.size.saturating_sub(self.position);
+        let most = usize::try_from(left).unwrap_or(usize::MAX).min(buffer.len());
+        if most == 0 {
+            return Ok(0);
+        }
+        let read = if self.faults.on_read()? { self.file.read(&mut buffer[..most])? } else { 0 };
+        if read == 0 {
+            return Err(io::Error::new(
+                io::ErrorKind::UnexpectedEof,
+                format!("the file ended after {} of {} bytes", self.position, self.size),
+            ));
+        }
+        self.position += read as u64;
+        Ok(read)
+    }
+}
+
+impl Seek for Input {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        // From where the file ended when it was opened.
+        let to = match to {
+            SeekFrom::End(offset) => {
+                let outside = || io::Error::new(io::ErrorKind::InvalidInput, "this lies before the file's start");
+                SeekFrom::Start(self.size.checked_add_signed(offset).ok_or_else(outside)?)
+            }
+            other => other,
+        };
+        self.position = self.file.seek(to)?;
+        Ok(self.position)
+    }
+}

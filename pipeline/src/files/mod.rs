@@ -1,0 +1,24 @@
+//! The one way in which the files of projects and scenes, pictures, records and reports are read and written.
+//!
+//! - [`open`] and [`read`] take regular files only: a pipe or a device could block for ever. A file that ends before the
+//!   size that it had when it was opened is an error, so no loader takes half a file for a whole one.
+//! - [`write_atomically`] and [`Replacement`] write a file whole or not at all, and [`TemporaryFolder`] a folder.
+//!   [`check_outputs`] finds out before the work whether that will succeed.
+//! - [`abandon`] removes what is half written when the program is ended from outside. What a killed program left is
+//!   removed when a file is next written into the same folder.
+//! - [`confine`] bounds all of them to a folder, for the whole process: a function that opens files need not be told, and
+//!   cannot forget it.
+//! - [`fault`] makes them fail at a chosen call, for tests.
+
+mod confine;
+pub mod fault;
+mod input;
+mod output;
+mod target;
+mod temporary;
+
+pub use confine::{check_place, confine, confined_to, outside, record_files_read, refused};
+pub use input::{Input, open, read};
+pub use output::{Replacement, create_folder, write_atomically};
+pub use target::{OutputError, check_folder, check_outputs};
+pub use temporary::{TemporaryFolder, abandon};

@@ -1,0 +1,149 @@
+//! Where a file is really written, and whether it can be.
+
+use super::{confine, temporary};
+use std::fs::{OpenOptions, Permissions};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Most symbolic links that are followed, as on Linux.
+const MOST_LINKS: usize = 40;
+
+/// A file that is to be written.
+#[derive(Debug)]
+pub(super) struct Target {
+    /// The file itself: no symbolic link.
+    pub path: PathBuf,
+    /// The folder that holds it, without symbolic links.
+    pub folder: PathBuf,
+    /// Of the file that is there already.
+    pub permissions: Option<Permissions>,
+}
+
+/// Why an output cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum OutputError {
+    /// The file system says so.
+    #[error("{}: {error}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        error: io::Error,
+    },
+    /// Two outputs would be one file.
+    #[error("{}: this file would be written twice, as {first} and as {second}\n       leave one of the two out, or name another file", path.display())]
+    Twice {
+        /// The file.
+        path: PathBuf,
+        /// What one of them is.
+        first: String,
+        /// What the other is.
+        second: String,
+    },
+    /// It is an input of the same work.
+    #[error("{}: this file is read, and would be replaced\n       name another file", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+impl Target {
+    /// Follows symbolic links, whether or not a file is at their end.
+    ///
+    /// # Errors
+    /// If the folder is missing, the target is a folder, a pipe or a device, or it lies outside the folder of
+    /// [`confine`](super::confine).
+    pub fn of(path: &Path) -> io::Result<Self> {
+        let mut path = path.to_owned();
+        for _ in 0..MOST_LINKS {
+            let Some(name) = path.file_name().map(ToOwned::to_owned) else {
+                return Err(io::Error::new(io::ErrorKind::IsADirectory, "this is a folder"));
+            };
+            let folder = existing_folder(&path)?;
+            path = folder.join(name);
+            let metadata = match std::fs::symlink_metadata(&path) {
+                Ok(metadata) => Some(metadata),
+                Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+                Err(error) => return Err(error),
+            };
+            match metadata {
+                Some(metadata) if metadata.is_symlink() => path = folder.join(std::fs::read_link(&path)?),
+                Some(metadata) if metadata.is_dir() => {
+                    return Err(io::Error::new(io::ErrorKind::IsADirectory, "this is a folder"));
+                }
+                Some(metadata) if !metadata.is_file() => {
+                    return Err(io::Error::new(io::ErrorKind::InvalidInput, "this is not a regular file"));
+                }
+                found => {
+                    confine::check(&path)?;
+                    return Ok(Self { path, folder, permissions: found.map(|found| found.permissions()) });
+                }
+            }
+        }
+        Err(io::Error::other("its symbolic links lead in a circle"))
+    }
+
+    /// Whether the file can be replaced or made, by trying without changing anything.
+    fn try_out(&self) -> io::Result<()> {
+        if self.permissions.is_some() {
+            // A file that its owner made read-only is not replaced either, though its folder would allow it.
+            OpenOptions::new().write(true).open(&self.path)?;
+        }
+        temporary::TemporaryFile::new(&self.folder)
+            .map(drop)
+            .map_err(|error| io::Error::new(error.kind(), format!("nothing can be written into its folder: {error}")))
+    }
+}
+
+/// The folder of a path, without symbolic links.
+fn existing_folder(path: &Path) -> io::Result<PathBuf> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let real = folder.canonicalize().map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => io::Error::new(error.kind(), format!("there is no folder {}", folder.display())),
+        _ => error,
+    })?;
+    if !real.is_dir() {
+        return Err(io::Error::new(io::ErrorKind::NotADirectory, format!("{} is not a folder", folder.display())));
+    }
+    Ok(real)
+}
+
+/// Finds out before the work whether all outputs can be written: each into a folder that is there and can be written, in
+/// the place of no folder, pipe, device or read-only file, no two into one file, and none into a file that was read since
+/// [`record_files_read`](super::record_files_read). Nothing is changed. Each output is a path and what it is.
+///
+/// # Errors
+/// The first output that cannot.
+pub fn check_outputs<'a>(outputs: impl IntoIterator<Item = (&'a Path, &'a str)>) -> Result<(), OutputError> {
+    let mut known: Vec<(PathBuf, &str)> = Vec::new();
+    for (path, what) in outputs {
+        let wrong = |error| OutputError::Io { path: path.to_owned(), error };
+        let target = Target::of(path).map_err(wrong)?;
+        if let Some((_, first)) = known.iter().find(|(real, _)| *real == target.path) {
+            let (first, second) = ((*first).to_owned(), what.to_owned());
+            return Err(OutputError::Twice { path: path.to_owned(), first, second });
+        }
+        if confine::was_read(&target.path) {
+            return Err(OutputError::Read { path: path.to_owned() });
+        }
+        target.try_out().map_err(wrong)?;
+        known.push((target.path, what));
+    }
+    Ok(())
+}
+
+/// Finds out before the work whether files can be written into a folder that may have to be made. Nothing is changed.
+///
+/// # Errors
+/// If the folder, or the nearest one above it that is there, is something else or cannot be written.
+pub fn check_folder(path: &Path) -> Result<(), OutputError> {
+    let wrong = |error| OutputError::Io { path: path.to_owned(), error };
+    confine::check_place(path).map_err(wrong)?;
+    let absolute = std::path::absolute(path).map_err(wrong)?;
+    let Some(existing) = absolute.ancestors().find(|ancestor| ancestor.symlink_metadata().is_ok()) else {
+        return Err(wrong(io::ErrorKind::NotFound.into()));
+    };
+    let real = existing.canonicalize().map_err(wrong)?;
+    temporary::TemporaryFile::new(&real).map(drop).map_err(wrong)
+}

@@ -1,0 +1,336 @@
+//! Projects made from scene files: a camera, a sun, targets and passes for a scene that has no project of its own.
+//!
+//! | what | is |
+//! |---|---|
+//! | camera | `Camera`, which the options describe, or else sees all of the scene; the file's own come first unless it is described |
+//! | sun | the options', or the file's first directional light (its direction and hue), or one behind the viewer's left shoulder |
+//! | effects | shadows and occlusion; glass if a material that is drawn lets a tenth of the light through |
+//! | what is looked at | the box of all triangles, or of most where a few far ones (a sky) make it twice as large |
+//! | occlusion radius | a twentieth of the diagonal of what is looked at |
+//! | window | 1024 x 1024 |
+
+mod options;
+mod passes;
+mod view;
+
+pub use options::{Effects, SceneOptions};
+
+use super::{Camera, Project, SceneDecl, SceneFile, Viewport};
+use crate::diagnostic::{Problem, Problems, Severity};
+use crate::programs::RayProgram;
+use crate::raster_effects::EffectProgram;
+use crate::scene::{self, LoadOptions, Needs, Object, Scene, SceneError};
+use glam::{DVec3, Vec3};
+use passes::{Common, Step};
+use std::path::{Path, PathBuf};
+use view::{Extent, two_digits};
+
+/// Window of a project unless another is asked for, pixels.
+const WINDOW: [u32; 2] = [1024, 1024];
+/// Display values behind the scene.
+const BACKGROUND: Vec3 = Vec3::new(0.6, 0.7, 0.8);
+/// A material is glass if it lets this share of the light through.
+const GLASS: f32 = 0.1;
+/// The occlusion radius as a share of the diagonal of the scene's box.
+const RADIUS: f64 = 0.05;
+
+/// Why no project could be made from scene files.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum FromSceneError {
+    /// A scene file.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// An option that does not fit the scene.
+    #[error("{0}")]
+    Option(String),
+}
+
+/// Everything about a scene that its projects have in common.
+#[derive(Debug, Clone)]
+pub struct SceneProjects {
+    base: Project,
+    glass: Vec<String>,
+    radius: f32,
+    effects: Effects,
+}
+
+impl SceneProjects {
+    /// Reads scene files (without normals and textures) and looks at what they hold. `window` is the size of the window and of
+    /// the targets, pixels.
+    ///
+    /// # Errors
+    /// The first file that cannot be read; a scene without a triangle; or options that do not fit it.
+    pub fn new(
+        files: &[PathBuf],
+        options: &SceneOptions,
+        window: Option<[u32; 2]>,
+        max_bytes: u64,
+    ) -> Result<Self, FromSceneError> {
+        let needs = Needs { normals: false, textures: false };
+        let scene = scene::load(files, &LoadOptions { needs, max_bytes }, &|_| {})?;
+        let name = name_of(files);
+        let extent = extent(&scene).ok_or_else(|| {
+            let first = files.first().map_or(Path::new(""), PathBuf::as_path);
+            SceneError::file(first, "the scene has no triangle: there is nothing to look at")
+        })?;
+        let window = window.unwrap_or(WINDOW);
+        let mut notes = Notes::default();
+        notes.add(format!("a project made from {}; `curitiba scene … --project FILE.xml` writes it", listed(files)));
+        let focus = focus(&scene, extent);
+        let cameras = cameras(&scene, options, (extent, focus), window, &mut notes)?;
+        let sun = view::sun(options, scene.lights.first(), &cameras[0]);
+        if options.sun.is_none() {
+            notes.add(match scene.lights.first() {
+                Some(light) => format!("sun: direction and hue of the scene's light `{}`", light.name),
+                None => "sun: behind the viewer's left shoulder; `--sun X,Y,Z` puts it elsewhere".to_owned(),
+            });
+        }
+        let glass = glass(&scene);
+        let effects = options.effects.unwrap_or(Effects { shadows: true, occlusion: true, glass: !glass.is_empty() });
+        notes.add(effects_in_words(effects, &glass, options));
+        let radius = two_digits(focus.diagonal() * RADIUS);
+        if effects.occlusion {
+            notes.add(format!(
+                "occlusion radius: {radius}, a twentieth of the diagonal of what is looked at; `--set pass2.radius=…`"
+            ));
+        }
+        let base = Project {
+            path: files.first().cloned().unwrap_or_default(),
+            name: name.clone(),
+            window,
+            scenes: vec![SceneDecl {
+                name: "MainScene".to_owned(),
+                files: files.iter().map(|path| SceneFile { path: path.clone(), place: place(path) }).collect(),
+                swap_yz: false,
+                unitize: false,
+            }],
+            viewports: vec![Viewport {
+                name: "Window".to_owned(),
+                origin: [0.0; 2],
+                size: [1.0; 2],
+                clear_color: options.background.unwrap_or(BACKGROUND).extend(1.0),
+            }],
+            cameras,
+            lights: vec![sun],
+            targets: Vec::new(),
+            pipelines: Vec::new(),
+            default_pipeline: 0,
+            problems: notes.0,
+        };
+        Ok(Self { base, glass, radius, effects })
+    }
+
+    /// The project that shows the scene with the effects that were asked for, or else that it calls for.
+    #[must_use]
+    pub fn project(&self) -> Project {
+        // Glass that is not asked for is drawn as any other surface.
+        let glass: &[String] = if self.effects.glass { &self.glass } else { &[] };
+        self.with(&passes::steps(self.effects), glass, self.effects.occlusion)
+    }
+
+    /// Projects of the same scene with each effect by rays and by raster, by the file names of the report's own.
+    #[must_use]
+    pub fn by_technique(&self) -> Vec<(&'static str, Project)> {
+        let rays = |program| vec![Step::Rays(program)];
+        let raster = |program| vec![Step::Raster(program)];
+        [
+            ("SceneNoEffects.xml", Vec::new()),
+            ("SceneDummy.xml", rays(RayProgram::Dummy)),
+            ("SceneShadows.xml", rays(RayProgram::DeferredShadows)),
+            ("SceneReflect.xml", rays(RayProgram::Reflection)),
+            ("SceneRefract.xml", rays(RayProgram::Refraction)),
+            ("SceneSSAO.xml", rays(RayProgram::Ssao)),
+            ("SceneFinal.xml", rays(RayProgram::Final)),
+            ("raster/SceneShadowMap.xml", raster(EffectProgram::ShadowMap)),
+            ("raster/SceneCubeReflect.xml", raster(EffectProgram::CubeReflection)),
+            ("raster/SceneCubeRefract.xml", raster(EffectProgram::CubeRefraction)),
+            ("raster/SceneGTAO.xml", raster(EffectProgram::HorizonOcclusion)),
+            ("raster/SceneDepthOcclusion.xml", raster(EffectProgram::DepthOcclusion)),
+        ]
+        .into_iter()
+        .map(|(file, steps)| (file, self.with(&steps, &self.glass, true)))
+        .collect()
+    }
+
+    fn with(&self, steps: &[Step], glass: &[String], occlusion: bool) -> Project {
+        let common = Common { window: self.base.window, glass, radius: self.radius, occlusion };
+        let (targets, pipeline) = common.pipeline(steps);
+        Project { targets, pipelines: vec![pipeline], ..self.base.clone() }
+    }
+}
+
+/// Notes without a place.
+#[derive(Default)]
+struct Notes(Problems);
+
+impl Notes {
+    fn add(&mut self, message: String) {
+        self.0.0.push(Problem { severity: Severity::Note, place: None, message, help: None });
+    }
+}
+
+fn place(path: &Path) -> String {
+    path.display().to_string()
+}
+
+fn listed(files: &[PathBuf]) -> String {
+    match files {
+        [only] => only.display().to_string(),
+        _ => format!("{} scene files, {} and others", files.len(), files.first().map_or(String::new(), |p| place(p))),
+    }
+}
+
+/// The stem of the first file, as a name that a project can have.
+fn name_of(files: &[PathBuf]) -> String {
+    let stem = files.first().and_then(|file| file.file_stem()).map(|stem| stem.to_string_lossy().into_owned());
+    clean(&stem.unwrap_or_default()).unwrap_or_else(|| "scene".to_owned())
+}
+
+/// A name as a project file can hold it; `None` if nothing of it is left.
+fn clean(name: &str) -> Option<String> {
+    let visible: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect();
+    let folded = visible.split_whitespace().collect::<Vec<_>>().join(" ");
+    (!folded.is_empty()).then_some(folded)
+}
+
+/// The box around all corners of triangles that are finite.
+fn extent(scene: &Scene) -> Option<Extent> {
+    let mut extent: Option<Extent> = None;
+    for object in &scene.objects {
+        let mesh = &scene.meshes[object.mesh as usize];
+        let mut used = vec![false; mesh.positions.len()];
+        for corner in mesh.groups.iter().flat_map(|group| &group.triangles).flatten() {
+            if let Some(used) = used.get_mut(*corner as usize) {
+                *used = true;
+            }
+        }
+        for (position, _) in mesh.positions.iter().zip(used).filter(|(_, used)| *used) {
+            let placed = object.transform.transform_point3(*position);
+            if placed.is_finite() {
+                let at: DVec3 = placed.as_dvec3();
+                extent = Some(match extent {
+                    Some(Extent { low, high }) => Extent { low: low.min(at), high: high.max(at) },
+                    None => Extent { low: at, high: at },
+                });
+            }
+        }
+    }
+    extent
+}
+
+/// The box around most triangles, where a few far ones (a sky, a plane to the horizon) make that of all more than twice as large;
+/// else that of all.
+fn focus(scene: &Scene, whole: Extent) -> Extent {
+    /// Triangles that are looked at, at most.
+    const MOST: usize = 1 << 16;
+    /// Share of their corners beyond the box on each side.
+    const BEYOND: f64 = 0.03;
+    let groups = |object: &Object| {
+        let mesh = &scene.meshes[object.mesh as usize];
+        mesh.groups.iter().map(|group| group.triangles.len()).sum::<usize>()
+    };
+    let step = scene.objects.iter().map(groups).sum::<usize>().div_ceil(MOST).max(1);
+    let mut corners: [Vec<f32>; 3] = Default::default();
+    let mut number = 0;
+    for object in &scene.objects {
+        let mesh = &scene.meshes[object.mesh as usize];
+        for triangle in mesh.groups.iter().flat_map(|group| &group.triangles) {
+            number += 1;
+            if number % step != 0 {
+                continue;
+            }
+            let placed = triangle.iter().filter_map(|corner| mesh.positions.get(*corner as usize));
+            let placed = placed.map(|position| object.transform.transform_point3(*position));
+            for corner in placed.filter(|corner| corner.is_finite()) {
+                corners.iter_mut().zip(corner.to_array()).for_each(|(list, value)| list.push(value));
+            }
+        }
+    }
+    let mut bounds = [DVec3::ZERO; 2];
+    for (axis, mut list) in corners.into_iter().enumerate() {
+        if list.is_empty() {
+            return whole;
+        }
+        list.sort_unstable_by(f32::total_cmp);
+        let beyond = (list.len() as f64 * BEYOND) as usize;
+        bounds[0][axis] = list[beyond].into();
+        bounds[1][axis] = list[list.len() - 1 - beyond].into();
+    }
+    let [low, high] = bounds;
+    let most = Extent { low, high };
+    if most.diagonal() > 0.0 && whole.diagonal() > 2.0 * most.diagonal() { most } else { whole }
+}
+
+/// The file's cameras, and one that is described or fits: first the one that serves.
+fn cameras(
+    scene: &Scene,
+    options: &SceneOptions,
+    (extent, focus): (Extent, Extent),
+    window: [u32; 2],
+    notes: &mut Notes,
+) -> Result<Vec<Camera>, FromSceneError> {
+    let made = view::camera(options, extent, focus, window).map_err(FromSceneError::Option)?;
+    let mut cameras: Vec<Camera> = Vec::new();
+    for camera in &scene.cameras {
+        let base = clean(&camera.name).unwrap_or_else(|| "camera".to_owned());
+        let taken = |name: &str| {
+            let same = |other: &str| other.to_lowercase() == name.to_lowercase();
+            same(&made.name) || cameras.iter().any(|camera| same(&camera.name))
+        };
+        let mut name = base.clone();
+        let mut number = 2;
+        while taken(&name) {
+            name = format!("{base} {number}");
+            number += 1;
+        }
+        cameras.push(view::of_file(camera, name, extent));
+    }
+    let own = (!options.has_camera()).then(|| cameras.first().map(|camera| camera.name.clone())).flatten();
+    match &own {
+        Some(name) => notes.add(format!("camera: `{name}` of the scene; `--camera Camera` takes another")),
+        None if options.has_camera() => {}
+        None => {
+            let what = if focus == extent { "all of the scene" } else { "the scene but for a few far triangles" };
+            notes.add(format!("camera: it sees {what}; `--look-from X,Y,Z` puts it elsewhere"));
+        }
+    }
+    let first = if own.is_some() { cameras.len() } else { 0 };
+    cameras.insert(first, made);
+    Ok(cameras)
+}
+
+/// Names of the materials of drawn triangles that let enough light through.
+fn glass(scene: &Scene) -> Vec<String> {
+    let mut drawn = vec![false; scene.materials.len()];
+    for object in &scene.objects {
+        for group in &scene.meshes[object.mesh as usize].groups {
+            drawn[group.material as usize] |= !group.triangles.is_empty();
+        }
+    }
+    let materials = scene.materials.iter().zip(drawn);
+    materials
+        .filter(|(material, drawn)| *drawn && material.transmission >= GLASS)
+        .map(|(m, _)| m.name.clone())
+        .collect()
+}
+
+fn effects_in_words(effects: Effects, glass: &[String], options: &SceneOptions) -> String {
+    const NAMED: usize = 3;
+    let mut words = format!("effects: {effects}");
+    if options.effects.is_none() {
+        words.push_str(&match glass {
+            [] => "; no material of the scene is glass".to_owned(),
+            _ => {
+                let names = glass.iter().take(NAMED).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+                let more = glass.len().saturating_sub(NAMED);
+                if more > 0 { format!("; glass: {names} and {more} more") } else { format!("; glass: {names}") }
+            }
+        });
+    } else if effects.glass && glass.is_empty() {
+        words.push_str("; no material of the scene is glass, so nothing mirrors");
+    }
+    words
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,188 @@
+//! What is asked of a project that is made from scene files.
+
+use crate::diagnostic::valid_names;
+use glam::Vec3;
+use std::fmt;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// The effects of a project.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Effects {
+    /// Shadows of the sun.
+    pub shadows: bool,
+    /// Ambient occlusion.
+    pub occlusion: bool,
+    /// Reflection and refraction in glass.
+    pub glass: bool,
+}
+
+impl Effects {
+    /// Their names, in the order of the fields.
+    pub const NAMES: [&'static str; 3] = ["shadows", "ao", "glass"];
+
+    fn flags(&mut self) -> [&mut bool; 3] {
+        [&mut self.shadows, &mut self.occlusion, &mut self.glass]
+    }
+}
+
+impl FromStr for Effects {
+    type Err = String;
+
+    /// `shadows,ao,glass` or some of them, with `,` or `+` between; or `none`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut effects = Self::default();
+        if text.trim() == "none" {
+            return Ok(effects);
+        }
+        for word in text.split([',', '+']).map(str::trim) {
+            let Some(index) = Self::NAMES.iter().position(|name| *name == word) else {
+                return Err(valid_names(word, Self::NAMES.into_iter().chain(["none"])));
+            };
+            *effects.flags()[index] = true;
+        }
+        Ok(effects)
+    }
+}
+
+impl fmt::Display for Effects {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut copy = *self;
+        let on: Vec<&str> =
+            copy.flags().into_iter().zip(Self::NAMES).filter(|(on, _)| **on).map(|(_, name)| name).collect();
+        f.write_str(&if on.is_empty() { "none".to_owned() } else { on.join("+") })
+    }
+}
+
+/// What is asked of a project that is made from scene files. What is `None` is chosen from the scene.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SceneOptions {
+    /// Scene files beside the one that is named first.
+    pub more: Vec<PathBuf>,
+    /// The effects. Else shadows, occlusion, and glass where a material that is drawn is glass.
+    pub effects: Option<Effects>,
+    /// Where the camera stands, world. Else where all of the scene is seen.
+    pub look_from: Option<Vec3>,
+    /// What the camera looks at, world. Else the centre of the scene's box.
+    pub look_at: Option<Vec3>,
+    /// Vertical field of view, degrees, above 0 and below 180. Else 45.
+    pub fov: Option<f32>,
+    /// Direction in which the sun stands, of any length. Else the file's own light, or behind the viewer's left shoulder.
+    pub sun: Option<Vec3>,
+    /// Display values of the background. Else a light blue grey.
+    pub background: Option<Vec3>,
+}
+
+impl SceneOptions {
+    /// Names of the options that are set, as the command line and `compare` write them.
+    #[must_use]
+    pub fn given(&self) -> Vec<&'static str> {
+        let given = [
+            ("effects", self.effects.is_some()),
+            ("look-from", self.look_from.is_some()),
+            ("look-at", self.look_at.is_some()),
+            ("fov", self.fov.is_some()),
+            ("sun", self.sun.is_some()),
+            ("background", self.background.is_some()),
+        ];
+        given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect()
+    }
+
+    /// The options that are set as words, `effects=shadows+ao`, which [`Self`] can be read from again.
+    #[must_use]
+    pub fn words(&self) -> Vec<String> {
+        let vector = |name: &str, vector: Option<Vec3>| vector.map(|Vec3 { x, y, z }| format!("{name}={x}/{y}/{z}"));
+        let words = [
+            self.effects.map(|effects| format!("effects={effects}")),
+            vector("look-from", self.look_from),
+            vector("look-at", self.look_at),
+            self.fov.map(|fov| format!("fov={fov}")),
+            vector("sun", self.sun),
+            vector("background", self.background),
+        ];
+        let more = self.more.iter().map(|path| format!("with {}", path.display()));
+        words.into_iter().flatten().chain(more).collect()
+    }
+
+    /// Whether the camera is described, so that none of the file's own serves.
+    #[must_use]
+    pub fn has_camera(&self) -> bool {
+        self.look_from.is_some() || self.look_at.is_some() || self.fov.is_some()
+    }
+
+    /// Three finite numbers with `,` or `/` between them.
+    ///
+    /// # Errors
+    /// What would be valid.
+    pub fn parse_vector(text: &str) -> Result<Vec3, String> {
+        let numbers: Vec<f32> =
+            text.split([',', '/']).map_while(|word| word.trim().parse().ok()).filter(|n: &f32| n.is_finite()).collect();
+        match (&numbers[..], text.split([',', '/']).count()) {
+            (&[x, y, z], 3) => Ok(Vec3::new(x, y, z)),
+            _ => Err(format!("`{text}` is not X,Y,Z, such as 1,2.5,-3")),
+        }
+    }
+
+    /// A vector that is not 0.
+    ///
+    /// # Errors
+    /// What would be valid.
+    pub fn parse_direction(text: &str) -> Result<Vec3, String> {
+        Self::parse_vector(text).and_then(|vector| match vector.as_dvec3().try_normalize() {
+            Some(_) => Ok(vector),
+            None => Err(format!("`{text}` has no direction: its length is 0")),
+        })
+    }
+
+    /// `R,G,B` from 0 to 1, or `#rrggbb`.
+    ///
+    /// # Errors
+    /// What would be valid.
+    pub fn parse_color(text: &str) -> Result<Vec3, String> {
+        let wrong = || format!("`{text}` is not R,G,B from 0 to 1, nor #rrggbb, such as 0.6,0.7,0.8 or #99b2cc");
+        if let Some(digits) = text.strip_prefix('#') {
+            let value = u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6 && !digits.starts_with('+'));
+            let [_, r, g, b] = value.ok_or_else(wrong)?.to_be_bytes();
+            return Ok(Vec3::new(f32::from(r), f32::from(g), f32::from(b)) / 255.0);
+        }
+        let color = Self::parse_vector(text).map_err(|_| wrong())?;
+        let valid = color.cmpge(Vec3::ZERO).all() && color.cmple(Vec3::ONE).all();
+        if valid { Ok(color) } else { Err(wrong()) }
+    }
+
+    /// A vertical field of view.
+    ///
+    /// # Errors
+    /// What would be valid.
+    pub fn parse_fov(text: &str) -> Result<f32, String> {
+        let degrees: Option<f32> = text.trim().parse().ok().filter(|degrees| *degrees > 0.0 && *degrees < 180.0);
+        degrees.ok_or_else(|| format!("`{text}` is no angle above 0 and below 180 degrees"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_read_as_they_are_written() {
+        let effects = |text: &str| text.parse::<Effects>();
+        let some = Effects { shadows: true, occlusion: false, glass: true };
+        assert_eq!(effects("glass,shadows"), Ok(some));
+        assert_eq!(effects(&some.to_string()), Ok(some));
+        assert_eq!(effects("none"), Ok(Effects::default()));
+        assert!(effects("shadow").expect_err("a typing error").contains("did you mean `shadows`?"));
+        assert!(effects("").is_err());
+        assert_eq!(SceneOptions::parse_vector("1, -2/.5"), Ok(Vec3::new(1.0, -2.0, 0.5)));
+        for wrong in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,inf", "nan,0,0"] {
+            assert!(SceneOptions::parse_vector(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(SceneOptions::parse_color("#ff0080").map(|c| (c * 255.0).round()), Ok(Vec3::new(255.0, 0.0, 128.0)));
+        for wrong in ["#ff00", "#ff00é", "1,0,2", "-0.1,0,0", "#+12345"] {
+            assert!(SceneOptions::parse_color(wrong).is_err(), "{wrong}");
+        }
+        assert!(SceneOptions::parse_direction("0,0,0").is_err() && SceneOptions::parse_direction("0,1e-20,0").is_ok());
+        assert!(SceneOptions::parse_fov("180").is_err() && SceneOptions::parse_fov("0").is_err());
+        assert_eq!(SceneOptions::parse_fov("60"), Ok(60.0));
+    }
+}

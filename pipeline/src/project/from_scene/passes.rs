@@ -1,0 +1,187 @@
+//! Render targets and passes: the G-buffer, what computes on it, and the window.
+
+use super::Effects;
+use crate::image::PixelFormat;
+use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
+use crate::project::{
+    Channel, ChannelRef, ColorMap, EffectPass, MaterialPattern, Pass, PassKind, Pipeline, QuadPass, QuadSource,
+    RasterPass, RayPass, RenderTarget,
+};
+use crate::raster_effects::{EffectParams, EffectProgram};
+use glam::Vec4;
+
+/// Name of the one material library.
+const LIBRARY: &str = "Targets";
+/// The report's mark of glass: no surface has this colour.
+const GLASS_MARK: Vec4 = Vec4::new(1.0, 0.0, 1.0, 0.0);
+
+/// What computes on the G-buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Step {
+    /// By rays.
+    Rays(RayProgram),
+    /// By raster.
+    Raster(EffectProgram),
+}
+
+impl Step {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Rays(program) => program.info().stem,
+            Self::Raster(program) => program.info().name,
+        }
+    }
+
+    /// Whether it writes a factor of the colour and not a colour.
+    fn is_factor(self) -> bool {
+        let program = match self {
+            Self::Rays(program) => program,
+            Self::Raster(program) => program.info().counterpart,
+        };
+        program.info().writes == Writes::Share
+    }
+}
+
+/// The steps that some effects take. One program has all of them; it always has shadows.
+pub(super) fn steps(effects: Effects) -> Vec<Step> {
+    let Effects { shadows, occlusion, glass } = effects;
+    let programs: &[RayProgram] = match (shadows, occlusion, glass) {
+        (false, false, false) => &[],
+        (true, false, false) => &[RayProgram::DeferredShadows],
+        (false, true, false) => &[RayProgram::Ssao],
+        (false, false, true) => &[RayProgram::Refraction],
+        (false, true, true) => &[RayProgram::Refraction, RayProgram::Ssao],
+        (true, true, _) | (true, _, true) => &[RayProgram::Final],
+    };
+    programs.iter().map(|program| Step::Rays(*program)).collect()
+}
+
+/// What the passes of a project have in common. It has one scene, one camera that serves, one light, and one viewport, each
+/// the first of the project.
+pub(super) struct Common<'a> {
+    /// Size of the window and of the targets, pixels.
+    pub window: [u32; 2],
+    /// Names of the materials that are glass.
+    pub glass: &'a [String],
+    /// Longest distance to an occluder.
+    pub radius: f32,
+    /// Whether `final` has occlusion.
+    pub occlusion: bool,
+}
+
+impl Common<'_> {
+    /// The targets and the pipeline. Passes have the names of the report's projects, so that its commands serve: `pass1` draws,
+    /// `pass2` (and `pass3`) compute, `pass5` fills the window.
+    pub fn pipeline(&self, steps: &[Step]) -> (Vec<RenderTarget>, Pipeline) {
+        let channel = |name: &str| Channel { name: name.to_owned(), format: PixelFormat::Rgba32Float };
+        let target = |name: &str, channels: Vec<Channel>| RenderTarget {
+            library: LIBRARY.to_owned(),
+            name: name.to_owned(),
+            size: self.window,
+            channels,
+        };
+        let mut targets = vec![target("deferred", ["color", "pos", "norm"].map(channel).into())];
+        let pass = |name: String, target: Option<usize>, kind: PassKind| {
+            let place = format!("pass `{name}` of a project made from scene files");
+            Pass { name, place, viewport: Some(0), target, kind }
+        };
+        let drawn = RasterPass {
+            scenes: vec![0],
+            camera: 0,
+            light: Some(0),
+            program: RasterProgram::Deferred,
+            colors: if steps.is_empty() { Vec::new() } else { self.marks() },
+        };
+        let mut passes = vec![pass("pass1".to_owned(), Some(0), PassKind::Raster(drawn))];
+        let mut color = ChannelRef { target: 0, channel: 0 };
+        let mut factor = None;
+        for (index, step) in steps.iter().enumerate() {
+            let written = ChannelRef { target: targets.len(), channel: 0 };
+            targets.push(target(step.name(), vec![channel(step.name())]));
+            let kind = match step {
+                Step::Rays(program) => PassKind::Ray(self.rays(*program, color)),
+                Step::Raster(program) => PassKind::Effect(self.effect(*program, color)),
+            };
+            passes.push(pass(format!("pass{}", index + 2), Some(written.target), kind));
+            if step.is_factor() {
+                factor = Some(written);
+            } else {
+                color = written;
+            }
+        }
+        let source = match factor {
+            Some(factor) => QuadSource::Combine { color, factor },
+            None => QuadSource::Show(color),
+        };
+        passes.push(pass("pass5".to_owned(), None, PassKind::Quad(QuadPass { source })));
+        (targets, Pipeline { name: "deferred".to_owned(), camera: Some(0), passes })
+    }
+
+    fn patterns(&self) -> Vec<MaterialPattern> {
+        self.glass.iter().cloned().map(MaterialPattern::Named).collect()
+    }
+
+    /// Colours that mark glass in the G-buffer: the programs as the report wrote them know it by those.
+    fn marks(&self) -> Vec<ColorMap> {
+        let mark = |to| ColorMap { to, diffuse: Some(GLASS_MARK), emission: Some(GLASS_MARK), drops_texture: false };
+        self.patterns().into_iter().map(mark).collect()
+    }
+
+    fn rays(&self, program: RayProgram, color: ChannelRef) -> RayPass {
+        let info = program.info();
+        let mut params = RayParams { radius: self.radius, ..RayParams::default() };
+        if program == RayProgram::Final && !self.occlusion {
+            params.samples = 0;
+        }
+        let calls = |proc: &str| info.procs.iter().any(|known| known.proc == proc);
+        let patterns = |called: bool| if called { self.patterns() } else { Vec::new() };
+        RayPass {
+            scenes: vec![0],
+            camera: 0,
+            light: (!info.globals.is_empty()).then_some(0),
+            program,
+            params: as_written(params, info.params),
+            position: read(info.buffers, "pos_buffer", 1),
+            normal: read(info.buffers, "norm_buffer", 2),
+            color: info.buffers.contains(&"color_buffer").then_some(color),
+            colors: Vec::new(),
+            glass: patterns(calls("closest_hit_glass")),
+            shadow_glass: patterns(calls("any_hit_shadow_glass")),
+        }
+    }
+
+    fn effect(&self, program: EffectProgram, color: ChannelRef) -> EffectPass {
+        let info = program.info();
+        let mut params = EffectParams::of(program);
+        if info.params.contains(&"radius") {
+            params.radius = self.radius;
+        }
+        EffectPass {
+            scenes: vec![0],
+            camera: 0,
+            light: info.lit.then_some(0),
+            program,
+            params,
+            position: read(info.buffers, "pos_buffer", 1),
+            normal: read(info.buffers, "norm_buffer", 2),
+            color: info.buffers.contains(&"color_buffer").then_some(color),
+            colors: Vec::new(),
+            glass: if info.glass { self.patterns() } else { Vec::new() },
+        }
+    }
+}
+
+/// A channel of the G-buffer, if the program reads it.
+fn read(buffers: &[&str], name: &str, channel: usize) -> Option<ChannelRef> {
+    buffers.contains(&name).then_some(ChannelRef { target: 0, channel })
+}
+
+/// The parameters that a program reads; the others have their defaults, as in a project that is read.
+fn as_written(params: RayParams, names: &[&str]) -> RayParams {
+    let defaults = RayParams::default();
+    RayParams {
+        samples: if names.contains(&"samples") { params.samples } else { defaults.samples },
+        radius: if names.contains(&"radius") { params.radius } else { defaults.radius },
+        ..defaults
+    }
+}

@@ -1,0 +1,134 @@
+use super::*;
+use crate::project::{PassKind, QuadSource};
+
+/// A square of two materials in a folder: paint, and glass as far as `d` is below 1.
+fn scene(folder: &Path, glass_opacity: f32, uses_glass: bool) -> PathBuf {
+    let library = format!("newmtl paint\nKd 1 1 1\nnewmtl pane\nKd 1 1 1\nd {glass_opacity}\n");
+    std::fs::write(folder.join("m.mtl"), library).expect("a file");
+    let last = if uses_glass { "usemtl pane\nf 1 3 4\n" } else { "" };
+    let path = folder.join("s.obj");
+    let text = format!("mtllib m.mtl\nv 0 0 0\nv 4 0 0\nv 4 3 0\nv 0 3 0\nv 1e9 0 0\nusemtl paint\nf 1 2 3\n{last}");
+    std::fs::write(&path, text).expect("a file");
+    path
+}
+
+fn programs(project: &Project) -> Vec<&'static str> {
+    let passes = &project.pipelines[project.default_pipeline].passes;
+    passes
+        .iter()
+        .map(|pass| match &pass.kind {
+            PassKind::Raster(_) => "raster",
+            PassKind::Ray(ray) => ray.program.info().stem,
+            PassKind::Effect(effect) => effect.program.info().name,
+            PassKind::Quad(quad) if matches!(quad.source, QuadSource::Combine { .. }) => "combine",
+            PassKind::Quad(_) => "show",
+        })
+        .collect()
+}
+
+fn open(path: &Path, options: &SceneOptions) -> Project {
+    SceneProjects::new(&[path.to_owned()], options, None, 1 << 30).expect("a scene").project()
+}
+
+#[test]
+fn effects_are_those_asked_for_or_those_that_the_scene_calls_for() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let glass_of = |project: &Project| match &project.pipelines[0].passes[1].kind {
+        PassKind::Ray(ray) => (ray.glass.len(), ray.params.samples),
+        _ => (0, 0),
+    };
+    for (opacity, uses, expected) in [(0.3, true, (1, 100)), (0.3, false, (0, 100)), (0.95, true, (0, 100))] {
+        let project = open(&scene(folder.path(), opacity, uses), &SceneOptions::default());
+        assert_eq!(programs(&project), ["raster", "final", "show"]);
+        assert_eq!(glass_of(&project), expected, "{opacity} {uses}");
+    }
+    let path = scene(folder.path(), 0.3, true);
+    for (effects, expected) in [
+        ("none", &["raster", "show"][..]),
+        ("shadows", &["raster", "deferredShadows", "combine"]),
+        ("ao", &["raster", "ssao", "combine"]),
+        ("glass", &["raster", "refraction", "show"]),
+        ("ao,glass", &["raster", "refraction", "ssao", "combine"]),
+        ("shadows,glass", &["raster", "final", "show"]),
+        ("shadows,ao", &["raster", "final", "show"]),
+    ] {
+        let project = open(&path, &SceneOptions { effects: effects.parse().ok(), ..SceneOptions::default() });
+        assert_eq!(programs(&project), expected, "{effects}");
+        match effects {
+            "shadows,glass" => assert_eq!(glass_of(&project), (1, 0)),
+            "shadows,ao" => assert_eq!(glass_of(&project), (0, 100)),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn the_box_is_that_of_triangles_and_the_radius_follows_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // The fifth vertex of the file is far off and in no triangle.
+    let project = open(&scene(folder.path(), 1.0, false), &SceneOptions::default());
+    let PassKind::Ray(ray) = &project.pipelines[0].passes[1].kind else { panic!("a ray pass") };
+    assert!(!project.problems.to_string().contains("far triangles"), "few triangles are no reason to leave some out");
+    assert_eq!(ray.params.radius, 0.25, "a twentieth of the diagonal of 4 x 3");
+    assert!(project.cameras[0].position.length() < 30.0, "{:?}", project.cameras[0]);
+}
+
+#[test]
+fn a_few_triangles_far_off_are_not_looked_at() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("sky.obj");
+    let mut text = "v -500 0 -500\nv 500 0 -500\nv 0 900 500\nf 1 2 3\n".to_owned();
+    for index in 0..40 {
+        let (x, z) = (index % 8, index / 8);
+        text += &format!("v {x} 0 {z}\nv {x} 1 {z}\nv {x}.9 0 {z}\nf -3 -2 -1\n");
+    }
+    std::fs::write(&path, text).expect("a file");
+    let project = open(&path, &SceneOptions::default());
+    let camera = &project.cameras[0];
+    assert!(camera.position.length() < 40.0 && camera.far > 1000.0, "{camera:?}");
+    assert!(project.problems.to_string().contains("but for a few far triangles"), "{}", project.problems);
+}
+
+#[test]
+fn cameras_of_the_file_come_first_unless_one_is_described() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("c.gltf");
+    let data = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,1,2,3]}}],
+        "extensionsUsed":["KHR_lights_punctual"],
+        "extensions":{{"KHR_lights_punctual":{{"lights":[{{"type":"point"}},{{"type":"directional","color":[1,0.5,0],"intensity":2}}]}}}},
+        "nodes":[{{"mesh":0}},{{"camera":0,"name":"Door","translation":[0,0,5]}},
+        {{"camera":1,"name":"camera"}},
+        {{"rotation":[-0.70710678,0,0,0.70710678],"extensions":{{"KHR_lights_punctual":{{"light":1}}}}}}],
+        "cameras":[{{"type":"perspective","perspective":{{"yfov":0.8,"znear":0.1}}}},
+        {{"type":"perspective","perspective":{{"yfov":0.7,"znear":0.1,"zfar":9}}}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}}],
+        "buffers":[{{"byteLength":36,"uri":"{data}"}}]}}"#
+    );
+    std::fs::write(&path, text).expect("a file");
+    let project = open(&path, &SceneOptions::default());
+    let names = |project: &Project| project.cameras.iter().map(|camera| camera.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&project), ["Door", "camera 2", "Camera"]);
+    let door = &project.cameras[0];
+    assert_eq!((door.position, door.direction, door.up), (Vec3::new(0.0, 0.0, 5.0), Vec3::NEG_Z, Vec3::Y));
+    assert!((door.fov_y - 0.8).abs() < 1e-6 && door.near == 0.1 && door.far > 10.0);
+    assert_eq!(project.cameras[1].far, 9.0);
+    let sun = &project.lights[0];
+    let down = sun.direction.expect("a direction");
+    assert!(down.distance(Vec3::NEG_Y) < 1e-6, "{down}");
+    assert_eq!(sun.color, Vec3::new(0.7, 0.35, 0.0));
+    let described = SceneOptions { fov: Some(20.0), ..SceneOptions::default() };
+    assert_eq!(names(&open(&path, &described)), ["Camera", "Door", "camera 2"]);
+}
+
+#[test]
+fn a_scene_without_a_triangle_says_so() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("points.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 1 1\n").expect("a file");
+    let error = SceneProjects::new(&[path], &SceneOptions::default(), None, 1 << 30).expect_err("no triangle");
+    assert!(error.to_string().contains("no triangle"), "{error}");
+}

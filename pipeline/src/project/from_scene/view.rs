@@ -1,0 +1,274 @@
+//! Cameras and the sun of a project that is made from scene files.
+
+use super::SceneOptions;
+use crate::project::{Camera, Light};
+use crate::scene::{SceneCamera, SceneLight};
+use glam::{DVec3, Vec3};
+
+/// Vertical field of view of a camera that is not described, degrees.
+const FOV: f32 = 45.0;
+/// The sun's strength: a surface that faces it is 1 with the ambient light of 0.3.
+const SUN: f32 = 0.7;
+/// Share of the picture's half that the scene's box leaves free at each side.
+const MARGIN: f64 = 0.04;
+/// A camera that fits sees the scene from this share of its height above the horizon, 1 for 45 degrees.
+const RISE: f64 = 0.45;
+/// The same of scenes as flat as a terrain.
+const RISE_OF_FLAT: f64 = 0.8;
+
+/// The box around all that is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Extent {
+    pub low: DVec3,
+    pub high: DVec3,
+}
+
+impl Extent {
+    pub fn center(self) -> DVec3 {
+        (self.low + self.high) * 0.5
+    }
+
+    pub fn diagonal(self) -> f64 {
+        self.low.distance(self.high)
+    }
+
+    fn corners(self) -> [DVec3; 8] {
+        std::array::from_fn(|corner| {
+            let side = |axis: usize| if corner >> axis & 1 == 0 { self.low[axis] } else { self.high[axis] };
+            DVec3::new(side(0), side(1), side(2))
+        })
+    }
+}
+
+/// As the loader makes vectors unit length, so that what is written and read again is the same.
+fn unit(vector: DVec3) -> Option<Vec3> {
+    // The loader reads f32.
+    vector.as_vec3().as_dvec3().try_normalize().map(|unit| unit.as_vec3())
+}
+
+/// A number with few digits, off by less than a thousandth of `size`.
+fn rounded(value: DVec3, size: f64) -> DVec3 {
+    let step = 10.0_f64.powf(size.log10().floor() - 3.0);
+    // A division by a whole number gives the decimals that are nearest.
+    if step < 1.0 {
+        (value * step.recip().round()).round() / step.recip().round()
+    } else {
+        (value / step).round() * step
+    }
+}
+
+/// The camera of the options, or one that sees all of `focus` in a window of this shape. Its planes enclose the `whole` scene.
+///
+/// # Errors
+/// If it would look at the point where it stands.
+pub(super) fn camera(options: &SceneOptions, whole: Extent, focus: Extent, window: [u32; 2]) -> Result<Camera, String> {
+    let fov = options.fov.unwrap_or(FOV);
+    let size = focus.diagonal().max(f64::from(f32::MIN_POSITIVE));
+    let target = options.look_at.map_or_else(|| rounded(focus.center(), size), |at| at.as_dvec3());
+    let away = away(focus);
+    let (eye, view) = match (options.look_from, options.look_at) {
+        (Some(eye), _) => (eye.as_dvec3(), target - eye.as_dvec3()),
+        (None, Some(_)) => (rounded(target + away * distance(focus, target, away, fov, window), size), -away),
+        (None, None) => (rounded(place(focus, target, away, fov, window), size), -rounded(away, 1.0)),
+    };
+    let position = eye.as_vec3();
+    let direction =
+        unit(view).ok_or_else(|| format!("the camera would stand at {position} and look at the same point"))?;
+    let corners = whole.corners().into_iter().chain(focus.corners());
+    let farthest = corners.map(|corner| corner.distance(eye)).fold(size, f64::max);
+    Ok(Camera {
+        name: "Camera".to_owned(),
+        position,
+        direction,
+        up: up_for(direction),
+        fov_y: fov.to_radians(),
+        near: two_digits(farthest * 1e-4),
+        far: two_digits(farthest * 4.0),
+        viewport: Some(0),
+    })
+}
+
+/// The unit direction from which the box is looked at: from the front (z) and a little from the right and from above; from
+/// the side where that is far broader; from higher above where all is flat.
+fn away(extent: Extent) -> DVec3 {
+    let size = extent.high - extent.low;
+    let rise = if size.y < 0.2 * size.x.max(size.z) { RISE_OF_FLAT } else { RISE };
+    let broad_side = size.z > 2.0 * size.x;
+    DVec3::new(if broad_side { 1.0 } else { 0.5 }, rise, if broad_side { 0.5 } else { 1.0 }).normalize()
+}
+
+/// Tangents of half of the angles that a camera sees without its margin, to the right and up, and these two directions. A window
+/// wider than high shows what a square one does.
+fn frame(away: DVec3, fov: f32, [width, height]: [u32; 2]) -> ([f64; 2], [DVec3; 2]) {
+    let tan_y = (f64::from(fov).to_radians() * 0.5).tan() * (1.0 - MARGIN);
+    let tan_x = tan_y * (f64::from(width) / f64::from(height.max(1))).min(1.0);
+    let right = DVec3::Y.cross(away).normalize();
+    ([tan_x, tan_y], [right, away.cross(right)])
+}
+
+/// Where a camera sees all corners of the box from nearest, with as much free on one side as on the other.
+fn place(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 2]) -> DVec3 {
+    let (tangents, axes) = frame(away, fov, window);
+    let offsets = extent.corners().map(|corner| corner - target);
+    let most = |value: &dyn Fn(DVec3) -> f64| offsets.iter().map(|offset| value(*offset)).fold(f64::MIN, f64::max);
+    let mut eye = target;
+    let mut farthest = 0.0_f64;
+    for (tangent, axis) in tangents.into_iter().zip(axes) {
+        // A corner at x to the right and z towards the viewer is seen from s to the right and d off if
+        // |x - s| <= tangent (d - z).
+        let right = most(&|offset| offset.dot(axis) + tangent * offset.dot(away));
+        let left = most(&|offset| -offset.dot(axis) + tangent * offset.dot(away));
+        eye += axis * ((right - left) * 0.5);
+        farthest = farthest.max((right + left) * 0.5 / tangent);
+    }
+    // A scene of one point is seen from somewhere, too.
+    eye + away * if farthest > 0.0 { farthest } else { 1.0 }
+}
+
+/// How far off a camera that looks at a point must be to see all corners of the box.
+fn distance(extent: Extent, target: DVec3, away: DVec3, fov: f32, window: [u32; 2]) -> f64 {
+    let ([tan_x, tan_y], [right, up]) = frame(away, fov, window);
+    let needed = |corner: DVec3| {
+        let offset = corner - target;
+        let sideways = (offset.dot(right).abs() / tan_x).max(offset.dot(up).abs() / tan_y);
+        sideways + offset.dot(away)
+    };
+    let farthest = extent.corners().into_iter().map(needed).fold(0.0, f64::max);
+    // A scene of one point is seen from somewhere, too.
+    if farthest > 0.0 { farthest } else { 1.0 }
+}
+
+/// Rounded to two digits, above 0.
+pub(super) fn two_digits(value: f64) -> f32 {
+    let text = format!("{value:.1e}");
+    text.parse().ok().filter(|value: &f32| value.is_normal()).unwrap_or(1.0)
+}
+
+/// +y, or -z for cameras that look up or down.
+fn up_for(direction: Vec3) -> Vec3 {
+    if direction.cross(Vec3::Y).length() < 1e-3 { Vec3::NEG_Z } else { Vec3::Y }
+}
+
+/// A camera of a scene file. A far plane that the file leaves open lies beyond the scene.
+pub(super) fn of_file(camera: &SceneCamera, name: String, extent: Extent) -> Camera {
+    let eye = camera.position.as_dvec3();
+    let farthest = extent.corners().iter().map(|corner| corner.distance(eye)).fold(0.0, f64::max) as f32;
+    let far = camera.far.unwrap_or(farthest * 4.0);
+    let direction = unit(camera.direction.as_dvec3()).unwrap_or(Vec3::NEG_Z);
+    let up = unit(camera.up.as_dvec3()).filter(|up| direction.cross(*up).length() >= 1e-3);
+    Camera {
+        name,
+        position: camera.position,
+        direction,
+        up: up.unwrap_or_else(|| up_for(direction)),
+        // Through degrees, in which projects are written.
+        fov_y: camera.fov_y.to_degrees().to_radians(),
+        near: camera.near,
+        far: if far > camera.near { far } else { camera.near * 1e6 },
+        viewport: Some(0),
+    }
+}
+
+/// The sun of the options, that of the scene file, or one behind the viewer's left shoulder.
+pub(super) fn sun(options: &SceneOptions, of_file: Option<&SceneLight>, camera: &Camera) -> Light {
+    let shoulder = || {
+        let view = camera.direction.as_dvec3();
+        let level = DVec3::new(view.x, 0.0, view.z).try_normalize().unwrap_or(DVec3::NEG_Z);
+        let left = DVec3::Y.cross(level);
+        // Steep enough that shadows stay short, and aside so that they are seen.
+        rounded(level * 0.5 - left * 0.6 - DVec3::Y * 0.9, 1.0)
+    };
+    let (travels, color) = match (options.sun, of_file) {
+        (Some(sun), _) => (-sun.as_dvec3(), Vec3::ONE),
+        (None, Some(light)) => (light.direction.as_dvec3(), light.color),
+        (None, None) => (shoulder(), Vec3::ONE),
+    };
+    // The file's own strength is in lux, for a film that nobody exposes here: only the hue serves.
+    let strongest = color.max_element();
+    let hue = if strongest > 0.0 && strongest.is_finite() { color / strongest } else { Vec3::ONE };
+    Light { name: "Sun".to_owned(), direction: unit(travels).or(Some(Vec3::NEG_Y)), color: hue.max(Vec3::ZERO) * SUN }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn extent(low: [f64; 3], high: [f64; 3]) -> Extent {
+        Extent { low: low.into(), high: high.into() }
+    }
+
+    /// Corners in the picture, from -1 to 1.
+    fn corners_seen(extent: Extent, camera: &Camera, aspect: f32) -> Vec<[f64; 3]> {
+        let forward = camera.direction.as_dvec3();
+        let right = forward.cross(camera.up.as_dvec3()).normalize();
+        let up = right.cross(forward);
+        let tan = f64::from((camera.fov_y * 0.5).tan());
+        extent
+            .corners()
+            .map(|corner| corner - camera.position.as_dvec3())
+            .map(|offset| {
+                let depth = offset.dot(forward);
+                [offset.dot(right) / (depth * tan * f64::from(aspect)), offset.dot(up) / (depth * tan), depth]
+            })
+            .to_vec()
+    }
+
+    #[test]
+    fn the_camera_sees_the_whole_box_and_wastes_little() {
+        let boxes = [
+            extent([-1.0; 3], [1.0; 3]),
+            extent([1e5, 0.0, 1e5], [1e5 + 40.0, 300.0, 1e5 + 20.0]),
+            extent([-500.0, -3.0, -500.0], [500.0, 4.0, 500.0]),
+            extent([0.0, 0.0, -9e-4], [1e-5, 2e-4, 9e-4]),
+            extent([0.0; 3], [0.0, 1.0, 1.0]),
+        ];
+        for extent in boxes {
+            for window in [[1024, 1024], [1920, 1080], [300, 600]] {
+                let camera = camera(&SceneOptions::default(), extent, extent, window).expect("it looks at the centre");
+                // A window wider than high shows what a square one does, and more beside it.
+                let aspect = (window[0] as f32 / window[1] as f32).min(1.0);
+                let seen = corners_seen(extent, &camera, aspect);
+                let widest = seen.iter().flat_map(|[x, y, _]| [x.abs(), y.abs()]).fold(0.0, f64::max);
+                assert!((0.94..0.97).contains(&widest), "{extent:?} {window:?}: {widest}");
+                for [_, _, depth] in seen {
+                    assert!(depth > f64::from(camera.near) && depth < f64::from(camera.far), "{extent:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_described_camera_is_that_and_one_that_looks_nowhere_is_refused() {
+        let extent = extent([-1.0; 3], [1.0; 3]);
+        let from = |from: [f32; 3], at: Option<[f32; 3]>| SceneOptions {
+            look_from: Some(from.into()),
+            look_at: at.map(Vec3::from),
+            fov: Some(30.0),
+            ..SceneOptions::default()
+        };
+        let made = camera(&from([0.0, 0.0, 5.0], None), extent, extent, [4, 4]).expect("it looks at the centre");
+        assert_eq!((made.position, made.direction), (Vec3::new(0.0, 0.0, 5.0), Vec3::NEG_Z));
+        assert_eq!(made.fov_y, 30.0_f32.to_radians());
+        let down = camera(&from([0.0, 5.0, 0.0], None), extent, extent, [4, 4]).expect("it looks down");
+        assert!(down.direction.cross(down.up).length() > 0.9);
+        let error = camera(&from([2.0; 3], Some([2.0; 3])), extent, extent, [4, 4]).expect_err("it looks nowhere");
+        assert!(error.contains("the same point"), "{error}");
+    }
+
+    #[test]
+    fn the_sun_shines_from_the_viewers_left_unless_it_is_described() {
+        let extent = extent([-1.0; 3], [1.0; 3]);
+        let camera = camera(&SceneOptions::default(), extent, extent, [4, 4]).expect("it looks at the centre");
+        let direction = |options: &SceneOptions, light: Option<&SceneLight>| {
+            sun(options, light, &camera).direction.expect("a direction")
+        };
+        let travels = direction(&SceneOptions::default(), None);
+        let right = camera.direction.cross(Vec3::Y);
+        assert!(travels.y < -0.5 && travels.dot(right) > 0.3 && travels.dot(camera.direction) > 0.3, "{travels}");
+        let lamp = SceneLight { name: "l".to_owned(), direction: Vec3::NEG_X, color: Vec3::new(100.0, 50.0, 0.0) };
+        assert_eq!(direction(&SceneOptions::default(), Some(&lamp)), Vec3::NEG_X);
+        assert_eq!(sun(&SceneOptions::default(), Some(&lamp), &camera).color, Vec3::new(SUN, SUN * 0.5, 0.0));
+        let asked = SceneOptions { sun: Some(Vec3::new(0.0, 3.0, 0.0)), ..SceneOptions::default() };
+        assert_eq!(direction(&asked, Some(&lamp)), Vec3::NEG_Y);
+    }
+}

@@ -1,0 +1,273 @@
+//! What a path names: a project file, scene files or a folder of them; and the project that either gives.
+
+use super::from_scene::{FromSceneError, SceneOptions, SceneProjects};
+use super::{Project, loader};
+use crate::diagnostic::Problems;
+use crate::scene::SceneError;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+
+/// Extensions of scene files, best first: where a folder holds one model in several formats, the first serves.
+pub const SCENE_EXTENSIONS: [&str; 5] = ["glb", "gltf", "nbo", "cbo", "obj"];
+
+/// Files that people have and that cannot be read, with what to do.
+const OTHER_FILES: &[(&str, &str)] = &[
+    ("mlib", "this is a material library; name a project that lists it in <materialLibs>"),
+    ("mtl", "this holds the materials of an .obj file; name that"),
+    ("bin", "this holds the numbers of a .gltf file; name that"),
+    ("3ds", "export it as .glb, for example with Blender"),
+    ("dae", "export it as .glb, for example with Blender"),
+    ("fbx", "export it as .glb, for example with Blender"),
+    ("blend", "export it as .glb with Blender"),
+    ("ply", "export it as .glb or .obj, for example with Blender or MeshLab"),
+    ("stl", "export it as .glb or .obj, for example with Blender or MeshLab"),
+    ("mesh", "export it as .glb, for example with Blender"),
+    ("usd", "export it as .glb, for example with Blender"),
+    ("usdz", "export it as .glb, for example with Blender"),
+];
+
+/// Why a path gives no project.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum SourceError {
+    /// The project file or a material library; holds every problem of them.
+    #[error(transparent)]
+    Project(#[from] Problems),
+    /// A scene file, or a file that is neither.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Options that do not fit what is named.
+    #[error("{0}")]
+    Option(String),
+}
+
+impl From<FromSceneError> for SourceError {
+    fn from(error: FromSceneError) -> Self {
+        match error {
+            FromSceneError::Scene(error) => Self::Scene(error),
+            FromSceneError::Option(message) => Self::Option(message),
+        }
+    }
+}
+
+/// The project that a path names: a project file is read; of a scene file, or a folder of them, one is made as `options` ask.
+/// `window` is then the size of its window and targets, pixels.
+///
+/// # Errors
+/// All problems of a project's files together; the first of scene files; options that only scene files take.
+pub fn open(
+    path: &Path,
+    options: &SceneOptions,
+    window: Option<[u32; 2]>,
+    max_bytes: u64,
+) -> Result<Project, SourceError> {
+    match scene_files(path)? {
+        None => {
+            let given: Vec<String> = options.given().iter().map(|name| format!("--{name}")).collect();
+            if !given.is_empty() {
+                let (path, options) = (path.display(), given.join(", "));
+                let what = "a project file has its own cameras, lights and passes";
+                return Err(SourceError::Option(format!("{path}: {what}; leave out {options}, or name scene files")));
+            }
+            if let Some(second) = options.more.first() {
+                return Err(SourceError::Option(format!(
+                    "{}: a project is rendered by itself; leave out {}, or name scene files alone",
+                    path.display(),
+                    second.display()
+                )));
+            }
+            Ok(loader::load(path)?)
+        }
+        Some(files) => Ok(scene_projects(path, files, options, window, max_bytes)?.project()),
+    }
+}
+
+/// What is made of a path that names scenes; `None` if it names a project file.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_scenes(
+    path: &Path,
+    options: &SceneOptions,
+    window: Option<[u32; 2]>,
+    max_bytes: u64,
+) -> Result<Option<SceneProjects>, SourceError> {
+    let files = scene_files(path)?;
+    files.map(|files| scene_projects(path, files, options, window, max_bytes)).transpose()
+}
+
+fn scene_projects(
+    path: &Path,
+    mut files: Vec<PathBuf>,
+    options: &SceneOptions,
+    window: Option<[u32; 2]>,
+    max_bytes: u64,
+) -> Result<SceneProjects, SourceError> {
+    for more in &options.more {
+        let Some(found) = scene_files(more)? else {
+            return Err(SourceError::Option(format!(
+                "{}: a project is rendered by itself; leave out {}, or name scene files alone",
+                more.display(),
+                path.display()
+            )));
+        };
+        files.extend(found);
+    }
+    Ok(SceneProjects::new(&files, options, window, max_bytes)?)
+}
+
+/// Whether a name could be that of scene files, by its extension or because it is a folder.
+#[must_use]
+pub fn names_scenes(path: &Path) -> bool {
+    SCENE_EXTENSIONS.contains(&extension(path).as_str()) || path.is_dir()
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase()
+}
+
+/// The scene files that a path names: itself, or those of a folder. `None` for a project file, and for a file that is not there
+/// under a project's name.
+///
+/// # Errors
+/// If the file is neither a scene nor a project, or the folder has no scene.
+pub fn scene_files(path: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> {
+    if path.is_dir() {
+        return scenes_in(path).map(Some);
+    }
+    let extension = extension(path);
+    if SCENE_EXTENSIONS.contains(&extension.as_str()) {
+        return Ok(Some(vec![path.to_owned()]));
+    }
+    let start = start_of(path);
+    if start.as_ref().is_some_and(|start| start.starts_with(b"glTF")) {
+        return Ok(Some(vec![path.to_owned()]));
+    }
+    let text = start.as_deref().map(|start| start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(start).trim_ascii_start());
+    let is_xml = extension == "xml" || text.is_some_and(|text| text.is_empty() || text.starts_with(b"<"));
+    let other = OTHER_FILES.iter().find(|(known, _)| *known == extension).map(|(_, remedy)| *remedy);
+    let valid = "valid: a project (.xml), scene files (.glb, .gltf, .obj, .cbo, .nbo), or a folder of scene files";
+    match (start.is_some(), is_xml, other) {
+        (true, _, Some(remedy)) => {
+            Err(SceneError::file(path, "this is neither a project nor a scene that can be read")
+                .help(format!("{remedy}\n       {valid}"))
+                .into())
+        }
+        (true, false, None) => Err(SceneError::file(path, "this is neither a project nor a scene").help(valid).into()),
+        // Whatever is wrong with a project file, its loader says best.
+        _ => Ok(None),
+    }
+}
+
+/// The first bytes of a regular file.
+fn start_of(path: &Path) -> Option<Vec<u8>> {
+    const START: u64 = 256;
+    // A device or a pipe could block.
+    let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
+    let file = std::fs::File::open(path).ok().filter(|_| is_file)?;
+    let mut bytes = Vec::new();
+    file.take(START).read_to_end(&mut bytes).ok()?;
+    Some(bytes)
+}
+
+/// The scene files of a folder, by name; of those with one stem the best format alone. Folders in it are not searched.
+fn scenes_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
+    let failed = |error: std::io::Error| SceneError::file(folder, error.to_string());
+    let mut found: Vec<(String, usize, PathBuf)> = Vec::new();
+    let mut projects: Vec<String> = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        let extension = extension(&path);
+        if !path.is_file() {
+            continue;
+        }
+        if let Some(rank) = SCENE_EXTENSIONS.iter().position(|known| *known == extension) {
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            found.push((stem, rank, path));
+        } else if extension == "xml" {
+            projects.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
+        }
+    }
+    found.sort();
+    found.dedup_by(|next, first| next.0 == first.0);
+    if found.is_empty() {
+        projects.sort();
+        let help = match &projects[..] {
+            [] => {
+                "valid: a folder with .glb, .gltf, .obj, .cbo or .nbo files; folders in it are not searched".to_owned()
+            }
+            _ => format!(
+                "it has projects; name one: {}",
+                projects.iter().take(8).cloned().collect::<Vec<_>>().join(", ")
+            ),
+        };
+        return Err(SceneError::file(folder, "this folder has no scene file").help(help).into());
+    }
+    Ok(found.into_iter().map(|(_, _, path)| path).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn named(folder: &Path, names: &[&str]) -> Vec<PathBuf> {
+        names.iter().map(|name| folder.join(name)).collect()
+    }
+
+    #[test]
+    fn a_path_is_known_by_its_extension_and_its_content() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).expect("a file");
+            path
+        };
+        let scene = |path: &Path| scene_files(path).map_err(|error| error.to_string());
+        for (name, bytes) in [("a.OBJ", &b""[..]), ("b.glb", b"x"), ("c.xml", b"glTF\x02"), ("d", b"glTF")] {
+            let path = write(name, bytes);
+            assert_eq!(scene(&path), Ok(Some(vec![path])), "{name}");
+        }
+        for (name, bytes) in [("e.xml", &b"\xFF"[..]), ("f", b"\xEF\xBB\xBF \n<project/>"), ("g.txt", b"")] {
+            assert_eq!(scene(&write(name, bytes)), Ok(None), "{name}");
+        }
+        assert_eq!(scene(Path::new("there/is/no.xml")), Ok(None));
+        assert_eq!(scene(Path::new("no.glb")), Ok(Some(vec!["no.glb".into()])));
+        for (name, bytes, words) in [
+            ("h.png", &b"\x89PNG"[..], ".glb"),
+            ("i.dae", b"<COLLADA/>", "Blender"),
+            ("j.mtl", b"newmtl a", ".obj file; name that"),
+        ] {
+            let error = scene(&write(name, bytes)).expect_err(name);
+            assert!(error.contains(words) && error.contains(name), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_folder_gives_its_scenes_by_name_and_each_model_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path();
+        let empty = scene_files(path).expect_err("nothing is in it").to_string();
+        assert!(empty.contains("no scene file"), "{empty}");
+        std::fs::write(path.join("p.xml"), "<project/>").expect("a file");
+        let projects = scene_files(path).expect_err("only a project is in it").to_string();
+        assert!(projects.contains("name one: p.xml"), "{projects}");
+        for name in ["b.obj", "a.gltf", "a.glb", "b.mtl", "c.cbo"] {
+            std::fs::write(path.join(name), "").expect("a file");
+        }
+        std::fs::create_dir(path.join("d.obj")).expect("a folder");
+        let files = scene_files(path).expect("three models are in it");
+        assert_eq!(files, Some(named(path, &["a.glb", "b.obj", "c.cbo"])));
+    }
+
+    #[test]
+    fn options_of_scenes_are_refused_for_projects() {
+        let project = Path::new("p.xml");
+        let fov = SceneOptions { fov: Some(30.0), ..SceneOptions::default() };
+        let error = open(project, &fov, None, 1 << 30).expect_err("a project has its own camera").to_string();
+        assert!(error.contains("--fov"), "{error}");
+        let more = SceneOptions { more: vec!["a.obj".into()], ..SceneOptions::default() };
+        assert!(open(project, &more, None, 1 << 30).expect_err("one project").to_string().contains("a.obj"));
+        let second = SceneOptions { more: vec!["p.xml".into()], ..SceneOptions::default() };
+        let error = open(Path::new("a.obj"), &second, None, 1 << 30).expect_err("a project among scenes");
+        assert!(error.to_string().contains("p.xml"), "{error}");
+    }
+}

@@ -1,0 +1,128 @@
+//! Material libraries of a project: render targets, and the materials that its passes refer to.
+
+use super::xml::Xml;
+use super::{WriteError, color};
+use crate::programs::{QUAD_PROGRAMS, RASTER_PROGRAMS};
+use crate::project::{ChannelRef, ColorMap, Pass, PassKind, Project, QuadSource};
+use std::path::{Path, PathBuf};
+
+/// Name of the library of a project that has no render target.
+const WITHOUT_TARGETS: &str = "Materials";
+/// The material that draws.
+pub(super) const DRAWS: &str = "deferred";
+
+/// A library, and the file that it is written to.
+pub(super) struct Library {
+    pub path: PathBuf,
+    pub name: String,
+    /// Whether the project's materials are in this one.
+    materials: bool,
+}
+
+/// The libraries of a project, in the order of their targets; materials are in the first.
+pub(super) fn of(project: &Project, path: &Path) -> Vec<Library> {
+    let mut names: Vec<String> = Vec::new();
+    for target in &project.targets {
+        if !names.contains(&target.library) {
+            names.push(target.library.clone());
+        }
+    }
+    if names.is_empty() {
+        names.push(WITHOUT_TARGETS.to_owned());
+    }
+    let file = |index: usize| match index {
+        0 => path.with_extension("mlib"),
+        _ => path.with_extension(format!("{}.mlib", index + 1)),
+    };
+    let library = |(index, name)| Library { path: file(index), name, materials: index == 0 };
+    names.into_iter().enumerate().map(library).collect()
+}
+
+/// The name of the material that has the colours of a map of a pass; `number` is that of the pass in the project.
+pub(super) fn colored((number, pass): (usize, &Pass), map: usize) -> String {
+    format!("{number} {} colours {}", pass.name, map + 1)
+}
+
+/// The name of the material with which a quad pass joins two textures.
+pub(super) fn joining((number, pass): (usize, &Pass)) -> String {
+    format!("{number} {} combine", pass.name)
+}
+
+/// The texture of a channel, as files write it.
+pub(super) fn texture(project: &Project, channel: ChannelRef) -> String {
+    let target = &project.targets[channel.target];
+    format!("{}::{}", target.library, target.channels[channel.channel].name)
+}
+
+/// The maps of colours of a pass.
+pub(super) fn colors(pass: &Pass) -> &[ColorMap] {
+    match &pass.kind {
+        PassKind::Raster(raster) => &raster.colors,
+        PassKind::Ray(ray) => &ray.colors,
+        PassKind::Effect(effect) => &effect.colors,
+        PassKind::Quad(_) => &[],
+    }
+}
+
+impl Library {
+    pub fn document(&self, project: &Project) -> Result<String, WriteError> {
+        let mut xml = Xml::new("Render targets and materials of the project beside this file.");
+        xml.begin("materialLib", &[("name", &self.name)]);
+        xml.begin("renderTargets", &[]);
+        for target in project.targets.iter().filter(|target| target.library == self.name) {
+            xml.begin("renderTarget", &[("name", &target.name)]);
+            let [width, height] = target.size.map(|side| side.to_string());
+            xml.empty("size", &[("width", &width), ("height", &height)]);
+            xml.begin("colors", &[]);
+            for channel in &target.channels {
+                xml.empty("color", &[("name", &channel.name), ("internalFormat", channel.format.name())]);
+            }
+            xml.end();
+            xml.end();
+        }
+        xml.end();
+        if self.materials {
+            materials(&mut xml, project);
+        }
+        xml.finish()
+    }
+}
+
+fn materials(xml: &mut Xml, project: &Project) {
+    xml.begin("shaders", &[]);
+    let stems = RASTER_PROGRAMS.iter().map(|info| info.stem).chain(QUAD_PROGRAMS.iter().map(|info| info.stem));
+    for stem in stems {
+        xml.empty("shader", &[("name", stem), ("ps", &format!("{stem}.frag"))]);
+    }
+    xml.end();
+    xml.begin("materials", &[]);
+    xml.begin("material", &[("name", DRAWS)]);
+    xml.empty("shader", &[("name", RASTER_PROGRAMS[0].stem)]);
+    xml.end();
+    for pass in project.pipelines.iter().flat_map(|pipeline| &pipeline.passes).enumerate() {
+        for (index, map) in colors(pass.1).iter().enumerate() {
+            xml.begin("material", &[("name", &colored(pass, index))]);
+            xml.begin("color", &[]);
+            for (name, value) in [("diffuse", map.diffuse), ("emission", map.emission)] {
+                if let Some(value) = value {
+                    color(xml, name, &value.to_array());
+                }
+            }
+            xml.end();
+            xml.end();
+        }
+        if let PassKind::Quad(quad) = &pass.1.kind
+            && let QuadSource::Combine { color, factor } = quad.source
+        {
+            xml.begin("material", &[("name", &joining(pass))]);
+            xml.empty("shader", &[("name", QUAD_PROGRAMS[0].stem)]);
+            xml.begin("textures", &[]);
+            for (unit, channel) in [("0", color), ("1", factor)] {
+                xml.empty("texture", &[("unit", unit), ("name", &texture(project, channel))]);
+            }
+            xml.end();
+            xml.end();
+        }
+    }
+    xml.end();
+}

@@ -1,0 +1,190 @@
+//! Writes a project as the XML that [`super::load`] reads: every number comes back to the bit.
+//!
+//! The file of render targets and materials stands beside the project's: `view.mlib` beside `view.xml`.
+
+mod library;
+mod numbers;
+mod passes;
+mod xml;
+
+use super::{Camera, Light, Project, SceneDecl, Viewport};
+use crate::files::write_atomically;
+use glam::Vec3;
+use library::Library;
+use numbers::degrees;
+use std::path::{Component, Path, PathBuf};
+use xml::Xml;
+
+/// Why a project could not be written.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum WriteError {
+    /// A name or a path that the format cannot hold.
+    #[error(
+        "`{0}` cannot stand in a project file\n       \
+         valid: names and paths without `*`, `\\`, control characters, and white space at an end or doubled; rename it"
+    )]
+    Text(String),
+    /// A file that is there already; a person may have edited it.
+    #[error("{} is there already; name another file, or delete this one", .0.display())]
+    Exists(PathBuf),
+    /// Whatever the file system reports.
+    #[error("{}: {why}", .path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        why: String,
+    },
+}
+
+impl WriteError {
+    fn io(path: &Path, error: &std::io::Error) -> Self {
+        Self::Io { path: path.to_owned(), why: error.to_string() }
+    }
+}
+
+impl Project {
+    /// Writes the project and its libraries. Files that are there already are left as they are. Returns what was written, the
+    /// project first.
+    ///
+    /// # Errors
+    /// If one of the files is there, cannot be written, or the format cannot hold a name or a path of the project.
+    pub fn write(&self, path: &Path) -> Result<Vec<PathBuf>, WriteError> {
+        let libraries = library::of(self, path);
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = std::fs::canonicalize(folder).map_err(|error| WriteError::io(folder, &error))?;
+        let mut files = vec![(path.to_owned(), self.document(&folder, &libraries)?)];
+        for library in &libraries {
+            files.push((library.path.clone(), library.document(self)?));
+        }
+        if let Some((path, _)) = files.iter().find(|(path, _)| path.exists()) {
+            return Err(WriteError::Exists(path.clone()));
+        }
+        // The project last: without it the others are nothing to anybody.
+        for (path, text) in files.iter().rev() {
+            write_atomically(path, text.as_bytes()).map_err(|error| WriteError::io(path, &error))?;
+        }
+        Ok(files.into_iter().map(|(path, _)| path).collect())
+    }
+
+    fn document(&self, folder: &Path, libraries: &[Library]) -> Result<String, WriteError> {
+        let mut xml = Xml::new("Written by curitiba. docs/projects.md says what each element means.");
+        let [width, height] = self.window.map(|side| side.to_string());
+        xml.begin("project", &[("name", &self.name), ("width", &width), ("height", &height)]);
+        xml.begin("assets", &[]);
+        xml.begin("scenes", &[]);
+        for scene in &self.scenes {
+            write_scene(&mut xml, scene, folder)?;
+        }
+        xml.end();
+        xml.begin("viewports", &[]);
+        self.viewports.iter().for_each(|viewport| write_viewport(&mut xml, viewport));
+        xml.end();
+        xml.begin("cameras", &[]);
+        self.cameras.iter().for_each(|camera| self.write_camera(&mut xml, camera));
+        xml.end();
+        xml.begin("lights", &[]);
+        self.lights.iter().for_each(|light| write_light(&mut xml, light));
+        xml.end();
+        xml.begin("materialLibs", &[]);
+        for library in libraries {
+            let name = library.path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+            xml.empty("mlib", &[("filename", name)]);
+        }
+        xml.end();
+        xml.end();
+        passes::write(&mut xml, self, libraries);
+        xml.finish()
+    }
+
+    fn write_camera(&self, xml: &mut Xml, camera: &Camera) {
+        xml.begin("camera", &[("name", &camera.name), ("type", "perspective")]);
+        if let Some(viewport) = camera.viewport {
+            xml.text("viewport", &self.viewports[viewport].name);
+        }
+        let [fov, near, far] = [degrees(camera.fov_y), camera.near.to_string(), camera.far.to_string()];
+        xml.empty("perspective", &[("fov", &fov), ("near", &near), ("far", &far)]);
+        vector(xml, "position", camera.position);
+        vector(xml, "view", camera.direction);
+        vector(xml, "up", camera.up);
+        xml.end();
+    }
+}
+
+/// Rust writes the shortest text that is read as the same number.
+fn vector(xml: &mut Xml, name: &'static str, vector: Vec3) {
+    let [x, y, z] = vector.to_array().map(|component| component.to_string());
+    xml.empty(name, &[("x", &x), ("y", &y), ("z", &z)]);
+}
+
+fn color(xml: &mut Xml, name: &'static str, components: &[f32]) {
+    let texts: Vec<String> = components.iter().map(f32::to_string).collect();
+    let named = ["r", "g", "b", "a"].into_iter().zip(texts.iter().map(String::as_str));
+    xml.empty(name, &named.collect::<Vec<_>>());
+}
+
+fn write_scene(xml: &mut Xml, scene: &SceneDecl, folder: &Path) -> Result<(), WriteError> {
+    let words = [(scene.swap_yz, "SWAP_YZ"), (scene.unitize, "UNITIZE")];
+    let param: Vec<&str> = words.into_iter().filter(|(on, _)| *on).map(|(_, word)| word).collect();
+    let param = param.join(" ");
+    let mut attributes = vec![("name", scene.name.as_str())];
+    if !param.is_empty() {
+        attributes.push(("param", &param));
+    }
+    xml.begin("scene", &attributes);
+    for file in &scene.files {
+        xml.text("file", &relative(&file.path, folder)?);
+    }
+    xml.end();
+    Ok(())
+}
+
+fn write_viewport(xml: &mut Xml, viewport: &Viewport) {
+    xml.begin("viewport", &[("name", &viewport.name)]);
+    let [x, y] = viewport.origin.map(|edge| edge.to_string());
+    let [width, height] = viewport.size.map(|side| side.to_string());
+    xml.empty("geometry", &[("x", &x), ("y", &y), ("width", &width), ("height", &height)]);
+    color(xml, "bgcolor", &viewport.clear_color.to_array());
+    xml.end();
+}
+
+fn write_light(xml: &mut Xml, light: &Light) {
+    match light.direction {
+        Some(travels) => {
+            xml.begin("light", &[("name", &light.name), ("type", "directional")]);
+            vector(xml, "direction", travels);
+        }
+        None => {
+            xml.begin("light", &[("name", &light.name)]);
+            // Where it stands is not read; that it has a place is all that is known of it.
+            vector(xml, "position", Vec3::ZERO);
+        }
+    }
+    color(xml, "color", &light.color.to_array());
+    xml.end();
+}
+
+/// A path as the project file names it: relative to its folder, or from the root where nothing else is common.
+fn relative(path: &Path, folder: &Path) -> Result<String, WriteError> {
+    let whole = std::fs::canonicalize(path).or_else(|_| std::path::absolute(path));
+    let whole = whole.map_err(|error| WriteError::io(path, &error))?;
+    let common = whole.components().zip(folder.components()).take_while(|(a, b)| a == b).count();
+    let shares = whole.components().take(common).any(|part| matches!(part, Component::Normal(_)));
+    let wanted = if shares {
+        let up = folder.components().skip(common).map(|_| Component::ParentDir);
+        up.chain(whole.components().skip(common)).collect::<PathBuf>()
+    } else {
+        whole
+    };
+    let unusable = || WriteError::Text(path.display().to_string());
+    let text = wanted.to_str().ok_or_else(unusable)?;
+    if std::path::MAIN_SEPARATOR == '\\' {
+        // Other machines' paths have slashes; those with a drive are of this machine alone.
+        return if text.contains(':') { Err(unusable()) } else { Ok(text.replace('\\', "/")) };
+    }
+    // The reader takes a backslash for a slash.
+    if text.contains('\\') { Err(unusable()) } else { Ok(text.to_owned()) }
+}
+
+#[cfg(test)]
+mod tests;

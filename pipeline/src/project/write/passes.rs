@@ -1,0 +1,251 @@
+//! Pipelines and their passes.
+
+use super::library::{self, DRAWS, Library, colored, joining, texture};
+use super::xml::Xml;
+use crate::programs::ProcInfo;
+use crate::project::handed::origin;
+use crate::project::{
+    ChannelRef, EffectPass, MaterialPattern, Pass, PassKind, Project, QuadPass, QuadSource, RasterPass, RayPass,
+};
+
+/// A pass with what it refers to.
+struct Context<'a> {
+    project: &'a Project,
+    /// The library of materials.
+    library: &'a str,
+    /// Its number in the project, which its materials' names have.
+    number: usize,
+    pass: &'a Pass,
+}
+
+pub(super) fn write(xml: &mut Xml, project: &Project, libraries: &[Library]) {
+    let library = libraries.first().map_or("", |library| library.name.as_str());
+    let mut number = 0;
+    xml.begin("pipelines", &[]);
+    for (index, pipeline) in project.pipelines.iter().enumerate() {
+        let mut attributes = Vec::new();
+        if !pipeline.name.is_empty() {
+            attributes.push(("name", pipeline.name.as_str()));
+        }
+        if index == project.default_pipeline {
+            attributes.push(("default", "true"));
+        }
+        if let Some(camera) = pipeline.camera {
+            attributes.push(("defaultCamera", &project.cameras[camera].name));
+        }
+        xml.begin("pipeline", &attributes);
+        for pass in &pipeline.passes {
+            Context { project, library, number, pass }.write(xml);
+            number += 1;
+        }
+        xml.end();
+    }
+    xml.end();
+}
+
+impl Context<'_> {
+    fn write(&self, xml: &mut Xml) {
+        match &self.pass.kind {
+            PassKind::Raster(raster) => self.raster(xml, raster),
+            PassKind::Ray(ray) => self.rays(xml, ray),
+            PassKind::Effect(effect) => self.effect(xml, effect),
+            PassKind::Quad(quad) => self.quad(xml, quad),
+        }
+        xml.end();
+    }
+
+    /// The start of a pass, with the values of its parameters.
+    fn begin(&self, xml: &mut Xml, class: &str, values: &[(&'static str, String)]) {
+        let mut attributes = vec![("class", class), ("name", self.pass.name.as_str())];
+        attributes.extend(values.iter().map(|(name, value)| (*name, value.as_str())));
+        xml.begin("pass", &attributes);
+    }
+
+    fn target_and_viewport(&self, xml: &mut Xml) {
+        if let Some(viewport) = self.pass.viewport {
+            xml.text("viewport", &self.project.viewports[viewport].name);
+        }
+        if let Some(target) = self.pass.target {
+            let target = &self.project.targets[target];
+            xml.empty("renderTarget", &[("name", &target.name), ("fromLibrary", &target.library)]);
+        }
+    }
+
+    fn seen(&self, xml: &mut Xml, scenes: &[usize], camera: usize, light: Option<usize>) {
+        if !scenes.is_empty() {
+            xml.begin("scenes", &[]);
+            scenes.iter().for_each(|scene| xml.text("scene", &self.project.scenes[*scene].name));
+            xml.end();
+        }
+        xml.text("camera", &self.project.cameras[camera].name);
+        self.target_and_viewport(xml);
+        if let Some(light) = light {
+            xml.begin("lights", &[]);
+            xml.text("light", &self.project.lights[light].name);
+            xml.end();
+        }
+    }
+
+    /// `<materialMaps>` of colours that replace whole materials, then `<injectionMaps>` of the others.
+    fn colors(&self, xml: &mut Xml, draws: bool) {
+        let maps = || library::colors(self.pass).iter().enumerate();
+        let material = |map: usize| colored((self.number, self.pass), map);
+        if maps().any(|(_, map)| map.drops_texture) {
+            xml.begin("materialMaps", &[]);
+            for (index, map) in maps().filter(|(_, map)| map.drops_texture) {
+                let from = pattern(xml, &map.to);
+                let to = material(index);
+                xml.empty("map", &[("fromMaterial", from), ("toLibrary", self.library), ("toMaterial", &to)]);
+            }
+            xml.end();
+        }
+        let rest = || maps().filter(|(_, map)| !map.drops_texture);
+        if !draws && rest().next().is_none() {
+            return;
+        }
+        xml.begin("injectionMaps", &[]);
+        if draws {
+            xml.begin("map", &[("toMaterial", "*")]);
+            xml.empty("shader", &[("fromMaterial", DRAWS), ("fromLibrary", self.library)]);
+            xml.end();
+        }
+        for (index, map) in rest() {
+            let to = pattern(xml, &map.to);
+            xml.begin("map", &[("toMaterial", to)]);
+            let mut attributes = vec![("fromMaterial", material(index)), ("fromLibrary", self.library.to_owned())];
+            for (name, replaced) in [("diffuse", map.diffuse), ("emission", map.emission)] {
+                attributes.push((name, replaced.is_some().to_string()));
+            }
+            let attributes: Vec<(&str, &str)> =
+                attributes.iter().map(|(name, value)| (*name, value.as_str())).collect();
+            xml.empty("color", &attributes);
+            xml.end();
+        }
+        xml.end();
+    }
+
+    fn raster(&self, xml: &mut Xml, raster: &RasterPass) {
+        self.begin(xml, "default", &[]);
+        self.seen(xml, &raster.scenes, raster.camera, raster.light);
+        self.colors(xml, true);
+    }
+
+    fn rays(&self, xml: &mut Xml, ray: &RayPass) {
+        let info = ray.program.info();
+        let values: Vec<_> = info.params.iter().map(|name| (*name, ray.params.get(name))).collect();
+        self.begin(xml, "optix", &values);
+        self.seen(xml, &ray.scenes, ray.camera, ray.light);
+        self.colors(xml, false);
+        let file = format!("optix/{}.ptx", info.stem);
+        xml.begin("optixEntryPoint", &[]);
+        xml.empty("optixProgram", &[("type", "RayGen"), ("file", &file), ("proc", info.entry)]);
+        xml.end();
+        if info.procs.iter().any(|proc| proc.required) {
+            xml.begin("optixDefaultMaterial", &[]);
+            info.procs.iter().filter(|proc| proc.required).for_each(|proc| program(xml, &file, proc));
+            xml.end();
+        }
+        let mut glass: Vec<&MaterialPattern> = Vec::new();
+        for to in ray.glass.iter().chain(&ray.shadow_glass) {
+            if !glass.contains(&to) {
+                glass.push(to);
+            }
+        }
+        if !glass.is_empty() {
+            xml.begin("optixMaterialMap", &[]);
+            for to in glass {
+                // With a library, so that a colon in the material's name is not taken for the end of one.
+                let name = format!("curitiba_material_lib:{}", pattern(xml, to));
+                xml.begin("optixMap", &[("to", &name)]);
+                for proc in info.procs.iter().filter(|proc| proc.proc.ends_with("_glass")) {
+                    let list = if proc.kind == "Any_Hit" { &ray.shadow_glass } else { &ray.glass };
+                    if list.contains(to) {
+                        program(xml, &file, proc);
+                    }
+                }
+                xml.end();
+            }
+            xml.end();
+        }
+        if !info.vertex_attributes.is_empty() {
+            xml.begin("optixVertexAttributes", &[]);
+            info.vertex_attributes.iter().for_each(|name| xml.empty("attribute", &[("name", name)]));
+            xml.end();
+        }
+        for (list, names) in
+            [("optixMaterialAttributes", info.material_attributes), ("optixGlobalAttributes", info.globals)]
+        {
+            if !names.is_empty() {
+                xml.begin(list, &[]);
+                for name in names {
+                    let (kind, component) = origin(name);
+                    let current = [("optixVar", *name), ("type", "CURRENT"), ("context", kind)];
+                    xml.empty("valueof", &[&current[..], &[("component", component)]].concat());
+                }
+                xml.end();
+            }
+        }
+        self.inputs(xml, "optixInput", [ray.position, ray.normal, ray.color]);
+    }
+
+    fn effect(&self, xml: &mut Xml, effect: &EffectPass) {
+        let info = effect.program.info();
+        let values: Vec<_> = info.params.iter().map(|name| (*name, effect.params.get(name))).collect();
+        self.begin(xml, "effect", &values);
+        self.seen(xml, &effect.scenes, effect.camera, effect.light);
+        self.colors(xml, false);
+        xml.empty("program", &[("name", info.name)]);
+        if info.glass {
+            xml.begin("glass", &[]);
+            for to in &effect.glass {
+                let name = pattern(xml, to);
+                xml.empty("material", &[("name", name)]);
+            }
+            xml.end();
+        }
+        self.inputs(xml, "input", [effect.position, effect.normal, effect.color]);
+    }
+
+    fn inputs(&self, xml: &mut Xml, list: &'static str, channels: [Option<ChannelRef>; 3]) {
+        xml.begin(list, &[]);
+        for (name, channel) in ["pos_buffer", "norm_buffer", "color_buffer"].into_iter().zip(channels) {
+            if let Some(channel) = channel {
+                xml.empty("buffer", &[("var", name), ("texture", &texture(self.project, channel))]);
+            }
+        }
+        xml.end();
+    }
+
+    fn quad(&self, xml: &mut Xml, quad: &QuadPass) {
+        self.begin(xml, "quad", &[]);
+        self.target_and_viewport(xml);
+        match quad.source {
+            QuadSource::Show(channel) => {
+                let target = &self.project.targets[channel.target];
+                let name = &target.channels[channel.channel].name;
+                xml.empty("texture", &[("name", name), ("fromLibrary", &target.library)]);
+            }
+            QuadSource::Combine { .. } => {
+                let name = joining((self.number, self.pass));
+                xml.empty("material", &[("name", &name), ("fromLibrary", self.library)]);
+            }
+        }
+    }
+}
+
+fn program(xml: &mut Xml, file: &str, proc: &ProcInfo) {
+    xml.empty("optixProgram", &[("type", proc.kind), ("ray", proc.ray), ("file", file), ("proc", proc.proc)]);
+}
+
+/// A pattern as it is written; a name with an asterisk would mean another.
+fn pattern<'p>(xml: &mut Xml, pattern: &'p MaterialPattern) -> &'p str {
+    match pattern {
+        MaterialPattern::All => "*",
+        MaterialPattern::Named(name) => {
+            if name.contains('*') {
+                xml.refuse(name);
+            }
+            name
+        }
+    }
+}

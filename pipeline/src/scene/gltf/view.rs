@@ -1,0 +1,81 @@
+//! Cameras and directional lights (`KHR_lights_punctual`) of an asset, placed by their nodes.
+
+use super::super::{SceneCamera, SceneLight};
+use crate::diagnostic::Warnings;
+use ::gltf::json::{self, camera::Type, validation::Checked};
+use glam::{Mat4, Vec3};
+use std::f32::consts::PI;
+use std::path::Path;
+
+const LIGHTS: &str = "KHR_lights_punctual";
+
+/// The perspective camera of a node (glTF 2.0, section 3.10): it looks along the node's -z, its +y is up, and scales count for
+/// nothing but the place.
+pub(super) fn camera(
+    root: &json::Root,
+    node: &json::Node,
+    transform: &Mat4,
+    file: &Path,
+    warnings: &mut Warnings,
+) -> Option<SceneCamera> {
+    let index = node.camera?.value();
+    let name = || node.name.clone().unwrap_or_else(|| format!("camera {index}"));
+    let mut ignored = |why: &str| {
+        warnings.add(file, "cameras that cannot be used", "ignored", || format!("`{}` {why}", name()));
+        None
+    };
+    let Some(camera) = root.cameras.get(index) else { return ignored("does not exist") };
+    let Some(lens) = camera.perspective.as_ref().filter(|_| camera.type_ == Checked::Valid(Type::Perspective)) else {
+        return ignored("is not a perspective camera");
+    };
+    let position = transform.transform_point3(Vec3::ZERO);
+    let (direction, up) = (direction(transform, Vec3::NEG_Z), direction(transform, Vec3::Y));
+    let valid_lens = lens.yfov > 0.0 && lens.yfov < PI && lens.znear > 0.0 && lens.znear.is_finite();
+    let far = lens.zfar.filter(|far| *far > lens.znear && far.is_finite());
+    match (direction, up) {
+        (Some(direction), Some(up)) if valid_lens && position.is_finite() => {
+            Some(SceneCamera { name: name(), position, direction, up, fov_y: lens.yfov, near: lens.znear, far })
+        }
+        _ => ignored("has no view, or numbers out of range"),
+    }
+}
+
+/// The directional light of a node: it shines along the node's -z.
+pub(super) fn light(
+    root: &json::Root,
+    node: &json::Node,
+    transform: &Mat4,
+    file: &Path,
+    warnings: &mut Warnings,
+) -> Option<SceneLight> {
+    let index = node.extensions.as_ref()?.others.get(LIGHTS)?.get("light")?.as_u64()?;
+    let mut ignored = |why: &str| {
+        warnings.add(file, "lights that no program reads", "ignored", || format!("light {index} {why}"));
+        None
+    };
+    let lights = root.extensions.as_ref().and_then(|extensions| extensions.others.get(LIGHTS)?.get("lights"));
+    let Some(light) = lights.and_then(|lights| lights.get(usize::try_from(index).ok()?)) else {
+        return ignored("does not exist");
+    };
+    match light.get("type").and_then(|kind| kind.as_str()) {
+        Some("directional") => {}
+        Some(kind @ ("point" | "spot")) => return ignored(&format!("is a {kind} light")),
+        _ => return ignored("is of no known type"),
+    }
+    let number = |value: Option<&serde_json::Value>, default: f64| value.and_then(|v| v.as_f64()).unwrap_or(default);
+    let intensity = number(light.get("intensity"), 1.0).max(0.0);
+    let color = light.get("color");
+    let color = Vec3::from(
+        [0, 1, 2].map(|axis| (number(color.and_then(|color| color.get(axis)), 1.0).max(0.0) * intensity) as f32),
+    );
+    let Some(direction) = direction(transform, Vec3::NEG_Z).filter(|_| color.is_finite()) else {
+        return ignored("has no direction, or numbers out of range");
+    };
+    let name = light.get("name").and_then(|name| name.as_str()).or(node.name.as_deref());
+    Some(SceneLight { name: name.map_or_else(|| format!("light {index}"), str::to_owned), direction, color })
+}
+
+/// A direction of the node in the world, unit length.
+fn direction(transform: &Mat4, own: Vec3) -> Option<Vec3> {
+    transform.transform_vector3(own).as_dvec3().try_normalize().map(|unit| unit.as_vec3())
+}

@@ -1,0 +1,176 @@
+//! The first time over a file: its numbers, and what each piece must know of those before it.
+
+use super::super::Needs;
+use super::super::error::SceneError;
+use super::super::parallel::concatenate;
+use super::lines::{Lines, number, split_word, text, words};
+use super::{Allowance, Purse, stored};
+use bytemuck::Zeroable;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// The numbers of `v`, `vt` and `vn` statements, and the places of those that are not what they should be, ascending;
+/// zeros stand there.
+#[derive(Default)]
+pub(super) struct Numbers {
+    pub(super) positions: Vec<Vec3>,
+    /// Empty where none are needed.
+    pub(super) texcoords: Vec<Vec2>,
+    /// Empty where none are needed.
+    pub(super) normals: Vec<Vec3>,
+    pub(super) bad_positions: Vec<u32>,
+    pub(super) bad_texcoords: Vec<u32>,
+    pub(super) bad_normals: Vec<u32>,
+}
+
+/// What holds where a piece begins.
+#[derive(Debug, Clone)]
+pub(super) struct Start {
+    /// Statements of each kind before it.
+    pub(super) positions: u64,
+    pub(super) texcoords: u64,
+    pub(super) normals: u64,
+    /// The names that faces go by.
+    pub(super) object: String,
+    pub(super) material: String,
+}
+
+/// What a piece holds.
+#[derive(Default)]
+pub(super) struct Scan {
+    numbers: Numbers,
+    texcoords: u64,
+    normals: u64,
+    /// The last name that it sets.
+    object: Option<String>,
+    material: Option<String>,
+}
+
+/// The name of an `o`, `g` or `usemtl` statement.
+pub(super) fn name_of(rest: &[u8]) -> String {
+    if rest.is_empty() { "default".to_owned() } else { text(rest) }
+}
+
+/// Reads the numbers of every piece; pieces stop where the allowance is used up.
+pub(super) fn scan(pieces: &[Lines<'_>], needs: Needs, allowance: &Allowance) -> Vec<Scan> {
+    pieces.par_iter().with_max_len(1).map(|piece| scan_piece(piece.clone(), needs, allowance)).collect()
+}
+
+fn scan_piece(mut lines: Lines<'_>, needs: Needs, allowance: &Allowance) -> Scan {
+    let [textures, normals] = stored(needs);
+    let mut found = Scan::default();
+    let mut purse = Purse::new(allowance);
+    while let Some((_, statement)) = lines.next() {
+        let (keyword, rest) = split_word(&statement);
+        let numbers = &mut found.numbers;
+        // Each number is held by its piece and then, for a moment, by the whole file too.
+        let bytes = match keyword {
+            b"v" => {
+                let values = finite_numbers(rest, 3);
+                push(&mut numbers.positions, &mut numbers.bad_positions, values.map(Vec3::from_array), Vec3::ZERO);
+                24
+            }
+            b"vt" => {
+                found.texcoords += 1;
+                if textures {
+                    // A texture coordinate may have one number only.
+                    let values = finite_numbers(rest, 1).map(|[u, v, _]| Vec2::new(u, v));
+                    push(&mut numbers.texcoords, &mut numbers.bad_texcoords, values, Vec2::ZERO);
+                    16
+                } else {
+                    0
+                }
+            }
+            b"vn" => {
+                found.normals += 1;
+                if normals {
+                    let values = finite_numbers(rest, 3).map(Vec3::from_array);
+                    push(&mut numbers.normals, &mut numbers.bad_normals, values, Vec3::ZERO);
+                    24
+                } else {
+                    0
+                }
+            }
+            b"o" | b"g" => {
+                found.object = Some(name_of(rest));
+                0
+            }
+            b"usemtl" => {
+                found.material = Some(name_of(rest));
+                0
+            }
+            _ => 0,
+        };
+        if !purse.spend(bytes) {
+            break;
+        }
+    }
+    found
+}
+
+fn push<T>(list: &mut Vec<T>, bad: &mut Vec<u32>, value: Option<T>, otherwise: T) {
+    if value.is_none() {
+        bad.push(list.len() as u32);
+    }
+    list.push(value.unwrap_or(otherwise));
+}
+
+/// All numbers in order, and where each piece begins.
+pub(super) fn combine(scans: Vec<Scan>, file: &Path) -> Result<(Numbers, Vec<Start>), SceneError> {
+    let mut start = Start { positions: 0, texcoords: 0, normals: 0, object: name_of(b""), material: name_of(b"") };
+    let mut starts = Vec::with_capacity(scans.len());
+    let mut numbers = Numbers::default();
+    for scan in &scans {
+        starts.push(start.clone());
+        let bad = |list: &mut Vec<u32>, found: &[u32], first: u64| {
+            list.extend(found.iter().map(|place| (first + u64::from(*place)) as u32));
+        };
+        bad(&mut numbers.bad_positions, &scan.numbers.bad_positions, start.positions);
+        bad(&mut numbers.bad_texcoords, &scan.numbers.bad_texcoords, start.texcoords);
+        bad(&mut numbers.bad_normals, &scan.numbers.bad_normals, start.normals);
+        start.positions += scan.numbers.positions.len() as u64;
+        start.texcoords += scan.texcoords;
+        start.normals += scan.normals;
+        if let Some(name) = &scan.object {
+            start.object.clone_from(name);
+        }
+        if let Some(name) = &scan.material {
+            start.material.clone_from(name);
+        }
+    }
+    let most = start.positions.max(start.texcoords).max(start.normals);
+    let limit = u64::from(u32::MAX);
+    if most >= limit {
+        return Err(SceneError::file(file, format!("{most} vertices, texture coordinates or normals are too many"))
+            .help(format!("valid: fewer than {limit} of each")));
+    }
+    let (mut positions, mut texcoords, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+    for Scan { numbers, .. } in scans {
+        positions.push(numbers.positions);
+        texcoords.push(numbers.texcoords);
+        normals.push(numbers.normals);
+    }
+    numbers.positions = whole(positions);
+    numbers.texcoords = whole(texcoords);
+    numbers.normals = whole(normals);
+    Ok((numbers, starts))
+}
+
+fn whole<T: Copy + Zeroable + Send + Sync>(mut lists: Vec<Vec<T>>) -> Vec<T> {
+    if lists.len() == 1 {
+        return lists.remove(0);
+    }
+    concatenate(&lists.iter().map(Vec::as_slice).collect::<Vec<_>>())
+}
+
+/// Up to three finite numbers, zeros for those that are missing; `None` for fewer than `least`, or where one is none.
+fn finite_numbers(rest: &[u8], least: usize) -> Option<[f32; 3]> {
+    let mut values = [0.0; 3];
+    let mut found = 0;
+    for (value, word) in values.iter_mut().zip(words(rest)) {
+        *value = number(word).filter(|value| value.is_finite())?;
+        found += 1;
+    }
+    (found >= least).then_some(values)
+}

@@ -1,0 +1,46 @@
+//! Long lists on all threads.
+
+use bytemuck::Zeroable;
+use rayon::prelude::*;
+
+/// Items that a task copies.
+const CHUNK: usize = 1 << 16;
+
+/// A list of zeros whose memory nobody has touched yet: the threads that write it share the work of getting it.
+pub(super) fn zeros<T: Zeroable>(count: usize) -> Vec<T> {
+    bytemuck::allocation::zeroed_vec(count)
+}
+
+/// Cuts a list into parts of these lengths, which together are its own.
+pub(super) fn parts<T>(mut list: &mut [T], lengths: impl IntoIterator<Item = usize>) -> Vec<&mut [T]> {
+    let mut parts = Vec::new();
+    for length in lengths {
+        let (part, rest) = std::mem::take(&mut list).split_at_mut(length);
+        parts.push(part);
+        list = rest;
+    }
+    parts
+}
+
+/// All lists, one after the other.
+pub(super) fn concatenate<T: Copy + Zeroable + Send + Sync>(lists: &[&[T]]) -> Vec<T> {
+    let mut all = zeros(lists.iter().map(|list| list.len()).sum());
+    let places = parts(&mut all, lists.iter().map(|list| list.len()));
+    places.into_par_iter().zip(lists).for_each(|(place, list)| {
+        place.par_chunks_mut(CHUNK).zip(list.par_chunks(CHUNK)).for_each(|(to, from)| to.copy_from_slice(from));
+    });
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_of_all_lengths_are_put_one_after_the_other() {
+        let lists: Vec<Vec<u32>> = [0, 3, 0, CHUNK + 5, 1].iter().map(|length| (0..*length as u32).collect()).collect();
+        let slices: Vec<&[u32]> = lists.iter().map(Vec::as_slice).collect();
+        assert_eq!(concatenate(&slices), lists.concat());
+        assert!(concatenate::<u32>(&[]).is_empty());
+    }
+}

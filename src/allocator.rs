@@ -1,0 +1,181 @@
+//! The allocator of the program: it counts what is held and refuses what would pass `--max-memory`.
+//!
+//! A refusal, the system's own included (`ulimit -v`), reaches the caller as every allocator's does. Large allocations of
+//! this program ask with `try_reserve` and make an error of it that says where. Code that cannot be refused (the standard
+//! library's growing lists, crates) aborts the process; [`end_with_an_error`] makes of that an error message and exit
+//! code 1. Aborts of threads that were never refused memory stay aborts.
+//!
+//! The count leaves out what is no heap of this allocator: stacks, code, the heap of drivers. What frees leave in the C
+//! library's lists is not counted either; `tests/memory.rs` measures that the whole process stays within a tenth.
+#![allow(unsafe_code, reason = "an allocator, a signal handler and the calls that end a process have no safe form")]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::atomic::{AtomicI64, Ordering};
+
+/// Blocks of so many bytes or more are counted at once, smaller ones when a thread has collected so many.
+const BATCH: i64 = 64 << 10;
+
+/// Bytes held, but for less than [`BATCH`] of each thread.
+static HELD: AtomicI64 = AtomicI64::new(0);
+/// Most bytes that may be held.
+static LIMIT: AtomicI64 = AtomicI64::new(i64::MAX);
+
+thread_local! {
+    /// Bytes of small blocks that this thread took and has not yet added to [`HELD`].
+    static OWN: Cell<i64> = const { Cell::new(0) };
+    /// Why an allocation of this thread was refused last. It stays: what tells of a refusal takes memory itself, and succeeds.
+    static REFUSED: Cell<Refused> = const { Cell::new(Refused::No) };
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Refused {
+    No,
+    ByLimit,
+    BySystem,
+}
+
+/// Counts what the system's allocator hands out.
+pub struct Counting;
+
+/// Sets how many bytes may be held from now on. Small blocks may pass it by a sixteenth, so that an error can be told.
+pub fn limit(bytes: u64) {
+    LIMIT.store(i64::try_from(bytes).unwrap_or(i64::MAX), Ordering::Relaxed);
+}
+
+/// Books a part of a large block at once; `false` if it would pass the limit.
+fn take_large(bytes: usize) -> bool {
+    let bytes = bytes as i64;
+    let held = HELD.fetch_add(bytes, Ordering::Relaxed).saturating_add(bytes);
+    if bytes > 0 && held > LIMIT.load(Ordering::Relaxed) {
+        HELD.fetch_sub(bytes, Ordering::Relaxed);
+        REFUSED.set(Refused::ByLimit);
+        return false;
+    }
+    true
+}
+
+fn give_back_large(bytes: usize) {
+    HELD.fetch_sub(bytes as i64, Ordering::Relaxed);
+}
+
+/// Books a block; `false` if it would pass the limit.
+fn take(bytes: usize) -> bool {
+    if bytes as i64 >= BATCH {
+        return take_large(bytes);
+    }
+    let own = OWN.get() + bytes as i64;
+    if own < BATCH {
+        OWN.set(own);
+        return true;
+    }
+    let limit = LIMIT.load(Ordering::Relaxed);
+    if HELD.load(Ordering::Relaxed).saturating_add(own) > limit.saturating_add(limit / 16).saturating_add(BATCH) {
+        REFUSED.set(Refused::ByLimit);
+        return false;
+    }
+    OWN.set(0);
+    HELD.fetch_add(own, Ordering::Relaxed);
+    true
+}
+
+/// Books what is freed.
+fn give_back(bytes: usize) {
+    if bytes as i64 >= BATCH {
+        return give_back_large(bytes);
+    }
+    let own = OWN.get() - bytes as i64;
+    if own > -BATCH {
+        OWN.set(own);
+    } else {
+        OWN.set(0);
+        HELD.fetch_add(own, Ordering::Relaxed);
+    }
+}
+
+/// Books `bytes`, calls the system, and takes the booking back if it has no memory.
+fn counted(bytes: usize, allocate: impl FnOnce() -> *mut u8) -> *mut u8 {
+    if !take(bytes) {
+        return std::ptr::null_mut();
+    }
+    let block = allocate();
+    if block.is_null() {
+        give_back(bytes);
+        REFUSED.set(Refused::BySystem);
+    }
+    block
+}
+
+// SAFETY: every block comes from and goes to `System`, with the layout that the caller names; the counters are atomic or of
+// one thread, have no destructor, and allocate nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the caller keeps the contract of `alloc`.
+        counted(layout.size(), || unsafe { System.alloc(layout) })
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the caller keeps the contract of `alloc_zeroed`.
+        counted(layout.size(), || unsafe { System.alloc_zeroed(layout) })
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        give_back(layout.size());
+        // SAFETY: the block is of `System` and has this layout.
+        unsafe { System.dealloc(block, layout) };
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        let (old, grown) = (layout.size(), size.saturating_sub(layout.size()));
+        // A large block is moved by its pages, and never there twice; so only what it grows by is booked. One that grows from
+        // small to large is booked as both for a moment.
+        let both_large = old.min(size) as i64 >= BATCH;
+        if !(if both_large { take_large(grown) } else { take(size) }) {
+            return std::ptr::null_mut();
+        }
+        // SAFETY: the block is of `System` and has this layout; the caller keeps the contract of `realloc`.
+        let moved = unsafe { System.realloc(block, layout, size) };
+        match (moved.is_null(), both_large) {
+            (true, true) => give_back_large(grown),
+            (true, false) => give_back(size),
+            (false, true) => give_back_large(old.saturating_sub(size)),
+            (false, false) => give_back(old),
+        }
+        if moved.is_null() {
+            REFUSED.set(Refused::BySystem);
+        }
+        moved
+    }
+}
+
+/// Makes the abort that follows a refused allocation an error message and exit code 1.
+#[cfg(unix)]
+pub fn end_with_an_error() {
+    // SAFETY: the handler only reads a variable of its thread, writes and ends the process, which a handler may do.
+    unsafe { libc::signal(libc::SIGABRT, on_abort as *const () as libc::sighandler_t) };
+}
+
+/// Other systems end such a process with what the standard library says.
+#[cfg(not(unix))]
+pub fn end_with_an_error() {}
+
+#[cfg(unix)]
+extern "C" fn on_abort(_: libc::c_int) {
+    let message: &[u8] = match REFUSED.get() {
+        // `abort` goes on as if there were no handler.
+        Refused::No => return,
+        Refused::ByLimit => {
+            b"error: what is needed does not fit into --max-memory\n       \
+              raise --max-memory, or use a smaller --size, a smaller scene or fewer --threads\n"
+        }
+        Refused::BySystem => {
+            b"error: the system gives no more memory\n       \
+              raise its limit (`ulimit -v`), or use a smaller --size, a smaller scene or fewer --threads\n"
+        }
+    };
+    // SAFETY: the pointer and the length are of one slice; `_exit` does not return.
+    unsafe {
+        libc::write(libc::STDERR_FILENO, message.as_ptr().cast(), message.len());
+        libc::_exit(1);
+    }
+}

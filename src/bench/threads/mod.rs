@@ -1,0 +1,156 @@
+//! Time against threads: a project on pools of different sizes, every step with its wall time and its processor time.
+
+pub mod clock;
+pub mod file;
+pub mod text;
+
+pub use file::{ThreadsCase, ThreadsFile, ThreadsPoint, ThreadsStep};
+
+use super::case::Case;
+use super::measure::MeasureOptions;
+use super::model::Stats;
+use crate::OpenError;
+use crate::pipeline::executor::{Observer, StepKind};
+use clock::{Clock, Clocked, Samples};
+
+/// What a sweep measures.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SweepOptions {
+    /// The numbers of threads, each at least 1.
+    pub threads: Vec<usize>,
+    /// How often the project is opened with each of them: the samples of what is done once. At least 1.
+    pub rounds: u32,
+    /// Frames of each round.
+    pub frames: MeasureOptions,
+}
+
+/// Why a sweep ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// The project cannot be opened, or a frame failed.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// The system gives no pool of that size.
+    #[error("a pool of {threads} threads cannot be had: {message}\n       name fewer with --sweep-threads")]
+    Pool {
+        /// Its threads.
+        threads: usize,
+        /// What the system says.
+        message: String,
+    },
+}
+
+/// What a round found out about the scene.
+struct Round {
+    samples: Samples,
+    window: [u32; 2],
+    triangles: u64,
+    textures: u64,
+}
+
+/// Measures a case on every number of threads. All of them take turns in each round, so that a machine that becomes
+/// slower does so for all. Everything is dropped after each opening: memory holds one scene at a time.
+///
+/// `told` hears of each opening before it begins; `observer` makes what watches it.
+///
+/// # Errors
+/// If a pool cannot be had, the case cannot be opened, or a frame fails.
+pub fn sweep(
+    case: &Case,
+    options: &SweepOptions,
+    observer: impl Fn() -> Box<dyn Observer> + Sync,
+    mut told: impl FnMut(u32, usize),
+) -> Result<ThreadsCase, SweepError> {
+    let mut by_threads: Vec<(usize, Samples)> =
+        options.threads.iter().map(|threads| (*threads, Samples::default())).collect();
+    let mut measured = ThreadsCase::new(case);
+    for round in 1..=options.rounds.max(1) {
+        for (threads, samples) in &mut by_threads {
+            told(round, *threads);
+            let found = open_and_render(case, *threads, &options.frames, &observer)?;
+            (measured.size, measured.triangles) = (found.window, found.triangles);
+            measured.textures = found.textures;
+            samples.extend(found.samples);
+        }
+    }
+    measured.fill(&by_threads);
+    Ok(measured)
+}
+
+/// One opening and its frames, on a pool of its own; serial parts run on one of its threads.
+fn open_and_render(
+    case: &Case,
+    threads: usize,
+    options: &MeasureOptions,
+    observer: &(impl Fn() -> Box<dyn Observer> + Sync),
+) -> Result<Round, SweepError> {
+    let failed = |error: rayon::ThreadPoolBuildError| SweepError::Pool { threads, message: error.to_string() };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(failed)?;
+    pool.install(|| {
+        let mut shown = observer();
+        let mut clock = Clock::new(shown.as_mut());
+        let mut renderer = crate::open(&case.project, case.settings.clone(), case.choice, &mut clock)?;
+        clock.pause();
+        for _ in 0..options.warmup {
+            renderer.frame(&mut clock).map_err(OpenError::from)?;
+        }
+        clock.go_on();
+        for _ in 0..options.frames.max(1) {
+            let begun = Clocked::now();
+            let picture = renderer.frame(&mut clock).map_err(OpenError::from)?;
+            clock.frame(begun);
+            drop(picture);
+        }
+        let samples = clock.samples();
+        let scenes = || renderer.scenes();
+        Ok(Round {
+            samples,
+            window: renderer.plan().window,
+            triangles: scenes().map(|scene| scene.geometry.triangles.len() as u64).sum(),
+            textures: scenes().map(|scene| scene.textures.len() as u64).sum(),
+        })
+    })
+}
+
+impl ThreadsCase {
+    fn new(case: &Case) -> Self {
+        Self {
+            key: case.key.clone(),
+            label: case.label.clone(),
+            view: case.view.clone(),
+            project: case.project.clone(),
+            set: case.settings.set.clone(),
+            size: [0; 2],
+            triangles: 0,
+            textures: 0,
+            frame: Vec::new(),
+            steps: Vec::new(),
+        }
+    }
+
+    /// Puts the samples of each number of threads into the curves; steps stand in the order in which they ran.
+    fn fill(&mut self, by_threads: &[(usize, Samples)]) {
+        let Some((_, first)) = by_threads.first() else { return };
+        let names: Vec<(StepKind, String)> = first.steps.iter().map(|(kind, name, _)| (*kind, name.clone())).collect();
+        for (kind, name) in names {
+            let points = by_threads.iter().filter_map(|(threads, samples)| {
+                let same = |step: &&(StepKind, String, Vec<Clocked>)| step.0 == kind && step.1 == name;
+                point(*threads, &samples.steps.iter().find(same)?.2)
+            });
+            self.steps.push(ThreadsStep { kind, points: points.collect(), name });
+        }
+        self.frame = by_threads.iter().filter_map(|(threads, samples)| point(*threads, &samples.frames)).collect();
+    }
+}
+
+fn point(threads: usize, samples: &[Clocked]) -> Option<ThreadsPoint> {
+    let processor: Option<Vec<f64>> = samples.iter().map(|sample| sample.processor_ms).collect();
+    Some(ThreadsPoint {
+        threads,
+        wall: Stats::new(samples.iter().map(|sample| sample.wall_ms).collect())?,
+        processor: processor.and_then(Stats::new),
+    })
+}
+
+#[cfg(test)]
+mod tests;

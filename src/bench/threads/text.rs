@@ -1,0 +1,59 @@
+//! Curves of time against threads as Markdown.
+
+use super::file::{ThreadsCase, ThreadsFile, ThreadsPoint, speed_up};
+use std::fmt::Write as _;
+
+/// A row of a case's table: its name and its points.
+pub type Line<'c> = (String, &'c [ThreadsPoint]);
+
+/// The steps of a case and its whole frame, those that took no measurable time left out.
+#[must_use]
+pub fn lines(case: &ThreadsCase) -> Vec<Line<'_>> {
+    let steps = case.steps.iter().map(|step| (format!("{} {}", step.kind.name(), step.name), &step.points[..]));
+    let all = steps.chain([("frame".to_owned(), &case.frame[..])]);
+    all.filter(|(_, points)| points.iter().any(|point| point.wall.median >= 0.005)).collect()
+}
+
+/// `12.34 (3.9, 48.1)`: the wall time, how many times as fast that is as on the fewest threads, and the processor time.
+#[must_use]
+pub fn cell(points: &[ThreadsPoint], point: &ThreadsPoint) -> String {
+    let mut inside = Vec::new();
+    inside.extend(speed_up(points, point).map(|times| format!("{times:.1}")));
+    inside.extend(point.processor.as_ref().map(|processor| format!("{:.1} cpu", processor.median)));
+    let wall = format!("{:.2}", point.wall.median);
+    if inside.is_empty() { wall } else { format!("{wall} ({})", inside.join(", ")) }
+}
+
+/// What a case is, in a line.
+#[must_use]
+pub fn heading(case: &ThreadsCase) -> String {
+    let [width, height] = case.size;
+    format!(
+        "{}, {}, {width} x {height}, {} triangles, {} textures",
+        case.label, case.view, case.triangles, case.textures
+    )
+}
+
+/// A page: a table for each case, steps downwards and threads to the right.
+#[must_use]
+pub fn markdown(file: &ThreadsFile) -> String {
+    let machine = &file.environment;
+    let mut page = format!(
+        "{}, {} build, commit {}. Medians of wall time in milliseconds; in brackets how many times as fast as on the fewest \
+         threads, and the processor time of all threads. {} rounds of {} frames after {} of warm-up.\n",
+        machine.cpu, machine.profile, machine.commit, file.rounds, file.frames, file.warmup
+    );
+    for case in &file.cases {
+        let _ = write!(page, "\n### {}\n\n| step |", heading(case));
+        for point in &case.frame {
+            let plural = if point.threads == 1 { "" } else { "s" };
+            let _ = write!(page, " {} thread{plural} |", point.threads);
+        }
+        let _ = writeln!(page, "\n|---|{}", "---|".repeat(case.frame.len()));
+        for (name, points) in lines(case) {
+            let cells: Vec<String> = points.iter().map(|point| cell(points, point)).collect();
+            let _ = writeln!(page, "| {name} | {} |", cells.join(" | "));
+        }
+    }
+    page
+}

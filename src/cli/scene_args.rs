@@ -1,0 +1,45 @@
+//! The arguments that describe the project of a scene without one.
+
+use clap::Args;
+use curitiba::pipeline::project::{Effects, SceneOptions};
+use glam::Vec3;
+use std::path::PathBuf;
+
+/// How a project is made where scene files are named instead of one.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Where scene files are named instead of a project")]
+pub struct SceneFlags {
+    /// Effects: shadows, ao, glass, or none [default: shadows,ao, and glass if a material is glass]
+    #[arg(long, value_name = "NAMES")]
+    pub effects: Option<Effects>,
+    /// Where the camera stands [default: the file's camera, or where all of the scene is seen]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = SceneOptions::parse_vector)]
+    pub look_from: Option<Vec3>,
+    /// What the camera looks at [default: the centre of the scene]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = SceneOptions::parse_vector)]
+    pub look_at: Option<Vec3>,
+    /// Vertical field of view [default: 45]
+    #[arg(long, value_name = "DEGREES", value_parser = SceneOptions::parse_fov)]
+    pub fov: Option<f32>,
+    /// Direction in which the sun stands [default: the file's light, or behind the viewer's left shoulder]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = SceneOptions::parse_direction)]
+    pub sun: Option<Vec3>,
+    /// What is behind the scene, #rrggbb or three numbers from 0 to 1 [default: 0.6,0.7,0.8]
+    #[arg(long, value_name = "COLOR", value_parser = SceneOptions::parse_color)]
+    pub background: Option<Vec3>,
+}
+
+impl SceneFlags {
+    /// As the library has it; `more` are scene files beside the first.
+    pub fn options(&self, more: &[PathBuf]) -> SceneOptions {
+        SceneOptions {
+            more: more.to_vec(),
+            effects: self.effects,
+            look_from: self.look_from,
+            look_at: self.look_at,
+            fov: self.fov,
+            sun: self.sun,
+            background: self.background,
+        }
+    }
+}

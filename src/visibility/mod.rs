@@ -1,0 +1,92 @@
+//! Visibility of many pairs of triangles: from a stream of pairs to a file that survives a kill.
+
+mod format;
+mod list;
+mod stream;
+
+pub use format::Format;
+pub use list::ListedPairs;
+pub use stream::{BLOCK, StreamError, Summary, Target, stream};
+
+use pipeline::diagnostic::Warnings;
+use pipeline::project::{PassKind, Project};
+use pipeline::scene::{self, BuildOptions, LoadOptions, Material, Needs, RenderScene, SceneError};
+
+use crate::pipeline;
+use std::path::PathBuf;
+
+/// Engines that a user may ask for, and why they cannot be used for visibility; `None` where they can.
+pub const BACKENDS: [(&str, Option<&str>); 4] = [
+    ("cpu", None),
+    ("cuda", Some("its kernel for pairs is not written yet")),
+    ("optix", Some("its any-hit program for pairs is not written yet")),
+    ("wgpu", Some("it does not trace rays")),
+];
+
+/// The triangles of a scene, and which of its materials are not opaque.
+#[derive(Debug, Default)]
+pub struct Loaded {
+    /// Triangles and materials, without textures.
+    pub scene: RenderScene,
+    /// By material: whether its triangles block nothing.
+    pub see_through: Vec<bool>,
+    /// What was left out while loading.
+    pub warnings: Warnings,
+}
+
+/// Whether a material lets anything through: by transmission, by opacity, or by a texture that cuts it out.
+#[must_use]
+pub fn is_see_through(material: &Material) -> bool {
+    let cut = material.alpha_cutoff.is_some_and(|cutoff| cutoff > 0.0);
+    cut || material.transmission > 0.0 || material.diffuse.w < 1.0
+}
+
+/// Loads scene files that are merged into one scene.
+///
+/// # Errors
+/// As [`scene::load`] and [`RenderScene::build`].
+pub fn load_files(files: &[PathBuf], max_bytes: u64) -> Result<Loaded, SceneError> {
+    load(files, BuildOptions { needs: NEEDS, max_bytes, ..BuildOptions::default() })
+}
+
+/// Loads all scenes of a project, in their order. What a ray pass maps to glass is not opaque either.
+///
+/// # Errors
+/// As [`scene::load`] and [`RenderScene::build`].
+pub fn load_project(project: &Project, max_bytes: u64) -> Result<Loaded, SceneError> {
+    let mut all = Loaded::default();
+    for declared in &project.scenes {
+        let files: Vec<PathBuf> = declared.files.iter().map(|file| file.path.clone()).collect();
+        let options = BuildOptions {
+            needs: NEEDS,
+            swap_yz: declared.swap_yz,
+            unitize: declared.unitize,
+            max_bytes,
+            ..BuildOptions::default()
+        };
+        let part = load(&files, options)?;
+        all.warnings.append(part.warnings);
+        all.see_through.extend(part.see_through);
+        all.scene.append(part.scene);
+    }
+    for pass in project.pipelines.iter().flat_map(|pipeline| &pipeline.passes) {
+        let PassKind::Ray(ray) = &pass.kind else { continue };
+        for (material, see_through) in all.scene.materials.iter().zip(&mut all.see_through) {
+            *see_through |= ray.glass.iter().any(|pattern| pattern.matches(&material.name));
+        }
+    }
+    Ok(all)
+}
+
+const NEEDS: Needs = Needs { normals: false, textures: false };
+
+fn load(files: &[PathBuf], options: BuildOptions) -> Result<Loaded, SceneError> {
+    // Which materials textures cut out is said with the textures' files; they are not decoded.
+    let load = LoadOptions { needs: Needs { normals: false, textures: true }, max_bytes: options.max_bytes };
+    let mut read = scene::load(files, &load, &|_| {})?;
+    let see_through = read.materials.iter().map(is_see_through).collect();
+    let mut warnings = std::mem::take(&mut read.warnings);
+    let (scene, more) = RenderScene::build(read, &options)?;
+    warnings.append(more);
+    Ok(Loaded { scene, see_through, warnings })
+}

@@ -1,0 +1,279 @@
+//! Blocks of pairs to a file, and a journal that a run after a kill goes on from.
+//!
+//! Rows are added to `OUT.part`. After each block a line of `OUT.part.journal` says how many bytes are whole, where the next pairs come
+//! from, and the hash of the block; it holds its own hash too, so that half a line is told. At the end the
+//! file gets its name and the journal goes. What lies beyond the journal's last whole line is computed again.
+
+use super::Format;
+use crate::passes::trace::Tracer;
+use crate::passes::visibility::{Cursor, Estimator, PairSource, Row};
+use crate::pipeline::executor::Progress;
+use crate::pipeline::files::check_place;
+use crate::pipeline::scene::fnv1a;
+use rayon::prelude::*;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
+use std::path::{Path, PathBuf};
+
+/// Pairs of a block.
+pub const BLOCK: usize = 1 << 16;
+/// Rows that are made into bytes together.
+const GRAIN: usize = 1 << 12;
+
+/// Where rows go.
+#[derive(Debug, Clone)]
+pub struct Target {
+    /// The file.
+    pub path: PathBuf,
+    /// How it is written.
+    pub format: Format,
+    /// What the rows depend on, in a line: a run goes on only from one with the same.
+    pub about: String,
+    /// Whether to go on from a run that was interrupted; without one it begins.
+    pub resume: bool,
+}
+
+/// Why rows could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum StreamError {
+    /// A file cannot be read or written.
+    #[error("{path}: {error}")]
+    File {
+        /// The file.
+        path: String,
+        /// Why.
+        error: io::Error,
+    },
+    /// The pairs are wrong.
+    #[error("{0}")]
+    Pairs(String),
+    /// An interrupted run is in the way, or is another one.
+    #[error("{0}")]
+    Interrupted(String),
+}
+
+/// What was written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Pairs by their class.
+    pub classes: [u64; 4],
+    /// Segments of sampled pairs.
+    pub samples: u64,
+    /// Pairs that an interrupted run had done.
+    pub resumed: u64,
+}
+
+impl Summary {
+    /// All pairs.
+    #[must_use]
+    pub fn pairs(&self) -> u64 {
+        self.classes.iter().sum()
+    }
+}
+
+/// What a line of the journal holds.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mark {
+    bytes: u64,
+    cursor: Cursor,
+    summary: Summary,
+    /// Length and hash of the last block.
+    block: u64,
+    hash: u128,
+}
+
+impl Mark {
+    fn line(&self) -> String {
+        let Self { bytes, cursor: [a, b], summary, block, hash } = self;
+        let [never, open, closed, sampled] = summary.classes;
+        let text = format!("{bytes} {a} {b} {never} {open} {closed} {sampled} {} {block} {hash}", summary.samples);
+        format!("{text} {:032x}\n", fnv1a(text.as_bytes()))
+    }
+
+    /// Nothing of half a line.
+    fn parse(line: &str) -> Option<Self> {
+        let (text, hash) = line.strip_suffix('\n')?.rsplit_once(' ')?;
+        if format!("{:032x}", fnv1a(text.as_bytes())) != hash {
+            return None;
+        }
+        let words: Vec<&str> = text.split(' ').collect();
+        let number = |index: usize| words.get(index)?.parse::<u64>().ok();
+        let classes = [number(3)?, number(4)?, number(5)?, number(6)?];
+        Some(Self {
+            bytes: number(0)?,
+            cursor: [number(1)?, number(2)?],
+            summary: Summary { classes, samples: number(7)?, resumed: 0 },
+            block: number(8)?,
+            hash: words.get(9)?.parse().ok()?,
+        })
+    }
+}
+
+/// Both files of a run.
+struct Files {
+    part: PathBuf,
+    journal: PathBuf,
+    rows: File,
+    marks: File,
+}
+
+fn beside(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(ending);
+    PathBuf::from(name)
+}
+
+fn failed(path: &Path) -> impl Fn(io::Error) -> StreamError + '_ {
+    |error| StreamError::File { path: path.display().to_string(), error }
+}
+
+impl Files {
+    /// Begins, or finds the last whole mark of an interrupted run.
+    fn open(target: &Target, header: &[u8]) -> Result<(Self, Mark), StreamError> {
+        let (part, journal) = (beside(&target.path, ".part"), beside(&target.path, ".part.journal"));
+        let title = format!("{}\n", target.about);
+        if part.exists() && !target.resume {
+            return Err(StreamError::Interrupted(format!(
+                "{} is there from a run that was interrupted; --resume goes on with it, or delete it",
+                part.display()
+            )));
+        }
+        let found = if part.exists() && journal.exists() { Self::last_mark(&part, &journal, &title)? } else { None };
+        let open = |path: &Path| {
+            check_place(path).map_err(failed(path))?;
+            let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
+            file.map_err(failed(path))
+        };
+        let mut files = Self { rows: open(&part)?, marks: open(&journal)?, part, journal };
+        let mark = match found {
+            Some((mark, whole)) => {
+                files.rows.set_len(mark.bytes).map_err(failed(&files.part))?;
+                files.marks.set_len(whole).map_err(failed(&files.journal))?;
+                mark
+            }
+            None => {
+                files.rows.set_len(0).map_err(failed(&files.part))?;
+                files.marks.set_len(0).map_err(failed(&files.journal))?;
+                files.rows.write_all(header).map_err(failed(&files.part))?;
+                files.marks.write_all(title.as_bytes()).map_err(failed(&files.journal))?;
+                Mark { bytes: header.len() as u64, ..Mark::default() }
+            }
+        };
+        files.rows.seek(SeekFrom::End(0)).map_err(failed(&files.part))?;
+        files.marks.seek(SeekFrom::End(0)).map_err(failed(&files.journal))?;
+        Ok((files, mark))
+    }
+
+    /// The last mark of which the block is as it was written, and where the journal's lines end with it; nothing if there is none.
+    fn last_mark(part: &Path, journal: &Path, title: &str) -> Result<Option<(Mark, u64)>, StreamError> {
+        let text = std::fs::read(journal).map_err(failed(journal))?;
+        let text = String::from_utf8_lossy(&text);
+        if !text.ends_with('\n') && !text.contains('\n') {
+            // Not even the title is whole: nothing was done.
+            return Ok(None);
+        }
+        let Some(lines) = text.strip_prefix(title) else {
+            let before = text.lines().next().unwrap_or_default();
+            return Err(StreamError::Interrupted(format!(
+                "{} is of another run and cannot be gone on with; delete it and {} to begin anew\n       then: {before}\n       now:  {}",
+                part.display(),
+                journal.display(),
+                title.trim_end()
+            )));
+        };
+        let mut marks: Vec<(Mark, u64)> = Vec::new();
+        let mut end = title.len() as u64;
+        for line in lines.split_inclusive('\n') {
+            let Some(mark) = Mark::parse(line) else { break };
+            end += line.len() as u64;
+            marks.push((mark, end));
+        }
+        let mut file = File::open(part).map_err(failed(part))?;
+        let length = file.metadata().map_err(failed(part))?.len();
+        let mut block = Vec::new();
+        while let Some((mark, end)) = marks.pop() {
+            if mark.bytes > length || mark.block > mark.bytes {
+                continue;
+            }
+            block.resize(mark.block as usize, 0);
+            file.seek(SeekFrom::Start(mark.bytes - mark.block)).map_err(failed(part))?;
+            file.read_exact(&mut block).map_err(failed(part))?;
+            if fnv1a(&block) == mark.hash {
+                return Ok(Some((mark, end)));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// Writes the rows of all pairs of a source; `progress` counts what of the source is done.
+///
+/// Holds one block at a time, whatever the number of pairs.
+///
+/// # Errors
+/// If a file cannot be read or written, the pairs are wrong, or an interrupted run is in the way. What was written stays, to
+/// be gone on with.
+pub fn stream<T: Tracer>(
+    estimator: &Estimator<'_, T>,
+    source: &mut dyn PairSource,
+    target: &Target,
+    progress: &Progress,
+) -> Result<Summary, StreamError> {
+    let form_factors = estimator.options().form_factors;
+    let header = |rows: u64| target.format.header(&target.about, form_factors, rows);
+    let (mut files, mut mark) = Files::open(target, &header(0))?;
+    let mut summary = Summary { resumed: mark.summary.pairs(), ..mark.summary };
+    if summary.resumed > 0 {
+        source.seek(mark.cursor).map_err(StreamError::Pairs)?;
+    }
+    let [mut done, total] = source.progress();
+    progress.start(total);
+    progress.advance(done);
+    let (mut pairs, mut rows) = (Vec::with_capacity(BLOCK), Vec::new());
+    loop {
+        pairs.clear();
+        source.fill(BLOCK, &mut pairs).map_err(StreamError::Pairs)?;
+        if pairs.is_empty() {
+            break;
+        }
+        let (mut written, mut hashes) = (0, Vec::new());
+        // A source may give more than a block at once.
+        for pairs in pairs.chunks(BLOCK) {
+            estimator.rows(pairs, &mut rows);
+            for row in &rows {
+                summary.classes[row.class as usize] += 1;
+                summary.samples += u64::from(row.samples);
+            }
+            let bytes = bytes(target.format, &rows);
+            files.rows.write_all(&bytes).map_err(failed(&files.part))?;
+            written += bytes.len() as u64;
+            hashes.push((bytes.len() as u64, fnv1a(&bytes)));
+        }
+        let (block, hash) = hashes.pop().unwrap_or_default();
+        mark = Mark { bytes: mark.bytes + written, cursor: source.cursor(), summary, block, hash };
+        files.marks.write_all(mark.line().as_bytes()).map_err(failed(&files.journal))?;
+        let [now, _] = source.progress();
+        progress.advance(now.saturating_sub(done));
+        done = now;
+    }
+    if target.format.counts() {
+        files.rows.seek(SeekFrom::Start(0)).map_err(failed(&files.part))?;
+        files.rows.write_all(&header(summary.pairs())).map_err(failed(&files.part))?;
+    }
+    files.rows.sync_all().map_err(failed(&files.part))?;
+    let Files { part, journal, .. } = files;
+    std::fs::rename(&part, &target.path).map_err(failed(&target.path))?;
+    // A journal that stays behind is not looked at without its file.
+    let _ = std::fs::remove_file(journal);
+    Ok(summary)
+}
+
+fn bytes(format: Format, rows: &[Row]) -> Vec<u8> {
+    let some = |rows: &[Row]| {
+        let mut bytes = Vec::new();
+        rows.iter().for_each(|row| format.write(row, &mut bytes));
+        bytes
+    };
+    let parts: Vec<Vec<u8>> = rows.par_chunks(GRAIN).map(some).collect();
+    parts.concat()
+}

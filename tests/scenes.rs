@@ -1,0 +1,270 @@
+//! Scenes without a project: what the command line makes of them, and that the project it writes shows the same.
+
+use curitiba::pipeline::image::read_image;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn root(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
+}
+
+fn curitiba(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
+    command.current_dir(folder).args(arguments).env("NO_COLOR", "1").output().expect("the program starts")
+}
+
+#[track_caller]
+fn succeeds(folder: &Path, arguments: &[&str]) -> String {
+    let output = curitiba(folder, arguments);
+    assert!(output.status.success(), "{arguments:?} failed:\n{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("output is UTF-8")
+}
+
+#[track_caller]
+fn fails_with(code: i32, folder: &Path, arguments: &[&str]) -> String {
+    let output = curitiba(folder, arguments);
+    let printed = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?} printed:\n{printed}");
+    printed
+}
+
+/// A floor, a red block that throws a shadow on it, and a pane of glass before it.
+fn obj(folder: &Path) {
+    let library = "newmtl floor\nKd 0.8 0.8 0.8\nnewmtl block\nKd 0.9 0.1 0.1\nnewmtl pane\nKd 0.9 0.9 1\nillum 4\n";
+    std::fs::write(folder.join("room.mtl"), library).expect("a file");
+    let text = "mtllib room.mtl
+v -4 0 -4\nv 4 0 -4\nv 4 0 4\nv -4 0 4
+v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv -1 2 -1\nv 1 2 -1\nv 1 2 1\nv -1 2 1
+v 1.5 0 2\nv 3.5 0 2\nv 3.5 2 2\nv 1.5 2 2
+usemtl floor\nf 4 3 2 1
+usemtl block\nf 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\nf 8 5 9 12\nf 9 10 11 12
+usemtl pane\nf 13 14 15 16\n";
+    std::fs::write(folder.join("room.obj"), text).expect("a file");
+}
+
+/// Two triangles of different materials, in one file.
+fn gltf(folder: &Path) {
+    // (0,0,0) (1,0,0) (0,1,0)
+    let data = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0,1]}}],
+        "nodes":[{{"mesh":0}},{{"mesh":1,"translation":[0.2,0.3,1]}}],
+        "materials":[{{"name":"a","doubleSided":true,"pbrMetallicRoughness":{{"baseColorFactor":[1,0,0,1]}}}},
+        {{"name":"b","doubleSided":true,"pbrMetallicRoughness":{{"baseColorFactor":[0,1,0,1]}}}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"material":0}}]}},
+        {{"primitives":[{{"attributes":{{"POSITION":0}},"material":1}}]}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36}}],"buffers":[{{"byteLength":36,"uri":"{data}"}}]}}"#
+    );
+    std::fs::write(folder.join("two.gltf"), text).expect("a file");
+}
+
+const CPU: [&str; 4] = ["--raster", "cpu", "--backend", "cpu"];
+
+/// Share of the pixels that are not of the background's colour, and number of different colours.
+fn seen(path: &Path) -> (f64, usize) {
+    let image = read_image(path).expect("a picture").image;
+    let background = [0.6_f32, 0.7, 0.8];
+    let shown = image.pixels.iter().filter(|pixel| (0..3).any(|i| (pixel[i] - background[i]).abs() > 0.01)).count();
+    let mut colors: Vec<[u32; 3]> = image.pixels.iter().map(|p| [p[0], p[1], p[2]].map(f32::to_bits)).collect();
+    colors.sort_unstable();
+    colors.dedup();
+    (shown as f64 / image.pixels.len() as f64, colors.len())
+}
+
+#[test]
+fn a_scene_of_each_format_is_shown_and_its_written_project_shows_the_same() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    obj(folder);
+    gltf(folder);
+    std::fs::create_dir(folder.join("square")).expect("a folder");
+    let square = root("xml_projects/3dsmodels/largoCamoes.cbo");
+    std::fs::copy(&square, folder.join("square/square.cbo")).expect("a copy");
+    let both = ["room.obj", "two.gltf"];
+    for (name, scene) in [("room", &["room.obj"][..]), ("two", &["two.gltf"]), ("cbo", &["square"]), ("both", &both)] {
+        let picture = format!("{name}.exr");
+        let options = ["--size", "72x54", "--set", "pass2.samples=4", "-o", &picture];
+        let printed = succeeds(folder, &[&["render"], scene, &CPU, &options].concat());
+        assert!(printed.contains("final on cpu"), "{printed}");
+        let (share, colors) = seen(&folder.join(&picture));
+        assert!((0.1..0.95).contains(&share) && colors > 2, "{name}: {share} of the picture, {colors} colours");
+        let project = format!("{name}.xml");
+        succeeds(folder, &[&["scene"], scene, &["--project", &project, "--size", "72x54"]].concat());
+        let again = format!("{name} again.exr");
+        let options = ["--set", "pass2.samples=4", "-o", &again];
+        succeeds(folder, &[&["render", &project], &CPU[..], &options].concat());
+        let [a, b] = [&picture, &again].map(|file| read_image(&folder.join(file)).expect("a picture").image.pixels);
+        let bits = |pixels: &[[f32; 4]]| pixels.iter().flatten().map(|value| value.to_bits()).collect::<Vec<_>>();
+        assert!(bits(&a) == bits(&b), "{name}: the project's picture is another");
+    }
+}
+
+#[test]
+fn options_describe_camera_sun_background_and_effects() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    obj(folder);
+    let render = |name: &str, options: &[&str]| {
+        let common = ["render", "room.obj", "--size", "48x48", "-o", name];
+        succeeds(folder, &[&common[..], &CPU, options].concat());
+        read_image(&folder.join(name)).expect("a picture").image
+    };
+    let pixel = |image: &curitiba::pipeline::image::Image, x: usize, y: usize| image.pixels[y * 48 + x];
+    // From above, the floor fills the lower left corner; from below the horizon nothing is seen of it but the block's bottom.
+    let from_above = ["--look-from", "0,30,0", "--look-at", "0,0,0", "--fov", "17", "--effects", "none"];
+    let lit = render("lit.exr", &[&from_above[..], &["--sun", "0,1,0", "--background", "#ff0000"]].concat());
+    assert!((pixel(&lit, 6, 40)[0] - 0.8).abs() < 1e-3, "0.8 x (0.7 + 0.3): {:?}", pixel(&lit, 6, 40));
+    assert_eq!(pixel(&lit, 24, 0)[..3], [1.0, 0.0, 0.0], "the background");
+    let aslant = render("aslant.exr", &[&from_above[..], &["--sun", "-1,1,0"]].concat());
+    assert!(pixel(&aslant, 6, 40)[0] < 0.7, "{:?}", pixel(&aslant, 6, 40));
+    // The block is 2 high: light from the left at 45 degrees darkens the floor up to 2 to its right.
+    let shadowed = render("shadowed.exr", &[&from_above[..6], &["--sun", "-1,1,0", "--effects", "shadows"]].concat());
+    let column = 24 + (2.0 / 30.0 / (17.0_f64.to_radians() * 0.5).tan() * 24.0) as usize;
+    let (dark, open) = (pixel(&shadowed, column, 24)[0], pixel(&aslant, column, 24)[0]);
+    assert!((dark - open * 0.5).abs() < 1e-3, "{dark} beside {open}");
+}
+
+#[test]
+fn a_camera_does_not_see_single_sided_materials_from_behind_and_rays_do() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    gltf(folder);
+    let two = std::fs::read_to_string(folder.join("two.gltf")).expect("the file");
+    let single = two.replace("\"doubleSided\":true,", "");
+    std::fs::write(folder.join("single.gltf"), &single).expect("a file");
+    // Mirrored in x: the triangles' corners go the other way round in the world, and face the same way all the same.
+    let mirrored = single.replace("{\"mesh\":0}", "{\"mesh\":0,\"scale\":[-1,1,1]}");
+    std::fs::write(folder.join("mirrored.gltf"), mirrored).expect("a file");
+    let share = |scene: &str, from: &str, more: &[&str]| {
+        let options = ["--size", "48x48", "--look-from", from, "--look-at", "0.3,0.3,0", "-o", "side.exr"];
+        succeeds(folder, &[&["render", scene], &CPU[..], &options, more].concat());
+        seen(&folder.join("side.exr")).0
+    };
+    let (front, back) = ("0.3,0.3,4", "0.3,0.3,-4");
+    let plain = ["--effects", "none"];
+    assert!(share("two.gltf", front, &plain) > 0.02 && share("two.gltf", back, &plain) > 0.02);
+    assert!(share("single.gltf", front, &plain) > 0.02);
+    assert_eq!(share("single.gltf", back, &plain), 0.0);
+    assert!(share("mirrored.gltf", front, &plain) > share("single.gltf", front, &plain));
+    assert_eq!(share("mirrored.gltf", back, &plain), 0.0);
+    // As the report's programs were written, both sides are drawn.
+    assert!(share("single.gltf", back, &["--effects", "none", "--fidelity", "thesis"]) > 0.02);
+    // The rays from the red triangle to the sun meet the green one from behind.
+    let shadow = ["--sun", "0.2,0.3,1", "--effects", "shadows"];
+    let darkest = |scene: &str| {
+        share(scene, "3,3,1", &shadow);
+        let image = read_image(&folder.join("side.exr")).expect("a picture").image;
+        image.pixels.iter().map(|pixel| pixel[0] + pixel[1] + pixel[2]).fold(f32::MAX, f32::min)
+    };
+    assert_eq!(darkest("single.gltf"), darkest("two.gltf"));
+}
+
+#[test]
+fn every_command_takes_a_scene() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    obj(folder);
+    let plan = succeeds(folder, &["plan", "room.obj", "--effects", "ao"]);
+    assert!(plan.contains("runs `ssao`") && plan.contains("acceleration structure"), "{plan}");
+    let check = succeeds(folder, &["check", "room.obj"]);
+    assert!(check.contains("room.obj: ok"), "{check}");
+    let bench = ["bench", "room.obj", "--size", "24x24", "--frames", "1", "--warmup", "0", "--no-error"];
+    let bench = succeeds(folder, &[&bench[..], &CPU, &["--effects", "shadows", "--json", "b.json"]].concat());
+    assert!(bench.contains("shadows"), "{bench}");
+    let command = std::fs::read_to_string(folder.join("b.json")).expect("the file");
+    assert!(command.contains("--effects shadows"), "the command can be typed again");
+    let sides = ["room.obj@effects=none,size=24x24,raster=cpu", "room.obj@effects=shadows,size=24x24,raster=cpu"];
+    let beyond = curitiba(folder, &["compare", sides[0], sides[1], "--max-rmse", "1e-6"]);
+    assert_eq!(beyond.status.code(), Some(1), "a shadow differs");
+    succeeds(folder, &["compare", sides[1], sides[1], "--max-rmse", "0"]);
+    let printed = succeeds(folder, &[&["render", ".", "--size", "24x24"], &CPU[..]].concat());
+    let name = std::fs::canonicalize(folder).expect("the folder").file_name().expect("a name").to_owned();
+    assert!(printed.contains(&format!("wrote {}.png", name.to_string_lossy())), "{printed}");
+}
+
+#[test]
+fn what_is_no_scene_is_refused_with_what_is_valid() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    obj(folder);
+    std::fs::write(folder.join("a.png"), b"\x89PNG\r\n\x1a\n").expect("a file");
+    std::fs::write(folder.join("a.fbx"), b"Kaydara").expect("a file");
+    std::fs::create_dir(folder.join("empty")).expect("a folder");
+    let project = root("xml_projects/SceneFinal.xml");
+    let project = project.to_str().expect("test paths are UTF-8");
+    for (code, arguments, words) in [
+        (3, &["render", "a.png"][..], &["a.png", "neither a project nor a scene", ".glb"][..]),
+        (3, &["render", "a.fbx"], &["Blender"]),
+        (3, &["check", "empty"], &["no scene file"]),
+        (3, &["render", "no.glb"], &["no.glb", "no such file"]),
+        (2, &["render", project, "--fov", "30"], &["--fov", "its own cameras"]),
+        (2, &["render", "room.obj", project], &["SceneFinal.xml"]),
+        (2, &["plan", "room.obj", "--effects", "shadow"], &["did you mean `shadows`?"]),
+        (2, &["plan", "room.obj", "--look-from", "1,2"], &["X,Y,Z"]),
+        (2, &["plan", "room.obj", "--look-from", "1,2,3", "--look-at", "1,2,3"], &["the same point"]),
+        (2, &["plan", "room.obj", "--background", "2,0,0"], &["from 0 to 1"]),
+        (2, &["scene", "room.obj", "--project", "room.txt"], &[".xml"]),
+    ] {
+        let printed = fails_with(code, folder, arguments);
+        for word in words {
+            assert!(printed.contains(word), "{arguments:?}: no `{word}` in\n{printed}");
+        }
+    }
+    succeeds(folder, &["scene", "room.obj", "--project", "room.xml"]);
+    let again = fails_with(2, folder, &["scene", "room.obj", "--project", "room.xml"]);
+    assert!(again.contains("room.xml is there already"), "{again}");
+}
+
+/// Every real scene that is there gives a picture with something in it.
+#[test]
+fn real_scenes_are_shown() {
+    let archives = root("../shared/scenes");
+    if !archives.join("unpack.sh").is_file() {
+        println!("skipped: {} is not there", archives.display());
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let unpacked = folder.path().join("scenes");
+    let script = Command::new("bash").current_dir(&archives).arg("./unpack.sh").arg(&unpacked).output();
+    match script {
+        Ok(output) if output.status.success() => {}
+        other => {
+            println!("skipped: the archives cannot be unpacked: {other:?}");
+            return;
+        }
+    }
+    let mut files = Vec::new();
+    find_scenes(&unpacked, &mut files);
+    find_scenes(&archives.join("engine_files"), &mut files);
+    let mut shown = 0;
+    for file in &files {
+        // A million triangles take a while without optimisation.
+        if std::fs::metadata(file).map_or(0, |metadata| metadata.len()) > 4 << 20 {
+            continue;
+        }
+        let picture = folder.path().join("picture.exr");
+        let path = file.to_str().expect("test paths are UTF-8");
+        let output = picture.to_str().expect("test paths are UTF-8");
+        let options = ["--size", "48x48", "--set", "pass2.samples=1", "-o", output];
+        succeeds(folder.path(), &[&["render", path], &CPU[..], &options].concat());
+        let (share, _) = seen(&picture);
+        // A bridge on thin pillars fills under a hundredth of a square window.
+        assert!(share > 0.005, "{path}: {share} of the picture shows anything");
+        shown += 1;
+    }
+    assert!(shown >= 12, "only {shown} of {} scenes were tried", files.len());
+}
+
+fn find_scenes(folder: &Path, found: &mut Vec<PathBuf>) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
+        let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+        if path.is_dir() {
+            find_scenes(&path, found);
+        } else if extension.is_some_and(|e| ["glb", "gltf", "obj", "cbo", "nbo"].contains(&e.as_str())) {
+            found.push(path);
+        }
+    }
+    found.sort();
+}
