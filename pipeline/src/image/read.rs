@@ -24,6 +24,10 @@ const MAX_PIXELS: u64 = 1 << 28;
 /// Most values of all layers of an EXR file: sixteen channels of the largest picture.
 const MAX_SAMPLES: u64 = 16 * MAX_PIXELS;
 
+/// A file of N bytes holds at most this many times N bytes of pixels: no compression of PNG or EXR reaches it. Deflate makes at most
+/// 1032 bytes of one, a run of PIZ 408.
+const MOST_RATIO: u64 = 2048;
+
 /// Blocks of an EXR file that are decompressed at once.
 const BATCH: usize = 64;
 
@@ -92,9 +96,19 @@ fn check_size(width: u64, height: u64) -> Result<(), String> {
     Ok(())
 }
 
+/// Refuses pixels that a file of this size cannot hold, before there is memory for them.
+fn check_held(pixels: &str, bytes: u64, file: u64) -> Result<(), String> {
+    if bytes > file.saturating_mul(MOST_RATIO) {
+        return Err(format!("the file claims {pixels}, {bytes} bytes, but has only {file}; write it again, whole"));
+    }
+    Ok(())
+}
+
 fn read_png(path: &Path) -> Result<Picture, String> {
     let broken = |error: image::ImageError| format!("this is no whole PNG file: {error}");
-    let mut reader = ImageReader::with_format(open(path)?, ImageFormat::Png);
+    let file = open(path)?;
+    let size = file.get_ref().size();
+    let mut reader = ImageReader::with_format(file, ImageFormat::Png);
     let mut limits = Limits::default();
     // Eight bytes a pixel at most, and what the decoder needs beside.
     limits.max_alloc = Some(10 * MAX_PIXELS);
@@ -102,6 +116,8 @@ fn read_png(path: &Path) -> Result<Picture, String> {
     let decoder = guard::call("image", || reader.into_decoder())?.map_err(broken)?;
     let (width, height) = decoder.dimensions();
     check_size(width.into(), height.into())?;
+    // Eight pixels may share a byte before they are decoded.
+    check_held(&format!("{width} x {height} pixels"), u64::from(width) * u64::from(height) / 8, size)?;
     let color = decoder.color_type();
     let steps = if color.bytes_per_pixel() == color.channel_count() { 255 } else { 65_535 };
     let pixels = decode::floats(decoder).map_err(|fault| match fault {
@@ -116,8 +132,9 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
     let broken = |error: exr::error::Error| format!("this is no whole EXR file: {error}");
     // The headers first: what they claim is checked before anything of that size is allocated.
     let file = open(path)?;
+    let size = file.get_ref().size();
     let meta = guard::call("exr", || MetaData::read_from_buffered(file, false))?.map_err(broken)?;
-    let mut samples = 0_u64;
+    let (mut samples, mut bytes) = (0_u64, 0_u64);
     for header in &meta.headers {
         let (width, height) = (header.layer_size.0 as u64, header.layer_size.1 as u64);
         check_size(width, height)?;
@@ -125,10 +142,12 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
         if samples > MAX_SAMPLES {
             return Err(format!("the file's layers hold more than {MAX_SAMPLES} values"));
         }
+        bytes += width * height * header.channels.bytes_per_pixel as u64;
         if header.channels.list.iter().any(|channel| channel.sampling.0 != 1 || channel.sampling.1 != 1) {
             return Err("a channel has fewer samples than pixels (chroma subsampling); write it with all".to_owned());
         }
     }
+    check_held(&format!("{samples} values"), bytes, size)?;
     let mut shown = None;
     let mut variance = None;
     // By layer of the file: whether it is read, where its pixels go, and which component each of its channels is.
@@ -356,6 +375,19 @@ mod tests {
                 fails(&format!("cut.{extension}"), Some(&bytes[..length]));
             }
         }
+        // What a file cannot hold is refused, before there is memory for it: headers that claim 16384 x 16384 pixels.
+        let mut bytes = std::fs::read(&png).expect("there");
+        bytes[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
+        let crc = crc32(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&crc.to_be_bytes());
+        assert!(fails("claims.png", Some(&bytes)).contains("the file claims 16384 x 16384 pixels"));
+        let mut bytes = std::fs::read(&exr).expect("there");
+        let window = b"dataWindow\0box2i\0";
+        let start =
+            bytes.windows(window.len()).position(|part| part == window).expect("a data window") + window.len() + 4;
+        bytes[start + 8..start + 12].copy_from_slice(&16_383_i32.to_le_bytes());
+        bytes[start + 12..start + 16].copy_from_slice(&16_383_i32.to_le_bytes());
+        assert!(fails("claims.exr", Some(&bytes)).contains("the file claims"));
         // A PNG that claims 65535 x 65535 pixels, with a right checksum of its header.
         let mut bytes = std::fs::read(&png).expect("there");
         bytes[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);

@@ -9,7 +9,7 @@ use std::io;
 pub enum Content {
     /// Colours, shown as they are.
     Color,
-    /// World positions, shown as their place in the box around them.
+    /// World positions, shown as their place in the box around nearly all of them.
     Position,
     /// Unit vectors, shown as `(n + 1) / 2`.
     Normal,
@@ -35,17 +35,8 @@ impl Visible {
         let (low, size) = match content {
             Content::Color | Content::Normal => ([-1.0; 3], [2.0; 3]),
             Content::Position => {
-                let mut low = [f32::INFINITY; 3];
-                let mut high = [f32::NEG_INFINITY; 3];
-                for pixel in pixels.iter().filter(|pixel| covered(pixel)) {
-                    for axis in 0..3 {
-                        if pixel[axis].is_finite() {
-                            low[axis] = low[axis].min(pixel[axis]);
-                            high[axis] = high[axis].max(pixel[axis]);
-                        }
-                    }
-                }
-                (low, [0, 1, 2].map(|axis| (high[axis] - low[axis]).max(f32::MIN_POSITIVE)))
+                let ends = [0, 1, 2].map(|axis| ends(pixels, axis));
+                (ends.map(|(low, _)| low), ends.map(|(low, high)| (high - low).max(f32::MIN_POSITIVE)))
             }
         };
         Self { content, low, size }
@@ -55,9 +46,31 @@ impl Visible {
         match self.content {
             Content::Color => *pixel,
             _ if !covered(pixel) => [0.0, 0.0, 0.0, 1.0],
-            _ => [0, 1, 2, 3].map(|i| if i < 3 { (pixel[i] - self.low[i]) / self.size[i] } else { 1.0 }),
+            _ => [0, 1, 2, 3]
+                .map(|i| if i < 3 { ((pixel[i] - self.low[i]) / self.size[i]).clamp(0.0, 1.0) } else { 1.0 }),
         }
     }
+}
+
+/// Most pixels that are looked at to find [`ends`].
+const LOOKED_AT: usize = 1 << 16;
+/// Share of the pixels below the low end, and above the high one: what lies far off would leave the rest in one colour.
+const BEYOND: f32 = 0.02;
+
+/// The range of a component over nearly all covered pixels.
+fn ends(pixels: &[[f32; 4]], axis: usize) -> (f32, f32) {
+    let step = pixels.len().div_ceil(LOOKED_AT).max(1);
+    let seen = pixels.iter().step_by(step).filter(|pixel| covered(pixel)).map(|pixel| pixel[axis]);
+    let mut seen: Vec<f32> = seen.filter(|value| value.is_finite()).collect();
+    let beyond = (seen.len() as f32 * BEYOND) as usize;
+    let last = seen.len().saturating_sub(1 + beyond);
+    if seen.is_empty() {
+        return (0.0, 1.0);
+    }
+    let (_, low, _) = seen.select_nth_unstable_by(beyond, f32::total_cmp);
+    let low = *low;
+    let (_, high, _) = seen.select_nth_unstable_by(last, f32::total_cmp);
+    (low, *high)
 }
 
 fn covered(pixel: &[f32; 4]) -> bool {
@@ -101,6 +114,15 @@ mod tests {
         let pixels = vec![[0.0; 4], [10.0, -5.0, 100.0, 0.5], [20.0, 5.0, 300.0, 0.1]];
         let shown = make_visible(&Image { width: 3, height: 1, pixels }, Content::Position);
         assert_eq!(shown.pixels, vec![[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0], [1.0, 1.0, 1.0, 1.0]]);
+    }
+
+    #[test]
+    fn a_few_positions_far_off_do_not_darken_the_rest() {
+        let near = (0..98).map(|i| [i as f32, 1.0, 2.0, 0.5]);
+        let pixels: Vec<[f32; 4]> = near.chain([[1e6, 1.0, 2.0, 0.5], [f32::INFINITY, 1.0, 2.0, 0.5]]).collect();
+        let shown = make_visible(&Image { width: 100, height: 1, pixels }, Content::Position);
+        assert_eq!((shown.pixels[1][0], shown.pixels[97][0], shown.pixels[98][0]), (0.0, 1.0, 1.0));
+        assert!((shown.pixels[49][0] - 0.5).abs() < 0.02);
     }
 
     #[test]

@@ -8,8 +8,10 @@ use crate::files::Replacement;
 use crate::memory;
 use exr::block::writer::ChunksWriter as _;
 use exr::block::{BlockIndex, UncompressedBlock};
-use exr::math::Vec2;
-use exr::meta::attribute::{ChannelDescription, SampleType};
+use exr::compression::Compression;
+use exr::math::{RoundingMode, Vec2};
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{ChannelDescription, LevelMode, LineOrder, SampleType, TileDescription};
 use exr::meta::header::{Header, ImageAttributes};
 use exr::prelude::Text;
 use rayon::prelude::*;
@@ -140,7 +142,7 @@ pub fn write_exr_rows(path: &Path, layers: &mut [RowLayer<'_>]) -> io::Result<()
     write_whole(path, |file| encode_exr(file, layers))
 }
 
-/// Encodes layers as [`write_exr_layers`] writes them: run lengths of tiles of 64 x 64 pixels.
+/// Encodes layers as [`write_exr_layers`] writes them: tiles of 64 x 64 pixels, compressed as ZIP.
 ///
 /// # Errors
 /// Without a layer, or whatever the rows, the encoder or the writer report.
@@ -149,6 +151,11 @@ pub fn encode_exr(file: impl Write + Seek, layers: &mut [RowLayer<'_>]) -> io::R
     let Some(first) = layers.first().map(size) else {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "an EXR file needs a layer"));
     };
+    let blocks = BlockDescription::Tiles(TileDescription {
+        tile_size: Vec2(ROWS as usize, ROWS as usize),
+        level_mode: LevelMode::Singular,
+        rounding_mode: RoundingMode::Down,
+    });
     let shared = ImageAttributes::with_size((first[0], first[1]));
     let header = |layer: &RowLayer<'_>| {
         let mut names = layer.channels;
@@ -156,6 +163,7 @@ pub fn encode_exr(file: impl Write + Seek, layers: &mut [RowLayer<'_>]) -> io::R
         let channels = names.map(|name| ChannelDescription::named(name, SampleType::F32));
         let [width, height] = size(layer);
         Header::new(Text::from(layer.name), (width, height), channels.into_iter().collect())
+            .with_encoding(Compression::ZIP16, blocks, LineOrder::Unspecified)
             .with_shared_attributes(shared.clone())
     };
     let headers = layers.iter().map(header).collect();

@@ -13,6 +13,10 @@ use std::ops::Range;
 /// Share of the diffuse colour that is seen without light: the report's ambient term.
 const AMBIENT: f32 = 0.3;
 
+/// A normal whose squared length is not above this has no direction: normals of the corners cancel, and what is left is rounding.
+/// Where the square is smaller still, it has lost its digits, and the normal would not get length 1.
+const LEAST_SQUARE: f32 = 1e-30;
+
 /// Vectors that start in the last columns reach beyond the row.
 const ROW: usize = TILE + LANES;
 
@@ -330,7 +334,7 @@ impl Rows {
         for column in 0..TILE {
             let (x, y, z) = (nx[column], ny[column], nz[column]);
             let squared = x * x + y * y + z * z;
-            let scale = if squared > 0.0 { 1.0 / squared.sqrt() } else { 0.0 };
+            let scale = if squared > LEAST_SQUARE { 1.0 / squared.sqrt() } else { 0.0 };
             let (x, y, z) = (x * scale, y * scale, z * scale);
             (nx[column], ny[column], nz[column]) = (x, y, z);
             let cosine = x * towards.x + y * towards.y + z * towards.z;

@@ -136,7 +136,8 @@ fn fragment_main(
     var cosine = 0.0;
 //#if VERTEX_NORMAL
     let length_squared = dot(in.normal, in.normal);
-    if length_squared > 0.0 {
+    // Opposite normals that cancel, as in the rasteriser on the processor.
+    if length_squared > 1e-30 {
         normal = in.normal / sqrt(length_squared);
     }
     cosine = max(dot(frame.to_light.xyz, normal), 0.0);

@@ -89,12 +89,21 @@ impl Library {
     }
 
     /// Whether a texture has holes; several materials may share one.
-    fn is_cut_out(&mut self, texture: &Path, context: &mut Context<'_>) -> Result<bool, SceneError> {
+    fn is_cut_out(
+        &mut self,
+        texture: &Path,
+        context: &mut Context<'_>,
+        warnings: &mut Warnings,
+    ) -> Result<bool, SceneError> {
         if let Some(known) = self.cut_out.get(texture) {
             return Ok(*known);
         }
-        // What cannot be read is dropped with a warning when it is decoded.
-        let found = is_cut_out(texture, MASK_CUTOFF, context.budget)?.unwrap_or(false);
+        let found = is_cut_out(texture, MASK_CUTOFF, context.budget)?;
+        if found.is_none() {
+            let what = "textures that cannot be searched for holes";
+            warnings.add(context.file, what, "taken for whole", || texture.display().to_string());
+        }
+        let found = found.unwrap_or(false);
         self.cut_out.insert(texture.to_owned(), found);
         Ok(found)
     }
@@ -147,7 +156,7 @@ impl Library {
                     // Glass has an alpha of its own.
                     None => {
                         let glass = matches!(written.illum, Some(4 | 6 | 7 | 9));
-                        if !glass && self.is_cut_out(&color, context)? {
+                        if !glass && self.is_cut_out(&color, context, warnings)? {
                             material.alpha_cutoff = Some(MASK_CUTOFF);
                         }
                         TextureSource::File(color)
