@@ -69,6 +69,9 @@ fn a_report_is_one_folder_whose_links_all_resolve_and_whose_page_works_in_a_brow
     let rows = data["rows"].as_array().expect("rows");
     assert!(rows.len() > 30, "{} rows", rows.len());
     assert!(rows.iter().all(|row| row["frame"]["samples"].as_array().is_some_and(|samples| !samples.is_empty())));
+    let samples = |row: &serde_json::Value| row["frame"]["samples"].as_array().map_or(0, Vec::len);
+    let again = rows.iter().filter(|row| samples(row) > 5).count();
+    assert!(again > 20, "{again} rows have samples of more than one round");
     let judged = rows.iter().filter(|row| row["error"].get("against").is_some()).count();
     assert!(judged > 20, "{judged} rows have an error");
     let csv = std::fs::read_to_string(folder.join("data.csv")).expect("the table");
@@ -104,6 +107,16 @@ fn a_folder_of_somebody_else_is_refused_before_anything_is_measured() {
     assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
     assert!(text(&refused.stderr).contains("`cat.jpg`"), "{}", text(&refused.stderr));
     assert_eq!(std::fs::read(place.path().join("out/cat.jpg")).expect("the file"), b"a cat");
+}
+
+#[test]
+fn an_error_to_stay_within_is_a_number_from_0_on() {
+    let place = tempfile::tempdir().expect("a folder");
+    for wrong in ["little", "nan", "inf", "-0.1"] {
+        let refused = report(place.path(), &[&format!("--within={wrong}"), "nowhere"]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(text(&refused.stderr).contains("such as 0.02"), "{}", text(&refused.stderr));
+    }
 }
 
 #[test]

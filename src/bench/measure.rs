@@ -2,12 +2,12 @@
 
 use super::case::{Case, fidelity_name};
 use super::model::{BenchRow, BenchStep, EngineName, RowError, Stats};
+use super::threads::clock::Clocked;
 use crate::OpenError;
 use crate::environment::peak_memory;
 use crate::pipeline::executor::{Observer, RenderError, Renderer, Row, StepKind};
 use crate::pipeline::image::Image;
 use crate::pipeline::project::PassKind;
-use std::time::Instant;
 
 /// How much is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,15 +62,17 @@ pub fn measure_with(
     let mut picture = Image::default();
     let mut samples = Vec::with_capacity(options.frames.max(1) as usize);
     for _ in 0..options.frames.max(1) {
-        let start = Instant::now();
+        let begun = Clocked::now();
         picture = renderer.frame(observer)?;
-        samples.push(start.elapsed().as_secs_f64() * 1e3);
+        samples.push(Clocked::since(begun));
     }
-    let row = row(&renderer, case, samples);
+    let row = row(&renderer, case, &samples);
     Ok(Measured { row, renderer, picture })
 }
 
-fn row(renderer: &Renderer, case: &Case, samples: Vec<f64>) -> BenchRow {
+fn row(renderer: &Renderer, case: &Case, clocked: &[Clocked]) -> BenchRow {
+    let samples: Vec<f64> = clocked.iter().map(|frame| frame.wall_ms).collect();
+    let processor: Option<Vec<f64>> = clocked.iter().map(|frame| frame.processor_ms).collect();
     let plan = renderer.plan();
     let engines = renderer.engines();
     let timeline = &renderer.timeline().rows;
@@ -98,6 +100,7 @@ fn row(renderer: &Renderer, case: &Case, samples: Vec<f64>) -> BenchRow {
         rays: traces.then(|| EngineName { name: engines.rays.name().to_owned(), device: engines.rays.device() }),
         frame: Stats::new(samples).expect("at least one frame was rendered"),
         frame_device: frame_device(timeline, frames),
+        frame_processor: processor.and_then(Stats::new),
         steps: steps(true),
         setup: steps(false),
         ray_share: traces.then(|| in_rays / total.max(1e-9)),

@@ -2,6 +2,7 @@
 
 pub mod case;
 pub mod file;
+pub mod interval;
 pub mod measure;
 pub mod model;
 pub mod table2;
@@ -10,4 +11,5 @@ pub mod threads;
 
 pub use case::Case;
 pub use file::FileError;
+pub use interval::Interval;
 pub use measure::{MeasureOptions, Measured, measure};

@@ -87,6 +87,9 @@ pub struct BenchRow {
     pub frame: Stats,
     /// Device time of whole frames, where every step of the frame but copies has one.
     pub frame_device: Option<Stats>,
+    /// Processor time of whole frames, of all threads together; `None` where the system does not tell.
+    #[serde(default)]
+    pub frame_processor: Option<Stats>,
     /// Steps of the frame.
     pub steps: Vec<BenchStep>,
     /// Steps done once: load, upload, build.
@@ -101,6 +104,30 @@ pub struct BenchRow {
     pub error: RowError,
     /// The report's figure for the same row.
     pub thesis: Option<ThesisFigure>,
+}
+
+impl BenchRow {
+    /// Takes over the samples of another round of the same row. What only one of the two has is dropped.
+    pub fn add(&mut self, more: &Self) {
+        let both = |old: &Option<Stats>, new: &Option<Stats>| Some(old.as_ref()?.joined(new.as_ref()?));
+        let rays_ms = |row: &Self| row.ray_share.map(|share| share * row.frame.mean * row.frame.n() as f64);
+        let in_rays = rays_ms(self).zip(rays_ms(more));
+        self.frame = self.frame.joined(&more.frame);
+        self.ray_share = in_rays.map(|(old, new)| (old + new) / (self.frame.mean * self.frame.n() as f64).max(1e-9));
+        self.frame_device = both(&self.frame_device, &more.frame_device);
+        self.frame_processor = both(&self.frame_processor, &more.frame_processor);
+        self.peak_memory_bytes = self.peak_memory_bytes.max(more.peak_memory_bytes);
+        for (steps, more) in [(&mut self.steps, &more.steps), (&mut self.setup, &more.setup)] {
+            for step in steps {
+                if let Some(more) = more.iter().find(|more| more.kind == step.kind && more.name == step.name) {
+                    step.host = step.host.joined(&more.host);
+                    step.device = both(&step.device, &more.device);
+                    step.mrays_per_second =
+                        step.rays.map(|rays| rays.total() as f64 / 1e3 / step.host.median.max(1e-6));
+                }
+            }
+        }
+    }
 }
 
 /// Name of an engine and its device.
@@ -192,6 +219,12 @@ impl Stats {
         let squares: f64 = samples.iter().map(|sample| (sample - mean).powi(2)).sum();
         let sd = if samples.len() > 1 { (squares / (n - 1.0)).sqrt() } else { 0.0 };
         (!samples.is_empty()).then(|| Self { median: median(&samples), samples, mean, sd, min, max })
+    }
+
+    /// Of these samples and more of the same.
+    #[must_use]
+    pub fn joined(&self, more: &Self) -> Self {
+        Self::new([self.samples.as_slice(), &more.samples].concat()).unwrap_or_else(|| self.clone())
     }
 
     /// Number of samples.

@@ -351,6 +351,9 @@ pub struct ReportArgs {
     /// Time allowed, seconds [default: 600, with --quick 60]
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(5..=86_400))]
     pub time: Option<u32>,
+    /// Root mean square error of an effect within which the cheapest setting is advised
+    #[arg(long, value_name = "RMSE", default_value_t = curitiba::report::verdict::WITHIN, value_parser = parse_within)]
+    pub within: f64,
     /// Most triangles of the generated squares of the scaling plot [default: 10 000 000, with --quick 1 000 000]
     #[arg(long, value_name = "N")]
     pub max_triangles: Option<u32>,
@@ -478,6 +481,11 @@ pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let wrong = || format!("`{text}` is not WIDTHxHEIGHT, such as 1024x1024");
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
     Ok([width.trim().parse().map_err(|_| wrong())?, height.trim().parse().map_err(|_| wrong())?])
+}
+
+fn parse_within(text: &str) -> Result<f64, String> {
+    let error = text.parse::<f64>().ok().filter(|error| error.is_finite() && *error >= 0.0);
+    error.ok_or_else(|| format!("`{text}` is not an error; valid: a number from 0 on, such as 0.02"))
 }
 
 fn parse_crop(text: &str) -> Result<Rect, String> {

@@ -25,6 +25,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     }
     check_references(&References::default_folder(), "the variable CURITIBA_CACHE names another folder")?;
     let mut wanted = Wanted::new(args.quick, args.size);
+    wanted.within = args.within;
     if let Some(seconds) = args.time {
         wanted.budget_s = f64::from(seconds);
     }

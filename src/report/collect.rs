@@ -74,7 +74,8 @@ pub fn collect(
     collector.look_for_engines()?;
     let entries = plan::entries(&request.wanted, collector.gpu, &collector.beside);
     let sizes = plan::pixel_sizes(&request.wanted);
-    collector.to_do = entries.len() + plan::scaling_lines().len() * (sizes.len() + request.wanted.triangles.len());
+    collector.to_do = entries.len() * plan::ROUNDS as usize
+        + plan::scaling_lines().len() * (sizes.len() + request.wanted.triangles.len());
     for entry in &entries {
         collector.entry(entry, folder, told, observer)?;
     }
@@ -83,6 +84,7 @@ pub fn collect(
             collector.file.unavailable.iter().map(|missing| format!("  {}: {}", missing.what, missing.why)).collect();
         return Err(ReportError::Nothing { path: request.projects.clone(), reasons: reasons.join("\n") });
     }
+    collector.rounds(told, observer);
     let pixels = scale::by_pixels(&mut collector, &sizes, told, observer);
     let triangles = scale::by_triangles(&mut collector, folder, told, observer);
     Ok(collector.finish(vec![triangles, pixels]))
@@ -110,6 +112,8 @@ pub(super) struct Collector<'a> {
     known: HashMap<(String, bool, Option<BackendChoice>), Known>,
     /// Setup of the last row, milliseconds a triangle: without an acceleration structure, and with one.
     setup_ms: [f64; 2],
+    /// What was measured on the user's scene, and the keys of the rows.
+    measured: Vec<(Entry, String)>,
     done: usize,
     to_do: usize,
 }
@@ -163,6 +167,7 @@ impl<'a> Collector<'a> {
             judges: HashMap::new(),
             known: HashMap::new(),
             setup_ms: [0.0; 2],
+            measured: Vec::new(),
             done: 0,
             to_do: 0,
         }
@@ -337,8 +342,30 @@ impl<'a> Collector<'a> {
         if entry.effect == "none" {
             self.plain.insert(row.view.clone(), (row.key.clone(), picture));
         }
+        self.measured.push((entry.clone(), row.key.clone()));
         self.file.rows.push(row);
         Ok(())
+    }
+
+    /// Measures every row again, one round after the other. A row for which the time does not suffice keeps the samples that it
+    /// has.
+    fn rounds(&mut self, told: &mut dyn FnMut(Told<'_>), observer: &mut dyn Observer) {
+        let measured = std::mem::take(&mut self.measured);
+        let projects = &self.request.projects;
+        let place = Place { projects, size: self.request.wanted.size, triangles: None, stage: Stage::Rounds };
+        for _ in 1..plan::ROUNDS {
+            for (entry, key) in &measured {
+                match self.row(entry, &place, told, observer) {
+                    Ok((_, more, _)) => {
+                        if let Some(row) = self.file.rows.iter_mut().find(|row| row.key == *key) {
+                            row.add(&more);
+                        }
+                    }
+                    Err(why) if why.starts_with(plan::OUT_OF_TIME) => {}
+                    Err(why) => self.miss(&format!("{}, another round", entry.label), why),
+                }
+            }
+        }
     }
 
     /// The error of a row: against the reference of the effect by rays, the same for all rows of its effect and view.
@@ -459,6 +486,7 @@ impl<'a> Collector<'a> {
             quick: self.request.wanted.quick,
             budget_s: self.request.wanted.budget_s,
             took_s,
+            within: self.request.wanted.within,
             bench: self.file,
             table: self.table,
             sections: Effect::ALL.into_iter().filter_map(|effect| self.sections.remove(&effect)).collect(),

@@ -15,6 +15,7 @@ mod scale;
 pub mod summary;
 #[cfg(test)]
 mod tests;
+pub mod verdict;
 
 pub use collect::{ReportError, Request};
 pub use plan::Wanted;

@@ -1,5 +1,6 @@
 //! What the page is made from: plain data, so that the page can be built and tested without rendering anything.
 
+use super::verdict::WITHIN;
 use crate::bench::model::{BenchFile, BenchRow, RowError, Technique};
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +19,9 @@ pub struct ReportData {
     pub budget_s: f64,
     /// Time that it took, seconds.
     pub took_s: f64,
+    /// Root mean square error within which the cheapest setting of an effect is advised.
+    #[serde(default = "default_within")]
+    pub within: f64,
     /// All rows with all samples, the machine, and what could not be measured.
     pub bench: BenchFile,
     /// Keys of the rows of the effect table, in its order.
@@ -26,6 +30,10 @@ pub struct ReportData {
     pub sections: Vec<Section>,
     /// Time against triangles, then against pixels.
     pub scalings: Vec<Scaling>,
+}
+
+fn default_within() -> f64 {
+    WITHIN
 }
 
 /// The scene that was measured.

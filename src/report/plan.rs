@@ -1,6 +1,7 @@
 //! What a report measures, in which order, and what it leaves out when the time does not suffice.
 
 use super::model::{Against, Effect};
+use super::verdict::WITHIN;
 use crate::BackendChoice;
 use crate::bench::model::Technique;
 
@@ -13,6 +14,8 @@ pub struct Wanted {
     pub quick: bool,
     /// Time allowed, seconds.
     pub budget_s: f64,
+    /// Root mean square error within which the cheapest setting of an effect is advised.
+    pub within: f64,
     /// Densities of the generated square for the scaling plot; none switches it off.
     pub triangles: Vec<u32>,
 }
@@ -24,7 +27,7 @@ impl Wanted {
         let (side, budget_s) = if quick { (256, 60.0) } else { (512, 600.0) };
         let triangles =
             if quick { vec![10_000, 30_000, 100_000, 1_000_000] } else { vec![10_000, 100_000, 1_000_000, 10_000_000] };
-        Self { size: size.unwrap_or([side, side]), quick, budget_s, triangles }
+        Self { size: size.unwrap_or([side, side]), quick, budget_s, within: WITHIN, triangles }
     }
 
     /// Most frames of a row, and the time that they may take, milliseconds.
@@ -47,6 +50,8 @@ pub enum Stage {
     Effects,
     /// All other settings of each effect.
     Settings,
+    /// All rows of the stages before, again.
+    Rounds,
     /// Other window sizes.
     Pixels,
     /// Other scenes.
@@ -58,9 +63,10 @@ impl Stage {
     #[must_use]
     pub fn until(self) -> f64 {
         match self {
-            Self::Effects => 0.55,
-            Self::Settings => 0.68,
-            Self::Pixels => 0.76,
+            Self::Effects => 0.48,
+            Self::Settings => 0.60,
+            Self::Rounds => 0.72,
+            Self::Pixels => 0.79,
             Self::Triangles => 0.96,
         }
     }
@@ -96,6 +102,10 @@ pub struct Entry {
     /// Work of its effect in any unit that the entries of one project share.
     pub weight: f64,
 }
+
+/// How often every row of the effects and settings is measured, if the time suffices: one round after the other over all of
+/// them, so that a while in which the machine is slow does not fall on one row alone.
+pub const ROUNDS: u32 = 3;
 
 /// Files of an effect: by rays, then by raster.
 #[must_use]

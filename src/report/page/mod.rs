@@ -4,10 +4,12 @@ mod effect;
 mod table;
 
 use super::model::{Against, Effect, ReportData};
-use super::number::{date, duration, error, grouped, milliseconds};
-use super::plan::OUT_OF_TIME;
+use super::number::{date, duration, error, grouped, milliseconds, significant};
+use super::plan::{OUT_OF_TIME, ROUNDS};
 use super::plots::{self, Plot};
-use super::summary::{self, Advice, Candidate, FRAME_60_MS, Verdict};
+use super::summary;
+use super::verdict::{self, Advice, FRAME_60_MS, Fit, Verdict};
+use crate::bench::Interval;
 use crate::bench::model::{BenchRow, Technique};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -169,7 +171,7 @@ fn busy(data: &ReportData) -> Markup {
         @if let Some(load) = others {
             p.note {
                 strong { "Other programs were at work: " }
-                "the load average was " (super::number::significant(load)) " on " (environment.threads)
+                "the load average was " (significant(load)) " on " (environment.threads)
                 " threads when the report began. An idle machine is faster, and its times vary less."
             }
         }
@@ -193,7 +195,7 @@ fn engines(data: &ReportData) -> Vec<(&'static str, String)> {
 }
 
 fn in_short(data: &ReportData) -> Markup {
-    let verdicts = summary::verdicts(data, FRAME_60_MS);
+    let verdicts = verdict::verdicts(data, data.within);
     let sentences = summary::in_short(data);
     html! {
         section.short aria-labelledby="in-short" {
@@ -206,8 +208,9 @@ fn in_short(data: &ReportData) -> Markup {
                 table {
                     thead {
                         tr {
-                            th.text scope="col" { "Effect" } th.text scope="col" { "At 60 frames a second" }
-                            th.text scope="col" { "Setting" } th scope="col" { "Frame, ms" }
+                            th.text scope="col" { "Effect" } th.text scope="col" { "Within RMSE " (error(data.within)) }
+                            th.text scope="col" { "Setting" } th scope="col" { "Frame, ms" } th scope="col" { "95 %" }
+                            th.text scope="col" { "60 Hz" }
                             th scope="col" { "RMSE" } th scope="col" { "FLIP" } th scope="col" { "RMSE without it" }
                         }
                     }
@@ -219,26 +222,34 @@ fn in_short(data: &ReportData) -> Markup {
 }
 
 fn advice(data: &ReportData, verdict: &Verdict) -> Markup {
-    let (candidate, prefix): (Option<&Candidate>, &str) = match &verdict.advice {
-        Advice::Fits(candidate) | Advice::FitsWithUnknownError(candidate) => (Some(candidate), ""),
-        Advice::LeaveOut { best, .. } => (Some(best), "best that fits: "),
-        Advice::NothingFits { cheapest, .. } => (Some(cheapest), "cheapest: "),
-        Advice::NotMeasured => (None, ""),
+    let candidate = verdict.setting();
+    let prefix = match &verdict.advice {
+        Advice::NoneWithin { .. } => "nearest: ",
+        Advice::UnknownError(_) => "fastest: ",
+        _ => "",
     };
     let quality = candidate.and_then(|candidate| candidate.error.as_ref().ok());
-    let without = data.section(verdict.effect).and_then(|section| summary::without(data, section));
+    let without = data.section(verdict.effect).and_then(|section| verdict::without(data, section));
     let without = without.as_ref().and_then(|candidate| candidate.error.as_ref().ok());
+    let interval = candidate.and_then(|candidate| Interval::of_median(&candidate.frames_ms));
+    let fit = candidate.map(|candidate| match candidate.fit(FRAME_60_MS) {
+        Fit::Yes => "yes",
+        Fit::AtTheLimit => "at the limit",
+        Fit::No => "no",
+    });
     html! {
         tr {
             th scope="row" { (verdict.effect.title()) }
-            td.text { strong { (summary::verb(&verdict.advice)) } }
+            td.text { strong { (verdict::verb(&verdict.advice)) } }
             td.text.wrap {
                 @match candidate {
                     Some(candidate) => { (prefix) (candidate.label) },
                     None => span.none { "–" },
                 }
             }
-            td { (candidate.map_or("–".to_owned(), |candidate| super::number::significant(candidate.frame_ms))) }
+            td { (candidate.map_or("–".to_owned(), |candidate| significant(candidate.frame_ms))) }
+            td { (interval.map_or("–".to_owned(), |of| format!("{} – {}", significant(of.low), significant(of.high)))) }
+            td.text { (fit.unwrap_or("–")) }
             td { (quality.map_or("–".to_owned(), |quality| error(quality.rmse))) }
             td { (quality.map_or("–".to_owned(), |quality| error(quality.flip))) }
             td { (without.map_or("–".to_owned(), |quality| error(quality.rmse))) }
@@ -352,9 +363,16 @@ fn method(data: &ReportData) -> Markup {
             h2 id="method" { "How it was measured" }
             p {
                 "Up to " (bench.frames) " frames of each row after " (bench.warmup)
-                " that are not counted; rows that take long get fewer, n says how many. Times are host times of whole frames with "
-                "synchronisation; loading, uploading and building are done once and are not in them. Device times are on the "
-                "device’s own clock, where it has one."
+                " that are not counted, in each of up to " (ROUNDS) " rounds over all rows, so that a while in which the machine is "
+                "slow does not fall on one row alone; rows that take long get fewer, n says how many. Times are host times of whole "
+                "frames with synchronisation; loading, uploading and building are done once a round and are not in them. Processor "
+                "times are of all threads together. Device times are on the device’s own clock, where it has one."
+            }
+            p {
+                "Intervals hold a median, or the ratio of two, with 95 % probability (bootstrap of the samples; those of fewer than "
+                "ten samples are too narrow). Two settings are told apart where the whole interval of their ratio is beyond 1.1. "
+                "The advice is the cheapest setting whose error is at most " (error(data.within)) ", and at most half of that of a "
+                "frame without the effect; " code { "--within" } " allows another."
             }
             p {
                 "Errors compare the picture of a row with a reference of its own effect, view and size. RMSE, relative MSE and the "

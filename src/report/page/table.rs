@@ -1,6 +1,7 @@
 //! Tables of rows: readable as they stand, sortable with the script.
 
 use super::tag;
+use crate::bench::Interval;
 use crate::bench::model::{BenchRow, RowError, Stats};
 use crate::bench::text::ray_device_ms;
 use crate::pipeline::metrics::Comparison;
@@ -11,6 +12,7 @@ use maud::{Markup, html};
 /// The columns that every row has, grouped.
 pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     let device = rows.iter().any(|row| row.frame_device.is_some());
+    let processor = rows.iter().any(|row| row.frame_processor.is_some());
     let rays = rows.iter().any(|row| row.rays.is_some());
     let thesis = rows.iter().any(|row| row.thesis.is_some());
     let mut columns = vec!["Row", "By", "View", "median", "RMSE", "FLIP", "SSIM", "against"];
@@ -21,7 +23,10 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     if on_device {
         columns.push("on GPU, ms");
     }
-    columns.extend(["mean ± sd", "min", "max", "n"]);
+    columns.extend(["95 %", "min", "max", "n"]);
+    if processor {
+        columns.push("processor");
+    }
     if device {
         columns.push("device");
     }
@@ -40,7 +45,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                         th scope="colgroup" { "Frame, ms" }
                         th scope="colgroup" colspan="4" { "Error against the reference" }
                         @if rays { th scope="colgroup" colspan=(3 + usize::from(on_device)) { "Rays of a frame" } }
-                        th scope="colgroup" colspan=(4 + usize::from(device)) { "Time of a frame, ms" }
+                        th scope="colgroup" colspan=(4 + usize::from(processor) + usize::from(device)) { "Time of a frame, ms" }
                         th.extra scope="colgroup" colspan="4" { "More errors" }
                         th {}
                         @if thesis { th scope="colgroup" colspan="2" { "2014" } }
@@ -64,6 +69,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                             @if rays { (traced(row)) }
                             @if on_device { (number(ray_device_ms(row), significant)) }
                             (spread(&row.frame))
+                            @if processor { (number(row.frame_processor.as_ref().map(|stats| stats.median), significant)) }
                             @if device { (number(row.frame_device.as_ref().map(|stats| stats.median), significant)) }
                             (more_errors(row))
                             (extra(row.peak_memory_bytes.map(|held| held as f64), |held| bytes(held as u64)))
@@ -113,7 +119,10 @@ fn times(stats: &Stats) -> Markup {
 
 fn spread(stats: &Stats) -> Markup {
     html! {
-        td data-v=(stats.mean) { (significant(stats.mean)) " ± " (significant(stats.sd)) }
+        @match Interval::of_median(&stats.samples) {
+            Some(of) => td data-v=(of.low) { (significant(of.low)) " – " (significant(of.high)) },
+            None => td.none data-v="" { "–" },
+        }
         (number(Some(stats.min), significant))
         (number(Some(stats.max), significant))
         (number(Some(stats.n() as f64), |n| format!("{n:.0}")))

@@ -7,7 +7,7 @@ use super::canvas::{
 };
 use crate::bench::model::Technique;
 use crate::report::model::{ReportData, Section, rmse};
-use crate::report::summary::{FRAME_60_MS, pareto_front};
+use crate::report::verdict::{FRAME_60_MS, pareto_front};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 

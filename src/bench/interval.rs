@@ -1,0 +1,126 @@
+//! Intervals of medians and of ratios of medians, by the bootstrap: the samples are drawn again and again with replacement, and
+//! the interval holds the middle 95 % of what the draws give (Efron, "Bootstrap methods: another look at the jackknife", 1979).
+//!
+//! An interval of few samples is too narrow: of five it holds the true median in about 9 of 10 cases, of fifteen in 94 of 100.
+
+use crate::pipeline::executor::median;
+use serde::{Deserialize, Serialize};
+
+/// Draws for one interval.
+const DRAWS: usize = 2000;
+/// Share of the draws that lie below the interval, and above it.
+const TAIL: f64 = 0.025;
+
+/// Where a quantity lies, as far as its samples tell.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Interval {
+    /// Lower end.
+    pub low: f64,
+    /// Upper end, at least [`Self::low`].
+    pub high: f64,
+}
+
+impl Interval {
+    /// Of the median of samples; the same for the same samples. `None` for no sample or one that is not a number.
+    #[must_use]
+    pub fn of_median(samples: &[f64]) -> Option<Self> {
+        Self::of(draw_medians(samples, 1)?)
+    }
+
+    /// Of the median of `a` divided by the median of `b`, all above 0. `None` where one of them has none.
+    #[must_use]
+    pub fn of_ratio(a: &[f64], b: &[f64]) -> Option<Self> {
+        let (a, b) = (draw_medians(a, 1)?, draw_medians(b, 2)?);
+        Self::of(a.iter().zip(&b).map(|(a, b)| a / b).collect())
+    }
+
+    /// Whether a value lies inside.
+    #[must_use]
+    pub fn holds(self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
+
+    fn of(mut draws: Vec<f64>) -> Option<Self> {
+        if draws.iter().any(|draw| !draw.is_finite()) {
+            return None;
+        }
+        draws.sort_unstable_by(f64::total_cmp);
+        let at = |share: f64| draws[((draws.len() - 1) as f64 * share).round() as usize];
+        Some(Self { low: at(TAIL), high: at(1.0 - TAIL) })
+    }
+}
+
+/// Medians of samples drawn with replacement. Different streams are independent.
+fn draw_medians(samples: &[f64], stream: u64) -> Option<Vec<f64>> {
+    if samples.is_empty() || samples.iter().any(|sample| !sample.is_finite()) {
+        return None;
+    }
+    let mut random = SplitMix(stream);
+    let mut drawn = vec![0.0; samples.len()];
+    let draw = |_| {
+        drawn.iter_mut().for_each(|value| *value = samples[random.below(samples.len())]);
+        median(&drawn)
+    };
+    Some((0..DRAWS).map(draw).collect())
+}
+
+/// Random numbers of a fixed seed: the generator SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number
+/// generators", 2014).
+struct SplitMix(u64);
+
+impl SplitMix {
+    /// A number from 0 to below `end`.
+    fn below(&mut self, end: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed ^= mixed >> 31;
+        ((u128::from(mixed) * end as u128) >> 64) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sample of a distribution whose median is 1: most near it, some later ones far above, as times are.
+    fn time(random: &mut SplitMix) -> f64 {
+        let spread = random.below(2_000_001) as f64 / 1e6 - 1.0;
+        if spread > 0.0 { 1.0 + spread * spread } else { 1.0 + 0.1 * spread }
+    }
+
+    #[test]
+    fn equal_samples_have_an_interval_without_width() {
+        assert_eq!(Interval::of_median(&[3.0; 7]), Some(Interval { low: 3.0, high: 3.0 }));
+        assert_eq!(Interval::of_ratio(&[6.0; 3], &[2.0; 9]), Some(Interval { low: 3.0, high: 3.0 }));
+        assert_eq!(Interval::of_median(&[]), None);
+        assert_eq!(Interval::of_median(&[1.0, f64::NAN]), None);
+        assert_eq!(Interval::of_ratio(&[1.0], &[0.0]), None);
+    }
+
+    #[test]
+    fn the_interval_holds_the_true_median_as_often_as_it_says() {
+        let mut random = SplitMix(7_000);
+        for (samples, expected) in [(5, 850..=970), (15, 910..=975), (45, 925..=975)] {
+            let covered = (0..1000).filter(|_| {
+                let times: Vec<f64> = (0..samples).map(|_| time(&mut random)).collect();
+                Interval::of_median(&times).is_some_and(|interval| interval.holds(1.0))
+            });
+            let covered = covered.count();
+            assert!(expected.contains(&covered), "{covered} of 1000 intervals of {samples} samples");
+        }
+    }
+
+    #[test]
+    fn the_interval_of_a_ratio_holds_the_true_ratio() {
+        let mut random = SplitMix(8_000);
+        let covered = (0..1000).filter(|_| {
+            let mut times = |scale: f64| -> Vec<f64> { (0..15).map(|_| scale * time(&mut random)).collect() };
+            let (a, b) = (times(3.0), times(2.0));
+            Interval::of_ratio(&a, &b).is_some_and(|interval| interval.holds(1.5))
+        });
+        let covered = covered.count();
+        assert!((910..=985).contains(&covered), "{covered} of 1000");
+    }
+}
