@@ -388,7 +388,7 @@ fn every_picture_has_a_text_and_the_page_is_whole_without_its_script() {
     }
     assert!(html.contains("<div class=\"compare\" id=\"compare-shadows\" hidden>"));
     assert_eq!(html.matches("<h1>").count(), 1);
-    for id in ["in-short", "missing", "effects", "shadows", "scaling", "method"] {
+    for id in ["in-short", "missing", "effects", "shadows", "scaling", "method", "machine"] {
         assert!(html.contains(&format!("href=\"#{id}\"")) && html.contains(&format!("id=\"{id}\"")), "{id}");
     }
 }

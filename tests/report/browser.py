@@ -174,6 +174,18 @@ def look(browser, folder, shots):
     state = browser.run(table + "return table.querySelector('th[data-column=\"3\"]').getAttribute('aria-sort')")
     check("the order is told to assistive programs", state == "descending", state)
 
+    # The answer is seen without scrolling: every effect with its verdict.
+    browser.run("window.scrollTo({top: 0, behavior: 'instant'})")
+    last = (
+        "const rows = document.querySelector('.short table').tBodies[0].rows; const cell = rows[rows.length - 1].cells[1];"
+        "const box = cell.getBoundingClientRect(); return [rows.length, box.right, box.bottom]"
+    )
+    for width, height in ((1280, 800), (390, 844)):
+        browser.size(width, height, width < 600)
+        count, right, bottom = browser.run(last)
+        seen_at_once = count == 4 and right <= width and bottom <= height
+        check(f"the verdicts are seen at once at {width} x {height}", seen_at_once, (count, right, bottom))
+
     overflow = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
     for width in (1280, 360):
         browser.size(width, 800, width < 600)

@@ -60,11 +60,13 @@ pub fn build(data: &ReportData) -> Page {
         (top(data))
         main {
             (in_short(data))
+            (contents(data))
             (missing(data))
             (effects(data, &mut plots))
             @for section in &data.sections { (effect::section(data, section, &mut plots)) }
             (scaling(data, &mut plots))
             (method(data))
+            (machine(data))
         }
         footer {
             p { "Made by " (GENERATOR) " " (data.bench.environment.version) " on " (date(data.bench.started_unix_s)) "." }
@@ -89,27 +91,38 @@ pub fn build(data: &ReportData) -> Page {
     Page { html: page.into_string(), plots: plots.0 }
 }
 
+/// No more than a title: the answer is to be seen without scrolling.
 fn top(data: &ReportData) -> Markup {
-    let [width, height] = data.size;
     html! {
         header.top {
             p.kicker { "Benchmark report" @if data.quick { " · quick" } }
             h1 { "Raster or rays: " (data.scene.file) }
-            p.lede {
-                "What each effect costs by rasterisation and by ray tracing on this machine, and how far either is from a reference."
-            }
-            nav aria-label="Contents" {
-                ul {
-                    li { a href="#in-short" { "In short" } }
-                    @if !data.bench.unavailable.is_empty() { li { a href="#missing" { "What is missing" } } }
-                    li { a href="#effects" { "All rows" } }
-                    @for section in &data.sections {
-                        li { a href={ "#" (section.effect.id()) } { (section.effect.title()) } }
-                    }
-                    li { a href="#scaling" { "Scaling" } }
-                    li { a href="#method" { "How it was measured" } }
+        }
+    }
+}
+
+fn contents(data: &ReportData) -> Markup {
+    html! {
+        nav aria-label="Contents" {
+            ul {
+                @if !data.bench.unavailable.is_empty() { li { a href="#missing" { "What is missing" } } }
+                li { a href="#effects" { "All rows" } }
+                @for section in &data.sections {
+                    li { a href={ "#" (section.effect.id()) } { (section.effect.title()) } }
                 }
+                li { a href="#scaling" { "Scaling" } }
+                li { a href="#method" { "How it was measured" } }
+                li { a href="#machine" { "The machine" } }
             }
+        }
+    }
+}
+
+fn machine(data: &ReportData) -> Markup {
+    let [width, height] = data.size;
+    html! {
+        section aria-labelledby="machine" {
+            h2 id="machine" { "The machine" }
             dl.facts {
                 div { dt { "Scene" } dd { (data.scene.file) ", " (grouped(data.scene.triangles)) " triangles" } }
                 div { dt { "Window" } dd { (width) " × " (height) " pixels" } }
@@ -118,7 +131,6 @@ fn top(data: &ReportData) -> Markup {
                 div { dt { "Date" } dd { (date(data.bench.started_unix_s)) ", took " (duration(data.took_s)) } }
                 div { dt { "Command" } dd { code { (data.bench.command) } } }
             }
-            (busy(data))
         }
     }
 }
@@ -200,9 +212,8 @@ fn in_short(data: &ReportData) -> Markup {
     html! {
         section.short aria-labelledby="in-short" {
             h2 id="in-short" { "In short" }
-            @if let Some((first, rest)) = sentences.split_first() {
+            @if let Some(first) = sentences.first() {
                 p { strong { (first) } }
-                @if !rest.is_empty() { p { (rest.join(" ")) } }
             }
             div.scroll tabindex="0" role="group" aria-label="Table of advice" {
                 table {
@@ -217,6 +228,8 @@ fn in_short(data: &ReportData) -> Markup {
                     tbody { @for verdict in &verdicts { (advice(data, verdict)) } }
                 }
             }
+            @if sentences.len() > 1 { p { (sentences[1..].join(" ")) } }
+            (busy(data))
         }
     }
 }
