@@ -58,6 +58,33 @@ pub fn resolve_path(folder: &Path, written: &str) -> Option<Resolved> {
     Some(Resolved { path: found, case_differs: true })
 }
 
+/// What to say of a path that is not there: the first folder of it that is missing, or the names beside it, the nearest first
+/// named.
+#[must_use]
+pub fn nearest_help(missing: &Path) -> String {
+    /// Entries of a folder that are looked at.
+    const MOST: usize = 10_000;
+    let lacking = missing.ancestors().find(|part| part.parent().is_some_and(|folder| here(folder).is_dir()));
+    let Some((lacking, folder)) = lacking.and_then(|part| Some((part, part.parent()?))) else {
+        return "valid: a path relative to this file".to_owned();
+    };
+    let entries = std::fs::read_dir(here(folder)).into_iter().flatten().take(MOST);
+    let names: Vec<String> = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
+    let wanted = lacking.file_name().unwrap_or_default().to_string_lossy();
+    let alike = |name: &String| strsim::normalized_damerau_levenshtein(&name.to_lowercase(), &wanted.to_lowercase());
+    let nearest = names.iter().map(|name| (alike(name), name)).filter(|(similarity, _)| *similarity >= 0.6);
+    let nearest = nearest.max_by(|a, b| a.0.total_cmp(&b.0).then_with(|| b.1.cmp(a.1)));
+    match nearest {
+        Some((_, name)) => format!("there is `{}`; did you mean that?", folder.join(name).display()),
+        None if lacking == missing => format!("its folder {} has {} entries", here(folder).display(), names.len()),
+        None => format!("the folder {} is not there", lacking.display()),
+    }
+}
+
+fn here(folder: &Path) -> &Path {
+    if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
+}
+
 /// The way from `folder` to `target`, with `/`, as files store it: `../textures/wall.png`. Both are made absolute
 /// first. `None` if they have no common root (two Windows drives) or `target` is not valid Unicode.
 #[must_use]

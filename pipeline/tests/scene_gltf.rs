@@ -412,3 +412,241 @@ fn a_cutoff_and_an_opacity_beyond_f32_give_a_cutoff_that_is_a_number() {
     let scene = read(&json, &binary).unwrap();
     assert_eq!(scene.materials[0].alpha_cutoff, Some(f32::INFINITY));
 }
+
+/// A wavy grid of `side * side` vertices as Draco's own encoder packs it, with positions (id 0), normals (1) and texture coordinates (2).
+fn draco_grid(side: usize, speed: i32) -> (Vec<u8>, Vec<Vec3>) {
+    use draco_core::{
+        DataType, EncoderBuffer, EncoderOptions, FaceIndex, GeometryAttributeType, Mesh, MeshEncoder, PointAttribute,
+    };
+    let place = |index: usize| {
+        let (x, y) = ((index % side) as f32, (index / side) as f32);
+        Vec3::new(x, y, (x * 0.7).sin() * (y * 0.5).cos())
+    };
+    let positions: Vec<Vec3> = (0..side * side).map(place).collect();
+    let mut mesh = Mesh::new();
+    let mut add = |kind, components: u8, values: &[f32]| {
+        let mut attribute = PointAttribute::new();
+        attribute.init(kind, components, DataType::Float32, false, values.len() / usize::from(components));
+        attribute.buffer_mut().write(0, &floats(values));
+        mesh.add_attribute(attribute);
+    };
+    let flat = |vectors: &[Vec3]| vectors.iter().flat_map(|vector| vector.to_array()).collect::<Vec<f32>>();
+    add(GeometryAttributeType::Position, 3, &flat(&positions));
+    add(GeometryAttributeType::Normal, 3, &flat(&vec![Vec3::Z; positions.len()]));
+    let texcoords: Vec<f32> = positions.iter().flat_map(|p| [p.x / side as f32, p.y / side as f32]).collect();
+    add(GeometryAttributeType::TexCoord, 2, &texcoords);
+    let quads = (side - 1) * (side - 1);
+    mesh.set_num_faces(2 * quads);
+    for quad in 0..quads {
+        let corner = (quad / (side - 1) * side + quad % (side - 1)) as u32;
+        let (right, up) = (corner + 1, corner + side as u32);
+        mesh.set_face(FaceIndex(2 * quad as u32), [corner.into(), right.into(), up.into()]);
+        mesh.set_face(FaceIndex(2 * quad as u32 + 1), [up.into(), right.into(), (up + 1).into()]);
+    }
+    let mut options = EncoderOptions::new();
+    options.set_global_int("encoding_speed", speed);
+    options.set_global_int("decoding_speed", speed);
+    for (attribute, bits) in [(0, 14), (1, 10), (2, 12)] {
+        options.set_attribute_int(attribute, "quantization_bits", bits);
+    }
+    let mut encoder = MeshEncoder::new();
+    encoder.set_mesh(mesh);
+    let mut buffer = EncoderBuffer::new();
+    encoder.encode(&options, &mut buffer).expect("it can be encoded");
+    (buffer.data().to_vec(), positions)
+}
+
+fn draco_asset(side: usize, packed: &[u8]) -> Value {
+    let (vertices, corners) = (side * side, 6 * (side - 1) * (side - 1));
+    json!({
+        "asset": {"version": "2.0"},
+        "extensionsUsed": ["KHR_draco_mesh_compression"],
+        "extensionsRequired": ["KHR_draco_mesh_compression"],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{
+            "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3,
+            "extensions": {"KHR_draco_mesh_compression": {
+                "bufferView": 0, "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}
+            }}
+        }]}],
+        "accessors": [
+            {"componentType": 5126, "count": vertices, "type": "VEC3"},
+            {"componentType": 5126, "count": vertices, "type": "VEC3"},
+            {"componentType": 5126, "count": vertices, "type": "VEC2"},
+            {"componentType": 5123, "count": corners, "type": "SCALAR"}
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": packed.len()}],
+        "buffers": [{"byteLength": packed.len()}]
+    })
+}
+
+#[test]
+fn draco_meshes_have_their_triangles_and_attributes_within_the_quantisation() {
+    const SIDE: usize = 20;
+    // The speeds choose all ways to encode connectivity: valence and standard edge breaker, sequential.
+    for speed in [0, 5, 10] {
+        let (packed, positions) = draco_grid(SIDE, speed);
+        let scene = read(&draco_asset(SIDE, &packed), &packed).unwrap();
+        let mesh = &scene.meshes[0];
+        assert_eq!((mesh.positions.len(), mesh.groups[0].triangles.len()), (SIDE * SIDE, 2 * 19 * 19), "{speed}");
+        // A grid of 14 bits over 19 units; the file may order vertices as it likes.
+        let step = 19.0 / 16383.0;
+        for (at, (normal, texcoord)) in mesh.positions.iter().zip(mesh.normals.iter().zip(&mesh.texcoords)) {
+            let nearest = positions.iter().map(|p| p.distance(*at)).fold(f32::INFINITY, f32::min);
+            assert!(nearest <= 0.87 * step, "speed {speed}: {at} is {nearest} off");
+            assert!(normal.distance(Vec3::Z) < 0.01, "{normal}");
+            let expected = Vec2::new(at.x / SIDE as f32, 1.0 - at.y / SIDE as f32);
+            assert!(texcoord.distance(expected) < 2e-3, "{texcoord} at {at}");
+        }
+        let area = |positions: &[Vec3], triangle: [u32; 3]| {
+            let [a, b, c] = triangle.map(|corner| positions[corner as usize]);
+            let normal = (b - a).cross(c - a);
+            assert!(normal.z > 0.0, "the triangles keep their orientation");
+            normal.z / 2.0
+        };
+        let sum: f32 = mesh.groups[0].triangles.iter().map(|triangle| area(&mesh.positions, *triangle)).sum();
+        assert!((sum - 19.0 * 19.0).abs() < 0.05, "the grid is covered once: {sum}");
+    }
+}
+
+#[test]
+fn draco_streams_that_are_damaged_or_too_large_are_errors_of_the_file() {
+    let (packed, _) = draco_grid(24, 5);
+    let json = draco_asset(24, &packed);
+    let asset = glb(&json, &packed);
+    let folder = Folder::new();
+    let small = LoadOptions { max_bytes: 40_000, ..LoadOptions::default() };
+    let path = folder.write("small.glb", &asset);
+    let error = load(&[path], &small, &|_| {}).unwrap_err().to_string();
+    assert!(error.contains("small.glb") && error.contains("--max-memory"), "{error}");
+
+    let mut missing = json.clone();
+    missing["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]["attributes"]["NORMAL"] =
+        9.into();
+    let error = read(&missing, &packed).unwrap_err();
+    assert!(error.contains("attribute NORMAL is not in the stream"), "{error}");
+    missing["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]["attributes"]["NORMAL"] =
+        2.into();
+    let error = read(&missing, &packed).unwrap_err();
+    assert!(error.contains("has 2 components; valid: 3"), "{error}");
+
+    let start = asset.len() - packed.len();
+    let (mut refused, mut loaded) = (0, 0);
+    for damaged in mutations(&packed, 400) {
+        let mut bytes = asset[..start].to_vec();
+        bytes.extend(&damaged);
+        bytes.resize(asset.len(), 0);
+        match load_capped(&folder.write("damaged.glb", bytes)) {
+            Ok(scene) => {
+                assert_references_are_valid(&scene);
+                loaded += 1;
+            }
+            Err(error) => {
+                assert!(error.to_string().contains("damaged.glb"), "{error}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(refused > 100 && loaded > 10, "{refused} refused, {loaded} loaded");
+}
+
+/// The square with its buffer views compressed, in a buffer of their own; the first buffer is a fallback without bytes.
+fn meshopt_square() -> (Value, Vec<u8>) {
+    use meshoptimizer_rs::Workspace;
+    use meshoptimizer_rs::codec::{IndexEncoding, VertexEncoding, encode_index_buffer, encode_vertex_buffer};
+    let (mut json, plain) = square();
+    let mut work = Workspace::default();
+    let vertices = VertexEncoding::new(0, 2).expect("the extension has version 0");
+    let positions = encode_vertex_buffer(&plain[..48], 4, 12, vertices, &mut work).expect("encoded");
+    let texcoords = encode_vertex_buffer(&plain[48..80], 4, 8, vertices, &mut work).expect("encoded");
+    let triangles = [0, 1, 2, 2, 1, 3];
+    let indices = encode_index_buffer(&triangles, IndexEncoding::DEFAULT, &mut work).expect("encoded");
+    let mut packed = Vec::new();
+    let views = [(positions, "ATTRIBUTES", 4, 12), (texcoords, "ATTRIBUTES", 4, 8), (indices, "TRIANGLES", 6, 2)];
+    for (index, (bytes, mode, count, stride)) in views.into_iter().enumerate() {
+        json["bufferViews"][index]["extensions"] = json!({"EXT_meshopt_compression": {
+            "buffer": 1, "byteOffset": packed.len(), "byteLength": bytes.len(),
+            "byteStride": stride, "count": count, "mode": mode
+        }});
+        packed.extend(bytes);
+    }
+    json["extensionsRequired"] = json!(["EXT_meshopt_compression"]);
+    let fallback = json!({"byteLength": 92, "extensions": {"EXT_meshopt_compression": {"fallback": true}}});
+    json["buffers"] = json!([fallback, {"byteLength": packed.len(), "uri": "packed.bin"}]);
+    (json, packed)
+}
+
+#[test]
+fn buffer_views_compressed_by_meshopt_hold_what_the_plain_ones_held() {
+    let (plain, binary) = square();
+    let expected = read(&plain, &binary).unwrap();
+    let (json, packed) = meshopt_square();
+    let folder = Folder::new();
+    folder.write("packed.bin", &packed);
+    let scene = load_one(&folder.write("a.gltf", json.to_string())).unwrap();
+    assert_eq!(scene.meshes[0].positions, expected.meshes[0].positions);
+    assert_eq!(scene.meshes[0].texcoords, expected.meshes[0].texcoords);
+    let sorted = |scene: &Scene| {
+        // The codec may turn the corners of a triangle round.
+        let first = |[a, b, c]: [u32; 3]| {
+            if a < b && a < c {
+                [a, b, c]
+            } else if b < c {
+                [b, c, a]
+            } else {
+                [c, a, b]
+            }
+        };
+        scene.meshes[0].groups[0].triangles.iter().map(|triangle| first(*triangle)).collect::<Vec<_>>()
+    };
+    assert_eq!(sorted(&scene), sorted(&expected));
+
+    for (field, value, words) in [
+        ("mode", json!("TRIANGLE"), "valid: ATTRIBUTES"),
+        ("filter", json!("ZIP"), "valid: NONE, OCTAHEDRAL"),
+        ("byteStride", json!(10), "4 elements of 10 bytes"),
+        ("byteLength", json!(1 << 30), "reaches beyond"),
+        ("count", json!(1 << 40), "need"),
+        ("buffer", json!(7), "buffer 7 does not exist"),
+        ("count", json!(4.5), "no whole number"),
+    ] {
+        let mut broken = json.clone();
+        broken["bufferViews"][0]["extensions"]["EXT_meshopt_compression"][field] = value;
+        let error = load_one(&folder.write("broken.gltf", broken.to_string())).unwrap_err().to_string();
+        assert!(error.contains("broken.gltf") && error.contains(words), "{field}: {error}");
+    }
+    for damaged in mutations(&packed, 300) {
+        folder.write("packed.bin", damaged);
+        if let Ok(scene) = load_capped(&folder.path("a.gltf")) {
+            assert_references_are_valid(&scene);
+        }
+    }
+}
+
+#[test]
+fn images_of_other_formats_are_taken_from_their_extensions() {
+    let (mut json, binary) = square();
+    let folder = Folder::new();
+    let texel = image::RgbaImage::from_pixel(3, 2, image::Rgba([200, 100, 50, 255]));
+    let path = folder.write("t.webp", []);
+    texel.save_with_format(&path, image::ImageFormat::WebP).expect("a WebP");
+    folder.write("a.bin", &binary);
+    json["buffers"][0]["uri"] = "a.bin".into();
+    json["images"] = json!([{"uri": "t.webp", "mimeType": "image/webp"}]);
+    json["textures"] = json!([{"extensions": {"EXT_texture_webp": {"source": 0}}}]);
+    json["materials"] = json!([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]);
+    json["extensionsRequired"] = json!(["EXT_texture_webp"]);
+    let scene = load_one(&folder.write("a.gltf", json.to_string())).unwrap();
+    let (built, warnings) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
+    assert_eq!(warnings.groups().len(), 0, "{:?}", warnings.groups());
+    // Our own writer is lossless.
+    assert_eq!(built.textures[0].levels[0].texels, [[200, 100, 50, 255]; 6]);
+
+    json["textures"] = json!([{"extensions": {"KHR_texture_basisu": {"source": 0}}}]);
+    json["extensionsRequired"] = json!([]);
+    let scene = load_one(&folder.write("b.gltf", json.to_string())).unwrap();
+    assert_eq!(count(&scene.warnings, "missing textures"), 1);
+    json["extensionsRequired"] = json!(["KHR_texture_basisu"]);
+    let error = load_one(&folder.write("b.gltf", json.to_string())).unwrap_err().to_string();
+    assert!(error.contains("KHR_texture_basisu") && error.contains("PNG, JPEG or WebP"), "{error}");
+}

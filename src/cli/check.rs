@@ -5,50 +5,88 @@ use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_th
 use curitiba::OpenError;
 use curitiba::pipeline::files::record_files_read;
 use curitiba::pipeline::plan::Plan;
-use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, RenderScene};
+use curitiba::pipeline::project::{SceneDecl, SourceError, declared_scenes};
+use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, Needs, RenderScene, SceneError};
 
 /// Reads everything that `render` would read, renders nothing, and prints what it finds.
 pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
     record_files_read();
     let settings = args.settings();
-    let project = settings.open(&args.path).map_err(OpenError::from)?;
+    let max_bytes = settings.max_memory;
+    let project = settings.open(&args.path).map_err(|error| {
+        if matches!(error, SourceError::Project(_)) {
+            // What is wrong with the scenes' files is said all the same.
+            let mut found = Found::default();
+            declared_scenes(&args.path).iter().for_each(|declared| found.look_at(declared, Needs::ALL, max_bytes));
+            if let Some(failures) = found.failures() {
+                failure::print_error(&failures);
+            }
+        }
+        Failure::from(OpenError::from(error))
+    })?;
     failure::print_problems(&project.problems);
     let mut plan = Plan::new(project, settings).map_err(|error| Failure::from(OpenError::from(error)))?;
     ask_engines(&mut plan, args.choice())?;
     print_warnings(&plan.warnings);
-    let mut failures = Vec::new();
-    let mut warnings = plan.project.problems.0.len() + plan.warnings.groups().len();
-    let max_bytes = plan.settings.max_memory;
-    for declared in &plan.project.scenes {
-        for file in &declared.files {
-            // Each by itself, so that one that is wrong does not hide the others.
-            let options = LoadOptions { needs: plan.needs, max_bytes };
-            let built = scene::load(std::slice::from_ref(&file.path), &options, &|_| {}).and_then(|mut loaded| {
-                let mut found = std::mem::take(&mut loaded.warnings);
-                let options = BuildOptions { needs: plan.needs, max_bytes, ..BuildOptions::default() };
-                let (built, more) = RenderScene::build(loaded, &options)?;
-                found.append(more);
-                Ok((built, found))
-            });
-            match built {
-                Ok((built, found)) => {
-                    print_warnings(&found);
-                    warnings += found.groups().len();
-                    let (triangles, materials) = (built.geometry.triangles.len(), built.materials.len());
-                    crate::say!("{}: {triangles} triangles, {materials} materials", file.path.display());
-                }
-                Err(error) => failures.push(format!("{}: {error}", file.place)),
-            }
-        }
-    }
-    if !failures.is_empty() {
-        let count = failures.len();
-        let files = if count == 1 { "scene file is" } else { "scene files are" };
-        return Err(Failure::Input(format!("{}\n{count} {files} wrong", failures.join("\nerror: "))));
+    let warnings = plan.project.problems.0.len() + plan.warnings.groups().len();
+    let mut found = Found { warnings, ..Found::default() };
+    plan.project.scenes.iter().for_each(|declared| found.look_at(declared, plan.needs, max_bytes));
+    if let Some(failures) = found.failures() {
+        return Err(Failure::Input(failures));
     }
     print_outside(&args.path, []);
-    let passes = plan.passes.len();
+    let (passes, warnings) = (plan.passes.len(), found.warnings);
     crate::say!("{}: ok, passes that run: {passes}, notes and warnings: {warnings}", args.path.display());
     Ok(())
+}
+
+/// What is said of scene files.
+#[derive(Default)]
+struct Found {
+    warnings: usize,
+    failures: Vec<String>,
+}
+
+impl Found {
+    /// Reads a scene's files, each by itself, so that one that is wrong does not hide the others.
+    fn look_at(&mut self, declared: &SceneDecl, needs: Needs, max_bytes: u64) {
+        let options = LoadOptions { needs, max_bytes };
+        for file in &declared.files {
+            let loaded = scene::load(std::slice::from_ref(&file.path), &options, &|_| {});
+            self.build(&file.path.display().to_string(), &file.place, loaded, &options);
+        }
+        if !declared.shapes.is_empty() {
+            let alone = SceneDecl { files: Vec::new(), ..declared.clone() };
+            let name = format!("primitives of scene `{}`", declared.name);
+            self.build(&name, &declared.name, alone.load(&options, &|_| {}), &options);
+        }
+    }
+
+    fn build(&mut self, name: &str, place: &str, loaded: Result<scene::Scene, SceneError>, options: &LoadOptions) {
+        let built = loaded.and_then(|mut loaded| {
+            let mut found = std::mem::take(&mut loaded.warnings);
+            let LoadOptions { needs, max_bytes } = *options;
+            let (built, more) =
+                RenderScene::build(loaded, &BuildOptions { needs, max_bytes, ..BuildOptions::default() })?;
+            found.append(more);
+            Ok((built, found))
+        });
+        match built {
+            Ok((built, found)) => {
+                print_warnings(&found);
+                self.warnings += found.groups().len();
+                let (triangles, materials) = (built.geometry.triangles.len(), built.materials.len());
+                crate::say!("{name}: {triangles} triangles, {materials} materials");
+            }
+            Err(error) => self.failures.push(format!("{place}: {error}")),
+        }
+    }
+
+    /// All that is wrong, in words; `None` if nothing is.
+    fn failures(&self) -> Option<String> {
+        let count = self.failures.len();
+        let files = if count == 1 { "scene file is" } else { "scene files are" };
+        (count > 0).then(|| format!("{}\n{count} {files} wrong", self.failures.join("\nerror: ")))
+    }
 }

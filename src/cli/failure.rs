@@ -66,7 +66,7 @@ impl Failure {
     pub fn print(&self) {
         match self {
             Self::Work(message) | Self::Usage(message) | Self::Input(message) => {
-                crate::tell!("{ERROR}error:{ERROR:#} {message}");
+                print_error(message);
             }
             Self::Beyond(metrics) => crate::tell!("{ERROR}beyond:{ERROR:#} {metrics}"),
             Self::Problems(problems) => print_problems(problems),
@@ -142,6 +142,11 @@ pub fn print_warning(text: &str) {
 pub fn print_warnings_of(problems: &Problems) {
     let warnings = problems.0.iter().filter(|problem| problem.severity != Severity::Note);
     print_problems(&Problems(warnings.cloned().collect()));
+}
+
+/// Prints an error that does not end the command by itself.
+pub fn print_error(message: &str) {
+    crate::tell!("{ERROR}error:{ERROR:#} {message}");
 }
 
 /// Prints every problem with its place; on a terminal with the lines around it, and a closing count.

@@ -10,7 +10,7 @@ pub use stream::{BLOCK, StreamError, Summary, Target, stream};
 
 use pipeline::diagnostic::Warnings;
 use pipeline::project::{PassKind, Project};
-use pipeline::scene::{self, BuildOptions, LoadOptions, Material, Needs, RenderScene, SceneError};
+use pipeline::scene::{self, BuildOptions, LoadOptions, Material, Needs, RenderScene, Scene, SceneError};
 
 use crate::pipeline;
 use std::path::PathBuf;
@@ -46,7 +46,10 @@ pub fn is_see_through(material: &Material) -> bool {
 /// # Errors
 /// As [`scene::load`] and [`RenderScene::build`].
 pub fn load_files(files: &[PathBuf], max_bytes: u64) -> Result<Loaded, SceneError> {
-    load(files, BuildOptions { needs: NEEDS, max_bytes, ..BuildOptions::default() })
+    load(
+        &|options| scene::load(files, options, &|_| {}),
+        BuildOptions { needs: NEEDS, max_bytes, ..BuildOptions::default() },
+    )
 }
 
 /// Loads all scenes of a project, in their order. What a ray pass maps to glass is not opaque either.
@@ -56,15 +59,8 @@ pub fn load_files(files: &[PathBuf], max_bytes: u64) -> Result<Loaded, SceneErro
 pub fn load_project(project: &Project, max_bytes: u64) -> Result<Loaded, SceneError> {
     let mut all = Loaded::default();
     for declared in &project.scenes {
-        let files: Vec<PathBuf> = declared.files.iter().map(|file| file.path.clone()).collect();
-        let options = BuildOptions {
-            needs: NEEDS,
-            swap_yz: declared.swap_yz,
-            unitize: declared.unitize,
-            max_bytes,
-            ..BuildOptions::default()
-        };
-        let part = load(&files, options)?;
+        let options = BuildOptions { needs: NEEDS, max_bytes, ..BuildOptions::default() };
+        let part = load(&|load| declared.load(load, &|_| {}), declared.build_options(options))?;
         all.warnings.append(part.warnings);
         all.see_through.extend(part.see_through);
         all.scene.append(part.scene);
@@ -80,10 +76,10 @@ pub fn load_project(project: &Project, max_bytes: u64) -> Result<Loaded, SceneEr
 
 const NEEDS: Needs = Needs { normals: false, textures: false };
 
-fn load(files: &[PathBuf], options: BuildOptions) -> Result<Loaded, SceneError> {
+fn load(read: &dyn Fn(&LoadOptions) -> Result<Scene, SceneError>, options: BuildOptions) -> Result<Loaded, SceneError> {
     // Which materials textures cut out is said with the textures' files; they are not decoded.
     let load = LoadOptions { needs: Needs { normals: false, textures: true }, max_bytes: options.max_bytes };
-    let mut read = scene::load(files, &load, &|_| {})?;
+    let mut read = read(&load)?;
     let see_through = read.materials.iter().map(is_see_through).collect();
     let mut warnings = std::mem::take(&mut read.warnings);
     let (scene, more) = RenderScene::build(read, &options)?;

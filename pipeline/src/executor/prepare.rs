@@ -6,7 +6,7 @@ use crate::memory::{self, Refused};
 use crate::plan::{Decision, Work, mebibytes};
 use crate::programs::Fidelity;
 use crate::project::{ColorMap, MaterialPattern, PassKind};
-use crate::scene::{self, BuildOptions, LoadOptions, Material, RenderScene};
+use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -68,11 +68,10 @@ impl Renderer {
         let mut whole: Option<RenderScene> = None;
         for index in set {
             let declared = &self.plan.project.scenes[*index];
-            let files: Vec<_> = declared.files.iter().map(|file| file.path.clone()).collect();
             let places: Vec<_> = declared.files.iter().map(|file| file.place.as_str()).collect();
             let place = places.join(", ");
             let wrong = |error| RenderError::Scene { place: place.clone(), error };
-            let loaded = scene::load(&files, &LoadOptions { needs: self.plan.needs, max_bytes }, &|state| {
+            let loaded = declared.load(&LoadOptions { needs: self.plan.needs, max_bytes }, &|state| {
                 progress.start(state.bytes_total);
                 progress.advance(state.bytes_done);
             });
@@ -83,13 +82,9 @@ impl Renderer {
                 // The report's programs cut nothing out; textures get plain mip levels.
                 loaded.materials.iter_mut().for_each(|material| material.alpha_cutoff = None);
             }
-            let options = BuildOptions {
-                needs: self.plan.needs,
-                model_space_normals: thesis,
-                swap_yz: declared.swap_yz,
-                unitize: declared.unitize,
-                max_bytes,
-            };
+            let (needs, model_space_normals) = (self.plan.needs, thesis);
+            let options = BuildOptions { needs, model_space_normals, max_bytes, ..BuildOptions::default() };
+            let options = declared.build_options(options);
             let (built, warnings) = RenderScene::build(loaded, &options).map_err(wrong)?;
             self.warnings.append(warnings);
             match &mut whole {

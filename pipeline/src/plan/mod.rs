@@ -15,7 +15,7 @@ use crate::backend::{Attachments, Rect, View};
 use crate::diagnostic::Warnings;
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams};
-use crate::project::{Camera, ChannelRef, Pass, PassKind, Project, Viewport};
+use crate::project::{Camera, ChannelRef, Orthographic, Pass, PassKind, Project, Viewport};
 use crate::raster_effects::EffectParams;
 use crate::scene::{Material, Needs};
 use glam::camera::rh;
@@ -316,9 +316,21 @@ fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
 
 /// The camera of a viewport.
 fn view(camera: &Camera, viewport: Rect) -> View {
-    let aspect = viewport.width.max(1) as f32 / viewport.height.max(1) as f32;
-    // Exchanging near and far reverses the depth: 1 at the near plane, where floats are densest near 0 for the far one.
-    let projection = rh::proj::directx::perspective(camera.fov_y, aspect, camera.far, camera.near);
+    /// How many times farther than it sees a camera without perspective is said to stand: lines of sight to a point are parallel to
+    /// within the inverse of it, in radians.
+    const FAR_AWAY: f32 = 65_536.0;
     let to_view: Mat4 = rh::view::look_to_mat4(camera.position, camera.direction, camera.up);
-    View { clip_from_world: projection * to_view, eye: camera.position }
+    // Exchanging near and far reverses the depth: 1 at the near plane, where floats are densest near 0 for the far one.
+    let (projection, eye) = match camera.orthographic {
+        None => {
+            let aspect = viewport.width.max(1) as f32 / viewport.height.max(1) as f32;
+            (rh::proj::directx::perspective(camera.fov_y, aspect, camera.far, camera.near), camera.position)
+        }
+        Some(Orthographic { left, right, bottom, top }) => {
+            let size = (right - left).max(top - bottom).max(camera.far - camera.near);
+            let projection = rh::proj::directx::orthographic(left, right, bottom, top, camera.far, camera.near);
+            (projection, camera.position - camera.direction * (size * FAR_AWAY))
+        }
+    };
+    View { clip_from_world: projection * to_view, eye }
 }

@@ -419,7 +419,24 @@ impl Parser<'_> {
 
     /// Reads the value of attribute `name` at `start` of `content`, quoted or not, and where the next attribute may start.
     fn value(&mut self, content: &str, start: usize, offset: usize, name: &str) -> Option<(Option<Value>, usize)> {
-        let (first, last, next) = match content[start..].chars().next() {
+        let opening = content[start..].chars().next();
+        let (first, last, next) = match opening {
+            // What a word processor makes of straight quotes; no value starts with one.
+            Some(quote) if let Some(closing) = curly(quote) => {
+                let first = start + quote.len_utf8();
+                let Some(length) = content[first..].find(closing) else {
+                    let at = self.span(offset + start, offset + content.len());
+                    let message = format!("the quote of attribute `{}` is never closed", shown(name));
+                    self.report.error_help(at, message, || STRAIGHT.to_owned());
+                    return Some((None, content.len()));
+                };
+                let last = first + length;
+                let end = content[last..].chars().next().map_or(last, |quote| last + quote.len_utf8());
+                let at = self.span(offset + start, offset + end);
+                let message = format!("the quotes of attribute `{}` are curly", shown(name));
+                self.report.warning(at, message, || Some(STRAIGHT.to_owned()));
+                (first, last, end)
+            }
             Some(quote @ ('"' | '\'')) => match content[start + 1..].find(quote) {
                 Some(length) => (start + 1, start + 1 + length, start + 2 + length),
                 None => {
@@ -452,6 +469,17 @@ impl Parser<'_> {
         }
         let text = self.unescape(raw, offset + first);
         Some((Some(Value::new(&text, span)), next))
+    }
+}
+
+const STRAIGHT: &str = "valid: straight quotes, name=\"value\"; a word processor turned them";
+
+/// The quotes that may close what a curly one opens.
+fn curly(opening: char) -> Option<&'static [char]> {
+    match opening {
+        '\u{201c}' | '\u{201d}' | '\u{201e}' | '\u{2033}' => Some(&['\u{201c}', '\u{201d}', '\u{2033}', '"']),
+        '\u{2018}' | '\u{2019}' | '\u{201a}' => Some(&['\u{2018}', '\u{2019}', '\'']),
+        _ => None,
     }
 }
 

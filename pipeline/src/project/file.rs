@@ -18,7 +18,11 @@ pub(super) fn read(report: &mut Report, path: &Path, named_at: Option<Span>) -> 
                 let file = report.add_source(Source { path: path.to_owned(), text: "".into() });
                 Span { file, start: 0, end: 0 }
             });
-            report.error(at, message);
+            if path.exists() {
+                report.error(at, message);
+            } else {
+                report.error_help(at, message, || crate::paths::nearest_help(path));
+            }
             return None;
         }
     };

@@ -51,17 +51,7 @@ const DEFAULT_WINDOW: [u32; 2] = [1024, 1024];
 
 /// Loads a project; see [`super::load`].
 pub(super) fn load(path: &Path) -> Result<Project, Problems> {
-    let mut loader = Loader {
-        report: Report::default(),
-        folder: file::Folder::of(path),
-        constants: HashMap::new(),
-        libraries: Libraries::new(),
-        scenes: Declared::new("scene"),
-        viewports: Declared::new("viewport"),
-        cameras: Declared::new("camera"),
-        lights: Declared::new("light"),
-    };
-    let read = loader.project(path);
+    let (mut loader, read) = read(path);
     match read {
         Some(mut project) if !loader.report.has_errors() => {
             project.scenes = loader.scenes.finish();
@@ -74,6 +64,26 @@ pub(super) fn load(path: &Path) -> Result<Project, Problems> {
         }
         _ => Err(loader.report.finish()),
     }
+}
+
+/// The scenes that could be read, whatever else is wrong; see [`super::declared_scenes`].
+pub(super) fn scenes(path: &Path) -> Vec<SceneDecl> {
+    read(path).0.scenes.items.into_iter().flatten().collect()
+}
+
+fn read(path: &Path) -> (Loader, Option<Project>) {
+    let mut loader = Loader {
+        report: Report::default(),
+        folder: file::Folder::of(path),
+        constants: HashMap::new(),
+        libraries: Libraries::new(),
+        scenes: Declared::new("scene"),
+        viewports: Declared::new("viewport"),
+        cameras: Declared::new("camera"),
+        lights: Declared::new("light"),
+    };
+    let read = loader.project(path);
+    (loader, read)
 }
 
 impl Loader {

@@ -25,6 +25,7 @@
 //! Files are bounded (16 MiB, 64 levels of elements, 65,536 elements), and so is what is reported.
 
 mod assets;
+mod cameras;
 mod dom;
 mod draw;
 mod effect;
@@ -38,6 +39,7 @@ mod parameters;
 mod passes;
 mod ray;
 mod report;
+mod scenes;
 mod source;
 mod values;
 mod write;
@@ -50,6 +52,7 @@ use crate::diagnostic::Problems;
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram};
 use crate::raster_effects::{EffectParams, EffectProgram};
+use crate::scene::{self, BuildOptions, LoadOptions, LoadProgress, Placement, Scene, SceneError, Shape, shapes};
 use glam::{Vec3, Vec4};
 use report::{Found, Names, shown, suggest};
 use std::path::{Path, PathBuf};
@@ -89,6 +92,13 @@ pub fn load(path: &Path) -> Result<Project, Problems> {
     loader::load(path)
 }
 
+/// The scenes of a project file that could be read, though other parts of it are wrong: so that what is wrong with their files can be
+/// said at the same time.
+#[must_use]
+pub fn declared_scenes(path: &Path) -> Vec<SceneDecl> {
+    loader::scenes(path)
+}
+
 impl Project {
     /// Index of a pipeline by its name, in any letters' case; without a name, the default one.
     ///
@@ -124,10 +134,34 @@ pub struct SceneDecl {
     pub name: String,
     /// Files, resolved against the project's folder; they may not exist (the loader says so).
     pub files: Vec<SceneFile>,
+    /// `<geometry>` primitives.
+    pub shapes: Vec<Shape>,
+    /// What places all of it in the world: `<TRANSLATE>`, `<ROTATE>`, `<SCALE>`.
+    pub place: Placement,
     /// `param="SWAP_YZ"`: y and z are exchanged (z negated), for models with z up.
     pub swap_yz: bool,
     /// `param="UNITIZE"`: centred at the origin and scaled into [-1, 1].
     pub unitize: bool,
+}
+
+impl SceneDecl {
+    /// Reads its files and adds its primitives.
+    ///
+    /// # Errors
+    /// As [`scene::load`]; primitives that need more memory than allowed.
+    pub fn load(&self, options: &LoadOptions, progress: &dyn Fn(LoadProgress<'_>)) -> Result<Scene, SceneError> {
+        let files: Vec<PathBuf> = self.files.iter().map(|file| file.path.clone()).collect();
+        let mut scene = scene::load(&files, options, progress)?;
+        let named = self.files.first().map_or(Path::new(&self.name), |file| &file.path);
+        shapes::add(&mut scene, &self.shapes, named, options.max_bytes)?;
+        Ok(scene)
+    }
+
+    /// How it is made ready: as `options` say, and turned, fitted and placed as the project does.
+    #[must_use]
+    pub fn build_options(&self, options: BuildOptions) -> BuildOptions {
+        BuildOptions { swap_yz: self.swap_yz, unitize: self.unitize, transform: self.place.matrix(), ..options }
+    }
 }
 
 /// A scene file and where it is named.
@@ -152,7 +186,21 @@ pub struct Viewport {
     pub clear_color: Vec4,
 }
 
-/// A perspective camera.
+/// The sides of what a camera without perspective sees, in world units from its axis; `left < right`, `bottom < top`. They are stretched over
+/// the viewport, whatever its shape.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Orthographic {
+    /// Along the camera's right vector.
+    pub left: f32,
+    /// Along the camera's right vector.
+    pub right: f32,
+    /// Along the camera's up vector.
+    pub bottom: f32,
+    /// Along the camera's up vector.
+    pub top: f32,
+}
+
+/// A camera.
 #[derive(Debug, Clone)]
 pub struct Camera {
     /// Name.
@@ -165,10 +213,12 @@ pub struct Camera {
     pub up: Vec3,
     /// Vertical field of view, radians, in (0, π).
     pub fov_y: f32,
-    /// Near plane distance, above 0.
+    /// Near plane distance, above 0 with perspective.
     pub near: f32,
     /// Far plane distance, above [`Self::near`].
     pub far: f32,
+    /// What it sees where it has no perspective; the angle then means nothing.
+    pub orthographic: Option<Orthographic>,
     /// Index of its viewport, used by passes that name none.
     pub viewport: Option<usize>,
 }

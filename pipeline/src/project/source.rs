@@ -170,7 +170,7 @@ fn start_of(path: &Path) -> Option<Vec<u8>> {
 }
 
 /// The scene files of a folder, by name; of those with one stem the best format alone. Folders in it are not searched.
-fn scenes_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
+pub(super) fn scenes_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     let failed = |error: std::io::Error| SceneError::file(folder, error.to_string());
     let mut found: Vec<(String, usize, PathBuf)> = Vec::new();
     let mut projects: Vec<String> = Vec::new();

@@ -130,8 +130,8 @@ fn find(file: &Path, warnings: &mut Warnings) -> Result<(PathBuf, u64), SceneErr
     let path = if file.exists() || written.is_empty() {
         file.to_owned()
     } else {
-        let resolved =
-            resolve_path(Path::new(""), written).ok_or_else(|| SceneError::file(file, "there is no such file"))?;
+        let resolved = resolve_path(Path::new(""), written)
+            .ok_or_else(|| SceneError::file(file, "there is no such file").help(crate::paths::nearest_help(file)))?;
         if resolved.case_differs {
             warnings.add(file, "paths with other letter case", "the file was found all the same", || {
                 resolved.path.display().to_string()

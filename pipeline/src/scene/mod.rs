@@ -9,6 +9,7 @@ mod load;
 mod obj;
 mod parallel;
 mod render;
+pub(crate) mod shapes;
 mod statistics;
 pub mod texture;
 
@@ -17,6 +18,7 @@ pub use error::{Place, SceneError};
 pub use fingerprint::fnv1a;
 pub use load::{LoadOptions, LoadProgress, load};
 pub use render::BuildOptions;
+pub use shapes::{Placement, Shape, ShapeKind};
 pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics};
 
 use crate::diagnostic::Warnings;

@@ -71,8 +71,11 @@ fn cameras_must_see_something() {
     let here = "@<LOOK_AT_POINT x=0 y=0 z=5 />";
     wrong("<view x=\"0\" y=\"0\" z=\"-2\" />", here, "the camera looks at the point where it stands", "");
     wrong("</camera>", "@<LOOK_AT_POINT x=0 y=0 z=0 /></camera>", "<LOOK_AT_POINT> contradicts <view> of line 5", "");
-    let kind = "<projection TYPE=\"@ORTHO\" /></camera>";
-    wrong("</camera>", kind, "`ORTHO` is not a projection", "perspective");
+    let kind = "<projection TYPE=\"@ISO\" /></camera>";
+    wrong("</camera>", kind, "`ISO` is not a projection", "perspective, ortho");
+    let nothing = "@<projection TYPE=ORTHO LEFT=2 RIGHT=2 /></camera>";
+    let message = "an orthographic view from 2 to 2 and from -1 to 1 shows nothing";
+    wrong("</camera>", nothing, message, "LEFT below RIGHT");
     let fov = "<perspective fov=50 />@<FOV value=50 /></camera>";
     wrong("</camera>", fov, "<FOV> is given twice", "");
     wrong("</camera>", "<viewport>@Vew</viewport></camera>", "there is no viewport `Vew`", "did you mean `View`?");
@@ -98,13 +101,19 @@ fn scenes_must_name_files_that_other_machines_have() {
     wrong("<file>box.obj</file>", "<file name=\"@\\\\server\\box.obj\"/>", share, "relative");
     wrong("<file>box.obj</file>", "@<file/>", "<file> names nothing", "<file>Name</file>");
     wrong("<scene name=\"Main\"><file>box.obj</file>", "@<scene name=\"Main\">", "the scene names no file", "<file");
-    wrong("<file>box.obj</file>", "@<folder>x</folder>", "<folder> in a scene is not supported", "<file>");
-    wrong("<scene name=\"Main\">", "<scene name=\"Main\" @scaleX=2>", "`scaleX` of a scene is not supported", "");
+    let shape = |inside: &str| format!("<geometry name=\"g\" {inside}/>");
+    wrong("<file>box.obj</file>", &shape("type=\"@TEAPOD\""), "`TEAPOD` is not a primitive", "BOX");
+    wrong("<file>box.obj</file>", "@<geometry name=\"g\"/>", "<geometry> lacks `type`", "name");
+    let slices = "type=SPHERE slices=\"@2\"";
+    wrong("<file>box.obj</file>", &shape(slices), "slices 2 is out of range", "3 to 4096");
+    let order = "<TRANSFORM_ORDER value=\"@T_R\" /><file>box.obj</file>";
+    wrong("<file>box.obj</file>", order, "`T_R` is not an order of transforms", "T_R_S");
+    let far = "<TRANSLATE x=3e38 y=0 z=0 /><SCALE x=3e38 y=1 z=1 /><TRANSFORM_ORDER value=S_T_R /><file>box.obj</file>";
     wrong(
-        "<scene name=\"Main\">",
-        "<scene name=\"Main\" param=\"@SWAP_XY\">",
-        "`SWAP_XY` is not a parameter of scenes",
-        "`SWAP_YZ`",
+        "<scene name=\"Main\"><file>box.obj</file>",
+        &format!("@<scene name=\"Main\">{far}"),
+        "<scene> is placed beyond the range of numbers",
+        "",
     );
     wrong("<file>box.obj</file>", "@<file name=\"a.obj\">b.obj</file>", "<file> names `a.obj` and `b.obj`", "");
 }

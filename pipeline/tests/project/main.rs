@@ -6,4 +6,5 @@ mod errors;
 mod passes;
 mod real;
 mod robust;
+mod scenes;
 mod support;

@@ -19,7 +19,7 @@ use super::{Camera, Project, SceneDecl, SceneFile, Viewport};
 use crate::diagnostic::{Problem, Problems, Severity};
 use crate::programs::RayProgram;
 use crate::raster_effects::EffectProgram;
-use crate::scene::{self, LoadOptions, Needs, Object, Scene, SceneError};
+use crate::scene::{self, LoadOptions, Needs, Object, Placement, Scene, SceneError};
 use glam::{DVec3, Vec3};
 use passes::{Common, Step};
 use std::path::{Path, PathBuf};
@@ -101,6 +101,8 @@ impl SceneProjects {
             scenes: vec![SceneDecl {
                 name: "MainScene".to_owned(),
                 files: files.iter().map(|path| SceneFile { path: path.clone(), place: place(path) }).collect(),
+                shapes: Vec::new(),
+                place: Placement::default(),
                 swap_yz: false,
                 unitize: false,
             }],

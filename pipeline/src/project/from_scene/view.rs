@@ -84,6 +84,7 @@ pub(super) fn camera(options: &SceneOptions, whole: Extent, focus: Extent, windo
         fov_y: fov.to_radians(),
         near: two_digits(farthest * 1e-4),
         far: two_digits(farthest * 4.0),
+        orthographic: None,
         viewport: Some(0),
     })
 }
@@ -165,6 +166,7 @@ pub(super) fn of_file(camera: &SceneCamera, name: String, extent: Extent) -> Cam
         fov_y: camera.fov_y.to_degrees().to_radians(),
         near: camera.near,
         far: if far > camera.near { far } else { camera.near * 1e6 },
+        orthographic: None,
         viewport: Some(0),
     }
 }

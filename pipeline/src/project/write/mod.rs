@@ -7,8 +7,9 @@ mod numbers;
 mod passes;
 mod xml;
 
-use super::{Camera, Light, Project, SceneDecl, Viewport};
+use super::{Camera, Light, Orthographic, Project, SceneDecl, Viewport};
 use crate::files::write_atomically;
+use crate::scene::{Placement, Shape, ShapeKind};
 use glam::Vec3;
 use library::Library;
 use numbers::degrees;
@@ -98,12 +99,22 @@ impl Project {
     }
 
     fn write_camera(&self, xml: &mut Xml, camera: &Camera) {
-        xml.begin("camera", &[("name", &camera.name), ("type", "perspective")]);
+        let kind = if camera.orthographic.is_some() { "ortho" } else { "perspective" };
+        xml.begin("camera", &[("name", &camera.name), ("type", kind)]);
         if let Some(viewport) = camera.viewport {
             xml.text("viewport", &self.viewports[viewport].name);
         }
         let [fov, near, far] = [degrees(camera.fov_y), camera.near.to_string(), camera.far.to_string()];
-        xml.empty("perspective", &[("fov", &fov), ("near", &near), ("far", &far)]);
+        match camera.orthographic {
+            None => xml.empty("perspective", &[("fov", &fov), ("near", &near), ("far", &far)]),
+            Some(Orthographic { left, right, bottom, top }) => {
+                let sides = [left, right, bottom, top].map(|side| side.to_string());
+                let named = ["left", "right", "bottom", "top"].into_iter().zip(sides.iter().map(String::as_str));
+                let mut attributes: Vec<(&str, &str)> = named.collect();
+                attributes.extend([("near", near.as_str()), ("far", far.as_str())]);
+                xml.empty("ortho", &attributes);
+            }
+        }
         vector(xml, "position", camera.position);
         vector(xml, "view", camera.direction);
         vector(xml, "up", camera.up);
@@ -135,8 +146,50 @@ fn write_scene(xml: &mut Xml, scene: &SceneDecl, folder: &Path) -> Result<(), Wr
     for file in &scene.files {
         xml.text("file", &relative(&file.path, folder)?);
     }
+    scene.shapes.iter().for_each(|shape| write_shape(xml, shape));
+    write_place(xml, &scene.place);
     xml.end();
     Ok(())
+}
+
+fn write_shape(xml: &mut Xml, shape: &Shape) {
+    let mut attributes = vec![("name", shape.name.clone()), ("material", shape.material.clone())];
+    match shape.kind {
+        ShapeKind::Box => attributes.push(("type", "BOX".to_owned())),
+        ShapeKind::Square => attributes.push(("type", "SQUARE".to_owned())),
+        ShapeKind::Sphere { slices, stacks } => attributes.extend([
+            ("type", "SPHERE".to_owned()),
+            ("slices", slices.to_string()),
+            ("stacks", stacks.to_string()),
+        ]),
+        ShapeKind::Grid { divisions, length } => attributes.extend([
+            ("type", "GRID".to_owned()),
+            ("divisions", divisions.to_string()),
+            ("length", length.to_string()),
+        ]),
+    }
+    let attributes: Vec<(&str, &str)> = attributes.iter().map(|(name, value)| (*name, value.as_str())).collect();
+    xml.begin("geometry", &attributes);
+    write_place(xml, &shape.place);
+    xml.end();
+}
+
+/// What differs from standing where it is.
+fn write_place(xml: &mut Xml, place: &Placement) {
+    let usual = Placement::default();
+    if place.translation != usual.translation {
+        vector(xml, "TRANSLATE", place.translation);
+    }
+    if place.degrees != usual.degrees {
+        let [x, y, z] = place.axis.to_array().map(|component| component.to_string());
+        xml.empty("ROTATE", &[("x", &x), ("y", &y), ("z", &z), ("w", &place.degrees.to_string())]);
+    }
+    if place.scale != usual.scale {
+        vector(xml, "SCALE", place.scale);
+    }
+    if place.order != usual.order {
+        xml.empty("TRANSFORM_ORDER", &[("value", place.order)]);
+    }
 }
 
 fn write_viewport(xml: &mut Xml, viewport: &Viewport) {

@@ -14,6 +14,8 @@ use std::borrow::Cow;
 pub(super) struct Data<'a> {
     pub(super) root: &'a json::Root,
     pub(super) buffers: &'a [Cow<'a, [u8]>],
+    /// By buffer view: its bytes where they were compressed; empty where none were.
+    pub(super) decoded: &'a [Option<Vec<u8>>],
 }
 
 /// Elements at a regular distance.
@@ -25,6 +27,9 @@ struct Elements<'a> {
 impl<'a> Data<'a> {
     /// The bytes of a view.
     pub(super) fn view(&self, index: Index<buffer::View>) -> Result<&'a [u8], String> {
+        if let Some(Some(decoded)) = self.decoded.get(index.value()) {
+            return Ok(decoded);
+        }
         let name = format!("buffer view {}", index.value());
         let view = self.root.buffer_views.get(index.value()).ok_or_else(|| format!("{name} does not exist"))?;
         let buffer = self

@@ -3,6 +3,7 @@
 use super::super::bytes::Reader;
 use super::super::error::SceneError;
 use super::super::load::{Context, read_file};
+use super::meshopt;
 use crate::guard;
 use crate::paths::resolve_path;
 use ::gltf::json;
@@ -80,6 +81,11 @@ pub(super) fn buffers<'a>(
                     );
                 }
             }),
+            // What its compressed views hold is decoded by themselves.
+            None if meshopt::is_fallback(buffer) => {
+                buffers.push(Cow::Borrowed(&[][..]));
+                continue;
+            }
             None => match binary {
                 Some(binary) if index == 0 => Cow::Borrowed(binary),
                 _ => return Err(fail("has no data".to_owned())),

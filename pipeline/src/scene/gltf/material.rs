@@ -185,6 +185,20 @@ fn coordinates_of(info: &json::texture::Info) -> Coordinates {
     }
 }
 
+/// Extensions that name an image of another format, which is preferred to the texture's own.
+const IMAGE_EXTENSIONS: [&str; 2] = ["EXT_texture_webp", "MSFT_texture_dds"];
+/// One that names an image which is not read.
+const BASIS: &str = "KHR_texture_basisu";
+
+/// The index of a texture's image, perhaps of one that does not exist.
+fn source_of(texture: &json::Texture) -> usize {
+    let named = texture.extensions.as_ref().and_then(|extensions| {
+        let source = |name: &str| extensions.others.get(name)?.get("source")?.as_u64();
+        IMAGE_EXTENSIONS.iter().find_map(|name| source(name)).and_then(|index| usize::try_from(index).ok())
+    });
+    named.unwrap_or_else(|| texture.source.value())
+}
+
 /// The image of a texture: `Some` in `images` once it was looked for. What is missing is a warning.
 fn image(
     info: &json::texture::Info,
@@ -209,9 +223,11 @@ fn image(
             format!("texture {} of material `{material}`", info.index.value())
         });
     }
-    let index = texture.source.value();
+    let index = source_of(texture);
     let Some(written) = data.root.images.get(index) else {
-        missing(warnings, format!("texture {} has no PNG or JPEG image", info.index.value()));
+        let basis = texture.extensions.as_ref().is_some_and(|others| others.others.contains_key(BASIS));
+        let kind = if basis { format!("only a {BASIS} image, which is not read") } else { "no image".to_owned() };
+        missing(warnings, format!("texture {} has {kind}", info.index.value()));
         return Ok(None);
     };
     if let Some(known) = &images[index] {

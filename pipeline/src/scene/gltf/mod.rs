@@ -5,7 +5,9 @@
 
 mod accessor;
 mod container;
+mod draco;
 mod material;
+mod meshopt;
 mod view;
 
 use super::error::SceneError;
@@ -13,7 +15,8 @@ use super::load::Context;
 use super::{Group, Mesh, Object, Scene};
 use crate::diagnostic::Warnings;
 use ::gltf::json::{
-    self,
+    self, Index,
+    accessor::Accessor,
     mesh::{Mode, Primitive, Semantic},
     validation::Checked,
 };
@@ -23,7 +26,10 @@ use material::Materials;
 use std::path::Path;
 
 /// Extensions whose contents are used, or whose absence changes nothing that is drawn.
-const READ_EXTENSIONS: [&str; 8] = [
+const READ_EXTENSIONS: [&str; 12] = [
+    meshopt::EXTENSION,
+    "EXT_texture_webp",
+    draco::EXTENSION,
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -32,6 +38,7 @@ const READ_EXTENSIONS: [&str; 8] = [
     "KHR_materials_variants",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
+    "MSFT_texture_dds",
 ];
 
 pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
@@ -43,7 +50,8 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     check_extensions(&root, context.file, &mut scene.warnings)?;
     count_unread(&root, context.file, &mut scene.warnings);
     let buffers = container::buffers(&root, binary, &mut context)?;
-    let data = Data { root: &root, buffers: &buffers };
+    let decoded = meshopt::views(&root, &buffers, &mut context)?;
+    let data = Data { root: &root, buffers: &buffers, decoded: &decoded };
     let mut materials = Materials::read(&data, &mut context, &mut scene.warnings)?;
     let mut assembler = Assembler { data: &data, materials: &mut materials, scene: &mut scene, placed: Vec::new() };
     assembler.placed.resize_with(root.meshes.len(), || None);
@@ -61,8 +69,12 @@ fn check_extensions(root: &json::Root, file: &Path, warnings: &mut Warnings) -> 
         }
         let only_shading = name.starts_with("KHR_materials_") && name != "KHR_materials_pbrSpecularGlossiness";
         if !only_shading {
+            let remedy = match name.as_str() {
+                "KHR_texture_basisu" => "export the asset with PNG, JPEG or WebP textures",
+                _ => "export the asset without it",
+            };
             return Err(SceneError::file(file, format!("the asset requires the extension {name}, which is not read"))
-                .help(format!("valid: {}; export the asset without it", READ_EXTENSIONS.join(", "))));
+                .help(format!("{remedy}; valid: {}", READ_EXTENSIONS.join(", "))));
         }
         warnings.add(file, "required extensions that are not read", "the asset is drawn without them", || name.clone());
     }
@@ -177,14 +189,17 @@ impl Assembler<'_> {
             self.scene.warnings.add(file, "primitives with morph targets", "drawn without", || format!("`{name}`"));
         }
         let (material, coordinates) = self.materials.of(primitive.material, file)?;
-        let positions: Vec<Vec3> = self.data.vectors::<3>(positions, context)?.into_iter().map(Vec3::from).collect();
+        let packed = draco::decode(primitive, self.data, context)?;
+        let vectors = Vectors { data: self.data, packed: packed.as_ref() };
+        let positions = vectors.read::<3>(positions, "POSITION", context)?.into_iter().map(Vec3::from).collect();
         let mut mesh = Mesh { name, positions, ..Mesh::default() };
         if let Some(normals) = attribute(Semantic::Normals).filter(|_| context.needs.normals) {
-            mesh.normals = self.data.vectors::<3>(normals, context)?.into_iter().map(Vec3::from).collect();
+            mesh.normals = vectors.read::<3>(normals, "NORMAL", context)?.into_iter().map(Vec3::from).collect();
         }
         let texcoords = attribute(Semantic::TexCoords(coordinates.set));
         if let Some(texcoords) = texcoords.filter(|_| context.needs.textures) {
-            let texcoords = self.data.vectors::<2>(texcoords, context)?.into_iter();
+            let semantic = format!("TEXCOORD_{}", coordinates.set);
+            let texcoords = vectors.read::<2>(texcoords, &semantic, context)?.into_iter();
             mesh.texcoords = texcoords.map(|texcoord| coordinates.apply(Vec2::from(texcoord))).collect();
         }
         let vertices = mesh.positions.len();
@@ -195,6 +210,11 @@ impl Assembler<'_> {
                     format!("`{}` has {vertices} positions but {count} {what}", mesh.name),
                 ));
             }
+        }
+        if let Some(packed) = &packed {
+            let triangles = packed.triangles(context)?;
+            mesh.groups.push(Group { material, triangles });
+            return Ok(Some(mesh));
         }
         let indices = match primitive.indices {
             Some(indices) => self.data.indices(indices, context)?,
@@ -214,6 +234,31 @@ impl Assembler<'_> {
         }
         mesh.groups.push(Group { material, triangles: assemble(mode, &indices) });
         Ok(Some(mesh))
+    }
+}
+
+/// Where the vertex attributes of a primitive are.
+struct Vectors<'a> {
+    data: &'a Data<'a>,
+    packed: Option<&'a draco::Decoded<'a>>,
+}
+
+impl Vectors<'_> {
+    /// From the compressed stream if it holds the attribute, or else from the accessor's buffer view.
+    fn read<const N: usize>(
+        &self,
+        accessor: Index<Accessor>,
+        semantic: &str,
+        context: &mut Context<'_>,
+    ) -> Result<Vec<[f32; N]>, SceneError> {
+        if let Some(packed) = self.packed {
+            let declared = self.data.root.accessors.get(accessor.value());
+            let normalized = declared.is_some_and(|accessor| accessor.normalized);
+            if let Some(vectors) = packed.vectors(semantic, normalized, context)? {
+                return Ok(vectors);
+            }
+        }
+        self.data.vectors::<N>(accessor, context)
     }
 }
 

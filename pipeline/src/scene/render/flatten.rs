@@ -67,7 +67,7 @@ pub(super) fn flatten(
         let last = uses[object.mesh as usize] == 0;
         let base = geometry.positions.len() as u32;
         let vertices = mesh.positions.len() as u32;
-        let mirrored = object.transform.determinant() < 0.0;
+        let mirrored = (options.transform.determinant() < 0.0) != (object.transform.determinant() < 0.0);
         for (group_index, group) in mesh.groups.iter_mut().enumerate() {
             let mut triangles = claim(&mut group.triangles, last).into_owned();
             let turned = mirrored && materials.get(group.material as usize).is_some_and(|m| m.single_sided);
@@ -92,6 +92,11 @@ pub(super) fn flatten(
     if options.unitize && !geometry.positions.is_empty() {
         unitize(&mut geometry.positions);
         // Rounding after the scaling may flatten slivers.
+        sort_out(&mut geometry, &mut runs, objects, files, warnings);
+        drop_unused_vertices(&mut geometry);
+    }
+    if options.transform != Mat4::IDENTITY && !geometry.positions.is_empty() {
+        place(&mut geometry, options);
         sort_out(&mut geometry, &mut runs, objects, files, warnings);
         drop_unused_vertices(&mut geometry);
     }
@@ -218,14 +223,28 @@ fn append_vertices(geometry: &mut Geometry, mesh: &mut Mesh, last: bool, transfo
                 normals.par_iter_mut().for_each(|normal| *normal = swap(*normal));
             }
         } else {
-            let matrix = normal_matrix(transform);
-            normals.par_iter_mut().for_each(|normal| {
-                let turned = normals::unit(matrix * *normal);
-                // Only a transform of rank 1 or less leaves no direction; its triangles have no area.
-                *normal = if turned == Vec3::ZERO { Vec3::Z } else { swap(turned) };
-            });
+            turn(normals, transform, swap);
         }
     }
+}
+
+/// Moves the whole scene by [`BuildOptions::transform`].
+fn place(geometry: &mut Geometry, options: &BuildOptions) {
+    let transform = options.transform;
+    geometry.positions.par_iter_mut().for_each(|position| *position = transform.transform_point3(*position));
+    if !options.model_space_normals {
+        turn(&mut geometry.normals, transform, |normal| normal);
+    }
+}
+
+/// Turns unit normals with a transform, then changes them by `after`.
+fn turn(normals: &mut [Vec3], transform: Mat4, after: impl Fn(Vec3) -> Vec3 + Sync) {
+    let matrix = normal_matrix(transform);
+    normals.par_iter_mut().for_each(|normal| {
+        let turned = normals::unit(matrix * *normal);
+        // Only a transform of rank 1 or less leaves no direction; its triangles have no area.
+        *normal = if turned == Vec3::ZERO { Vec3::Z } else { after(turned) };
+    });
 }
 
 /// The inverse transpose of the linear part, up to a positive factor. The matrix of cofactors also serves transforms

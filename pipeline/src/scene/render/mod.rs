@@ -7,10 +7,11 @@ pub(crate) mod texture;
 use super::error::{Budget, SceneError};
 use super::{Needs, RenderScene, Scene};
 use crate::diagnostic::Warnings;
+use glam::Mat4;
 use std::path::{Path, PathBuf};
 
 /// How a scene is made ready.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BuildOptions {
     /// What passes read.
     pub needs: Needs,
@@ -22,6 +23,8 @@ pub struct BuildOptions {
     /// The scene's box is centred at the origin and scaled uniformly until its longest side is [-1, 1]; after
     /// [`Self::swap_yz`].
     pub unitize: bool,
+    /// What places the whole scene in the world, after [`Self::unitize`]; normals in model space do not turn with it.
+    pub transform: Mat4,
     /// Bytes that the geometry and textures may hold.
     pub max_bytes: u64,
 }
@@ -33,6 +36,7 @@ impl Default for BuildOptions {
             model_space_normals: false,
             swap_yz: false,
             unitize: false,
+            transform: Mat4::IDENTITY,
             max_bytes: super::LoadOptions::DEFAULT_MAX_BYTES,
         }
     }

@@ -128,7 +128,7 @@ fn length(path: &Path) -> u64 {
 }
 
 /// Forms of more than four bytes are decoded as they are and narrowed in place. Besides, a decoder keeps the file and, if it
-/// is progressive, a coefficient of 2 bytes for each value (JPEG), or a whole picture (TIFF of one strip); the others keep
+/// is progressive, a coefficient of 2 bytes for each value (JPEG), or a whole picture (TIFF of one strip, WebP); the others keep
 /// rows and tables, for which 1 MiB is counted.
 fn cost_of((decoder, format): (impl ImageDecoder, ImageFormat), file: u64) -> Result<Cost, String> {
     let (width, height) = within_limits(decoder.dimensions())?;
@@ -136,6 +136,7 @@ fn cost_of((decoder, format): (impl ImageDecoder, ImageFormat), file: u64) -> Re
     let own = match format {
         ImageFormat::Jpeg => file + 2 * stored,
         ImageFormat::Tiff => stored,
+        ImageFormat::WebP => file + 8 * texels,
         _ => 0,
     };
     Ok(Cost { texels, working: stored.saturating_sub(4 * texels) + own + (1 << 20) })
@@ -231,7 +232,7 @@ fn decoder_and_format<'a, R: BufRead + Seek + 'a>(
     let format = reader
         .format()
         .or_else(by_name)
-        .ok_or("the image format is not known; valid: PNG, JPEG, TGA, TIFF, BMP, DDS")?;
+        .ok_or("the image format is not known; valid: PNG, JPEG, WebP, TGA, TIFF, BMP, DDS")?;
     let mut reader = ImageReader::with_format(reader.into_inner(), format);
     reader.limits(limits(0));
     Ok((guard::call("image", || reader.into_decoder())?.map_err(|error| error.to_string())?, format))

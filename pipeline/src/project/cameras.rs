@@ -1,0 +1,189 @@
+//! Cameras.
+
+use super::dom::{Element, Value};
+use super::loader::Loader;
+use super::report::Span;
+use super::{Camera, Orthographic};
+use glam::{DVec3, Vec3};
+use std::f32::consts::PI;
+
+/// What a camera sees of what lies in front of it.
+struct Lens {
+    /// Radians.
+    fov_y: f32,
+    near: f32,
+    far: f32,
+    orthographic: Option<Orthographic>,
+}
+
+impl Loader {
+    /// Reads a `<camera>`.
+    pub fn camera(&mut self, element: &Element) {
+        const CHILDREN: &[&str] = &[
+            "viewport",
+            "perspective",
+            "ortho",
+            "projection",
+            "type",
+            "projection_type",
+            "fov",
+            "near",
+            "far",
+            "left",
+            "right",
+            "bottom",
+            "top",
+            "position",
+            "view",
+            "look_at_point",
+            "zx_angle",
+            "elevation_angle",
+            "up",
+        ];
+        self.expect(element, CHILDREN, &["name", "type"]);
+        let Some(name) = self.required(element, "name") else { return };
+        let viewport = match self.single(element, &["viewport"]) {
+            Some(reference) => self
+                .reference(reference)
+                .and_then(|name| self.viewports.names.resolve(&mut self.report, &name.text, name.span))
+                .map(Some),
+            None => Some(None),
+        };
+        let lens = self.lens(element);
+        let pose = self.pose(element, name);
+        let item = (|| {
+            let (lens, (position, direction, up)) = (lens?, pose?);
+            let Lens { fov_y, near, far, orthographic } = lens;
+            let (name, viewport) = (name.text.clone(), viewport?);
+            Some(Camera { name, position, direction, up, fov_y, near, far, orthographic, viewport })
+        })();
+        self.cameras.add(&mut self.report, name, item);
+    }
+
+    /// What is missing is as in the engine: 60 degrees, near 1, far 10,000, and from -1 to 1 where the projection is orthographic.
+    fn lens(&mut self, element: &Element) -> Option<Lens> {
+        let lens = self.single(element, &["perspective", "ortho", "projection"]);
+        if let Some(lens) = lens {
+            self.expect(lens, &[], &["type", "fov", "near", "far", "left", "right", "bottom", "top"]);
+        }
+        // In 2014 the type is an attribute of the camera, today of the projection or an element of its own.
+        let mut value_of = |name: &str| -> Result<Option<Value>, ()> {
+            let own = self.single(element, &[name]);
+            let inside = lens.and_then(|lens| lens.attribute(name));
+            match (inside, own) {
+                (Some(_), Some(own)) => {
+                    self.report.error(own.span, format!("<{}> is given twice", own.name));
+                    Err(())
+                }
+                (Some(value), None) => Ok(Some(value.clone())),
+                (None, Some(own)) => self.required(own, "value").map(|value| Some(value.clone())).ok_or(()),
+                (None, None) => Ok(None),
+            }
+        };
+        let (kind, fov, near, far) = (value_of("type"), value_of("fov"), value_of("near"), value_of("far"));
+        let sides = ["left", "right", "bottom", "top"].map(&mut value_of);
+        let kinds = kind.ok()?.into_iter().chain(element.attribute("type").cloned());
+        let (mut valid, mut orthographic) = (true, lens.is_some_and(|lens| lens.is(&["ortho"])));
+        for kind in kinds {
+            match kind.text.to_ascii_lowercase().as_str() {
+                "perspective" => {}
+                "ortho" => orthographic = true,
+                _ => {
+                    let message = format!("`{}` is not a projection", kind.shown());
+                    self.report.error_help(kind.span, message, || "valid: perspective, ortho".to_owned());
+                    valid = false;
+                }
+            }
+        }
+        let place = |value: &Result<Option<Value>, ()>| value.as_ref().ok()?.as_ref().map(|value| value.span);
+        let (fov_span, near_span, far_span) = (place(&fov), place(&near), place(&far));
+        let mut number = |value: Result<Option<Value>, ()>, default: f32| match value {
+            Ok(Some(value)) => self.number(&value),
+            Ok(None) => Some(default),
+            Err(()) => None,
+        };
+        let (fov, near, far) = (number(fov, 60.0), number(near, 1.0), number(far, 10_000.0));
+        let [left, right, bottom, top] = sides;
+        let sides = [number(left, -1.0), number(right, 1.0), number(bottom, -1.0), number(top, 1.0)];
+        let at = |span: Option<Span>| span.unwrap_or(lens.map_or(element.span, |lens| lens.span));
+        if let Some(fov) = fov.filter(|fov| !orthographic && !(*fov > 0.0 && *fov < 180.0)) {
+            self.report.error_help(at(fov_span), format!("a field of view of {fov} degrees"), || {
+                "valid: above 0 and below 180 degrees, vertical".to_owned()
+            });
+            valid = false;
+        }
+        let [left, right, bottom, top] = sides;
+        let (fov, near, far, sides) = (fov?, near?, far?, [left?, right?, bottom?, top?]);
+        if near <= 0.0 && !orthographic {
+            self.report.error_help(at(near_span), format!("a near distance of {near}"), || "valid: above 0".to_owned());
+            valid = false;
+        } else if far <= near {
+            self.report.error_help(
+                at(far_span),
+                format!("the far distance {far} is not beyond the near one, {near}"),
+                || format!("valid: above {near}"),
+            );
+            valid = false;
+        }
+        let [left, right, bottom, top] = sides;
+        if orthographic && !(left < right && bottom < top) {
+            let message =
+                format!("an orthographic view from {left} to {right} and from {bottom} to {top} shows nothing");
+            self.report.error_help(at(None), message, || "valid: LEFT below RIGHT, BOTTOM below TOP".to_owned());
+            valid = false;
+        }
+        let orthographic = orthographic.then_some(Orthographic { left, right, bottom, top });
+        valid.then_some(Lens { fov_y: fov.to_radians(), near, far, orthographic })
+    }
+
+    /// Position, unit direction and up. What is missing is as in the engine: the origin, -z and y; notes say so.
+    fn pose(&mut self, element: &Element, name: &Value) -> Option<(Vec3, Vec3, Vec3)> {
+        let position = match self.single(element, &["position"]) {
+            Some(position) => self.vector(position),
+            None => {
+                self.report.note(element.span, format!("camera `{}` stands at the origin", name.shown()));
+                Some(Vec3::ZERO)
+            }
+        };
+        let target = self.single(element, &["view", "look_at_point"]);
+        let direction = match target {
+            Some(view) if view.is(&["view"]) => self.direction(view),
+            Some(point) => self.vector(point).and_then(|target| {
+                // In f64: the difference of large finite vectors overflows f32.
+                let unit = (target.as_dvec3() - position?.as_dvec3()).try_normalize().map(|unit| unit.as_vec3());
+                if unit.is_none() {
+                    self.report.error(point.span, "the camera looks at the point where it stands");
+                }
+                unit
+            }),
+            None => self.angles(element, name),
+        };
+        let up_element = self.single(element, &["up"]);
+        let up = up_element.map_or(Some(Vec3::Y), |up| self.direction(up));
+        let (position, direction, up) = (position?, direction?, up?);
+        // Below this sine the image's horizontal axis is rounding noise.
+        if direction.cross(up).length() < 1e-4 {
+            let at = up_element.or(target).map_or(element.span, |part| part.span);
+            self.report.error(at, "the camera's up vector is parallel to its view");
+            return None;
+        }
+        Some((position, direction, up))
+    }
+
+    /// The direction that `<ZX_ANGLE>` and `<ELEVATION_ANGLE>` give, in radians: from z towards x, and from there upwards. Without both,
+    /// as in the engine, -z; a note says so.
+    fn angles(&mut self, element: &Element, name: &Value) -> Option<Vec3> {
+        let mut angle = |names: &[&str], default: f32| match self.single(element, names) {
+            Some(angle) => self.number_of(angle, "value").map(|angle| (true, angle)),
+            None => Some((false, default)),
+        };
+        let (around, above) = (angle(&["zx_angle"], PI), angle(&["elevation_angle"], 0.0));
+        let ((has_around, around), (has_above, above)) = (around?, above?);
+        if !has_around && !has_above {
+            self.report.note(element.span, format!("camera `{}` looks along -z", name.shown()));
+            return Some(Vec3::NEG_Z);
+        }
+        let ((sin_a, cos_a), (sin_b, cos_b)) = (f64::from(around).sin_cos(), f64::from(above).sin_cos());
+        Some(DVec3::new(cos_b * sin_a, sin_b, cos_b * cos_a).as_vec3())
+    }
+}

@@ -1,0 +1,295 @@
+//! The primitives of `<geometry>`: boxes, squares, spheres and grids, tessellated as the engine does.
+
+use super::error::SceneError;
+use super::{Group, Material, Mesh, Object, Scene};
+use glam::{Mat4, Vec2, Vec3};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::path::Path;
+
+/// A primitive placed in a scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Shape {
+    /// Name of its object.
+    pub name: String,
+    /// Name of its material; one of that name in the scene's files serves, or else a light grey one is made.
+    pub material: String,
+    /// What it is.
+    pub kind: ShapeKind,
+    /// Model to scene.
+    pub place: Placement,
+}
+
+/// Where a scene or a primitive stands: the product of three matrices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Moves by this.
+    pub translation: Vec3,
+    /// Turns about this axis, of any length; one of length 0 turns nothing.
+    pub axis: Vec3,
+    /// By this angle, counter-clockwise where the axis points at the viewer.
+    pub degrees: f32,
+    /// Scales along the axes.
+    pub scale: Vec3,
+    /// The factors of the product from the left, as the format names them: one of [`Placement::ORDERS`].
+    pub order: &'static str,
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        let (translation, axis, scale) = (Vec3::ZERO, Vec3::Z, Vec3::ONE);
+        Self { translation, axis, degrees: 0.0, scale, order: Self::ORDERS[0] }
+    }
+}
+
+impl Placement {
+    /// The orders of the factors T(ranslation), R(otation), S(caling); the first is the usual one.
+    pub const ORDERS: [&'static str; 6] = ["T_R_S", "T_S_R", "R_T_S", "R_S_T", "S_R_T", "S_T_R"];
+
+    /// The product.
+    #[must_use]
+    pub fn matrix(&self) -> Mat4 {
+        let axis = self.axis.as_dvec3().try_normalize().map(|unit| unit.as_vec3());
+        let turned = axis.filter(|_| self.degrees != 0.0);
+        self.order.split('_').fold(Mat4::IDENTITY, |product, factor| match factor {
+            "T" => product * Mat4::from_translation(self.translation),
+            "S" => product * Mat4::from_scale(self.scale),
+            _ => turned.map_or(product, |axis| product * Mat4::from_axis_angle(axis, self.degrees.to_radians())),
+        })
+    }
+}
+
+/// What a primitive is, in model space. Faces are counter-clockwise from outside or above.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ShapeKind {
+    /// From -1 to 1 on all axes, four vertices and one whole texture a face.
+    Box,
+    /// From -1 to 1 on x and z, at y = 0, facing up.
+    Square,
+    /// Radius 1 about the origin, poles on y.
+    Sphere {
+        /// Around the y axis, 3 to [`ShapeKind::MOST`].
+        slices: u32,
+        /// From pole to pole, 2 to [`ShapeKind::MOST`].
+        stacks: u32,
+    },
+    /// A square on x and z about the origin, facing up.
+    Grid {
+        /// Along each side, 1 to [`ShapeKind::MOST`].
+        divisions: u32,
+        /// Of a side.
+        length: f32,
+    },
+}
+
+impl ShapeKind {
+    /// Most slices, stacks or divisions.
+    pub const MOST: u32 = 4096;
+
+    /// Bytes of the mesh.
+    fn bytes(self) -> u64 {
+        let (columns, rows) = self.cells();
+        let (columns, rows) = (u64::from(columns), u64::from(rows));
+        32 * (columns + 1) * (rows + 1) + 24 * columns * rows
+    }
+
+    /// Quads along the two directions of its net.
+    fn cells(self) -> (u32, u32) {
+        match self {
+            Self::Box => (6, 1),
+            Self::Square => (1, 1),
+            Self::Sphere { slices, stacks } => (slices, stacks),
+            Self::Grid { divisions, .. } => (divisions, divisions),
+        }
+    }
+
+    /// Its geometry; the group's material is 0.
+    #[must_use]
+    pub fn mesh(self) -> Mesh {
+        match self {
+            Self::Box => cube(),
+            Self::Square => net((1, 1), |u, v| (Vec3::new(2.0 * u - 1.0, 0.0, 2.0 * v - 1.0), Vec3::Y), true),
+            Self::Sphere { slices, stacks } => net(
+                (slices, stacks),
+                |u, v| {
+                    let ((sin_a, cos_a), (sin_b, cos_b)) = ((u * TAU).sin_cos(), (v * PI - FRAC_PI_2).sin_cos());
+                    let at = Vec3::new(sin_a * cos_b, sin_b, cos_a * cos_b);
+                    (at, at)
+                },
+                false,
+            ),
+            Self::Grid { divisions, length } => net(
+                (divisions, divisions),
+                |u, v| (Vec3::new((u - 0.5) * length, 0.0, (0.5 - v) * length), Vec3::Y),
+                false,
+            ),
+        }
+    }
+}
+
+/// A net of quads over the unit square: `at` gives position and normal at (u, v), which are the texture coordinates too. `turned` where
+/// u cross v looks inwards.
+fn net((columns, rows): (u32, u32), at: impl Fn(f32, f32) -> (Vec3, Vec3), turned: bool) -> Mesh {
+    let mut mesh = Mesh::default();
+    for row in 0..=rows {
+        for column in 0..=columns {
+            let (u, v) = (column as f32 / columns as f32, row as f32 / rows as f32);
+            let (position, normal) = at(u, v);
+            mesh.positions.push(position);
+            mesh.normals.push(normal);
+            mesh.texcoords.push(Vec2::new(u, v));
+        }
+    }
+    let mut triangles = Vec::with_capacity(2 * columns as usize * rows as usize);
+    for row in 0..rows {
+        for column in 0..columns {
+            let corner = row * (columns + 1) + column;
+            let (right, up) = (corner + 1, corner + columns + 1);
+            triangles.extend([[corner, right, up], [right, up + 1, up]]);
+        }
+    }
+    if turned {
+        triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    }
+    mesh.groups.push(Group { material: 0, triangles });
+    mesh
+}
+
+/// Six faces that share no vertex.
+fn cube() -> Mesh {
+    // Normal, and the direction of u; v is their cross product.
+    const FACES: [(Vec3, Vec3); 6] = [
+        (Vec3::Z, Vec3::X),
+        (Vec3::NEG_X, Vec3::Z),
+        (Vec3::NEG_Z, Vec3::NEG_X),
+        (Vec3::X, Vec3::NEG_Z),
+        (Vec3::Y, Vec3::X),
+        (Vec3::NEG_Y, Vec3::X),
+    ];
+    let mut mesh = Mesh::default();
+    let mut triangles = Vec::new();
+    for (normal, right) in FACES {
+        let up = normal.cross(right);
+        let first = mesh.positions.len() as u32;
+        for (u, v) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+            mesh.positions.push(normal + right * (2.0 * u - 1.0) + up * (2.0 * v - 1.0));
+            mesh.normals.push(normal);
+            mesh.texcoords.push(Vec2::new(u, v));
+        }
+        triangles.extend([[0, 1, 2], [0, 2, 3]].map(|triangle| triangle.map(|corner: u32| first + corner)));
+    }
+    mesh.groups.push(Group { material: 0, triangles });
+    mesh
+}
+
+/// Adds primitives to a scene that was loaded. `file` is named where they do not fit.
+///
+/// # Errors
+/// If their meshes take more than `max_bytes`.
+pub(crate) fn add(scene: &mut Scene, shapes: &[Shape], file: &Path, max_bytes: u64) -> Result<(), SceneError> {
+    let bytes = shapes.iter().fold(0_u64, |sum, shape| sum.saturating_add(shape.kind.bytes()));
+    if bytes > max_bytes {
+        let what = format!("the primitives need {bytes} bytes, and {max_bytes} are allowed");
+        return Err(SceneError::file(file, what).help("`--max-memory` raises the limit"));
+    }
+    for shape in shapes {
+        let named = scene.materials.iter().position(|material| material.name == shape.material);
+        let material = named.unwrap_or_else(|| {
+            scene.materials.push(Material { name: shape.material.clone(), ..Material::default() });
+            scene.materials.len() - 1
+        });
+        let mut mesh = shape.kind.mesh();
+        mesh.name.clone_from(&shape.name);
+        mesh.groups.iter_mut().for_each(|group| group.material = material as u32);
+        let number = scene.meshes.len() as u32;
+        scene.meshes.push(mesh);
+        scene.objects.push(Object { name: shape.name.clone(), mesh: number, transform: shape.place.matrix() });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Area, and volume by the divergence theorem; every face looks where its normals do.
+    fn measured(kind: ShapeKind) -> (f64, f64) {
+        let mesh = kind.mesh();
+        let (mut area, mut volume) = (0.0, 0.0);
+        for triangle in &mesh.groups[0].triangles {
+            let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize].as_dvec3());
+            let normal = (b - a).cross(c - a);
+            if normal.length() > 1e-6 {
+                let shading = triangle.iter().fold(Vec3::ZERO, |sum, corner| sum + mesh.normals[*corner as usize]);
+                assert!(normal.dot(shading.as_dvec3()) > 0.0, "{kind:?}: {triangle:?} looks the wrong way");
+            }
+            area += normal.length() / 2.0;
+            volume += a.dot(b.cross(c)) / 6.0;
+        }
+        assert!(mesh.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-6));
+        (area, volume)
+    }
+
+    #[test]
+    fn primitives_have_the_area_and_volume_of_their_closed_forms() {
+        let near = |found: (f64, f64), expected: (f64, f64)| {
+            assert!((found.0 - expected.0).abs() < 1e-4 && (found.1 - expected.1).abs() < 1e-4, "{found:?}");
+        };
+        near(measured(ShapeKind::Box), (24.0, 8.0));
+        near(measured(ShapeKind::Square), (4.0, 0.0));
+        near(measured(ShapeKind::Grid { divisions: 7, length: 3.0 }), (9.0, 0.0));
+        // A band between two latitudes is n trapezoids; its volume is that of the frusta of pyramids with n corners.
+        let (slices, stacks) = (12_u32, 9_u32);
+        let (mut area, mut volume) = (0.0, 0.0);
+        let turn = std::f64::consts::PI / f64::from(slices);
+        for stack in 0..stacks {
+            let angle = |stack: u32| std::f64::consts::PI * (f64::from(stack) / f64::from(stacks) - 0.5);
+            let ((low, r), (high, s)) = (angle(stack).sin_cos(), angle(stack + 1).sin_cos());
+            let slant = ((high - low).powi(2) + ((r - s) * turn.cos()).powi(2)).sqrt();
+            area += f64::from(slices) * (r + s) * turn.sin() * slant;
+            let polygon = f64::from(slices) * turn.sin() * turn.cos();
+            volume += polygon * (high - low) * (r * r + r * s + s * s) / 3.0;
+        }
+        near(measured(ShapeKind::Sphere { slices, stacks }), (area, volume));
+    }
+
+    #[test]
+    fn placements_multiply_in_their_order() {
+        let place = Placement {
+            translation: Vec3::new(10.0, 0.0, 0.0),
+            axis: Vec3::new(0.0, 5.0, 0.0),
+            degrees: 90.0,
+            scale: Vec3::new(1.0, 2.0, 3.0),
+            order: "T_R_S",
+        };
+        // Of the point (1, 1, 1): a quarter turn about y takes z to x, and x to -z.
+        for (order, expected) in [
+            ("T_R_S", [13.0, 2.0, -1.0]),
+            ("T_S_R", [11.0, 2.0, -3.0]),
+            ("R_T_S", [3.0, 2.0, -11.0]),
+            ("R_S_T", [3.0, 2.0, -11.0]),
+            ("S_R_T", [1.0, 2.0, -33.0]),
+            ("S_T_R", [11.0, 2.0, -3.0]),
+        ] {
+            let found = Placement { order, ..place }.matrix().transform_point3(Vec3::ONE);
+            assert!(found.distance(Vec3::from(expected)) < 1e-5, "{order}: {found}");
+        }
+        assert_eq!(Placement::default().matrix(), Mat4::IDENTITY);
+        let without_axis = Placement { axis: Vec3::ZERO, degrees: 30.0, ..Placement::default() };
+        assert_eq!(without_axis.matrix(), Mat4::IDENTITY);
+    }
+
+    #[test]
+    fn shapes_share_the_materials_of_their_names_and_keep_the_memory_limit() {
+        let shape =
+            |name: &str, kind| Shape { name: name.into(), material: "wall".into(), kind, place: Placement::default() };
+        let known = Material { name: "wall".into(), shininess: 3.0, ..Material::default() };
+        let mut scene = Scene { materials: vec![Material::default(), known], ..Scene::default() };
+        let shapes = [shape("a", ShapeKind::Box), shape("b", ShapeKind::Sphere { slices: 3, stacks: 2 })];
+        add(&mut scene, &shapes, Path::new("p.xml"), 1 << 20).expect("they fit");
+        assert_eq!((scene.materials.len(), scene.meshes.len(), scene.objects[1].mesh), (2, 2, 1));
+        assert!(scene.meshes.iter().all(|mesh| mesh.groups[0].material == 1));
+        let largest = [shape("c", ShapeKind::Grid { divisions: ShapeKind::MOST, length: 1.0 })];
+        let error = add(&mut scene, &largest, Path::new("p.xml"), 1 << 20).expect_err("too large").to_string();
+        assert!(error.contains("p.xml") && error.contains("--max-memory"), "{error}");
+    }
+}
