@@ -605,8 +605,8 @@ fn buffer_views_compressed_by_meshopt_hold_what_the_plain_ones_held() {
         ("mode", json!("TRIANGLE"), "valid: ATTRIBUTES"),
         ("filter", json!("ZIP"), "valid: NONE, OCTAHEDRAL"),
         ("byteStride", json!(10), "4 elements of 10 bytes"),
-        ("byteLength", json!(1 << 30), "reaches beyond"),
-        ("count", json!(1 << 40), "need"),
+        ("byteLength", json!(1_u32 << 30), "reaches beyond"),
+        ("count", json!(1_u64 << 40), "need"),
         ("buffer", json!(7), "buffer 7 does not exist"),
         ("count", json!(4.5), "no whole number"),
     ] {

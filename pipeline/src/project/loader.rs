@@ -51,7 +51,7 @@ const DEFAULT_WINDOW: [u32; 2] = [1024, 1024];
 
 /// Loads a project; see [`super::load`].
 pub(super) fn load(path: &Path) -> Result<Project, Problems> {
-    let (mut loader, read) = read(path);
+    let (loader, read) = read(path);
     match read {
         Some(mut project) if !loader.report.has_errors() => {
             project.scenes = loader.scenes.finish();
