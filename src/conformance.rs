@@ -4,7 +4,7 @@
 use crate::pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
 use crate::pipeline::executor::{Progress, median};
 use crate::pipeline::image::Image;
-use crate::pipeline::programs::{Fidelity, RayProgram};
+use crate::pipeline::programs::{Fidelity, RayParams, RayProgram};
 use crate::pipeline::scene::RenderScene;
 use serde::Serialize;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -245,6 +245,10 @@ impl RayBackend for Beside {
 
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
         self.others.iter().try_for_each(|other| other.supports(program, fidelity))
+    }
+
+    fn supports_glass(&self, program: RayProgram, params: &RayParams) -> Result<(), BackendError> {
+        self.others.iter().try_for_each(|other| other.supports_glass(program, params))
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {

@@ -5,6 +5,7 @@ use crate::passes::raster::cpu::CpuRasteriser;
 use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use crate::pipeline::backend::{BackendError, Rasteriser, RayBackend};
 use crate::pipeline::executor::{Engines, Spare};
+use crate::pipeline::plan::Plan;
 
 /// Which rasteriser.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -127,6 +128,19 @@ impl Choice {
             Gpus::Count(1) => name.to_owned(),
             Gpus::Count(count) => format!("{name} on {count} GPUs"),
             Gpus::All => format!("{name} on all GPUs"),
+        }
+    }
+
+    /// The same choice for a plan: where `auto` chooses the ray backend and a pass asks for more of glass than the report's panes, the
+    /// cpu may take over, which is told when it does.
+    #[must_use]
+    pub fn for_plan(self, plan: &Plan) -> Self {
+        let asks = || plan.passes.iter().any(|planned| plan.asks_of_glass(planned).is_some());
+        match (self.backend, self.fallback) {
+            (BackendChoice::Auto, [None, None, None]) if asks() => {
+                Self { fallback: [Some(BackendChoice::Cpu), None, None], ..self }
+            }
+            _ => self,
         }
     }
 

@@ -121,6 +121,8 @@ impl OwnedJob {
             shades: &self.shades,
             glass: &self.glass,
             shadow_glass: &self.shadow_glass,
+            beyond: Vec3::ZERO,
+            dielectrics: &[],
         }
     }
 

@@ -184,6 +184,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         }
         if job.program != RayProgram::Dummy {
             check::scene(T::NAME, job)?;
+            check::panes(T::NAME, job)?;
         }
         if output.pixels.is_empty() {
             return Ok(RayStats::default());

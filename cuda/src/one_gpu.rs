@@ -444,7 +444,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             kinds.iter_mut().zip(slot).for_each(|(kind, count)| *kind += count);
         }
         let [shadow, occlusion, reflected, refracted, certain] = kinds;
-        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain })
+        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost: 0 })
     }
 
     fn synchronise(&self, doing: &str) -> Result<(), BackendError> {

@@ -4,14 +4,14 @@ pub mod check;
 
 use crate::effects::{
     AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, combined, deferred_shadows,
-    reflection, refraction, ssao,
+    dielectric, dielectric::Media, reflection, refraction, ssao,
 };
 use crate::sampling::HemisphereSampler;
 use crate::trace::{Bvh, Quality, Tracer};
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::{Geometry, RenderScene, TriangleRanges};
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -47,6 +47,10 @@ impl RayBackend for CpuRays {
     }
 
     fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
+        Ok(())
+    }
+
+    fn supports_glass(&self, _: RayProgram, _: &RayParams) -> Result<(), BackendError> {
         Ok(())
     }
 
@@ -134,7 +138,11 @@ fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<
     })
 }
 
-fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result<Pass<'a, T, C>, BackendError> {
+fn new_pass<'a, T: Tracer, C: Coverage>(
+    job: &'a RayJob<'a>,
+    tracer: &'a T,
+    coverage: C,
+) -> Result<Pass<'a, T, C>, BackendError> {
     let prepared = Preparation::of(job).map_err(|why| check::missing(NAME, job, &why))?;
     let Preparation { sampler, open_share, to_light, light_color } = prepared;
     let (occlusion, strata) = match (job.fidelity, sampler) {
@@ -143,7 +151,24 @@ fn new_pass<'a, T, C>(job: &'a RayJob<'a>, tracer: &'a T, coverage: C) -> Result
     };
     let [glass, shadow_glass] =
         [job.glass, job.shadow_glass].map(|glass| TriangleRanges::new(&job.scene.geometry, glass));
-    Ok(Pass { job, tracer, coverage, to_light, light_color, occlusion, strata, open_share, glass, shadow_glass })
+    let around_eye = Media::NONE;
+    let mut pass = Pass {
+        job,
+        tracer,
+        coverage,
+        to_light,
+        light_color,
+        occlusion,
+        strata,
+        open_share,
+        glass,
+        shadow_glass,
+        around_eye,
+    };
+    if !job.dielectrics.is_empty() {
+        pass.around_eye = dielectric::around_eye(&pass);
+    }
+    Ok(pass)
 }
 
 /// The pixels for which a program is run.
@@ -214,6 +239,8 @@ impl Runner for One {
 /// in common, what is done with a tile before.
 fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     use Fidelity::{Corrected, Thesis};
+    // Programs of their own, so that the report's panes cost what they did.
+    let bodies = !pass.job.dielectrics.is_empty();
     match (pass.job.program, pass.job.fidelity) {
         (RayProgram::Dummy, _) => pixels.each(alone, |p, _| pass.job.color[p.index]),
         (RayProgram::DeferredShadows, Thesis) => pixels.each(alone, |p, w| deferred_shadows::thesis::pixel(pass, p, w)),
@@ -227,6 +254,9 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
         (RayProgram::Reflection, Thesis) => pixels.each(alone, |p, w| reflection::thesis::pixel(pass, p, w)),
         (RayProgram::Reflection, Corrected) => pixels.each(alone, |p, w| reflection::corrected::pixel(pass, p, w)),
         (RayProgram::Refraction, Thesis) => pixels.each(alone, |p, w| refraction::thesis::pixel(pass, p, w)),
+        (RayProgram::Refraction, Corrected) if bodies => {
+            pixels.each(alone, |p, w| refraction::corrected::pixel_of_bodies(pass, p, w))
+        }
         (RayProgram::Refraction, Corrected) => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
         (RayProgram::Ssao, Thesis) => pixels.each(alone, |p, w| ssao::thesis::pixel(pass, p, w)),
         (RayProgram::Ssao, Corrected) => {
@@ -234,6 +264,10 @@ fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels:
             pixels.each(before(prepare), |p, w| ssao::corrected::pixel(pass, p, w))
         }
         (RayProgram::Final, Thesis) => pixels.each(alone, |p, w| combined::thesis::pixel(pass, p, w)),
+        (RayProgram::Final, Corrected) if bodies => {
+            let prepare = |area, work: &mut Workspace| combined::bodies::prepare(pass, area, work);
+            pixels.each(before(prepare), |p, w| combined::bodies::pixel(pass, p, w))
+        }
         (RayProgram::Final, Corrected) => {
             let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);
             pixels.each(before(prepare), |p, w| combined::corrected::pixel(pass, p, w))

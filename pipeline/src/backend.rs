@@ -1,6 +1,7 @@
 //! The seam between the executor and what does the work: rasterisers and ray tracers.
 
 use crate::executor::Progress;
+use crate::glass::Dielectric;
 use crate::image::Image;
 use crate::memory::{self, Refused};
 use crate::plan::ALIGNMENT;
@@ -413,6 +414,10 @@ pub struct RayJob<'a> {
     pub triangle: &'a [u32],
     /// The G-buffer lies in shared memory, complete when its semaphore reaches this value, and the slices above are empty.
     pub shared: Option<u64>,
+    /// What rays show that leave the scene, linear; black in the report's projects.
+    pub beyond: Vec3,
+    /// By material: what glass is, with `glass=auto` in corrected fidelity; empty where all glass is panes of the pass's index.
+    pub dielectrics: &'a [Dielectric],
     /// By material: what closest hits shade with.
     pub shades: &'a [Shade],
     /// By material: whether rays bounce on it (`closest_hit_glass`).
@@ -434,6 +439,10 @@ pub struct RayCounts {
     pub refracted: u64,
     /// Occlusion rays that were not traced, because it was certain that nothing is in reach; not in the total.
     pub certain: u64,
+    /// Paths in glass whose colour is not what it should be, not in the total: given up as black after too many surfaces, or in more
+    /// bodies at once than are kept.
+    #[serde(default)]
+    pub lost: u64,
 }
 
 impl RayCounts {
@@ -451,6 +460,7 @@ impl std::ops::AddAssign for RayCounts {
         self.reflected += other.reflected;
         self.refracted += other.refracted;
         self.certain += other.certain;
+        self.lost += other.lost;
     }
 }
 
@@ -489,6 +499,18 @@ pub struct Gpu {
     pub driver: String,
 }
 
+/// The error of a backend that is asked for more of glass than the report's panes.
+#[must_use]
+pub fn panes_only(backend: &'static str, program: RayProgram, asked: &str) -> BackendError {
+    BackendError::Unsupported {
+        backend,
+        what: format!("{} with {asked}", program.info().stem),
+        why: "its programs know the report's panes only; use --backend cpu, or allow it with --fallback cpu, or set \
+              glass=pane, background=black and shadow=report on the pass"
+            .to_owned(),
+    }
+}
+
 /// Runs ray programs.
 pub trait RayBackend {
     /// `cpu`, and later `wgpu`, `cuda`, `optix`.
@@ -508,6 +530,14 @@ pub trait RayBackend {
     /// # Errors
     /// [`BackendError::Unsupported`] with the reason.
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError>;
+    /// Why a program cannot run here with what these parameters ask of glass (corrected fidelity, in a scene that has glass), or
+    /// `Ok`. A backend knows the report's panes alone, unless it says otherwise.
+    ///
+    /// # Errors
+    /// [`BackendError::Unsupported`] with the reason, and what would help.
+    fn supports_glass(&self, program: RayProgram, params: &RayParams) -> Result<(), BackendError> {
+        program.asks_of_glass(params).map_or(Ok(()), |asked| Err(panes_only(self.name(), program, &asked)))
+    }
     /// Builds the acceleration structure; the executor times it. `filtered` tells by material whether some pass may let
     /// rays through it (alpha-cut textures, glass that shadow rays pass).
     ///

@@ -9,6 +9,7 @@ pub mod backend;
 pub mod diagnostic;
 pub mod executor;
 pub mod files;
+pub mod glass;
 mod guard;
 pub mod image;
 pub mod memory;

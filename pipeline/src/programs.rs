@@ -2,6 +2,8 @@
 //!
 //! Help, XML validation, `curitiba list`, docs, bench ids and conformance tests iterate these tables.
 
+use crate::glass::{Background, GlassRule, GlassShadow};
+
 /// What a raster pass runs per pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RasterProgram {
@@ -102,6 +104,12 @@ pub struct RayParams {
     pub sampler: Sampler,
     /// How much glass reflects; thesis fidelity has the report's own weight.
     pub fresnel: Fresnel,
+    /// What decides what glass is; in thesis fidelity always the report's panes.
+    pub glass: GlassRule,
+    /// What rays show that leave the scene; in thesis fidelity always black.
+    pub background: Background,
+    /// What shadow rays find behind glass; in thesis fidelity the report's rule.
+    pub shadow: GlassShadow,
 }
 
 impl Default for RayParams {
@@ -115,6 +123,9 @@ impl Default for RayParams {
             depth: 5,
             sampler: Sampler::Sobol,
             fresnel: Fresnel::Exact,
+            glass: GlassRule::Pane,
+            background: Background::Black,
+            shadow: GlassShadow::Report,
         }
     }
 }
@@ -144,12 +155,31 @@ pub const PARAMS: &[ParamInfo] = &[
     },
     ParamInfo { name: "intensity", about: "exponent of the open share", valid: "0..=100" },
     ParamInfo { name: "index", about: "index of refraction that stands for a whole pane", valid: "0.1..=10" },
-    ParamInfo { name: "depth", about: "deepest glass bounce", valid: "0..=16" },
+    ParamInfo {
+        name: "depth",
+        about: "deepest glass bounce; with glass=auto the deepest at which both branches are followed",
+        valid: "0..=16",
+    },
     ParamInfo { name: "sampler", about: "how occlusion directions are chosen", valid: "sobol, strata" },
     ParamInfo {
         name: "fresnel",
         about: "how much glass reflects by its angle",
         valid: "exact, schlick (not in thesis fidelity)",
+    },
+    ParamInfo {
+        name: "glass",
+        about: "what glass is: panes of the pass's index, or solid, thin or pane as each material says",
+        valid: "pane, auto (thesis fidelity: pane)",
+    },
+    ParamInfo {
+        name: "background",
+        about: "what rays show that leave the scene: black, or the viewport's clear colour",
+        valid: "black, viewport (thesis fidelity: black)",
+    },
+    ParamInfo {
+        name: "shadow",
+        about: "light behind glass: 0.9 a surface as in the report, none, or straight on by Fresnel's share and absorption",
+        valid: "report, opaque, straight (thesis fidelity: report)",
     },
 ];
 
@@ -178,6 +208,9 @@ impl RayParams {
                 }
             }
             "fresnel" => self.fresnel = Fresnel::named(value).ok_or_else(wrong)?,
+            "glass" => self.glass = GlassRule::named(value).ok_or_else(wrong)?,
+            "background" => self.background = Background::named(value).ok_or_else(wrong)?,
+            "shadow" => self.shadow = GlassShadow::named(value).ok_or_else(wrong)?,
             _ => unreachable!("every name in PARAMS is matched"),
         }
         Ok(())
@@ -202,6 +235,9 @@ impl RayParams {
                 Sampler::Strata => "strata".to_owned(),
             },
             "fresnel" => self.fresnel.name().to_owned(),
+            "glass" => self.glass.name().to_owned(),
+            "background" => self.background.name().to_owned(),
+            "shadow" => self.shadow.name().to_owned(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -350,7 +386,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             required("Miss", "Phong", "miss"),
             optional("Closest_Hit", "Phong", "closest_hit_glass"),
         ],
-        params: &["depth"],
+        params: &["depth", "background"],
     },
     RayProgramInfo {
         program: RayProgram::Refraction,
@@ -369,7 +405,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             required("Miss", "Phong", "miss"),
             optional("Closest_Hit", "Phong", "closest_hit_glass"),
         ],
-        params: &["index", "depth", "fresnel"],
+        params: &["index", "depth", "fresnel", "glass", "background"],
     },
     RayProgramInfo {
         program: RayProgram::Ssao,
@@ -406,7 +442,18 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             optional("Closest_Hit", "Phong", "closest_hit_glass"),
             optional("Any_Hit", "Shadow", "any_hit_shadow_glass"),
         ],
-        params: &["samples", "radius", "intensity", "index", "depth", "sampler", "fresnel"],
+        params: &[
+            "samples",
+            "radius",
+            "intensity",
+            "index",
+            "depth",
+            "sampler",
+            "fresnel",
+            "glass",
+            "background",
+            "shadow",
+        ],
     },
 ];
 
@@ -415,6 +462,20 @@ impl RayProgram {
     #[must_use]
     pub fn info(self) -> &'static RayProgramInfo {
         RAY_PROGRAMS.iter().find(|info| info.program == self).expect("every program has an entry")
+    }
+
+    /// Whether a pass with these parameters asks for more of glass than the report's panes, in a scene that has glass.
+    #[must_use]
+    pub fn asks_of_glass(self, params: &RayParams) -> Option<String> {
+        let reads = |name: &str| self.info().reads(name);
+        let asked = [
+            (reads("glass") && params.glass != GlassRule::Pane, "glass"),
+            (reads("background") && params.background != Background::Black, "background"),
+            (reads("shadow") && params.shadow != GlassShadow::Report, "shadow"),
+        ];
+        let names: Vec<String> =
+            asked.iter().filter(|(asked, _)| *asked).map(|(_, name)| format!("{name}={}", params.get(name))).collect();
+        (!names.is_empty()).then(|| names.join(" "))
     }
 
     /// Whether it traces rays with these parameters, in a scene that has what it looks for.
@@ -508,6 +569,9 @@ mod tests {
             ("depth", "3"),
             ("sampler", "strata"),
             ("fresnel", "schlick"),
+            ("glass", "auto"),
+            ("background", "viewport"),
+            ("shadow", "straight"),
         ] {
             params.set(name, value).expect("valid");
             assert_eq!(params.get(name), value);
@@ -520,9 +584,12 @@ mod tests {
             depth: 3,
             sampler: Sampler::Strata,
             fresnel: Fresnel::Schlick,
+            glass: GlassRule::Auto,
+            background: Background::Viewport,
+            shadow: GlassShadow::Straight,
         };
         assert_eq!(params, expected);
-        assert_eq!(PARAMS.len(), 7, "this test sets every parameter");
+        assert_eq!(PARAMS.len(), 10, "this test sets every parameter");
     }
 
     #[test]

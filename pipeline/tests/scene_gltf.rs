@@ -178,7 +178,7 @@ fn materials_and_their_extensions_are_read() {
         {
             "name": "glass", "alphaMode": "MASK", "alphaCutoff": 0.25, "emissiveFactor": [0.5, 0.25, 0.0],
             "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.5]},
-            "normalTexture": {"index": 0},
+            "normalTexture": {"index": 0}, "extras": {"priority": 7, "of": "no one else's business"},
             "extensions": {
                 "KHR_materials_transmission": {"transmissionFactor": 0.9},
                 "KHR_materials_ior": {"ior": 1.33},
@@ -189,7 +189,7 @@ fn materials_and_their_extensions_are_read() {
             }
         },
         {"name": "glass", "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1.0, 1.0, 1.0, 0.75]}},
-        {"extensions": {"KHR_materials_ior": {"ior": 0.0}}}
+        {"extensions": {"KHR_materials_ior": {"ior": 0.0}}, "extras": {"priority": 256}}
     ]);
     json["extensionsUsed"] = json!(["KHR_materials_volume"]);
     json["extensionsRequired"] = json!(["KHR_materials_volume", "KHR_materials_sheen"]);
@@ -202,6 +202,9 @@ fn materials_and_their_extensions_are_read() {
     assert!(glass.emission.distance(Vec4::new(1.35326, 1.0, 0.0, 1.0)) < 1e-4, "{}", glass.emission);
     assert_eq!((glass.transmission, glass.ior, glass.thickness), (0.9, 1.33, 2.0));
     assert_eq!((glass.attenuation_distance, glass.attenuation_color), (3.0, Vec3::new(0.1, 0.5, 0.9)));
+    let filter = glass.filter.distance(Vec3::new(0.1, 0.2, 0.3)) < 1e-6;
+    assert!(glass.volume && filter && glass.filter_textured && (glass.veil - 0.1).abs() < 1e-6, "{glass:?}");
+    assert_eq!((glass.priority, scene.materials[2].priority), (7, 0));
     assert_eq!(scene.materials[1].name, "glass#1");
     assert!(glass.single_sided, "unless the material says otherwise");
     assert_eq!(scene.materials[1].diffuse.w, 0.75);
@@ -211,6 +214,8 @@ fn materials_and_their_extensions_are_read() {
         "materials that are blended",
         "texture maps that no program reads",
         "required extensions that are not read",
+        "materials of rough glass",
+        "materials whose `extras.priority` is no whole number from 0 to 255",
     ] {
         assert_eq!(count(&scene.warnings, what), 1, "{what}");
     }

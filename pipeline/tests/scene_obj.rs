@@ -186,7 +186,8 @@ fn material_statements_are_read_in_every_legal_form() {
         "newmtl full\r\n\tKd 0.1 0.2 0.3 # paint\n Ka 0.5\nKs 1 1 1\nKe 17 12 4\nNs 250\nNi 1.33\nd 0.25\nillum 2\n\
          newmtl gray\nKd 0.5\nd -halo 0.75\nillum 2.0\nTr 0.9\n\
          newmtl glass\nKd 0 0 0\nillum 4\nd 0.6\nTf 0.4 0.3 0.2\n\
-         newmtl clear\nillum 7\nNi 0.2\nnewmtl mirror\nillum 5\nTf 1 1 1\nnewmtl seen\nTr 0.75\nnewmtl exported\nTf 1 1 1\nTr 0\nillum 2\n",
+         newmtl clear\nillum 7\nNi 0.2\nnewmtl mirror\nillum 5\nTf 1 1 1\nnewmtl seen\nTr 0.75\nnewmtl exported\nTf 1 1 1\nTr 0\nillum 2\n\
+         newmtl body\nillum 6\nNi 1.5\nTf 0.25 0.49 1\n",
     );
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings.groups());
     let full = named(&scene, "full");
@@ -201,6 +202,16 @@ fn material_statements_are_read_in_every_legal_form() {
     assert_eq!(named(&scene, "mirror").transmission, 0.0);
     assert_eq!(named(&scene, "seen").transmission, 0.75);
     assert_eq!(named(&scene, "exported").transmission, 0.0);
+    // As glass: a body, its filter at each of two surfaces, and what is scattered back.
+    let glass = |name| {
+        let material = named(&scene, name);
+        (material.volume, material.filter, material.veil)
+    };
+    assert_eq!(glass("glass"), (false, Vec3::new(0.4, 0.3, 0.2), 0.0));
+    assert_eq!(glass("clear"), (true, Vec3::ONE, 0.0));
+    assert_eq!(glass("seen"), (false, Vec3::ONE, 0.25));
+    let (volume, filter, veil) = glass("body");
+    assert!(volume && filter.distance(Vec3::new(0.5, 0.7, 1.0)) < 1e-6 && veil == 0.0, "{filter} {veil}");
 }
 
 #[test]

@@ -5,9 +5,10 @@ use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_th
 use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
 use curitiba::pipeline::files::record_files_read;
-use curitiba::pipeline::plan::{Decision, Plan, Work, mebibytes};
+use curitiba::pipeline::glass::decide;
+use curitiba::pipeline::plan::{Decision, Plan, PlannedPass, Work, mebibytes};
 use curitiba::pipeline::project::PassKind;
-use curitiba::pipeline::scene::{self, LoadOptions, Needs, Scene, TextureSource};
+use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource};
 use std::path::PathBuf;
 
 const BUILT: Style = AnsiColor::Green.on_default();
@@ -40,8 +41,8 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
         print_decision(decision);
     }
     let scenes = scenes?;
-    for decision in structures(&plan, &scenes) {
-        print_decision(&decision);
+    for decision in glass(&plan, &scenes)?.iter().chain(&structures(&plan, &scenes)) {
+        print_decision(decision);
     }
     let textures = scenes.iter().flat_map(|scene| &scene.textures).flat_map(texture_files);
     print_outside(&args.path, textures.cloned());
@@ -66,7 +67,7 @@ fn texture_files(source: &TextureSource) -> Vec<&PathBuf> {
     }
 }
 
-fn describe(plan: &Plan, planned: &curitiba::pipeline::plan::PlannedPass) -> String {
+fn describe(plan: &Plan, planned: &PlannedPass) -> String {
     let pass = plan.pass(planned);
     let target = match pass.target {
         Some(target) => format!("`{}::{}`", plan.project.targets[target].library, plan.project.targets[target].name),
@@ -88,6 +89,26 @@ fn describe(plan: &Plan, planned: &curitiba::pipeline::plan::PlannedPass) -> Str
         _ => "fills a rectangle".to_owned(),
     };
     format!("{}: {} into {target}, {width} x {height}", pass.name, what.trim_end())
+}
+
+/// What the materials of each set of scenes are as glass, where a pass asks.
+fn glass(plan: &Plan, scenes: &[Scene]) -> Result<Vec<Decision>, Failure> {
+    let mut decisions = Vec::new();
+    for (set, scene) in scenes.iter().enumerate() {
+        let asks = |planned: &PlannedPass| {
+            matches!(planned.work, Work::Rays { scene_set, .. } if scene_set == set) && plan.asks_materials(planned)
+        };
+        if !plan.passes.iter().any(asks) {
+            continue;
+        }
+        let needs = Needs { normals: false, textures: false };
+        let options = BuildOptions { needs, max_bytes: plan.settings.max_memory, ..BuildOptions::default() };
+        let (mut built, _) = RenderScene::build(scene.clone(), &options)?;
+        let decided = decide(&mut built, &plan.project.path);
+        print_warnings(&decided.warnings);
+        decisions.extend(decided.decisions);
+    }
+    Ok(decisions)
 }
 
 /// Whether each ray pass needs an acceleration structure, which the scene's materials decide.

@@ -51,6 +51,10 @@ impl RayBackend for ReferenceRays {
         Ok(())
     }
 
+    fn supports_glass(&self, _: RayProgram, _: &RayParams) -> Result<(), BackendError> {
+        Ok(())
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         (self.double, self.fast) = (None, None);
         self.scene = Some((Arc::clone(scene), filtered.to_vec()));

@@ -225,6 +225,8 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         shades: &shades,
         glass: &glass,
         shadow_glass: &vec![false; glass.len()],
+        beyond: Vec3::ZERO,
+        dielectrics: &[],
     };
     let mut rays = CpuRays::new();
     rays.build(&scene, &vec![false; glass.len()]).expect("enough memory");

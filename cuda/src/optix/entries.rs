@@ -169,6 +169,8 @@ mod tests {
             shades: &[shade(None), shade(Some(0.5)), shade(None)],
             glass: &[false, false, true],
             shadow_glass: &[false, true, false],
+            beyond: Vec3::ZERO,
+            dielectrics: &[],
         };
         let first_bytes = |job: &RayJob<'_>, materials| -> Vec<usize> {
             let table = records(&headers, job, materials);

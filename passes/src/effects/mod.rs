@@ -32,12 +32,13 @@
 
 //!
 //! From the ground up: `interpolate`, `coverage`, `pass`, `tile`; then `light`, `material`, `surface`, `optics` and `thesis`, which are
-//! about one point; `visible_pixels` and `tile_surfaces`, about a tile; `workspace`; `occlusion` and `tile_occlusion`; and above them
-//! the programs, one folder each. May use: `trace`, `sampling`.
+//! about one point; `visible_pixels` and `tile_surfaces`, about a tile; `workspace`; `occlusion` and `tile_occlusion`; `dielectric`,
+//! glass as each material says; and above them the programs, one folder each. May use: `trace`, `sampling`.
 
 pub mod combined;
 mod coverage;
 pub mod deferred_shadows;
+pub mod dielectric;
 pub mod dummy;
 mod interpolate;
 mod light;
@@ -72,7 +73,7 @@ pub use workspace::Workspace;
 pub mod constants {
     pub use super::light::{SHADOWED, THROUGH_GLASS};
     pub use super::material::AMBIENT;
-    pub use super::refraction::corrected::{REFLECTED, REFRACTED};
+    pub use super::optics::{REFLECTED, REFRACTED};
     pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};
     pub use crate::sampling::hash::{DIMENSIONS, PATH, PIXEL, SCRAMBLE};
 }

@@ -3,6 +3,11 @@
 use curitiba_pipeline::programs::Fresnel;
 use glam::Vec3;
 
+/// The reflected branch of a split ray, as it enters the key of a path.
+pub const REFLECTED: u32 = 0;
+/// The refracted branch.
+pub const REFRACTED: u32 = 1;
+
 /// Mirrors the direction `i` at a surface with unit normal `n`, whichever way `n` points.
 #[must_use]
 pub fn reflect(i: Vec3, n: Vec3) -> Vec3 {

@@ -1,6 +1,7 @@
 //! A pass and its pixels: what every program is a function of.
 
 use super::coverage::Coverage;
+use super::dielectric::Media;
 use crate::sampling::HemisphereSampler;
 use crate::sampling::hash::pixel_key;
 use crate::trace::{Hit, Tracer};
@@ -31,6 +32,8 @@ pub struct Pass<'a, T, C> {
     pub glass: TriangleRanges,
     /// Those that shadow rays pass.
     pub shadow_glass: TriangleRanges,
+    /// The bodies of glass that the camera is in.
+    pub around_eye: Media,
 }
 
 /// A pixel of the pass.

@@ -39,6 +39,20 @@ impl Surface {
         self.point.spawn(direction)
     }
 
+    /// The point itself.
+    #[inline]
+    #[must_use]
+    pub fn position(&self) -> Vec3 {
+        self.point.position
+    }
+
+    /// Whether it is seen from the side of the counter-clockwise winding: of a body, from outside.
+    #[inline]
+    #[must_use]
+    pub fn is_front(&self) -> bool {
+        self.facing == self.point.normal
+    }
+
     /// Whether rays start inside of where the point is, because it is near a border.
     #[cfg(test)]
     pub(super) fn is_drawn_in(&self) -> bool {

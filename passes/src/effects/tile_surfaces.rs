@@ -106,6 +106,16 @@ impl TileSurfaces {
         self.places.len() as u64
     }
 
+    /// Forgets the light where it crosses glass and nothing opaque: a share is not all that is asked of it.
+    pub(super) fn forget_light_through_glass(&mut self) {
+        for (ray, _) in &self.crossings {
+            let ray = *ray as usize;
+            if self.blocked[ray / PACKET] >> (ray % PACKET) & 1 == 0 {
+                self.known[usize::from(self.places[ray])].light = None;
+            }
+        }
+    }
+
     /// Notes the light's share at the place of every ray.
     fn note_answers(&mut self) {
         let Self { known, places, blocked, crossings, distances, .. } = self;
@@ -193,6 +203,7 @@ pub(super) fn prepare_light<T: Tracer, C: Coverage>(
 mod tests {
     use super::{Survey, TileSurfaces};
     use crate::effects::coverage::Opaque;
+    use crate::effects::dielectric::Media;
     use crate::effects::pass::Pass;
     use crate::effects::tests::world::{Shot, World, grid};
     use crate::effects::tile::{Area, PART, TILE, corner_of, part_of};
@@ -245,6 +256,7 @@ mod tests {
             open_share: Vec::new(),
             glass: TriangleRanges::default(),
             shadow_glass: TriangleRanges::default(),
+            around_eye: Media::NONE,
         };
         let area = Area { x: 0, y: 0, width: TILE, height: TILE, stride: TILE };
         for simd in [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable]

@@ -2,7 +2,7 @@
 
 use super::deferred_shadows;
 use super::tile_surfaces::TileSurfaces;
-use crate::trace::{Candidates, Directions};
+use crate::trace::{Candidates, Directions, Hit};
 use curitiba_pipeline::backend::RayCounts;
 use glam::Vec3;
 
@@ -22,6 +22,8 @@ pub struct Workspace {
     pub(super) loose: Vec<Vec3>,
     pub(super) candidates: Candidates,
     pub(super) crossings: Vec<f32>,
+    /// Surfaces of glass that a shadow ray crosses.
+    pub(super) through: Vec<Hit>,
 }
 
 impl Workspace {

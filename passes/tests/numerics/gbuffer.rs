@@ -93,6 +93,8 @@ impl Setting {
             shades: &self.shades,
             glass: &none,
             shadow_glass: &none,
+            beyond: Vec3::ZERO,
+            dielectrics: &[],
         };
         let mut output = Image::filled(SIDE, SIDE, [f32::NAN; 4]);
         trace(&self.tree, &job, &mut output, &Progress::default()).expect("a complete job");

@@ -186,6 +186,8 @@ impl Shot {
             shades: &self.shades,
             glass: &self.glass,
             shadow_glass: &none,
+            beyond: Vec3::ZERO,
+            dielectrics: &[],
         };
         let mut output = Image::filled(self.buffer.width, self.buffer.height, [f32::NAN; 4]);
         rays.run(&job, &mut output, &Progress::default()).expect("a whole job");

@@ -2,6 +2,7 @@
 
 use super::{Engines, Observer, RenderError, Renderer};
 use crate::backend::{BackendError, Rasteriser, RayBackend};
+use crate::plan::Work;
 use crate::project::PassKind;
 use serde::Serialize;
 use std::collections::VecDeque;
@@ -157,12 +158,15 @@ impl Renderer {
         }
     }
 
-    /// The first pass that the ray backend does not run, with its reason.
+    /// The first pass that the ray backend does not run, with its reason; what glass takes counts once the scenes are loaded.
     pub(super) fn unsupported(&self) -> Option<(String, BackendError)> {
-        self.plan.passes.iter().find_map(|planned| {
+        self.plan.passes.iter().enumerate().find_map(|(index, planned)| {
             let pass = self.plan.pass(planned);
-            let PassKind::Ray(ray) = &pass.kind else { return None };
-            let error = self.engines.rays.supports(ray.program, self.plan.settings.fidelity).err()?;
+            let (PassKind::Ray(ray), Work::Rays { params, .. }) = (&pass.kind, &planned.work) else { return None };
+            let rays = &self.engines.rays;
+            let shows_glass = self.materials.get(index).is_some_and(|materials| materials.glass.contains(&true));
+            let glass = || if shows_glass { rays.supports_glass(ray.program, params) } else { Ok(()) };
+            let error = rays.supports(ray.program, self.plan.settings.fidelity).and_then(|()| glass()).err()?;
             Some((pass.name.clone(), error))
         })
     }

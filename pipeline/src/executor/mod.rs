@@ -19,6 +19,7 @@ use crate::backend::{
     Attachments, BackendError, GBuffer, RasterJob, Rasteriser, RayBackend, RayCounts, RayJob, Rect, Shade, Sun,
 };
 use crate::diagnostic::Warnings;
+use crate::glass::Dielectric;
 use crate::image::{Image, PixelFormat};
 use crate::memory::{self, Refused};
 use crate::plan::{Decision, Plan, PlanError, PlannedPass, PlannedTarget, Work};
@@ -88,6 +89,8 @@ pub enum RenderError {
 /// A scene that is loaded, and what passes see of its materials.
 struct LoadedScenes {
     scene: Arc<RenderScene>,
+    /// By material, what it is as glass; empty where no pass asks.
+    dielectrics: Vec<Dielectric>,
     /// Whether a pass that runs traces rays in it.
     structure: bool,
 }
@@ -100,6 +103,8 @@ struct PassMaterials {
     culled: Vec<bool>,
     glass: Vec<bool>,
     shadow_glass: Vec<bool>,
+    /// What glass is, where the materials decide.
+    dielectrics: Vec<Dielectric>,
 }
 
 /// How far a ray pass came.
@@ -400,7 +405,9 @@ impl Renderer {
         name: &str,
         observer: &mut dyn Observer,
     ) -> Result<(), BackendError> {
-        let Work::Rays { scene_set, view, params, reads_triangle, resident } = planned.work else { return Ok(()) };
+        let Work::Rays { scene_set, view, params, beyond, reads_triangle, resident } = planned.work else {
+            return Ok(());
+        };
         let pass = self.plan.pass(planned);
         let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
         let ray = ray.clone();
@@ -436,6 +443,8 @@ impl Renderer {
             color: read(ray.color, "color_buffer"),
             triangle,
             shared: (!in_host).then_some(self.handed_over),
+            beyond,
+            dielectrics: &materials.dielectrics,
             shades: &materials.shades,
             glass: &materials.glass,
             shadow_glass: &materials.shadow_glass,
@@ -550,6 +559,7 @@ fn by_kind(rays: RayCounts) -> String {
         (rays.reflected, "reflected"),
         (rays.refracted, "refracted"),
         (rays.certain, "occlusion certain without"),
+        (rays.lost, "lost in glass"),
     ];
     let traced: Vec<String> =
         kinds.iter().filter(|(count, _)| *count > 0).map(|(count, kind)| format!("{count} {kind}")).collect();

@@ -2,9 +2,10 @@
 
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, StepKind};
 use crate::backend::{Attachments, BackendError, GBuffer, Shade};
+use crate::glass::{self, Decided, Dielectric, GlassShadow, Shape};
 use crate::memory::{self, Refused};
-use crate::plan::{Decision, Work, mebibytes};
-use crate::programs::Fidelity;
+use crate::plan::{Decision, PlannedPass, Work, mebibytes};
+use crate::programs::{Fidelity, RayParams};
 use crate::project::{ColorMap, MaterialPattern, PassKind};
 use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene};
 use std::sync::Arc;
@@ -22,11 +23,16 @@ impl Renderer {
     /// each kind.
     pub(super) fn prepare(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
         for set in self.plan.scene_sets.clone() {
-            let scene = self.load(&set, observer)?;
-            self.scenes.push(LoadedScenes { scene: Arc::new(scene), structure: false });
+            let mut scene = self.load(&set, observer)?;
+            let dielectrics = self.decide_glass(self.scenes.len(), &mut scene);
+            self.scenes.push(LoadedScenes { scene: Arc::new(scene), dielectrics, structure: false });
         }
         for index in 0..self.plan.passes.len() {
             self.resolve_materials(index);
+        }
+        // What the scene's glass takes is known only now.
+        if let Some((pass, error)) = self.unsupported() {
+            self.stand_in(&pass, error, observer)?;
         }
         let first = |raster: bool| {
             self.plan.passes.iter().find_map(|planned| match planned.work {
@@ -46,6 +52,21 @@ impl Renderer {
         }
         self.join_engines();
         Ok(())
+    }
+
+    /// What each material of a scene set is as glass, if a pass of it asks; printed with the plan's decisions.
+    fn decide_glass(&mut self, set: usize, scene: &mut RenderScene) -> Vec<Dielectric> {
+        let asks = |planned: &&PlannedPass| {
+            matches!(planned.work, Work::Rays { scene_set, .. } if scene_set == set)
+                && self.plan.asks_materials(planned)
+        };
+        if self.plan.passes.iter().find(asks).is_none() {
+            return Vec::new();
+        }
+        let Decided { dielectrics, decisions, warnings } = glass::decide(scene, &self.plan.project.path);
+        self.plan.decisions.extend(decisions);
+        self.warnings.append(warnings);
+        dielectrics
     }
 
     fn load(&mut self, set: &[usize], observer: &mut dyn Observer) -> Result<RenderScene, RenderError> {
@@ -125,7 +146,11 @@ impl Renderer {
         if let PassKind::Raster(_) = &pass.kind
             && corrected
         {
-            resolved.culled = materials.iter().map(|material| material.single_sided).collect();
+            // The inner side of a body is seen from inside it.
+            let solid =
+                |index: usize| matches!(self.scenes[set].dielectrics.get(index), Some(d) if d.shape == Shape::Solid);
+            let culled = |(index, material): (usize, &Material)| material.single_sided && !solid(index);
+            resolved.culled = materials.iter().enumerate().map(culled).collect();
         }
         if let PassKind::Effect(effect) = &pass.kind {
             resolved.glass = matching(&effect.glass);
@@ -133,6 +158,22 @@ impl Renderer {
         if let PassKind::Ray(ray) = &pass.kind {
             resolved.glass = matching(&ray.glass);
             resolved.shadow_glass = matching(&ray.shadow_glass);
+            if self.plan.asks_materials(&planned) {
+                resolved.dielectrics = self.scenes[set].dielectrics.clone();
+                let table = resolved.dielectrics.iter_mut().zip(&mut resolved.glass).zip(&mut resolved.shadow_glass);
+                for ((dielectric, glass), shadow_glass) in table {
+                    // What a project names and no property makes glass is the report's pane.
+                    if *glass && dielectric.shape == Shape::Opaque {
+                        dielectric.shape = Shape::Pane;
+                    }
+                    let own = matches!(dielectric.shape, Shape::Thin | Shape::Solid);
+                    *glass |= own;
+                    *shadow_glass |= own;
+                }
+            }
+            if let Work::Rays { params: RayParams { shadow: GlassShadow::Opaque, .. }, .. } = &planned.work {
+                resolved.shadow_glass.fill(false);
+            }
             let (needed, why) = self.plan.needs_structure(&planned, materials);
             let what = format!("acceleration structure for pass `{}`", pass.name);
             self.plan.decisions.push(Decision { what, built: needed, why });

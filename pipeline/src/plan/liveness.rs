@@ -3,10 +3,11 @@
 use super::settings::Constants;
 use super::{Decision, Plan, PlanError, PlannedPass, Work, rectangle, view};
 use crate::backend::{Attachments, Rect};
+use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams, Traces};
 use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RayPass, Viewport};
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 use std::collections::BTreeSet;
 
 /// What later passes want, as the walk goes backwards.
@@ -71,6 +72,7 @@ impl Plan {
                     let Some(Constants::Ray(params)) = constants[index] else {
                         unreachable!("every ray pass has its parameters")
                     };
+                    let params = self.of_fidelity(pass, ray, params);
                     let work = self.ray_work(&passes, index, params, camera, &mut wanted);
                     self.check_same_scenes(&passes[..index], pass, ray, &work)?;
                     work
@@ -97,6 +99,20 @@ impl Plan {
         Ok(())
     }
 
+    /// What thesis fidelity leaves of a pass's parameters: its glass is the report's.
+    fn of_fidelity(&mut self, pass: &Pass, ray: &RayPass, params: RayParams) -> RayParams {
+        let report =
+            RayParams { glass: GlassRule::Pane, background: Background::Black, shadow: GlassShadow::Report, ..params };
+        match ray.program.asks_of_glass(&params) {
+            Some(asked) if self.settings.fidelity == Fidelity::Thesis => {
+                let why = "thesis fidelity has the report's panes".to_owned();
+                self.decide(format!("{asked} of pass `{}`", pass.name), false, why);
+                report
+            }
+            _ => params,
+        }
+    }
+
     fn ray_work(
         &mut self,
         passes: &[Pass],
@@ -108,6 +124,11 @@ impl Plan {
         let PassKind::Ray(ray) = &passes[index].kind else { unreachable!("the caller looked") };
         let size = self.target_size(passes[index].target);
         let rect = rectangle(self.viewport_of(&passes[index], camera), size);
+        let viewport = self.viewport_of(&passes[index], camera);
+        let beyond = match params.background {
+            Background::Black => Vec3::ZERO,
+            Background::Viewport => viewport.map_or(Vec3::ZERO, |viewport| viewport.clear_color.truncate()),
+        };
         let reads_triangle = self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
         let channels = inputs(ray, &params);
         let resident = self.resident_target(passes, index, &channels, camera);
@@ -125,6 +146,7 @@ impl Plan {
             scene_set: self.scene_set(&ray.scenes),
             view: view(&self.project.cameras[camera.unwrap_or(ray.camera)], rect),
             params,
+            beyond,
             reads_triangle,
             resident,
         }

@@ -13,13 +13,14 @@ pub use settings::{PlanError, Settings};
 
 use crate::backend::{Attachments, Rect, View};
 use crate::diagnostic::Warnings;
+use crate::glass::{GlassRule, TRANSPARENT};
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams};
 use crate::project::{Camera, ChannelRef, Orthographic, Pass, PassKind, Project, Viewport};
 use crate::raster_effects::EffectParams;
 use crate::scene::{Material, Needs};
 use glam::camera::rh;
-use glam::{Mat4, Vec4};
+use glam::{Mat4, Vec3, Vec4};
 use settings::{check_size, constants, set_formats, shown_channels};
 
 /// Largest side of any target, pixels.
@@ -117,6 +118,8 @@ pub enum Work {
         view: View,
         /// Constants, after `--set`.
         params: RayParams,
+        /// What rays show that leave the scene.
+        beyond: Vec3,
         /// Whether triangle ids are read.
         reads_triangle: bool,
         /// The target whose G-buffer it reads, if that is what was drawn last, whole and unchanged: then it may be read
@@ -268,13 +271,33 @@ impl Plan {
         self.decide("vertex attribute `texCoord0` and textures".into(), self.needs.textures, why);
     }
 
+    /// Whether the materials decide what is glass in a pass.
+    #[must_use]
+    pub fn asks_materials(&self, planned: &PlannedPass) -> bool {
+        let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &self.pass(planned).kind) else {
+            return false;
+        };
+        params.glass == GlassRule::Auto && ray.program.info().reads("glass")
+    }
+
+    /// What a pass asks of glass beyond the report's panes, for messages; `None` where it asks for nothing.
+    #[must_use]
+    pub fn asks_of_glass(&self, planned: &PlannedPass) -> Option<String> {
+        match (&planned.work, &self.pass(planned).kind) {
+            (Work::Rays { params, .. }, PassKind::Ray(ray)) => ray.program.asks_of_glass(params),
+            _ => None,
+        }
+    }
+
     /// Whether a ray pass needs an acceleration structure for a scene with these materials, and why.
     #[must_use]
     pub fn needs_structure(&self, planned: &PlannedPass, materials: &[Material]) -> (bool, String) {
         let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &self.pass(planned).kind) else {
             return (false, "it traces no ray".into());
         };
-        let glass = materials.iter().any(|material| ray.glass.iter().any(|pattern| pattern.matches(&material.name)));
+        let by_itself = |material: &Material| self.asks_materials(planned) && material.transmission >= TRANSPARENT;
+        let named = |material: &Material| ray.glass.iter().any(|pattern| pattern.matches(&material.name));
+        let glass = materials.iter().any(|material| named(material) || by_itself(material));
         // In thesis fidelity a pixel is glass by its colour, whatever its material.
         ray.program.info().needs_structure(params, glass || self.settings.fidelity == Fidelity::Thesis)
     }

@@ -182,13 +182,27 @@ pub struct Material {
     pub single_sided: bool,
     /// Share of the light that enters (glTF `KHR_materials_transmission`), 0..=1.
     pub transmission: f32,
-    /// Index of refraction (MTL `Ni`, glTF `KHR_materials_ior`), 1..=∞; read, not shaded yet: a pane uses the program's.
+    /// Whether the surface is the border of a body, and not a thin wall (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7). This
+    /// and what follows is shaded with `glass=auto`; a pane has the program's index, and nothing else.
+    pub volume: bool,
+    /// Share of the light by colour that passes the surface, beside Fresnel's, each time that light passes it: glTF's base colour;
+    /// MTL's `Tf`, of which a body has the square root, since light enters and leaves it. Linear, 0..=1.
+    pub filter: Vec3,
+    /// Whether the texture's colour is part of the filter (glTF) and not only of the diffuse colour (MTL).
+    pub filter_textured: bool,
+    /// Share of the light that enters and is scattered back by the diffuse colour, 0..=1.
+    pub veil: f32,
+    /// Where bodies overlap, the one of the highest rank fills the place, and of several alike the one that was entered last (glTF
+    /// `extras.priority`, 0 to 255).
+    pub priority: u8,
+    /// Index of refraction (MTL `Ni`, glTF `KHR_materials_ior`), 1..=∞.
     pub ior: f32,
-    /// Thickness in mesh units (glTF `KHR_materials_volume`); 0 is a thin pane. Read, not shaded yet.
+    /// Thickness (glTF `KHR_materials_volume`), of use only where a surface with a volume is not closed. In scene units, as the file
+    /// has it.
     pub thickness: f32,
-    /// Colour that white light has after [`Self::attenuation_distance`]. Read, not shaded yet.
+    /// Colour that white light has after [`Self::attenuation_distance`], linear.
     pub attenuation_color: Vec3,
-    /// In scene units; infinite where nothing is absorbed. Read, not shaded yet.
+    /// In scene units; infinite where nothing is absorbed.
     pub attenuation_distance: f32,
 }
 
@@ -206,6 +220,11 @@ impl Default for Material {
             alpha_cutoff: None,
             single_sided: false,
             transmission: 0.0,
+            volume: false,
+            filter: Vec3::ONE,
+            filter_textured: false,
+            priority: 0,
+            veil: 0.0,
             ior: 1.5,
             thickness: 0.0,
             attenuation_color: Vec3::ONE,

@@ -46,13 +46,13 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
 }
 
 /// The colour was lit by the stored normal, so the side that it looks to is the one to be shadowed.
-fn lit_side(surface: &Surface, stored_normal: Vec3) -> Vec3 {
+pub(super) fn lit_side(surface: &Surface, stored_normal: Vec3) -> Vec3 {
     if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing }
 }
 
 /// A colour times the light's share and ambient occlusion: those that are known already, or else those of a side. Black stays
 /// black, without a ray.
-fn visible<T: Tracer, C: Coverage>(
+pub(super) fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,
     surface: &Surface,

@@ -2,6 +2,7 @@
 //!
 //! Glass that shadow rays pass dims light and does not occlude.
 
+pub mod bodies;
 pub mod corrected;
 pub mod thesis;
 

@@ -15,7 +15,9 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
         let direction = reflect(view, surface.interface_normal(view));
         work.rays.reflected += 1;
         pass.tracer.announce(Announcement { purpose: Purpose::Reflected, bounce, weight: 1.0 });
-        let (ray, Some(hit)) = pass.closest(surface.origin(direction), direction) else { break };
+        let (ray, Some(hit)) = pass.closest(surface.origin(direction), direction) else {
+            return opaque(pass.job.beyond);
+        };
         surface = pass.surface_hit(&ray, &hit);
         if !pass.is_glass(hit.triangle) {
             return opaque(pass.lit_color(&hit, surface.normal));

@@ -1,7 +1,8 @@
 //! With Fresnel weights, exact unless the pass asks for Schlick's, and both colours blended at every bounce; `final`
 //! shares the glass.
 
-use crate::effects::optics::{interface, reflect};
+use crate::effects::dielectric::{Media, Walk};
+use crate::effects::optics::{REFLECTED, REFRACTED, interface, reflect};
 use crate::effects::surface::Surface;
 use crate::effects::thesis::BOUNCE;
 use crate::effects::{Coverage, Pass, Pixel, Workspace, opaque};
@@ -19,16 +20,21 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     opaque(Glass { pass, shade }.blend(&surface, view, 0, 0, work))
 }
 
+/// [`pixel`] where glass is what each material says.
+pub fn pixel_of_bodies<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
+    let Some(triangle) = pass.triangle(pixel).filter(|triangle| pass.is_glass(*triangle)) else {
+        return pass.job.color[pixel.index];
+    };
+    let seen = pass.surface_at(pixel, triangle, pass.normal(pixel));
+    let shade = |hit: &Hit, surface: &Surface, _: Media, _: u32, _: &mut Workspace| pass.lit_color(hit, surface.normal);
+    opaque(Walk { pass, shade }.pixel(pixel, triangle, seen, 0, work))
+}
+
 /// The recursion over glass; `shade` gives the colour of everything else, given the key of the bounce path.
 pub(in crate::effects) struct Glass<'p, 'a, T, C, F> {
     pub pass: &'p Pass<'a, T, C>,
     pub shade: F,
 }
-
-/// The reflected branch of a split ray, as it enters the key of a path.
-pub const REFLECTED: u32 = 0;
-/// The refracted branch.
-pub const REFRACTED: u32 = 1;
 
 impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3> Glass<'_, '_, T, C, F> {
     /// What glass shows in direction `view` after `bounces` glass hits: reflected and refracted colours by their Fresnel
@@ -66,7 +72,9 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, u32, &mut Workspace) -> Vec3>
     }
 
     fn radiance(&self, from: &Surface, direction: Vec3, bounces: u32, key: u32, work: &mut Workspace) -> Vec3 {
-        let (ray, Some(hit)) = self.pass.closest(from.origin(direction), direction) else { return Vec3::ZERO };
+        let (ray, Some(hit)) = self.pass.closest(from.origin(direction), direction) else {
+            return self.pass.job.beyond;
+        };
         let glass = self.pass.is_glass(hit.triangle);
         if glass && bounces >= self.pass.job.params.depth {
             return Vec3::ZERO;

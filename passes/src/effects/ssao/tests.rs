@@ -1,6 +1,7 @@
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::trace::{Bvh, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{GBuffer, RayCounts, RayJob};
+use curitiba_pipeline::glass::{Background, GlassRule, GlassShadow};
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram, Sampler};
 use glam::{Mat3, Vec3};
@@ -15,6 +16,9 @@ const DEFAULTS: RayParams = RayParams {
     depth: 5,
     sampler: Sampler::Sobol,
     fresnel: Fresnel::Exact,
+    glass: GlassRule::Pane,
+    background: Background::Black,
+    shadow: GlassShadow::Report,
 };
 
 fn occlusion(shot: &Shot<'_>, fidelity: Fidelity, params: RayParams) -> (Vec<f32>, RayCounts) {

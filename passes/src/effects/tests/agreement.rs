@@ -173,6 +173,7 @@ impl Case {
             index: self.index,
             // Every second scene by the approximation: which weights glass has is no matter of the tracer's.
             fresnel: if self.seed.is_multiple_of(2) { Fresnel::Exact } else { Fresnel::Schlick },
+            ..RayParams::default()
         }
     }
 }

@@ -4,6 +4,7 @@ use crate::cpu;
 use crate::trace::{BruteForce, Bvh, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::texture::Texture;
@@ -18,6 +19,12 @@ pub struct World {
     pub glass: Vec<bool>,
     pub shadow_glass: Vec<bool>,
     pub sun: Option<Sun>,
+    /// What rays show that leave it.
+    pub beyond: Vec3,
+    /// What materials are as glass.
+    pub dielectrics: Vec<Dielectric>,
+    /// Whether they count; else glass is the report's.
+    pub bodies: bool,
 }
 
 /// The light that most worlds have.
@@ -56,6 +63,8 @@ impl World {
         self.shades.push(shade);
         self.glass.push(glass);
         self.shadow_glass.push(glass);
+        let shape = if glass { Shape::Pane } else { Shape::Opaque };
+        self.dielectrics.push(Dielectric { shape, filter: Vec3::ONE, index: 1.5, ..Dielectric::default() });
         self.shades.len() as u32 - 1
     }
 
@@ -69,6 +78,14 @@ impl World {
     pub fn glass(&mut self) -> u32 {
         let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None };
         self.material(shade, true)
+    }
+
+    /// Glass as its properties say.
+    pub fn dielectric(&mut self, dielectric: Dielectric) -> u32 {
+        self.bodies = true;
+        let material = self.glass();
+        self.dielectrics[material as usize] = dielectric;
+        material
     }
 
     /// A textured material; `texels` are two texels side by side.
@@ -223,6 +240,8 @@ impl<'w> Shot<'w> {
             shades: &self.world.shades,
             glass: &self.world.glass,
             shadow_glass: &self.world.shadow_glass,
+            beyond: self.world.beyond,
+            dielectrics: if self.world.bodies { &self.world.dielectrics } else { &[] },
         }
     }
 

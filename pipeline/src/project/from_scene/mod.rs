@@ -5,6 +5,7 @@
 //! | camera | `Camera`, which the options describe, or else sees all of the scene; the file's own come first unless it is described |
 //! | sun | the options', or the file's first directional light (its direction and hue), or one behind the viewer's left shoulder |
 //! | effects | shadows and occlusion; glass if a material that is drawn lets a tenth of the light through |
+//! | glass | what each material says (`glass=auto`), before the background, with coloured shadows (`shadow=straight`) |
 //! | what is looked at | the box of all triangles, or of most where a few far ones (a sky) make it twice as large |
 //! | occlusion radius | a twentieth of the diagonal of what is looked at |
 //! | window | 1024 x 1024 |
@@ -17,6 +18,7 @@ pub use options::{Effects, SceneOptions};
 
 use super::{Camera, Project, SceneDecl, SceneFile, Viewport};
 use crate::diagnostic::{Problem, Problems, Severity};
+use crate::glass::TRANSPARENT;
 use crate::programs::RayProgram;
 use crate::raster_effects::EffectProgram;
 use crate::scene::{self, LoadOptions, Needs, Object, Placement, Scene, SceneError};
@@ -29,8 +31,6 @@ use view::{Extent, two_digits};
 const WINDOW: [u32; 2] = [1024, 1024];
 /// Display values behind the scene.
 const BACKGROUND: Vec3 = Vec3::new(0.6, 0.7, 0.8);
-/// A material is glass if it lets this share of the light through.
-const GLASS: f32 = 0.1;
 /// The occlusion radius as a share of the diagonal of the scene's box.
 const RADIUS: f64 = 0.05;
 
@@ -127,7 +127,7 @@ impl SceneProjects {
     pub fn project(&self) -> Project {
         // Glass that is not asked for is drawn as any other surface.
         let glass: &[String] = if self.effects.glass { &self.glass } else { &[] };
-        self.with(&passes::steps(self.effects), glass, self.effects.occlusion)
+        self.with(&passes::steps(self.effects), glass, (self.effects.occlusion, true))
     }
 
     /// Projects of the same scene with each effect by rays and by raster, by the file names of the report's own.
@@ -150,12 +150,13 @@ impl SceneProjects {
             ("raster/SceneDepthOcclusion.xml", raster(EffectProgram::DepthOcclusion)),
         ]
         .into_iter()
-        .map(|(file, steps)| (file, self.with(&steps, &self.glass, true)))
+        // What raster can do is known of the report's panes.
+        .map(|(file, steps)| (file, self.with(&steps, &self.glass, (true, false))))
         .collect()
     }
 
-    fn with(&self, steps: &[Step], glass: &[String], occlusion: bool) -> Project {
-        let common = Common { window: self.base.window, glass, radius: self.radius, occlusion };
+    fn with(&self, steps: &[Step], glass: &[String], (occlusion, bodies): (bool, bool)) -> Project {
+        let common = Common { window: self.base.window, glass, radius: self.radius, occlusion, bodies };
         let (targets, pipeline) = common.pipeline(steps);
         Project { targets, pipelines: vec![pipeline], ..self.base.clone() }
     }
@@ -311,7 +312,7 @@ fn glass(scene: &Scene) -> Vec<String> {
     }
     let materials = scene.materials.iter().zip(drawn);
     materials
-        .filter(|(material, drawn)| *drawn && material.transmission >= GLASS)
+        .filter(|(material, drawn)| *drawn && material.transmission >= TRANSPARENT)
         .map(|(m, _)| m.name.clone())
         .collect()
 }

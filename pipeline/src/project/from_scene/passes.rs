@@ -1,6 +1,7 @@
 //! Render targets and passes: the G-buffer, what computes on it, and the window.
 
 use super::Effects;
+use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
 use crate::project::{
@@ -67,6 +68,8 @@ pub(super) struct Common<'a> {
     pub radius: f32,
     /// Whether `final` has occlusion.
     pub occlusion: bool,
+    /// Whether glass is what its materials say, before the background, with coloured shadows; else the report's panes.
+    pub bodies: bool,
 }
 
 impl Common<'_> {
@@ -133,6 +136,11 @@ impl Common<'_> {
         if program == RayProgram::Final && !self.occlusion {
             params.samples = 0;
         }
+        if self.bodies && !self.glass.is_empty() {
+            params.glass = GlassRule::Auto;
+            params.background = Background::Viewport;
+            params.shadow = GlassShadow::Straight;
+        }
         let calls = |proc: &str| info.procs.iter().any(|known| known.proc == proc);
         let patterns = |called: bool| if called { self.patterns() } else { Vec::new() };
         RayPass {
@@ -182,6 +190,9 @@ fn as_written(params: RayParams, names: &[&str]) -> RayParams {
     RayParams {
         samples: if names.contains(&"samples") { params.samples } else { defaults.samples },
         radius: if names.contains(&"radius") { params.radius } else { defaults.radius },
+        glass: if names.contains(&"glass") { params.glass } else { defaults.glass },
+        background: if names.contains(&"background") { params.background } else { defaults.background },
+        shadow: if names.contains(&"shadow") { params.shadow } else { defaults.shadow },
         ..defaults
     }
 }

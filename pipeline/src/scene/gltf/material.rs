@@ -6,7 +6,8 @@ use super::super::{Material, TextureSource};
 use super::accessor::Data;
 use super::container::{Target, base64, shortened, uri_target};
 use crate::diagnostic::Warnings;
-use ::gltf::json::{self, material::AlphaMode, texture::WrappingMode, validation::Checked};
+use ::gltf::json::deserialize::from_str;
+use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, validation::Checked};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
 /// How a primitive's texture coordinates become those of its material's texture.
@@ -104,6 +105,9 @@ fn displayed(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// Glass counts as rough above this: its square, the width of the distribution of normals, is a seventh of a degree.
+const ROUGH: f32 = 0.05;
+
 /// All but the texture.
 fn surface(written: &json::Material, name: String, context: &Context<'_>, warnings: &mut Warnings) -> Material {
     let mut warn = |what: &'static str, remedy: &'static str, detail: &str| {
@@ -138,6 +142,12 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     }
     if let Some(transmission) = extensions.and_then(|e| e.transmission.as_ref()) {
         material.transmission = transmission.transmission_factor.0.clamp(0.0, 1.0);
+        material.veil = 1.0 - material.transmission;
+        material.filter_textured = true;
+        material.filter = factor.truncate().clamp(Vec3::ZERO, Vec3::ONE);
+        if material.transmission > 0.0 && written.pbr_metallic_roughness.roughness_factor.0 > ROUGH {
+            warn("materials of rough glass", "drawn smooth", "");
+        }
         if transmission.transmission_texture.is_some() {
             warn("texture maps that no program reads", "ignored", "transmission of ");
         }
@@ -152,12 +162,18 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     }
     if let Some(volume) = extensions.and_then(|e| e.volume.as_ref()) {
         material.thickness = volume.thickness_factor.0.max(0.0);
+        material.volume = material.thickness > 0.0;
         material.attenuation_color = Vec3::from_array(volume.attenuation_color.0);
         let distance = volume.attenuation_distance.0;
         material.attenuation_distance = if distance > 0.0 { distance } else { f32::INFINITY };
         if volume.thickness_texture.is_some() {
             warn("texture maps that no program reads", "ignored", "thickness of ");
         }
+    }
+    match written.extras.as_deref().map(|extras| priority(extras.get())) {
+        None | Some(Ok(None)) => {}
+        Some(Ok(Some(rank))) => material.priority = rank,
+        Some(Err(())) => warn("materials whose `extras.priority` is no whole number from 0 to 255", "0 serves", ""),
     }
     let pbr = &written.pbr_metallic_roughness;
     for (present, what) in [
@@ -171,6 +187,13 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     }
     material.name = name;
     material
+}
+
+/// `priority` of a material's extras, which are free but for that.
+fn priority(extras: &str) -> Result<Option<u8>, ()> {
+    let Ok(Value::Object(extras)) = from_str(extras) else { return Ok(None) };
+    let Some(written) = extras.get("priority") else { return Ok(None) };
+    written.as_u64().and_then(|rank| u8::try_from(rank).ok()).map(Some).ok_or(())
 }
 
 fn coordinates_of(info: &json::texture::Info) -> Coordinates {

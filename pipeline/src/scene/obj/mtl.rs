@@ -116,6 +116,7 @@ impl Library {
     ) -> Result<Material, SceneError> {
         let defaults = Material::default();
         let color = |written: Option<Vec3>, default: Vec4| written.map_or(default, |color| color.extend(1.0));
+        let is_glass = is_glass(&written);
         let dissolve = written.d.or(written.tr.map(|tr| 1.0 - tr)).unwrap_or(1.0).clamp(0.0, 1.0);
         let mut material = Material {
             diffuse: color(written.kd, defaults.diffuse).truncate().extend(dissolve),
@@ -124,6 +125,9 @@ impl Library {
             emission: color(written.ke, defaults.emission),
             shininess: written.ns.unwrap_or(defaults.shininess).max(0.0),
             transmission: transmission(&written, dissolve),
+            volume: matches!(written.illum, Some(6 | 7)),
+            filter: filter(&written),
+            veil: if is_glass { 0.0 } else { dissolve },
             ior: written.ni.filter(|ni| *ni >= 1.0).unwrap_or(defaults.ior),
             name: written.name,
             ..defaults
@@ -155,8 +159,7 @@ impl Library {
                     }
                     // Glass has an alpha of its own.
                     None => {
-                        let glass = matches!(written.illum, Some(4 | 6 | 7 | 9));
-                        if !glass && self.is_cut_out(&color, context, warnings)? {
+                        if !is_glass && self.is_cut_out(&color, context, warnings)? {
                             material.alpha_cutoff = Some(MASK_CUTOFF);
                         }
                         TextureSource::File(color)
@@ -178,7 +181,7 @@ impl Library {
 /// exporters write `Tf 1 1 1` with every opaque material.
 fn transmission(written: &Declaration, dissolve: f32) -> f32 {
     let share = match written.illum {
-        Some(4 | 6 | 7 | 9) => match written.tf {
+        _ if is_glass(written) => match written.tf {
             Some(filter) => filter.max_element(),
             None if dissolve < 1.0 => 1.0 - dissolve,
             None => 1.0,
@@ -186,6 +189,18 @@ fn transmission(written: &Declaration, dissolve: f32) -> f32 {
         _ => 1.0 - dissolve,
     };
     share.clamp(0.0, 1.0)
+}
+
+/// Whether the illumination model is one of glass.
+fn is_glass(written: &Declaration) -> bool {
+    matches!(written.illum, Some(4 | 6 | 7 | 9))
+}
+
+/// What light keeps by colour where it passes the surface. The models 6 and 7 refract, so their surface is the border of a body,
+/// which light passes twice: each time it keeps the square root of `Tf`.
+fn filter(written: &Declaration) -> Vec3 {
+    let filter = written.tf.filter(|_| is_glass(written)).unwrap_or(Vec3::ONE).clamp(Vec3::ZERO, Vec3::ONE);
+    if matches!(written.illum, Some(6 | 7)) { filter.map(f32::sqrt) } else { filter }
 }
 
 struct Parser<'a> {

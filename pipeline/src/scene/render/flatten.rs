@@ -33,6 +33,7 @@ enum Verdict {
 /// Marks an index that lies outside its mesh; never a valid vertex, because their number is below it.
 const BAD: u32 = u32::MAX;
 
+/// The triangles in world space, and by how much lengths of the files were scaled.
 pub(super) fn flatten(
     mut meshes: Vec<Mesh>,
     (objects, materials): (&[Object], &[Material]),
@@ -40,7 +41,7 @@ pub(super) fn flatten(
     files: &FilesOfObjects,
     budget: &mut Budget,
     warnings: &mut Warnings,
-) -> Result<Geometry, SceneError> {
+) -> Result<(Geometry, f32), SceneError> {
     let mut uses = vec![0_u32; meshes.len()];
     for object in objects {
         uses[object.mesh as usize] += 1;
@@ -89,8 +90,9 @@ pub(super) fn flatten(
 
     sort_out(&mut geometry, &mut runs, objects, files, warnings);
     drop_unused_vertices(&mut geometry);
+    let mut scale = 1.0;
     if options.unitize && !geometry.positions.is_empty() {
-        unitize(&mut geometry.positions);
+        scale = unitize(&mut geometry.positions);
         // Rounding after the scaling may flatten slivers.
         sort_out(&mut geometry, &mut runs, objects, files, warnings);
         drop_unused_vertices(&mut geometry);
@@ -101,7 +103,7 @@ pub(super) fn flatten(
         drop_unused_vertices(&mut geometry);
     }
     geometry.batches = batches(&runs);
-    Ok(geometry)
+    Ok((geometry, scale))
 }
 
 /// Adds up what the objects need, books it, and returns the number of vertices.
@@ -359,13 +361,14 @@ fn retain<T>(list: &mut Vec<T>, used: &[bool]) {
     list.retain(|_| *flags.next().expect("one flag a vertex"));
 }
 
-/// Centres the positions and scales them until the longest side of their box is [-1, 1].
-fn unitize(positions: &mut [Vec3]) {
+/// Centres the positions and scales them until the longest side of their box is [-1, 1]. Returns the scale.
+fn unitize(positions: &mut [Vec3]) -> f32 {
     let low = positions.iter().fold(Vec3::INFINITY, |low, position| low.min(*position)).as_dvec3();
     let high = positions.iter().fold(Vec3::NEG_INFINITY, |high, position| high.max(*position)).as_dvec3();
     let center = 0.5 * (low + high);
     let half = 0.5 * (high - low).max_element();
     positions.par_iter_mut().for_each(|position| *position = ((position.as_dvec3() - center) / half).as_vec3());
+    (1.0 / half) as f32
 }
 
 fn batches(runs: &[Run]) -> Vec<Batch> {

@@ -69,13 +69,16 @@ impl RenderScene {
         let mut budget = Budget::new(options.max_bytes);
         let Scene { meshes, objects, mut materials, textures: sources, .. } = scene;
 
-        let geometry = flatten::flatten(meshes, (&objects, &materials), options, &files, &mut budget, &mut warnings)?;
+        let (geometry, scale) =
+            flatten::flatten(meshes, (&objects, &materials), options, &files, &mut budget, &mut warnings)?;
 
         let mut in_use = vec![false; materials.len()];
         for batch in &geometry.batches {
             in_use[batch.material as usize] = true;
         }
         for (material, in_use) in materials.iter_mut().zip(in_use) {
+            material.attenuation_distance *= scale;
+            material.thickness *= scale;
             if !in_use || !options.needs.textures {
                 material.texture = None;
             }

@@ -1,0 +1,84 @@
+//! Light that falls straight through glass.
+
+use super::media::{Border, Crossing, Media};
+use super::slab::{kept_across, slab};
+use crate::effects::interpolate::interpolate;
+use crate::effects::light::{SHADOWED, THROUGH_GLASS};
+use crate::effects::optics::interface;
+use crate::effects::surface::Surface;
+use crate::effects::{Coverage, Pass, Workspace};
+use crate::trace::{Hit, Purpose, Ray, Tracer};
+use curitiba_pipeline::glass::Shape;
+use glam::Vec3;
+
+/// Hits of one surface are no farther apart, as a share of their distance.
+const ROUNDING: f32 = 8.0 * f32::EPSILON;
+
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    /// What reaches a surface of the light, by colour: [`SHADOWED`] where its side is turned away or something opaque is in the way,
+    /// else from there to 1 as far as glass lets the light pass that falls straight through it ([`Self::straight`]).
+    pub(in crate::effects) fn straight_light(&self, surface: &Surface, facing: Vec3, work: &mut Workspace) -> Vec3 {
+        if facing.dot(self.to_light) <= 0.0 {
+            return Vec3::splat(SHADOWED);
+        }
+        work.rays.shadow += 1;
+        let ray = self.light_ray(surface.origin(self.to_light));
+        let mut through = std::mem::take(&mut work.through);
+        through.clear();
+        self.announce_visibility(Purpose::Shadow, 1.0);
+        let blocked = self.tracer.occluded(&ray, |hit| self.blocks_light(hit, || through.push(*hit)));
+        let passes = if blocked { Vec3::ZERO } else { self.straight(&ray, &mut through, work) };
+        work.through = through;
+        SHADOWED + (1.0 - SHADOWED) * passes
+    }
+
+    /// The share of light that passes these surfaces of glass, by colour, though they bend nothing: 1 - F at each border between two
+    /// media, with the cosine on the side of the lower index (with that on the other side a sphere would be black from the critical
+    /// angle on, which straight light never reaches), times absorption on each way inside. The order of the hits is free, and each may
+    /// be given more than once.
+    fn straight(&self, ray: &Ray, hits: &mut Vec<Hit>, work: &mut Workspace) -> Vec3 {
+        let (geometry, dielectrics) = (&self.job.scene.geometry, self.job.dielectrics);
+        let material = |hit: &Hit| geometry.material_of(hit.triangle);
+        let enters = |hit: &Hit| {
+            let [a, b, c] = geometry.corners(hit.triangle).map(|corner| corner.as_dvec3());
+            (b - a).cross(c - a).dot(ray.direction.as_dvec3()) < 0.0
+        };
+        hits.sort_unstable_by(|one, two| one.t.total_cmp(&two.t).then(one.triangle.cmp(&two.triangle)));
+        hits.dedup_by(|later, kept| {
+            later.t - kept.t <= ROUNDING * later.t && material(later) == material(kept) && enters(later) == enters(kept)
+        });
+        let is_solid = |hit: &&Hit| dielectrics[material(hit) as usize].shape == Shape::Solid;
+        let crossing = |hit: &Hit| Crossing { material: material(hit), enters: enters(hit) };
+        let mut media = Media::at_start_of(hits.iter().filter(is_solid).map(crossing), dielectrics);
+        let (mut passes, mut from) = (Vec3::ONE, 0.0);
+        for hit in hits.iter() {
+            passes *= self.on_the_way(media, hit.t - from);
+            from = hit.t;
+            let dielectric = &dielectrics[material(hit) as usize];
+            let normal = interpolate(geometry, &geometry.normals, hit).normalize_or_zero();
+            let share = |ratio: f32| interface(self.job.params.fresnel, normal.dot(ray.direction).abs(), ratio);
+            passes *= match dielectric.shape {
+                Shape::Solid => {
+                    let Border { after, ratio, overflows } = media.cross(crossing(hit), dielectrics);
+                    work.rays.lost += u64::from(overflows);
+                    media = after;
+                    ratio.map_or(Vec3::ONE, |ratio| {
+                        (1.0 - share(ratio.max(1.0 / ratio)).reflectance) * self.filter(hit, dielectric)
+                    })
+                }
+                Shape::Thin => {
+                    let ratio = dielectric.index / media.index(dielectrics);
+                    let face = share(ratio.max(1.0 / ratio));
+                    slab(face.reflectance, kept_across(dielectric, face.cos_refracted)).transmitted
+                        * self.filter(hit, dielectric)
+                }
+                Shape::Pane | Shape::Opaque => Vec3::splat(THROUGH_GLASS),
+            };
+        }
+        passes * self.on_the_way(media, f32::INFINITY)
+    }
+
+    fn on_the_way(&self, media: Media, length: f32) -> Vec3 {
+        media.top().map_or(Vec3::ONE, |material| self.job.dielectrics[material as usize].transmittance(length))
+    }
+}

@@ -1,0 +1,81 @@
+//! The projects of `xml_projects/glass`, end to end at small size.
+
+use curitiba_passes::cpu::CpuRays;
+use curitiba_passes::raster::cpu::CpuRasteriser;
+use curitiba_pipeline::backend::RayCounts;
+use curitiba_pipeline::executor::{Engines, Renderer, Silent};
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::plan::{Plan, Settings};
+use curitiba_pipeline::programs::Fidelity;
+use curitiba_pipeline::project;
+use std::path::Path;
+
+struct Rendered {
+    image: Image,
+    glass: Vec<(String, String)>,
+    rays: RayCounts,
+}
+
+fn render(name: &str, fidelity: Fidelity, set: &[&str]) -> Rendered {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../xml_projects/glass/{name}.xml"));
+    let project = project::load(&path).expect("the project loads");
+    let set = set.iter().map(|value| (*value).to_owned()).collect();
+    let settings = Settings { size: Some([64, 64]), fidelity, set, ..Settings::default() };
+    let plan = Plan::new(project, settings).expect("a plan");
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(CpuRays::new()));
+    let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("engines");
+    let image = renderer.frame(&mut Silent).expect("a frame");
+    assert!(renderer.warnings().is_empty(), "{:?}", renderer.warnings());
+    let glass = renderer.decisions().iter().filter(|decision| decision.what.ends_with("as glass"));
+    let glass = glass.map(|decision| (decision.what.clone(), decision.why.clone())).collect();
+    let rays =
+        renderer.timeline().rows.iter().filter_map(|row| row.rays).fold(RayCounts::default(), |mut sum, rays| {
+            sum += rays;
+            sum
+        });
+    Rendered { image, glass, rays }
+}
+
+/// Pixels that are black to the eye.
+fn black(image: &Image) -> usize {
+    image.pixels.iter().filter(|[r, g, b, _]| r.max(*g).max(*b) < 0.02).count()
+}
+
+#[test]
+fn glass_is_what_its_materials_say_and_no_pixel_is_black() {
+    for (name, expected) in [
+        ("balls", &[("water", "solid"), ("green glass", "solid"), ("clear glass", "solid"), ("diamond", "solid")][..]),
+        ("filled", &[("tumbler", "solid"), ("water", "solid")]),
+        ("panes", &[("red pane", "thin"), ("clear pane", "thin"), ("blue pane", "thin")]),
+    ] {
+        let Rendered { image, glass, rays } = render(name, Fidelity::Corrected, &[]);
+        assert_eq!(glass.len(), expected.len(), "{glass:?}");
+        for ((what, why), (material, shape)) in glass.iter().zip(expected) {
+            assert!(what.contains(&format!("`{material}`")) && why.starts_with(shape), "{name}: {what}: {why}");
+        }
+        assert!(rays.refracted > 300 && rays.reflected > 100, "{name}: {rays:?}");
+        // Light that is mirrored for ever between facets, of which most has a weight below a hundredth.
+        assert!(rays.lost * 100 < rays.refracted && black(&image) == 0, "{name}: {} {rays:?}", black(&image));
+        assert!(image.pixels.iter().flatten().all(|value| value.is_finite() && *value >= 0.0), "{name}");
+    }
+}
+
+#[test]
+fn thesis_fidelity_and_panes_know_nothing_of_bodies() {
+    let Rendered { glass, rays, .. } = render("balls", Fidelity::Thesis, &[]);
+    assert_eq!((glass.len(), rays.refracted), (0, 0), "the project names no pane");
+    let named = ["pass2.glass=pane", "pass2.background=black", "pass2.shadow=report"];
+    let Rendered { glass, rays, .. } = render("balls", Fidelity::Corrected, &named);
+    assert_eq!((glass.len(), rays.refracted), (0, 0));
+}
+
+/// Shadows of glass: black, coloured, and 0.9 a surface, from dark to light where they fall.
+#[test]
+fn the_three_rules_of_shadows_differ_where_glass_is_in_the_way() {
+    let sum = |rule: &str| -> f64 {
+        let set = format!("pass2.shadow={rule}");
+        render("balls", Fidelity::Corrected, &[&set]).image.pixels.iter().map(|pixel| f64::from(pixel[0])).sum()
+    };
+    let [opaque, straight, report] = ["opaque", "straight", "report"].map(sum);
+    assert!(opaque < straight && (straight - report).abs() > 1.0, "{opaque} {straight} {report}");
+}

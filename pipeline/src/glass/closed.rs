@@ -1,0 +1,207 @@
+//! Whether the triangles of a material are the border of bodies, and which way they face.
+
+use crate::scene::Geometry;
+use glam::{DVec3, Vec3};
+use std::collections::HashMap;
+
+/// An edge between two welded positions, the lower one first.
+type Edge = [u32; 2];
+
+/// What was found out about the triangles of a material.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Closedness {
+    /// Each edge is passed as often in one direction as in the other: inside and outside are told apart everywhere. Triangles of these
+    /// ids face inwards, as a whole: their bodies have a negative volume and lie in no other.
+    Closed {
+        /// Triangles to be turned.
+        inside_out: Vec<u32>,
+    },
+    /// Some are not.
+    Open {
+        /// How many.
+        edges: usize,
+        /// The middle of the first, in the order of triangles.
+        first: Vec3,
+    },
+}
+
+/// Looks at some triangles of a scene. Corners are one where all bits of their positions are (0 and -0 are one as well), so
+/// vertices that are doubled for their normals do not open a surface.
+///
+/// The time is that of a hash table of all edges.
+#[must_use]
+pub fn closedness(geometry: &Geometry, triangles: &[u32]) -> Closedness {
+    let (corners, points) = weld(geometry, triangles);
+    // How much more often an edge is passed upwards than downwards, and the first triangle that has it.
+    let mut balance: HashMap<Edge, (i32, usize)> = HashMap::with_capacity(triangles.len() * 3 / 2);
+    for (index, [a, b, c]) in corners.iter().enumerate() {
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            let (edge, step) = if from < to { ([*from, *to], 1) } else { ([*to, *from], -1) };
+            balance.entry(edge).or_insert((0, index)).0 += step;
+        }
+    }
+    let open = balance.iter().filter(|(edge, (balance, _))| *balance != 0 && edge[0] != edge[1]);
+    let edges = open.clone().count();
+    if let Some((edge, _)) = open.min_by_key(|(edge, (_, triangle))| (*triangle, **edge)) {
+        return Closedness::Open { edges, first: points[edge[0] as usize].midpoint(points[edge[1] as usize]) };
+    }
+    let parts = parts(&corners, points.len());
+    Closedness::Closed { inside_out: inside_out(triangles, &corners, &points, &parts) }
+}
+
+/// The corners of triangles as indices of distinct positions, and those.
+fn weld(geometry: &Geometry, triangles: &[u32]) -> (Vec<[u32; 3]>, Vec<Vec3>) {
+    let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(triangles.len());
+    let mut points = Vec::new();
+    let corners = triangles.iter().map(|triangle| {
+        geometry.corners(*triangle).map(|position| {
+            // Adding 0 makes 0 of -0.
+            *known.entry((position + Vec3::ZERO).to_array().map(f32::to_bits)).or_insert_with(|| {
+                points.push(position);
+                points.len() as u32 - 1
+            })
+        })
+    });
+    (corners.collect(), points)
+}
+
+/// By triangle: the part of the surface that it belongs to, which is named by one of its points.
+fn parts(corners: &[[u32; 3]], points: usize) -> Vec<u32> {
+    fn root(parents: &mut [u32], mut point: u32) -> u32 {
+        while parents[point as usize] != point {
+            let above = parents[parents[point as usize] as usize];
+            parents[point as usize] = above;
+            point = above;
+        }
+        point
+    }
+    let mut parents: Vec<u32> = (0..points as u32).collect();
+    for [a, b, c] in corners {
+        for other in [b, c] {
+            let (one, two) = (root(&mut parents, *a), root(&mut parents, *other));
+            parents[one.max(two) as usize] = one.min(two);
+        }
+    }
+    corners.iter().map(|[a, ..]| root(&mut parents, *a)).collect()
+}
+
+/// A connected part of a surface.
+#[derive(Clone, Copy)]
+struct Part {
+    /// Six times the volume that it borders, negative where it faces inwards.
+    volume: f64,
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Part {
+    fn is_within(&self, other: &Part) -> bool {
+        self.low.cmpge(other.low).all() && self.high.cmple(other.high).all()
+    }
+}
+
+/// The triangles of parts that face inwards and lie in no other part that faces outwards, and of the parts within them: a mirrored
+/// copy of a body with cavities is turned as a whole, and the cavity of a body that faces outwards stays as it is.
+fn inside_out(triangles: &[u32], corners: &[[u32; 3]], points: &[Vec3], of: &[u32]) -> Vec<u32> {
+    let mut found: HashMap<u32, Part> = HashMap::new();
+    let center = points.first().map_or(DVec3::ZERO, |point| point.as_dvec3());
+    for (corners, part) in corners.iter().zip(of) {
+        let [a, b, c] = corners.map(|point| points[point as usize]);
+        let part = found.entry(*part).or_insert(Part { volume: 0.0, low: a, high: a });
+        let [x, y, z] = [a, b, c].map(|point| point.as_dvec3() - center);
+        part.volume += x.dot(y.cross(z));
+        part.low = part.low.min(a).min(b).min(c);
+        part.high = part.high.max(a).max(b).max(c);
+    }
+    let negative: Vec<(u32, Part)> =
+        found.iter().filter(|(_, part)| part.volume < 0.0).map(|(name, part)| (*name, *part)).collect();
+    let outermost: Vec<Part> = negative
+        .iter()
+        .filter(|(name, part)| !found.iter().any(|(other, around)| other != name && part.is_within(around)))
+        .map(|(_, part)| *part)
+        .collect();
+    let turned = |name: &u32| found.get(name).is_some_and(|part| outermost.iter().any(|around| part.is_within(around)));
+    triangles.iter().zip(of).filter(|(_, part)| turned(part)).map(|(triangle, _)| *triangle).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Batch;
+
+    /// Boxes as 12 triangles each, with corners of their own for every face: low corner, high corner, whether it faces inwards.
+    fn boxes(list: &[(f32, f32, bool)]) -> Geometry {
+        let mut geometry = Geometry::default();
+        for (low, high, inwards) in list {
+            for axis in 0..3 {
+                for (side, flip) in [(*low, true), (*high, false)] {
+                    let at = |u: f32, v: f32| {
+                        let mut point = [side; 3];
+                        (point[(axis + 1) % 3], point[(axis + 2) % 3]) = (u, v);
+                        Vec3::from(point)
+                    };
+                    let quad = [at(*low, *low), at(*high, *low), at(*high, *high), at(*low, *high)];
+                    let first = geometry.positions.len() as u32;
+                    geometry.positions.extend(quad);
+                    for triangle in [[0, 1, 2], [0, 2, 3]] {
+                        let [a, b, c] = triangle.map(|corner| corner + first);
+                        geometry.triangles.push(if flip != *inwards { [a, c, b] } else { [a, b, c] });
+                    }
+                }
+            }
+        }
+        geometry.batches = vec![Batch { material: 0, first: 0, count: geometry.triangles.len() as u32 }];
+        geometry
+    }
+
+    fn look(geometry: &Geometry) -> Closedness {
+        closedness(geometry, &(0..geometry.triangles.len() as u32).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn a_box_is_closed_until_a_triangle_is_missing_or_turned() {
+        let whole = boxes(&[(-1.0, 1.0, false)]);
+        assert_eq!(look(&whole), Closedness::Closed { inside_out: Vec::new() });
+        let mut lacking = whole.clone();
+        lacking.triangles.pop();
+        assert!(matches!(look(&lacking), Closedness::Open { edges: 3, .. }), "{:?}", look(&lacking));
+        let mut turned = whole.clone();
+        turned.triangles[5].swap(0, 1);
+        assert!(matches!(look(&turned), Closedness::Open { edges: 3, .. }), "{:?}", look(&turned));
+        // A corner off by one bit opens the surface.
+        let mut moved = whole;
+        moved.positions[0].x = moved.positions[0].x.next_up();
+        assert!(matches!(look(&moved), Closedness::Open { .. }));
+    }
+
+    #[test]
+    fn zeros_of_both_signs_are_one_corner() {
+        let mut geometry = boxes(&[(0.0, 1.0, false)]);
+        let negative = |value: f32| if value == 0.0 { -0.0 } else { value };
+        geometry
+            .positions
+            .iter_mut()
+            .step_by(3)
+            .for_each(|position| *position = position.to_array().map(negative).into());
+        assert_eq!(look(&geometry), Closedness::Closed { inside_out: Vec::new() });
+    }
+
+    #[test]
+    fn bodies_that_face_inwards_are_found_and_cavities_are_not() {
+        // A body with a cavity, a body that faces inwards, and one with a cavity that is mirrored as a whole.
+        let at = |list: &[(f32, f32, bool)]| look(&boxes(list));
+        let Closedness::Closed { inside_out } = at(&[(-2.0, 2.0, false), (-1.0, 1.0, true)]) else { panic!("closed") };
+        assert_eq!(inside_out, [0_u32; 0]);
+        let Closedness::Closed { inside_out } = at(&[(5.0, 6.0, true), (-1.0, 1.0, false)]) else { panic!("closed") };
+        assert_eq!(inside_out, (0..12).collect::<Vec<_>>());
+        let Closedness::Closed { inside_out } = at(&[(-2.0, 2.0, true), (-1.0, 1.0, false), (7.0, 8.0, false)]) else {
+            panic!("closed")
+        };
+        assert_eq!(inside_out, (0..24).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn no_triangle_is_the_border_of_nothing() {
+        assert_eq!(look(&Geometry::default()), Closedness::Closed { inside_out: Vec::new() });
+    }
+}

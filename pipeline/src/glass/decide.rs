@@ -1,0 +1,179 @@
+//! Pane, thin or solid: what each material of a scene is.
+
+use super::{Closedness, Dielectric, Shape, closedness};
+use crate::diagnostic::Warnings;
+use crate::plan::Decision;
+use crate::scene::{Geometry, Material, RenderScene};
+use std::path::Path;
+
+/// A material is glass if it lets this share of the light through.
+pub const TRANSPARENT: f32 = 0.1;
+
+/// What materials are, and why.
+#[derive(Debug, Clone, Default)]
+pub struct Decided {
+    /// By material.
+    pub dielectrics: Vec<Dielectric>,
+    /// One for each material that is glass and has triangles.
+    pub decisions: Vec<Decision>,
+    /// Materials that are not what their file says, and bodies that were turned.
+    pub warnings: Warnings,
+}
+
+/// Decides for every material of a scene. Bodies that face inwards as a whole are turned in the scene, so that the geometric normal of
+/// every triangle of a solid points out of it; `file` is what warnings name.
+///
+/// | material | is |
+/// |---|---|
+/// | lets less than [`TRANSPARENT`] of the light through, or has no triangle | opaque |
+/// | has a volume (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7), and its triangles are closed | solid |
+/// | has a volume, and is open | thin, with a warning |
+/// | any other | thin |
+#[must_use]
+pub fn decide(scene: &mut RenderScene, file: &Path) -> Decided {
+    let mut decided = Decided::default();
+    for index in 0..scene.materials.len() {
+        let material = &scene.materials[index];
+        let triangles = triangles_of(&scene.geometry, index as u32);
+        let transparent = material.transmission >= TRANSPARENT && !triangles.is_empty();
+        let mut dielectric = Dielectric { shape: Shape::Opaque, ..properties(material) };
+        if transparent {
+            let (shape, why) = shape(material, &scene.geometry, &triangles, file, &mut decided.warnings);
+            dielectric.shape = shape.0;
+            let name = &material.name;
+            let what = format!("material `{name}` as glass");
+            decided.decisions.push(Decision { what, built: true, why: format!("{}: {why}", shape.0.name()) });
+            turn(scene, &shape.1, index, file, &mut decided.warnings);
+        }
+        if dielectric.shape != Shape::Thin {
+            dielectric.thickness = 0.0;
+        }
+        decided.dielectrics.push(dielectric);
+    }
+    decided
+}
+
+/// The ids of a material's triangles.
+fn triangles_of(geometry: &Geometry, material: u32) -> Vec<u32> {
+    let batches = geometry.batches.iter().filter(|batch| batch.material == material);
+    batches.flat_map(|batch| batch.first..batch.first + batch.count).collect()
+}
+
+/// All but the shape.
+fn properties(material: &Material) -> Dielectric {
+    Dielectric {
+        shape: Shape::Opaque,
+        index: material.ior.clamp(1.0, Dielectric::MIRROR),
+        extinction: Dielectric::extinction_of(material.attenuation_color, material.attenuation_distance),
+        filter: material.filter,
+        filter_texture: material.texture.filter(|_| material.filter_textured),
+        veil: material.veil,
+        thickness: material.thickness,
+        priority: material.priority,
+    }
+}
+
+/// The shape of a material that is glass, the triangles to be turned, and the reason.
+fn shape(
+    material: &Material,
+    geometry: &Geometry,
+    triangles: &[u32],
+    file: &Path,
+    warnings: &mut Warnings,
+) -> ((Shape, Vec<u32>), String) {
+    let index = material.ior;
+    if !material.volume {
+        return ((Shape::Thin, Vec::new()), format!("it has no volume; index {index}"));
+    }
+    match closedness(geometry, triangles) {
+        Closedness::Closed { inside_out } => {
+            let absorbs = material.attenuation_distance.is_finite() && material.attenuation_color != glam::Vec3::ONE;
+            let absorption = if absorbs { "it absorbs" } else { "clear" };
+            let count = triangles.len();
+            ((Shape::Solid, inside_out), format!("its {count} triangles are closed; index {index}, {absorption}"))
+        }
+        Closedness::Open { edges, first } => {
+            let at = format!("{edges} open edges, the first at ({:.4}, {:.4}, {:.4})", first.x, first.y, first.z);
+            warnings.add(file, "glass with a volume whose surface is not closed", "rendered thin", || {
+                format!("`{}` has {at}", material.name)
+            });
+            ((Shape::Thin, Vec::new()), format!("it has a volume, but its surface is not closed: {at}"))
+        }
+    }
+}
+
+fn turn(scene: &mut RenderScene, triangles: &[u32], material: usize, file: &Path, warnings: &mut Warnings) {
+    if triangles.is_empty() {
+        return;
+    }
+    for triangle in triangles {
+        scene.geometry.triangles[*triangle as usize].swap(1, 2);
+    }
+    warnings.add(file, "bodies of glass that face inwards", "turned", || {
+        format!("{} triangles of `{}`", triangles.len(), scene.materials[material].name)
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Batch;
+    use glam::Vec3;
+
+    /// Tetrahedra of a material each; `None` leaves out a triangle.
+    fn scene(materials: Vec<Material>, whole: &[bool]) -> RenderScene {
+        let mut scene = RenderScene { materials, ..RenderScene::default() };
+        let geometry = &mut scene.geometry;
+        for (index, whole) in whole.iter().enumerate() {
+            let at = Vec3::X * index as f32;
+            let base = geometry.positions.len() as u32;
+            geometry.positions.extend([Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z].map(|corner| corner * 0.5 + at));
+            let first = geometry.triangles.len() as u32;
+            let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]].map(|face| face.map(|corner| corner + base));
+            geometry.triangles.extend(&faces[usize::from(!whole)..]);
+            let count = geometry.triangles.len() as u32 - first;
+            geometry.batches.push(Batch { material: index as u32, first, count });
+        }
+        scene
+    }
+
+    fn glass(volume: bool) -> Material {
+        Material { transmission: 1.0, volume, ior: 1.33, ..Material::default() }
+    }
+
+    #[test]
+    fn each_material_is_what_its_properties_and_its_triangles_make_it() {
+        let paint = Material::default();
+        let faint = Material { transmission: 0.05, volume: true, ..Material::default() };
+        let unused = glass(true);
+        let materials = vec![glass(true), glass(true), glass(false), paint, faint, unused];
+        let mut scene = scene(materials, &[true, false, true, true, true]);
+        let decided = decide(&mut scene, Path::new("a.glb"));
+        let shapes: Vec<Shape> = decided.dielectrics.iter().map(|glass| glass.shape).collect();
+        let expected = [Shape::Solid, Shape::Thin, Shape::Thin, Shape::Opaque, Shape::Opaque, Shape::Opaque];
+        assert_eq!(shapes, expected);
+        assert_eq!((decided.decisions.len(), decided.warnings.groups().len()), (3, 1));
+        assert!(decided.decisions[0].why.starts_with("solid: its 4 triangles are closed; index 1.33"));
+        assert!(decided.decisions[1].why.contains("not closed: 3 open edges, the first at ("));
+        let warning = decided.warnings.groups()[0].to_string();
+        assert!(warning.contains("rendered thin") && warning.contains("3 open edges"), "{warning}");
+    }
+
+    #[test]
+    fn bodies_that_face_inwards_are_turned_and_counted() {
+        let mut scene = scene(vec![glass(true)], &[true]);
+        let outwards = scene.geometry.triangles.clone();
+        assert!(decide(&mut scene, Path::new("a")).warnings.is_empty());
+        assert_eq!(scene.geometry.triangles, outwards);
+        scene.geometry.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        let warnings = decide(&mut scene, Path::new("a")).warnings;
+        assert_eq!(scene.geometry.triangles, outwards);
+        assert!(warnings.groups()[0].to_string().contains("4 triangles"), "{:?}", warnings.groups());
+    }
+
+    #[test]
+    fn what_reflects_everything_has_a_finite_index() {
+        let mut scene = scene(vec![Material { ior: f32::INFINITY, ..glass(true) }], &[true]);
+        assert_eq!(decide(&mut scene, Path::new("a")).dielectrics[0].index, Dielectric::MIRROR);
+    }
+}
