@@ -179,6 +179,13 @@ fn a_scene_that_is_missing_is_named_and_nothing_is_written() {
     let message = fails_with(3, folder.path(), &["render", "p.xml", "--raster", "cpu"]);
     assert!(message.contains("elsewhere.cbo"), "{message}");
     assert_eq!(files(folder.path()), ["mlibs", "p.xml"]);
+
+    // `check` says both: what the XML lacks, and what the scene's file lacks.
+    let wrong = text.replace("largoCamoes", "elsewhere").replacen("<camera name=", "<camera nane=", 1);
+    std::fs::write(folder.path().join("q.xml"), wrong).expect("written");
+    let message = fails_with(3, folder.path(), &["check", "q.xml"]);
+    assert!(message.contains("elsewhere.cbo: there is no such file"), "{message}");
+    assert!(message.contains("lacks `name`"), "{message}");
 }
 
 #[test]

@@ -231,7 +231,7 @@ fn open_file(name: &str, file: &Path, view: View, size: u32) -> Result<Subject, 
     let materials = scene.materials.len();
     let bvh = Bvh::build(&scene.geometry, &[], Quality::Balanced);
     let pixels = (size * size) as usize;
-    let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None };
+    let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None, glow: None };
     let mut base = OwnedJob {
         program: RayProgram::Ssao,
         params: RayParams { radius: view.radius, ..RayParams::default() },

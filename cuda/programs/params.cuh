@@ -9,6 +9,10 @@ constexpr unsigned TRANSPARENT = 2147483648u;
 constexpr unsigned SHADE_GLASS = 1u;
 constexpr unsigned SHADE_SHADOW_GLASS = 2u;
 constexpr unsigned SHADE_CUT = 4u;
+constexpr unsigned SHADE_GLOW = 8u;
+constexpr unsigned WRAP_REPEAT = 0u;
+constexpr unsigned WRAP_MIRROR = 1u;
+constexpr unsigned WRAP_CLAMP = 2u;
 constexpr unsigned HASH_PIXEL = 0u;
 constexpr unsigned HASH_PATH = 1u;
 constexpr unsigned HASH_DIMENSIONS = 2u;
@@ -64,22 +68,30 @@ struct Shade {
     unsigned flags;
     unsigned texture;
     float cutoff;
+    float glow[3];
+    unsigned glow_texture;
 };
-static_assert(sizeof(Shade) == 24, "Shade");
+static_assert(sizeof(Shade) == 40, "Shade");
 static_assert(offsetof(Shade, diffuse) == 0, "Shade::diffuse");
 static_assert(offsetof(Shade, flags) == 12, "Shade::flags");
 static_assert(offsetof(Shade, texture) == 16, "Shade::texture");
 static_assert(offsetof(Shade, cutoff) == 20, "Shade::cutoff");
+static_assert(offsetof(Shade, glow) == 24, "Shade::glow");
+static_assert(offsetof(Shade, glow_texture) == 36, "Shade::glow_texture");
 
 struct TextureInfo {
     unsigned long long first;
     unsigned width;
     unsigned height;
+    unsigned wrap_u;
+    unsigned wrap_v;
 };
-static_assert(sizeof(TextureInfo) == 16, "TextureInfo");
+static_assert(sizeof(TextureInfo) == 24, "TextureInfo");
 static_assert(offsetof(TextureInfo, first) == 0, "TextureInfo::first");
 static_assert(offsetof(TextureInfo, width) == 8, "TextureInfo::width");
 static_assert(offsetof(TextureInfo, height) == 12, "TextureInfo::height");
+static_assert(offsetof(TextureInfo, wrap_u) == 16, "TextureInfo::wrap_u");
+static_assert(offsetof(TextureInfo, wrap_v) == 20, "TextureInfo::wrap_v");
 
 struct Params {
     const float4 * position;

@@ -45,19 +45,32 @@ DEVICE float4 lerp(float4 a, float4 b, float s) {
     float r = 1.0f - s;
     return make_float4(a.x * r + b.x * s, a.y * r + b.y * s, a.z * r + b.z * s, a.w * r + b.w * s);
 }
+// The texel that stands for one beyond the sides: from the other side, or the one at the edge.
+DEVICE int beyond(int x, int count, unsigned wrap) {
+    if (wrap != WRAP_REPEAT) return x < 0 ? 0 : x >= count ? count - 1 : x;
+    return x < 0 ? x + count : x >= count ? x - count : x;
+}
+// Where a coordinate lies, as a share of the side.
+DEVICE float share_of_side(float t, unsigned wrap) {
+    if (wrap == WRAP_CLAMP) return fminf(fmaxf(t, 0.0f), 1.0f);
+    if (wrap == WRAP_REPEAT) return t - floorf(t);
+    float halved = 0.5f * t;
+    float twice = 2.0f * (halved - floorf(halved));
+    return twice > 1.0f ? 2.0f - twice : twice;
+}
 DEVICE float4 texel(const Params &params, const TextureInfo &info, int x, int y) {
     int width = (int)info.width, height = (int)info.height;
-    x = x < 0 ? x + width : x >= width ? x - width : x;
-    y = y < 0 ? y + height : y >= height ? y - height : y;
+    x = beyond(x, width, info.wrap_u);
+    y = beyond(y, height, info.wrap_v);
     uchar4 t = params.texels[info.first + (unsigned long long)y * info.width + x];
     return make_float4((float)t.x / 255.0f, (float)t.y / 255.0f, (float)t.z / 255.0f, (float)t.w / 255.0f);
 }
-// Bilinear filtering of level 0; `v = 0` is the bottom row, coordinates repeat.
+// Bilinear filtering of level 0; `v = 0` is the bottom row.
 DEVICE float4 sample_texture(const Params &params, unsigned texture, float2 uv) {
     TextureInfo info = params.textures[texture];
     if (!(isfinite(uv.x) && isfinite(uv.y))) return texel(params, info, 0, 0);
-    float x = (uv.x - floorf(uv.x)) * (float)info.width - 0.5f;
-    float y = (1.0f - (uv.y - floorf(uv.y))) * (float)info.height - 0.5f;
+    float x = share_of_side(uv.x, info.wrap_u) * (float)info.width - 0.5f;
+    float y = (1.0f - share_of_side(uv.y, info.wrap_v)) * (float)info.height - 0.5f;
     float left = floorf(x), top = floorf(y);
     float fx = x - left, fy = y - top;
     int l = (int)left, t = (int)top;
@@ -81,15 +94,21 @@ DEVICE bool covers(const Params &params, const Hit &hit) {
     return sample_texture(params, shade.texture, texture_coordinates(params, hit)).w >= shade.cutoff;
 }
 
-// Diffuse light, ambient light and texture, with this unit normal.
+// Diffuse light, ambient light and texture, with this unit normal, and the light that the surface sends out.
 DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
     const Shade &shade = shade_of(params, hit.triangle);
     float3 diffuse = vec3(shade.diffuse[0], shade.diffuse[1], shade.diffuse[2]);
     float3 to_light = vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
     float3 light = vec3(params.light_color[0], params.light_color[1], params.light_color[2]);
     float3 lit = diffuse * (light * fmaxf(dot(to_light, normal), 0.0f));
-    if (shade.texture == NO_TEXTURE) return lit + AMBIENT * diffuse;
-    return (lit + splat(AMBIENT)) * xyz(sample_texture(params, shade.texture, texture_coordinates(params, hit)));
+    float3 reflected = lit + AMBIENT * diffuse;
+    if (shade.texture != NO_TEXTURE) {
+        reflected = (lit + splat(AMBIENT)) * xyz(sample_texture(params, shade.texture, texture_coordinates(params, hit)));
+    }
+    if (!(shade.flags & SHADE_GLOW)) return reflected;
+    float3 glow = vec3(shade.glow[0], shade.glow[1], shade.glow[2]);
+    if (shade.glow_texture == NO_TEXTURE) return reflected + glow;
+    return reflected + glow * xyz(sample_texture(params, shade.glow_texture, texture_coordinates(params, hit)));
 }
 
 // Which candidate hits on transparent materials count, as the ray asks; in OptiX the materials' any-hit programs decide the

@@ -52,12 +52,16 @@ shared_structs! {
     struct Shade {
         /// Diffuse colour.
         diffuse: [f32; 3] = "float[3]",
-        /// [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`].
+        /// [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`], [`SHADE_GLOW`].
         flags: u32 = "unsigned",
         /// Index into [`Params::textures`], or [`NO_TEXTURE`].
         texture: u32 = "unsigned",
         /// With [`SHADE_CUT`]: alpha below this is a hole.
         cutoff: f32 = "float",
+        /// With [`SHADE_GLOW`]: light that is added.
+        glow: [f32; 3] = "float[3]",
+        /// What that is multiplied by: index into [`Params::textures`], or [`NO_TEXTURE`].
+        glow_texture: u32 = "unsigned",
     }
 
     /// Level 0 of a texture.
@@ -68,6 +72,10 @@ shared_structs! {
         width: u32 = "unsigned",
         /// Rows.
         height: u32 = "unsigned",
+        /// What lies beyond its sides along u: [`WRAP_REPEAT`], [`WRAP_MIRROR`], [`WRAP_CLAMP`].
+        wrap_u: u32 = "unsigned",
+        /// Likewise along v.
+        wrap_v: u32 = "unsigned",
     }
 
     /// What a launch is given. Addresses of what the program does not read are 0.
@@ -183,6 +191,14 @@ pub const SHADE_GLASS: u32 = 1;
 pub const SHADE_SHADOW_GLASS: u32 = 2;
 /// It is cut out by its texture's alpha.
 pub const SHADE_CUT: u32 = 4;
+/// The material sends out light.
+pub const SHADE_GLOW: u32 = 8;
+/// A texture is seen again beyond its sides.
+pub const WRAP_REPEAT: u32 = 0;
+/// Mirrored.
+pub const WRAP_MIRROR: u32 = 1;
+/// The texels at its edge.
+pub const WRAP_CLAMP: u32 = 2;
 /// No texture.
 pub const NO_TEXTURE: u32 = u32::MAX;
 /// Deepest glass bounce that a launch has room for: the greatest value of the parameter.
@@ -230,6 +246,10 @@ pub fn header() -> String {
         ("SHADE_GLASS", SHADE_GLASS),
         ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
         ("SHADE_CUT", SHADE_CUT),
+        ("SHADE_GLOW", SHADE_GLOW),
+        ("WRAP_REPEAT", WRAP_REPEAT),
+        ("WRAP_MIRROR", WRAP_MIRROR),
+        ("WRAP_CLAMP", WRAP_CLAMP),
         ("HASH_PIXEL", effects::PIXEL),
         ("HASH_PATH", effects::PATH),
         ("HASH_DIMENSIONS", effects::DIMENSIONS),

@@ -1,10 +1,14 @@
 //! A scene in device memory: vertices, materials and textures.
 
 use crate::device::{Address, Buffer, Device};
-use crate::layout::{NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_SHADOW_GLASS, Shade, TextureInfo};
+use crate::layout::{
+    NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_SHADOW_GLASS, Shade, TextureInfo, WRAP_CLAMP,
+    WRAP_MIRROR, WRAP_REPEAT,
+};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::scene::texture::Wrap;
 
 /// What programs read of a scene, whatever traces the rays.
 #[derive(Debug, Default)]
@@ -67,7 +71,13 @@ fn textures(scene: &RenderScene) -> (Vec<TextureInfo>, Vec<u8>) {
     let (mut infos, mut texels) = (Vec::with_capacity(scene.textures.len()), Vec::new());
     for texture in &scene.textures {
         let level = &texture.levels[0];
-        infos.push(TextureInfo { first: texels.len() as u64 / 4, width: level.width, height: level.height });
+        let [wrap_u, wrap_v] = texture.wrap.map(|wrap| match wrap {
+            Wrap::Repeat => WRAP_REPEAT,
+            Wrap::Mirror => WRAP_MIRROR,
+            Wrap::Clamp => WRAP_CLAMP,
+        });
+        let (width, height) = (level.width, level.height);
+        infos.push(TextureInfo { first: texels.len() as u64 / 4, width, height, wrap_u, wrap_v });
         texels.extend_from_slice(level.texels.as_flattened());
     }
     (infos, texels)
@@ -84,9 +94,12 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
             diffuse: shade.diffuse.truncate().to_array(),
             flags: set(job.glass, material, SHADE_GLASS)
                 | set(job.shadow_glass, material, SHADE_SHADOW_GLASS)
-                | if cutoff.is_some() { SHADE_CUT } else { 0 },
+                | if cutoff.is_some() { SHADE_CUT } else { 0 }
+                | if shade.glow.is_some() { SHADE_GLOW } else { 0 },
             texture: shade.texture.unwrap_or(NO_TEXTURE),
             cutoff: cutoff.unwrap_or(0.0),
+            glow: shade.glow.map_or([0.0; 3], |glow| glow.color.to_array()),
+            glow_texture: shade.glow.and_then(|glow| glow.texture).unwrap_or(NO_TEXTURE),
         }
     };
     job.shades.iter().enumerate().map(shade).collect()

@@ -4,7 +4,7 @@ mod common;
 
 use common::{ALL, Random, camera, grey, job, pixels, soup, terrain};
 use curitiba_passes::raster::cpu::{CpuRasteriser, InstructionSet};
-use curitiba_pipeline::backend::{Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect, Shade};
+use curitiba_pipeline::backend::{Attachments, GBuffer, Glow, NO_TRIANGLE, RasterJob, Rasteriser, Rect, Shade};
 use curitiba_pipeline::scene::texture::{Texture, lod};
 use curitiba_pipeline::scene::{Batch, RenderScene};
 use glam::{DMat4, DVec2, DVec3, Vec2, Vec3, Vec4};
@@ -208,6 +208,44 @@ fn textures_are_sampled_at_the_pixel_with_the_level_of_its_footprint() {
         covered += 1;
     }
     assert!(covered > 6000, "{covered}");
+}
+
+#[test]
+fn light_of_their_own_is_added_to_what_surfaces_reflect() {
+    let mut scene = soup(0, 300, 4);
+    let solid = |name: &str, size: u32, texel: [u8; 4]| {
+        Texture::new(name.to_owned(), size, size, vec![texel; (size * size) as usize])
+    };
+    scene.textures = vec![solid("red", 16, [255, 0, 51, 255]), solid("lamp", 32, [51, 255, 102, 0])];
+    scene.geometry.batches = (0..300).map(|first| Batch { material: first % 4, first, count: 1 }).collect();
+    let color = Vec3::new(0.5, 2.0, 0.25);
+    let glow = |texture| Some(Glow { color, texture });
+    let of = |texture, glow| Shade { texture, glow, ..grey() };
+    let shades = [of(Some(0), glow(Some(1))), of(None, glow(Some(1))), of(None, glow(None)), of(Some(0), None)];
+    let job = job(&scene, &shades, camera(1.25), 150, 120, ALL);
+    let sun = job.sun.expect("the job has light").color.extend(1.0);
+    for set in InstructionSet::ALL {
+        let Some(mut rasteriser) = CpuRasteriser::with_instruction_set(set) else { continue };
+        let mut target = GBuffer::new(150, 120, ALL);
+        rasteriser.draw(&job, &mut target).expect("drawn");
+        let mut seen = [0; 4];
+        for (index, id) in target.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
+            let material = (*id % 4) as usize;
+            let lit = shades[material].diffuse * sun * target.position[index][3];
+            let red = Vec4::new(1.0, 0.0, 0.2, 1.0);
+            let lamp = color * Vec3::new(0.2, 1.0, 0.4);
+            let expected = match material {
+                0 => (lit + shades[0].emission + 0.3) * red + lamp.extend(0.0),
+                1 => lit + shades[1].diffuse * 0.3 + lamp.extend(0.0),
+                2 => lit + shades[2].diffuse * 0.3 + color.extend(0.0),
+                _ => (lit + shades[3].emission + 0.3) * red,
+            };
+            let error = (Vec4::from(target.color[index]) - expected).abs().max_element();
+            assert!(error < 2e-6, "{set:?}, pixel {index} of triangle {id}: {:?}, not {expected}", target.color[index]);
+            seen[material] += 1;
+        }
+        assert!(seen.iter().all(|seen| *seen > 1000), "{seen:?}");
+    }
 }
 
 #[test]

@@ -44,6 +44,17 @@ pub struct Shade {
     /// where nothing is left of the material. `None` in thesis fidelity and for opaque materials; without effect where
     /// there is no texture.
     pub alpha_cutoff: Option<f32>,
+    /// Light that the surface adds to what it reflects. `None` in thesis fidelity and where it sends out none.
+    pub glow: Option<Glow>,
+}
+
+/// Light that a surface sends out by itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Glow {
+    /// Its colour, added to that of the surface.
+    pub color: Vec3,
+    /// What that is multiplied by: index into [`RenderScene::textures`], read where [`Shade::texture`] is.
+    pub texture: Option<u32>,
 }
 
 /// A rectangle of pixels; `y` counts from the top row.

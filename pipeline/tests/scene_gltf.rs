@@ -2,6 +2,7 @@
 
 mod scene_support;
 
+use curitiba_pipeline::scene::texture::Wrap;
 use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource, load};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
@@ -229,16 +230,48 @@ fn materials_and_their_extensions_are_read() {
 fn contents_that_are_not_drawn_are_counted_each_by_its_kind() {
     let (mut json, binary) = square();
     json["extensionsUsed"] = json!(["KHR_materials_volume", "KHR_materials_clearcoat"]);
-    json["materials"][0] = json!({"emissiveTexture": {"index": 0}});
+    json["materials"][0] = json!({"emissiveTexture": {"index": 0}, "emissiveFactor": [1.0, 1.0, 1.0]});
     json["textures"] = json!([{"source": 0}]);
     json["images"] = json!([{"uri": "none.png"}]);
     json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 0.into();
     let scene = read(&json, &binary).unwrap();
-    for what in ["extensions that are not read", "materials with an emissive texture", "primitives with vertex colours"]
-    {
+    for what in ["extensions that are not read", "missing textures", "primitives with vertex colours"] {
         assert_eq!(count(&scene.warnings, what), 1, "{what}");
     }
     assert_eq!(scene.warnings.groups().len(), 3, "{:?}", scene.warnings.groups());
+    assert_eq!(scene.materials[0].emission, Vec4::W, "the factor alone would make all of it shine");
+}
+
+#[test]
+fn emission_is_the_factor_times_its_texture() {
+    let (mut json, binary) = square();
+    let folder = Folder::new();
+    folder.png("base.png", 1, 1, [255; 4]);
+    folder.png("lamp.png", 2, 1, [9; 4]);
+    folder.write("a.bin", &binary);
+    json["buffers"][0]["uri"] = "a.bin".into();
+    json["textures"] = json!([{"source": 0}, {"source": 1}]);
+    json["images"] = json!([{"uri": "base.png"}, {"uri": "lamp.png"}]);
+    let turned = json!({"index": 1, "extensions": {"KHR_texture_transform": {"offset": [0.5, 0.0]}}});
+    json["materials"] = json!([
+        {"name": "both", "emissiveFactor": [0.214, 0.0, 1.0], "emissiveTexture": {"index": 1},
+         "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}},
+        {"name": "lamp", "emissiveFactor": [1.0, 1.0, 1.0], "emissiveTexture": turned},
+        {"name": "off", "emissiveTexture": {"index": 1}},
+        {"name": "moved", "emissiveFactor": [1.0, 1.0, 1.0], "emissiveTexture": turned,
+         "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}},
+    ]);
+    json["meshes"][0]["primitives"][0]["material"] = 1.into();
+    let scene = load_one(&folder.write("a.gltf", json.to_string())).unwrap();
+    let textures: Vec<_> = scene.materials.iter().map(|m| (m.texture, m.emission_texture)).collect();
+    assert_eq!(textures, [(Some(0), Some(1)), (None, Some(1)), (None, None), (Some(0), Some(1))]);
+    let both = scene.materials[0].emission;
+    assert!(both.distance(Vec4::new(0.5, 0.0, 1.0, 1.0)) < 1e-3 && scene.materials[0].emission_added, "{both}");
+    assert_eq!(scene.materials[2].emission, Vec4::W);
+    assert_eq!(count(&scene.warnings, "emissive textures with coordinates of their own"), 1);
+    assert_eq!(scene.meshes[0].texcoords[0], Vec2::new(0.5, 1.0), "without a base texture its own coordinates serve");
+    let (built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
+    assert_eq!((built.textures.len(), built.materials[1].emission_texture), (1, Some(0)));
 }
 
 #[test]
@@ -281,13 +314,14 @@ fn images_in_views_data_and_files_are_found_and_urls_are_warnings() {
     let path = folder.write("scene/../a.glb", glb(&json, &binary));
     let scene = load_one(&path).unwrap();
     let textures: Vec<_> = scene.materials.iter().map(|material| material.texture).collect();
-    assert_eq!(textures, [Some(0), Some(1), None, None, Some(0)]);
+    assert_eq!(textures, [Some(0), Some(1), None, None, Some(2)]);
     assert!(
-        matches!(&scene.textures[0], TextureSource::Embedded { bytes, name } if *bytes == png && name.ends_with("a.glb#image0"))
+        matches!(scene.textures[0].texels().0, TextureSource::Embedded { bytes, name } if *bytes == png && name.ends_with("a.glb#image0"))
     );
     assert!(matches!(&scene.textures[1], TextureSource::File(path) if path.ends_with("maps/a b.png")));
     assert_eq!(count(&scene.warnings, "missing textures"), 2);
-    assert_eq!(count(&scene.warnings, "textures that are clamped or mirrored"), 1);
+    assert_eq!(scene.textures[0].texels().1, [Wrap::Clamp, Wrap::Repeat]);
+    assert_eq!(scene.textures[2].texels(), (scene.textures[0].texels().0, [Wrap::Repeat; 2]));
     let (built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
     assert_eq!(built.textures[0].levels[0].texels, [[5, 6, 7, 255]]);
 

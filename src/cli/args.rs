@@ -174,7 +174,7 @@ pub struct RenderArgs {
 /// A project and what is asked of it.
 #[derive(Debug, Args)]
 pub struct ProjectArgs {
-    /// The project file; or a scene file (.glb, .gltf, .obj, .cbo, .nbo), or a folder of them, of which a project is made
+    /// The project file; or a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml), or a folder of them, of which a project is made
     #[arg(value_name = "PROJECT.xml|SCENE", value_hint = ValueHint::AnyPath)]
     pub path: PathBuf,
     /// Scene files that are joined with the first
@@ -304,7 +304,7 @@ pub struct LimitArgs {
 /// Arguments of `scene`.
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// Scene files (.cbo, .nbo, .obj, .gltf, .glb), or folders of them; several are merged
+    /// Scene files (.cbo, .nbo, .obj, .gltf, .glb, .3ds, .mesh.xml), or folders of them; several are merged
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath, required_unless_present = "generate")]
     pub files: Vec<PathBuf>,
     /// Generate the stand-in square with about this many triangles (10 000 to 10 000 000)

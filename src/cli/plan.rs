@@ -60,10 +60,10 @@ fn load(plan: &Plan, set: &[usize]) -> Result<Scene, Failure> {
 }
 
 fn texture_files(source: &TextureSource) -> Vec<&PathBuf> {
-    match source {
+    match source.texels().0 {
         TextureSource::File(path) => vec![path],
         TextureSource::Masked { color, mask } => vec![color, mask],
-        TextureSource::Embedded { .. } => Vec::new(),
+        TextureSource::Embedded { .. } | TextureSource::Wrapped { .. } => Vec::new(),
     }
 }
 

@@ -156,6 +156,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         emission: Vec4::ZERO,
         texture: None,
         alpha_cutoff: None,
+        glow: None,
     };
     let mut shades: Vec<Shade> = stored.materials.iter().map(paint).collect();
     let mut glass: Vec<bool> = stored.materials.iter().map(|paint| paint.glass).collect();

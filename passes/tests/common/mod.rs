@@ -93,6 +93,7 @@ pub fn grey() -> Shade {
         emission: Vec4::new(0.0, 0.1, 0.0, 1.0),
         texture: None,
         alpha_cutoff: None,
+        glow: None,
     }
 }
 

@@ -39,7 +39,13 @@ fn setting(offset: Vec3) -> Setting {
     let shades: Vec<Shade> = scene
         .materials
         .iter()
-        .map(|material| Shade { diffuse: material.diffuse, emission: Vec4::ZERO, texture: None, alpha_cutoff: None })
+        .map(|material| Shade {
+            diffuse: material.diffuse,
+            emission: Vec4::ZERO,
+            texture: None,
+            alpha_cutoff: None,
+            glow: None,
+        })
         .collect();
     let eye = Vec3::new(7.42, 18.61, -38.62) + offset;
     let toward = Vec3::new(0.31, -0.36, 0.87);

@@ -2,9 +2,9 @@
 #![allow(dead_code, reason = "each test uses a part")]
 
 use crate::common::perspective;
-use curitiba_pipeline::backend::{Attachments, GBuffer, RasterJob, Rect, Shade, Sun, View};
+use curitiba_pipeline::backend::{Attachments, GBuffer, Glow, RasterJob, Rect, Shade, Sun, View};
 use curitiba_pipeline::programs::RasterProgram;
-use curitiba_pipeline::scene::texture::Texture;
+use curitiba_pipeline::scene::texture::{Texture, Wrap};
 use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::Arc;
@@ -52,7 +52,13 @@ pub fn sun() -> Option<Sun> {
 }
 
 pub fn plain(diffuse: [f32; 3]) -> Shade {
-    Shade { diffuse: Vec3::from(diffuse).extend(1.0), emission: Vec4::ZERO, texture: None, alpha_cutoff: None }
+    Shade {
+        diffuse: Vec3::from(diffuse).extend(1.0),
+        emission: Vec4::ZERO,
+        texture: None,
+        alpha_cutoff: None,
+        glow: None,
+    }
 }
 
 /// Hills of `2 * side * side` triangles in four materials, seen from above one corner.
@@ -141,6 +147,22 @@ fn parallelogram(geometry: &mut Geometry, corner: Vec3, u: Vec3, v: Vec3, repeat
     geometry.triangles.extend([[first, first + 1, first + 2], [first + 2, first + 1, first + 3]]);
 }
 
+/// The same floor and walls, whose textures are clamped and mirrored and which send out light: plain, textured, and without a
+/// texture of their own.
+pub fn shining() -> Setup {
+    let mut setup = grazing();
+    let mut scene = RenderScene::clone(&setup.scene);
+    // Beyond 0 to 1 on all sides.
+    scene.geometry.texcoords.iter_mut().for_each(|texcoord| *texcoord = *texcoord * 0.3 - Vec2::splat(0.8));
+    let wraps = [[Wrap::Clamp, Wrap::Mirror], [Wrap::Mirror, Wrap::Repeat], [Wrap::Clamp; 2]];
+    scene.textures = scene.textures.into_iter().zip(wraps).map(|(texture, wrap)| texture.wrapped(wrap)).collect();
+    let glow = |texture| Some(Glow { color: Vec3::new(0.5, 0.25, 1.5), texture });
+    for (shade, texture) in setup.shades.iter_mut().zip([Some(1), None, Some(2), Some(0)]) {
+        shade.glow = glow(texture);
+    }
+    Setup { name: "light of their own", scene: Arc::new(scene), ..setup }
+}
+
 /// Textured floor and walls at grazing angles: from magnification to the last mip levels.
 pub fn grazing() -> Setup {
     let mut geometry = Geometry::default();
@@ -155,6 +177,7 @@ pub fn grazing() -> Setup {
         emission,
         texture: Some(texture),
         alpha_cutoff: None,
+        glow: None,
     };
     Setup {
         name: "grazing textures",

@@ -1,13 +1,14 @@
 //! Loading scenes, resolving materials, and handing both to the backends.
 
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, StepKind};
-use crate::backend::{Attachments, BackendError, GBuffer, Shade};
+use crate::backend::{Attachments, BackendError, GBuffer, Glow, Shade};
 use crate::glass::{self, Decided, Dielectric, GlassShadow, Shape};
 use crate::memory::{self, Refused};
 use crate::plan::{Decision, PlannedPass, Work, mebibytes};
 use crate::programs::{Fidelity, RayParams};
 use crate::project::{ColorMap, MaterialPattern, PassKind};
 use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene};
+use glam::{Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -281,10 +282,18 @@ fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
         emission: material.emission,
         texture: material.texture,
         alpha_cutoff: material.texture_cutoff().filter(|_| corrected),
+        glow: None,
     };
+    if corrected && material.emission_added {
+        let glow = Glow { color: material.emission.truncate(), texture: material.emission_texture };
+        shade.glow = Some(glow).filter(|glow| glow.color != Vec3::ZERO);
+        shade.emission = Vec4::ZERO;
+    }
     for map in colors.iter().filter(|map| map.to.matches(&material.name)) {
         shade.diffuse = map.diffuse.unwrap_or(shade.diffuse);
-        shade.emission = map.emission.unwrap_or(shade.emission);
+        if let Some(emission) = map.emission {
+            (shade.emission, shade.glow) = (emission, None);
+        }
         if map.drops_texture {
             shade.texture = None;
             shade.alpha_cutoff = None;
@@ -296,7 +305,6 @@ fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec4;
 
     fn cut_out(opacity: f32) -> Material {
         let diffuse = Vec4::new(0.1, 0.2, 0.3, opacity);
@@ -316,6 +324,23 @@ mod tests {
             let mapped = shade(&material, std::slice::from_ref(&map), true);
             assert_eq!((mapped.diffuse, mapped.texture, mapped.alpha_cutoff), (mask, Some(4), Some(expected)));
         }
+    }
+
+    #[test]
+    fn added_emission_is_light_of_its_own_in_corrected_fidelity_until_a_map_replaces_it() {
+        let emission = Vec4::new(0.5, 0.0, 2.0, 1.0);
+        let lamp = Material { emission, emission_added: true, emission_texture: Some(7), ..cut_out(1.0) };
+        let glow = Some(Glow { color: emission.truncate(), texture: Some(7) });
+        let plain = shade(&lamp, &[], true);
+        assert_eq!((plain.glow, plain.emission), (glow, Vec4::ZERO));
+        let thesis = shade(&lamp, &[], false);
+        assert_eq!((thesis.glow, thesis.emission), (None, emission));
+        let map = |emission| ColorMap { to: MaterialPattern::All, diffuse: None, emission, drops_texture: false };
+        assert_eq!(shade(&lamp, &[map(None)], true).glow, glow);
+        let mapped = shade(&lamp, &[map(Some(Vec4::ONE))], true);
+        assert_eq!((mapped.glow, mapped.emission), (None, Vec4::ONE));
+        let dark = Material { emission: Vec4::W, ..lamp };
+        assert_eq!(shade(&dark, &[], true).glow, None);
     }
 
     #[test]

@@ -44,6 +44,18 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// The next `length` bytes as a reader of their own, which counts positions as this one does.
+    pub(crate) fn part(&mut self, length: usize, what: &str) -> Result<Reader<'a>, SceneError> {
+        let at = self.at;
+        self.block(length, 1, what)?;
+        Ok(Reader { file: self.file, bytes: &self.bytes[..self.at], at })
+    }
+
+    pub(crate) fn u16(&mut self, what: &str) -> Result<u16, SceneError> {
+        let block = self.block(1, 2, what)?;
+        Ok(u16::from_le_bytes([block[0], block[1]]))
+    }
+
     pub(crate) fn u32(&mut self, what: &str) -> Result<u32, SceneError> {
         let block = self.block(1, 4, what)?;
         Ok(u32::from_le_bytes([block[0], block[1], block[2], block[3]]))

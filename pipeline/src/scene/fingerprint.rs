@@ -36,6 +36,9 @@ impl RenderScene {
             parts(format!("{:?}", geometry.batches).as_bytes()),
             parts(format!("{:?}", self.materials).as_bytes()),
         ];
+        for texture in self.textures.iter().filter(|texture| !texture.repeats()) {
+            hashes.push(parts(format!("{:?}", texture.wrap).as_bytes()));
+        }
         for level in self.textures.iter().flat_map(|texture| &texture.levels) {
             hashes.push(parts(format!("{} x {}", level.width, level.height).as_bytes()));
             hashes.push(parts(bytemuck::cast_slice(&level.texels)));

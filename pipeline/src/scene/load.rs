@@ -68,20 +68,29 @@ enum Format {
     Cbo,
     Obj,
     Gltf,
+    Studio,
+    Ogre,
 }
+
+/// What may be loaded.
+const FORMATS: &str = "valid: .cbo, .nbo, .obj, .gltf, .glb, .3ds, .mesh.xml";
 
 /// By the first bytes where they tell, by the extension otherwise.
 fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, SceneError> {
     if bytes.starts_with(b"glTF") {
         return Ok(Format::Gltf);
     }
+    let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    if name.ends_with(super::ogre::SUFFIX) {
+        return Ok(Format::Ogre);
+    }
     let extension = file.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
     match extension.as_str() {
         "cbo" | "nbo" => Ok(Format::Cbo),
         "obj" => Ok(Format::Obj),
         "gltf" | "glb" => Ok(Format::Gltf),
-        other => Err(SceneError::file(file, format!("`.{other}` is not a scene format"))
-            .help("valid: .cbo, .nbo, .obj, .gltf, .glb")),
+        "3ds" => Ok(Format::Studio),
+        other => Err(SceneError::file(file, format!("`.{other}` is not a scene format")).help(FORMATS)),
     }
 }
 
@@ -141,7 +150,7 @@ fn find(file: &Path, warnings: &mut Warnings) -> Result<(PathBuf, u64), SceneErr
     };
     let metadata = std::fs::metadata(&path).map_err(|error| SceneError::file(&path, error.to_string()))?;
     if !metadata.is_file() {
-        return Err(SceneError::file(&path, "this is not a file").help("valid: .cbo, .nbo, .obj, .gltf, .glb"));
+        return Err(SceneError::file(&path, "this is not a file").help(FORMATS));
     }
     Ok((path, metadata.len()))
 }
@@ -169,6 +178,8 @@ fn load_one(file: &Path, size: u64, needs: Needs, budget: &mut Budget) -> Result
         Format::Cbo => super::cbo::read(&bytes, &mut context),
         Format::Obj => super::obj::read(&bytes, &mut context),
         Format::Gltf => super::gltf::read(&bytes, &mut context),
+        Format::Studio => super::studio::read(&bytes, &mut context),
+        Format::Ogre => super::ogre::read(&bytes, &mut context),
     };
     drop(bytes);
     budget.give_back(size);
@@ -194,7 +205,9 @@ fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     let textures: Vec<u32> = other.textures.drain(..).map(|source| add_texture(&mut scene.textures, source)).collect();
     let mut materials = Vec::with_capacity(other.materials.len());
     for mut material in other.materials {
-        material.texture = material.texture.map(|texture| textures[texture as usize]);
+        for texture in material.textures_mut().into_iter().flatten() {
+            *texture = textures[*texture as usize];
+        }
         if replace_non_finite(&mut material) {
             scene.warnings.add(
                 file,

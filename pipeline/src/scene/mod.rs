@@ -7,10 +7,12 @@ mod fingerprint;
 mod gltf;
 mod load;
 mod obj;
+mod ogre;
 mod parallel;
 mod render;
 pub(crate) mod shapes;
 mod statistics;
+mod studio;
 pub mod texture;
 
 pub use cbo::{Layout, write_cbo};
@@ -24,7 +26,7 @@ pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics}
 use crate::diagnostic::Warnings;
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use std::path::PathBuf;
-use texture::Texture;
+use texture::{Texture, Wrap};
 
 /// A scene as its files describe it: shared meshes, placed by objects.
 #[derive(Debug, Clone, Default)]
@@ -144,6 +146,13 @@ pub enum TextureSource {
         /// The alpha; resampled to the size of the colours.
         mask: PathBuf,
     },
+    /// Another source, seen otherwise beyond its sides than by repeating it.
+    Wrapped {
+        /// The texels.
+        source: Box<TextureSource>,
+        /// Along u and v.
+        wrap: [Wrap; 2],
+    },
 }
 
 impl TextureSource {
@@ -154,6 +163,22 @@ impl TextureSource {
             Self::File(path) => path.display().to_string(),
             Self::Embedded { name, .. } => name.clone(),
             Self::Masked { color, mask } => format!("{} with {}", color.display(), mask.display()),
+            Self::Wrapped { source, .. } => source.name(),
+        }
+    }
+
+    /// This source with something else beyond its sides.
+    #[must_use]
+    pub fn wrapped(self, wrap: [Wrap; 2]) -> Self {
+        if wrap == [Wrap::Repeat; 2] { self } else { Self::Wrapped { source: Box::new(self), wrap } }
+    }
+
+    /// Where the texels are, and what lies beyond the sides.
+    #[must_use]
+    pub fn texels(&self) -> (&Self, [Wrap; 2]) {
+        match self {
+            Self::Wrapped { source, wrap } => (source.texels().0, *wrap),
+            source => (source, [Wrap::Repeat; 2]),
         }
     }
 }
@@ -169,8 +194,12 @@ pub struct Material {
     pub ambient: Vec4,
     /// Specular colour.
     pub specular: Vec4,
-    /// Emitted colour.
+    /// Emitted colour. In CBO and NBO it adds to the light that the texture is seen in, as the report's programs have it.
     pub emission: Vec4,
+    /// Whether the emitted colour is added to what is seen, times [`Self::emission_texture`] (glTF, MTL).
+    pub emission_added: bool,
+    /// What the emitted colour is multiplied by, at the coordinates of [`Self::texture`]: index into [`Scene::textures`].
+    pub emission_texture: Option<u32>,
     /// Phong exponent.
     pub shininess: f32,
     /// Texture of unit 0: index into [`Scene::textures`].
@@ -215,6 +244,8 @@ impl Default for Material {
             ambient: Vec4::new(0.2, 0.2, 0.2, 1.0),
             specular: Vec4::new(0.0, 0.0, 0.0, 1.0),
             emission: Vec4::new(0.0, 0.0, 0.0, 1.0),
+            emission_added: false,
+            emission_texture: None,
             shininess: 0.0,
             texture: None,
             alpha_cutoff: None,
@@ -234,6 +265,16 @@ impl Default for Material {
 }
 
 impl Material {
+    /// Every reference to a texture.
+    pub(crate) fn textures_mut(&mut self) -> [&mut Option<u32>; 2] {
+        [&mut self.texture, &mut self.emission_texture]
+    }
+
+    /// Every texture.
+    pub(crate) fn textures(&self) -> impl Iterator<Item = u32> + use<> {
+        [self.texture, self.emission_texture].into_iter().flatten()
+    }
+
     /// What the texture's alpha alone is compared with, from [`Self::alpha_cutoff`] and the diffuse opacity; infinite
     /// where the opacity is 0. `None` where nothing is cut.
     pub(crate) fn texture_cutoff(&self) -> Option<f32> {
@@ -392,12 +433,10 @@ impl RenderScene {
             first: batch.first + triangles,
             count: batch.count,
         }));
-        self.materials.extend(
-            other
-                .materials
-                .into_iter()
-                .map(|material| Material { texture: material.texture.map(|texture| texture + textures), ..material }),
-        );
+        self.materials.extend(other.materials.into_iter().map(|mut material| {
+            material.textures_mut().into_iter().flatten().for_each(|texture| *texture += textures);
+            material
+        }));
         self.textures.extend(other.textures);
     }
 }

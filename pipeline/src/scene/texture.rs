@@ -1,7 +1,7 @@
 //! Decoded textures with mip levels, and the one definition of how they are filtered.
 //!
 //! Texels are used as stored: no colour management, as in the report's engine. `v = 0` is the bottom row, coordinates
-//! repeat, filtering is bilinear within a level and linear between two.
+//! repeat unless a texture says otherwise, filtering is bilinear within a level and linear between two.
 
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
@@ -37,15 +37,63 @@ impl Level {
     }
 
     #[inline(always)]
-    fn sample_at(&self, Place { right, down }: Place) -> Vec4 {
+    fn sample_at(&self, place: Place) -> Vec4 {
+        self.sample_in(place, around, around)
+    }
+
+    #[inline(always)]
+    fn sample_in(
+        &self,
+        Place { right, down }: Place,
+        across: impl Fn(f32, u32) -> ([usize; 2], f32),
+        along: impl Fn(f32, u32) -> ([usize; 2], f32),
+    ) -> Vec4 {
         if right.is_nan() {
             return self.texel(0, 0);
         }
-        let ([left, right], fx) = around(right * self.width as f32 - 0.5, self.width);
-        let ([top, bottom], fy) = around(down * self.height as f32 - 0.5, self.height);
+        let ([left, right], fx) = across(right * self.width as f32 - 0.5, self.width);
+        let ([top, bottom], fy) = along(down * self.height as f32 - 0.5, self.height);
         let upper = self.texel(left, top).lerp(self.texel(right, top), fx);
         let lower = self.texel(left, bottom).lerp(self.texel(right, bottom), fx);
         upper.lerp(lower, fy)
+    }
+}
+
+/// What is seen beyond the sides of a texture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Wrap {
+    /// The texture again.
+    #[default]
+    Repeat,
+    /// The texture again, every second one mirrored.
+    Mirror,
+    /// The texels at its edge.
+    Clamp,
+}
+
+impl Wrap {
+    /// Where a coordinate lies, as a share of the side, 0..=1.
+    #[inline]
+    fn share(self, value: f32) -> f32 {
+        match self {
+            Self::Repeat => fraction(value),
+            Self::Mirror => {
+                let twice = 2.0 * fraction(0.5 * value);
+                if twice > 1.0 { 2.0 - twice } else { twice }
+            }
+            Self::Clamp => value.clamp(0.0, 1.0),
+        }
+    }
+
+    /// As [`around`] for textures that repeat; the others have the texel at their edge again beyond it.
+    #[inline]
+    fn around(self, place: f32, count: u32) -> ([usize; 2], f32) {
+        let ([before, after], share) = around(place, count);
+        match self {
+            Self::Repeat => ([before, after], share),
+            _ if place < 0.0 => ([0, 0], share),
+            _ => ([before, after.max(before)], share),
+        }
     }
 }
 
@@ -115,9 +163,35 @@ pub struct Texture {
     pub name: String,
     /// Level 0 is the image; each next one halves both sides (rounded down, at least 1) down to 1 x 1.
     pub levels: Vec<Level>,
+    /// What lies beyond its sides, along u and v.
+    pub wrap: [Wrap; 2],
 }
 
 impl Texture {
+    /// The same with something else beyond its sides.
+    #[must_use]
+    pub fn wrapped(self, wrap: [Wrap; 2]) -> Self {
+        Self { wrap, ..self }
+    }
+
+    /// Whether it repeats along both axes.
+    #[must_use]
+    #[inline(always)]
+    pub fn repeats(&self) -> bool {
+        self.wrap == [Wrap::Repeat; 2]
+    }
+
+    /// Where `uv` lies in it.
+    #[must_use]
+    #[inline(always)]
+    pub fn place(&self, uv: Vec2) -> Place {
+        if self.repeats() || !uv.is_finite() {
+            return Place::of(uv);
+        }
+        let [across, along] = self.wrap;
+        Place { right: across.share(uv.x), down: 1.0 - along.share(uv.y) }
+    }
+
     /// Builds the mip chain of an image by 2 x 2 box filtering (rounded to nearest).
     ///
     /// # Panics
@@ -126,7 +200,7 @@ impl Texture {
     pub fn new(name: String, width: u32, height: u32, texels: Vec<[u8; 4]>) -> Self {
         assert!(width > 0 && height > 0, "texture {name} is empty");
         assert_eq!(texels.len(), width as usize * height as usize, "texture {name}: texel count");
-        Self { name, levels: chain(Level { width, height, texels }, mean) }
+        Self { name, levels: chain(Level { width, height, texels }, mean), wrap: [Wrap::Repeat; 2] }
     }
 
     /// Builds the mip chain of a texture whose texels with less alpha than `cutoff` (0..=1) are holes.
@@ -149,17 +223,17 @@ impl Texture {
             let total = base.texels.len() as u64;
             smaller.iter_mut().for_each(|level| keep_coverage(level, solid, covered, total));
         }
-        Self { name, levels }
+        Self { name, levels, wrap: [Wrap::Repeat; 2] }
     }
 
     /// Trilinear filtering at a level of detail; `lod <= 0` reads level 0.
     #[must_use]
     #[inline(always)]
     pub fn sample(&self, uv: Vec2, lod: f32) -> Vec4 {
-        self.sample_at(Place::of(uv), lod)
+        self.sample_at(self.place(uv), lod)
     }
 
-    /// The same at a place.
+    /// The same at a place that [`Self::place`] found.
     #[must_use]
     #[inline(always)]
     pub fn sample_at(&self, place: Place, lod: f32) -> Vec4 {
@@ -167,8 +241,15 @@ impl Texture {
         let lod = lod.clamp(0.0, last as f32);
         let fine = lod as usize;
         let blend = lod - fine as f32;
-        let color = self.levels[fine].sample_at(place);
-        if blend == 0.0 { color } else { color.lerp(self.levels[fine + 1].sample_at(place), blend) }
+        let sample = |level: &Level| {
+            if self.repeats() {
+                return level.sample_at(place);
+            }
+            let [u, v] = self.wrap;
+            level.sample_in(place, |at, count| u.around(at, count), |at, count| v.around(at, count))
+        };
+        let color = sample(&self.levels[fine]);
+        if blend == 0.0 { color } else { color.lerp(sample(&self.levels[fine + 1]), blend) }
     }
 
     /// Texels a row and rows of level 0.
@@ -269,7 +350,49 @@ fn keep_coverage(level: &mut Level, solid: u8, covered: u64, total: u64) {
 
 #[cfg(test)]
 mod tests {
-    use super::log2;
+    use super::{Texture, Wrap, log2};
+    use glam::Vec2;
+
+    /// Bilinear filtering by the definition: texel centres, and what the mode says of each index (Vulkan 1.3, section 16.6).
+    fn expected(texels: &[u8], wrap: Wrap, u: f64) -> f64 {
+        let count = texels.len() as i64;
+        let texel = |index: i64| {
+            let index = match wrap {
+                Wrap::Repeat => index.rem_euclid(count),
+                Wrap::Clamp => index.clamp(0, count - 1),
+                Wrap::Mirror => {
+                    let twice = index.rem_euclid(2 * count);
+                    if twice < count { twice } else { 2 * count - 1 - twice }
+                }
+            };
+            f64::from(texels[index as usize]) / 255.0
+        };
+        let at = u * count as f64 - 0.5;
+        let before = at.floor();
+        let share = at - before;
+        texel(before as i64) * (1.0 - share) + texel(before as i64 + 1) * share
+    }
+
+    #[test]
+    fn textures_repeat_mirror_and_clamp_as_vulkan_defines_it() {
+        let values = [10, 200, 90, 255, 0];
+        for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+            let row: Vec<[u8; 4]> = values.iter().map(|value| [*value, 0, 0, 255]).collect();
+            let across = Texture::new("row".into(), 5, 1, row.clone()).wrapped([wrap, Wrap::Clamp]);
+            // The first row is at the top, where v is 1.
+            let along =
+                Texture::new("column".into(), 1, 5, row.into_iter().rev().collect()).wrapped([Wrap::Clamp, wrap]);
+            for step in -400..400 {
+                let u = f64::from(step) * 0.0078125;
+                let (uv, vu) = (Vec2::new(u as f32, 0.3), Vec2::new(0.3, u as f32));
+                let exact = expected(&values, wrap, u) as f32;
+                assert!((across.sample(uv, 0.0).x - exact).abs() < 1e-5, "{wrap:?} at {u}");
+                assert!((along.sample(vu, 0.0).x - exact).abs() < 1e-5, "{wrap:?} at v = {u}");
+            }
+            assert!(across.sample(Vec2::new(f32::NAN, 0.0), 0.0).is_finite());
+            assert!(across.sample(Vec2::new(1e30, -1e30), 2.0).is_finite());
+        }
+    }
 
     #[test]
     fn logarithms_are_rounded_to_nearest_but_for_ties() {

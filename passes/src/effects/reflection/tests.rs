@@ -1,6 +1,8 @@
 use crate::effects::tests::world::{BACKGROUND, Shot, World, assert_close, grid};
+use curitiba_pipeline::backend::Glow;
 use curitiba_pipeline::programs::Fidelity::{Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram};
+use curitiba_pipeline::scene::texture::Wrap;
 use glam::{Vec2, Vec3};
 
 const PROGRAM: RayProgram = RayProgram::Reflection;
@@ -49,6 +51,34 @@ fn a_mirror_shows_the_texture_where_the_mirrored_ray_meets_it() {
         assert_close(pixel, 0.3 * texel, 2e-6, target);
     }
     assert!((world.scene.textures[0].sample(Vec2::new(0.4, 0.5), 0.0).x - 0.5).abs() > 0.05, "texels are blended");
+}
+
+#[test]
+fn a_mirror_shows_light_that_surfaces_send_out_and_textures_that_are_clamped() {
+    let mut world = World::lit_along(Vec3::NEG_Z);
+    let glass = world.glass();
+    let picture = world.picture([[255, 0, 0, 255], [0, 0, 255, 255]], None);
+    let texture = world.scene.textures.remove(0).wrapped([Wrap::Clamp; 2]);
+    world.scene.textures.push(texture);
+    let color = Vec3::new(0.25, 3.0, 0.5);
+    world.shades[picture as usize].glow = Some(Glow { color, texture: Some(0) });
+    world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
+    world.quad(picture, Vec3::new(0.0, 0.0, 6.0), Vec3::X * 5.0, Vec3::NEG_Y * 5.0);
+    // A third of the wall to each side shows the texels at the edge.
+    world.scene.geometry.texcoords.iter_mut().for_each(|texcoord| texcoord.x = texcoord.x * 3.0 - 1.0);
+    let eye = Vec3::new(0.1, 0.0, 3.0);
+    let targets = [Vec3::new(-0.9, 0.1, 0.0), Vec3::new(0.1, -0.3, 0.0), Vec3::new(0.9, 0.5, 0.0)];
+    let shot = Shot::of(&world, eye, targets);
+    let (pixels, _) = shot.run(PROGRAM, Corrected, RayParams::default());
+    for (target, pixel) in targets.iter().zip(pixels) {
+        let direction = (*target - eye) * Vec3::new(1.0, 1.0, -1.0);
+        let met = *target + direction * (6.0 / direction.z);
+        // Two texels whose centres lie at 0.25 and 0.75.
+        let u = (0.5 + met.x / 10.0) * 3.0 - 1.0;
+        let blue = ((u - 0.25) / 0.5).clamp(0.0, 1.0);
+        let texel = Vec3::new(1.0 - blue, 0.0, blue);
+        assert_close(pixel, (0.3 + color) * texel, 4e-6, target);
+    }
 }
 
 #[test]

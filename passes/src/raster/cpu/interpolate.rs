@@ -74,12 +74,19 @@ pub(super) struct Mapping {
 }
 
 impl Mapping {
-    /// Where the texture is read at a pixel, and the level of detail. The derivatives of `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`, where
+    /// The coordinates at a pixel.
+    #[inline(always)]
+    pub(super) fn uv(&self, u: f32, v: f32) -> Vec2 {
+        let [a, b, c] = self.corners;
+        a + (b - a) * u + (c - a) * v
+    }
+
+    /// Where a texture that repeats is read at a pixel, and the level of detail. The derivatives of `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`, where
     /// the screen-space coordinates `l_k` are linear, are `sum(l_k' (uv_k - uv) / w_k) / sum(l_k / w_k)`.
     #[inline(always)]
     pub(super) fn at(&self, Perspective { u, v, inv_sum }: Perspective, inv_w: [f32; 3]) -> (Place, f32) {
         let [a, b, c] = self.corners;
-        let uv = a + (b - a) * u + (c - a) * v;
+        let uv = self.uv(u, v);
         let derivative = |[s1, s2]: [f32; 2]| {
             let sum = (a - uv) * ((-s1 - s2) * inv_w[0]) + (b - uv) * (s1 * inv_w[1]) + (c - uv) * (s2 * inv_w[2]);
             sum * inv_sum
@@ -129,6 +136,10 @@ pub(super) fn is_solid(frame: &Frame<'_>, placed: &Placed<'_>, x: i32, y: i32) -
     let texture = &frame.job.scene.textures[texture as usize];
     let barycentric = Barycentric::new(&placed.corners, x, y);
     let perspective = Perspective::new(barycentric.weights(0.0));
-    let (place, lod) = barycentric.mapping(uv, texture.size()).at(perspective, barycentric.inv_w);
+    let mapping = barycentric.mapping(uv, texture.size());
+    let (mut place, lod) = mapping.at(perspective, barycentric.inv_w);
+    if !texture.repeats() {
+        place = texture.place(mapping.uv(perspective.u, perspective.v));
+    }
     texture.sample_at(place, lod).w >= cutoff
 }

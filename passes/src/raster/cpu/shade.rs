@@ -45,6 +45,9 @@ pub(super) struct Rows {
     diffuse: [Row; 4],
     unlit: [Row; 4],
     texel: [Row; 4],
+    /// Light that the surface sends out, and its texture or [`NO_TEXTURE`].
+    glow: [Row; 3],
+    glow_texture: [u32; ROW],
     /// The texture of each pixel, or [`NO_TEXTURE`], and how it is mapped.
     texture: [u32; ROW],
     mapping: MappingRows,
@@ -83,6 +86,8 @@ impl Default for Rows {
             diffuse: [[0.0; ROW]; 4],
             unlit: [[0.0; ROW]; 4],
             texel: [[0.0; ROW]; 4],
+            glow: [[0.0; ROW]; 3],
+            glow_texture: [NO_TEXTURE; ROW],
             texture: [NO_TEXTURE; ROW],
             mapping: MappingRows {
                 corners: [[[0.0; ROW]; 2]; 3],
@@ -114,6 +119,11 @@ struct Wanted {
     normals: bool,
     light: bool,
     texture: bool,
+    glow: bool,
+}
+
+fn glow_texture(shade: &Shade) -> Option<u32> {
+    shade.glow.and_then(|glow| glow.texture)
 }
 
 /// Writes the attachments of a tile.
@@ -121,9 +131,11 @@ struct Wanted {
 pub(super) fn shade(frame: &Frame<'_>, tile: &Tile, rows: &mut Rows, surface: &mut TileSurface<'_>) {
     let asked = frame.job.attachments;
     let light = frame.job.sun.is_some() && (asked.color || asked.position) && !frame.geometry.normals.is_empty();
-    let texture = asked.color && frame.job.shades.iter().any(|shade| shade.texture.is_some());
+    let shades = || frame.job.shades.iter();
+    let glow = asked.color && shades().any(|shade| shade.glow.is_some());
+    let texture = asked.color && shades().any(|shade| shade.texture.is_some() || glow_texture(shade).is_some());
     let normals = light || asked.normal;
-    let wanted = Wanted { color: asked.color, position: asked.position, normals, light, texture };
+    let wanted = Wanted { color: asked.color, position: asked.position, normals, light, texture, glow };
     rows.batch.count = 0;
     if !light {
         rows.light.fill(0.0);
@@ -178,6 +190,9 @@ impl Rows {
         self.interpolate(wanted);
         if wanted.texture {
             self.texels(&frame.job.scene.textures, surface.width);
+        }
+        if wanted.glow {
+            self.glow_texels(&frame.job.scene.textures, surface.width);
         }
         if wanted.normals {
             self.light(frame, wanted);
@@ -285,8 +300,15 @@ impl Rows {
             if wanted.texture {
                 spread(&mut self.texture, column, shade.texture.unwrap_or(NO_TEXTURE));
             }
+            if wanted.glow {
+                let color = shade.glow.map_or(Vec3::ZERO, |glow| glow.color);
+                for component in 0..3 {
+                    spread(&mut self.glow[component], column, color[component]);
+                }
+                spread(&mut self.glow_texture, column, glow_texture(shade).unwrap_or(NO_TEXTURE));
+            }
         }
-        if let Some(texture) = shade.texture {
+        if let Some(texture) = shade.texture.or(glow_texture(shade)) {
             let size = frame.job.scene.textures[texture as usize].size();
             let mapping = barycentric.mapping(attribute(frame, placed, &frame.geometry.texcoords), size);
             for column in run.step_by(LANES) {
@@ -317,11 +339,38 @@ impl Rows {
         for column in 0..width {
             let [right, down, lod] = [0, 1, 2].map(|part: usize| self.place[part][column]);
             let texel = match self.texture_at(column) {
-                Some(texture) => textures[texture].sample_at(Place { right, down }, lod),
+                Some(texture) => {
+                    let texture = &textures[texture];
+                    let mut place = Place { right, down };
+                    if !texture.repeats() {
+                        place = texture.place(self.mapping.get(column).uv(self.u[column], self.v[column]));
+                    }
+                    texture.sample_at(place, lod)
+                }
                 None => Vec4::ONE,
             };
             for component in 0..4 {
                 self.texel[component][column] = texel[component];
+            }
+        }
+    }
+
+    /// Multiplies what surfaces send out by their textures, pixel by pixel: few do.
+    #[inline(always)]
+    fn glow_texels(&mut self, textures: &[Texture], width: usize) {
+        for column in 0..width {
+            let texture = self.glow_texture[column];
+            if self.triangle[column] == NO_TRIANGLE || texture == NO_TEXTURE {
+                continue;
+            }
+            let texture = &textures[texture as usize];
+            let perspective = Perspective { u: self.u[column], v: self.v[column], inv_sum: self.inv_sum[column] };
+            let inv_w = [0, 1, 2].map(|corner: usize| self.inv_w[corner][column]);
+            let mapping = Mapping { size: texture.size(), ..self.mapping.get(column) };
+            let (_, lod) = mapping.at(perspective, inv_w);
+            let texel = texture.sample(mapping.uv(perspective.u, perspective.v), lod);
+            for component in 0..3 {
+                self.glow[component][column] *= texel[component];
             }
         }
     }
@@ -353,6 +402,11 @@ impl Rows {
             }
             if wanted.texture {
                 color.iter_mut().zip(&self.texel[component]).for_each(|(color, texel)| *color *= texel);
+            }
+            if wanted.glow
+                && let Some(glow) = self.glow.get(component)
+            {
+                color.iter_mut().zip(glow).for_each(|(color, glow)| *color += glow);
             }
         }
     }

@@ -16,6 +16,8 @@ struct Draw {
     variant: Variant,
     /// What group 1 is bound to, where the variant has it.
     texture: Option<u32>,
+    /// What group 2 is bound to, where the variant has it.
+    glow_texture: Option<u32>,
     chunk: usize,
     /// First triangle of the scene.
     first: u32,
@@ -92,7 +94,15 @@ impl DrawList {
                 return Err(failure(&format!("the job has no shade for material {}", part.material)));
             };
             let culled = job.culled.get(part.material as usize) == Some(&true);
-            let variant = Variant { culled, ..Variant::new(job.attachments, geometry.has_normals, shade) };
+            let variant = Variant::new(job.attachments, geometry.has_normals, shade);
+            let beyond = |texture: Option<u32>| {
+                texture
+                    .and_then(|texture| job.scene.textures.get(texture as usize))
+                    .is_some_and(|texture| !texture.repeats())
+            };
+            let glow_texture = shade.glow.and_then(|glow| glow.texture).filter(|_| variant.glow_textured);
+            let wrapped = beyond(shade.texture.filter(|_| variant.textured)) || beyond(glow_texture);
+            let variant = Variant { culled, wrapped, ..variant };
             if let Some(last) = self.draws.last_mut() {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
                 if adjacent && last.variant == variant && !variant.reads_material() {
@@ -101,8 +111,9 @@ impl DrawList {
                 }
             }
             pipelines.require(gpu, layouts, variant, self.stored)?;
-            let texture = if variant.textured { shade.texture } else { None };
-            if let Some(texture) = texture {
+            // Pipelines with group 2 have group 1, whether they read it or not.
+            let texture = if variant.textured { shade.texture } else { glow_texture };
+            for texture in [texture, glow_texture].into_iter().flatten() {
                 textures.require(gpu, layouts, job.scene, texture)?;
             }
             let Ok(offset) = u32::try_from(self.bytes.len()) else {
@@ -111,7 +122,7 @@ impl DrawList {
             self.bytes.extend_from_slice(bytemuck::bytes_of(&DrawUniform::new(shade, part.first)));
             self.bytes.resize(offset as usize + self.stride, 0);
             let (chunk, first, count) = (part.chunk, part.first, part.count);
-            self.draws.push(Draw { variant, texture, chunk, first, count, offset });
+            self.draws.push(Draw { variant, texture, glow_texture, chunk, first, count, offset });
         }
         self.write(gpu, layouts)?;
         self.look(gpu, &job.view, job.sun)
@@ -148,7 +159,7 @@ impl DrawList {
         geometry: &DeviceGeometry,
         textures: &DeviceTextures,
     ) {
-        let (mut bound_chunk, mut bound_variant, mut bound_texture) = (None, None, None);
+        let (mut bound_chunk, mut bound_variant, mut bound_textures) = (None, None, (None, None));
         for draw in &self.draws {
             let chunk = &geometry.chunks[draw.chunk];
             let new_variant = bound_variant != Some(draw.variant);
@@ -170,11 +181,14 @@ impl DrawList {
                 bound_chunk = Some(draw.chunk);
             }
             pass.set_bind_group(0, &self.binding, &[draw.offset]);
-            if let Some(texture) = draw.texture
-                && (new_variant || bound_texture != Some(texture))
-            {
-                pass.set_bind_group(1, textures.binding(texture), &[]);
-                bound_texture = Some(texture);
+            let asked = (draw.texture, draw.glow_texture);
+            if new_variant || bound_textures != asked {
+                for (group, texture) in [(1, asked.0), (2, asked.1)] {
+                    if let Some(texture) = texture {
+                        pass.set_bind_group(group, textures.binding(texture), &[]);
+                    }
+                }
+                bound_textures = asked;
             }
             let first = 3 * (draw.first - chunk.first);
             pass.draw_indexed(first..first + 3 * draw.count, 0, 0..1);

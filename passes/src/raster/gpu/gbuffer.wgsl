@@ -5,6 +5,9 @@
 //   VERTEX_NORMAL                       the vertices carry normals, and something above reads them
 //   TEXTURED                            the material has a texture, and COLOR or ALPHA_CUT reads it
 //   WRITES                              any attachment at all; without, only the depth is left
+//   TEXCOORD                            the vertices carry texture coordinates: TEXTURED or GLOW_TEXTURED
+//   GLOW, GLOW_TEXTURED                 the material sends out light, and a texture says where
+//   WRAPPED                             the samplers say what lies beyond the sides of textures; without, all repeat
 //   ALPHA_CUT                           texels below the material's cutoff are no surface
 //#if TRIANGLE
 enable primitive_index;
@@ -24,6 +27,8 @@ struct Frame {
 struct Draw {
     diffuse: vec4<f32>,
     emission: vec4<f32>,
+    // Light of its own; alpha is 0.
+    glow: vec4<f32>,
     // Id of the draw's first triangle, plus 1: the attachment is cleared to 0, which therefore means "no triangle".
     first_triangle: u32,
     alpha_cutoff: f32,
@@ -35,13 +40,17 @@ struct Draw {
 @group(1) @binding(0) var material_texture: texture_2d<f32>;
 @group(1) @binding(1) var trilinear: sampler;
 //#endif
+//#if GLOW_TEXTURED
+@group(2) @binding(0) var glow_texture: texture_2d<f32>;
+@group(2) @binding(1) var glow_trilinear: sampler;
+//#endif
 
 struct Vertex {
     @location(0) position: vec3<f32>,
 //#if VERTEX_NORMAL
     @location(1) normal: vec3<f32>,
 //#endif
-//#if TEXTURED
+//#if TEXCOORD
     @location(2) texcoord: vec2<f32>,
 //#endif
 }
@@ -55,7 +64,7 @@ struct Varyings {
 //#if VERTEX_NORMAL
     @location(1) normal: vec3<f32>,
 //#endif
-//#if TEXTURED
+//#if TEXCOORD
     @location(2) texcoord: vec2<f32>,
 //#endif
 }
@@ -87,28 +96,45 @@ fn vertex_main(vertex: Vertex) -> Varyings {
 //#if VERTEX_NORMAL
     out.normal = vertex.normal;
 //#endif
-//#if TEXTURED
+//#if TEXCOORD
     out.texcoord = vertex.texcoord;
 //#endif
     return out;
 }
 
-//#if TEXTURED
-// `log2` of the longer footprint side in texels of level 0 (Vulkan 1.3, section 16.5.7); 0 where it is below 1.
-fn level_of_detail(texcoord: vec2<f32>) -> f32 {
-    let size = vec2<f32>(textureDimensions(material_texture, 0));
+//#if TEXCOORD
+// `log2` of the longer footprint side in texels of level 0 (Vulkan 1.3, section 16.5.7), of a texture of so many; 0 where it is below 1.
+fn level_of_detail(texcoord: vec2<f32>, size: vec2<f32>) -> f32 {
     let along_x = dpdxFine(texcoord) * size;
     let along_y = dpdyFine(texcoord) * size;
     let footprint = max(dot(along_x, along_x), dot(along_y, along_y));
     return select(0.0, 0.5 * log2(footprint), footprint > 1.0);
 }
+//#endif
 
+//#if TEXTURED
 // The texture at `texcoord`, whose v = 0 is the bottom row. The level is chosen here and not by the driver, so that every
 // device chooses alike. The fractional part is taken first: large coordinates would lose the sub-texel position otherwise.
 fn sample_texture(texcoord: vec2<f32>) -> vec4<f32> {
-    let level = level_of_detail(texcoord);
+    let level = level_of_detail(texcoord, vec2<f32>(textureDimensions(material_texture, 0)));
+//#if WRAPPED
+    let wrapped = texcoord;
+//#else
     let wrapped = fract(texcoord);
+//#endif
     return textureSampleLevel(material_texture, trilinear, vec2<f32>(wrapped.x, 1.0 - wrapped.y), level);
+}
+//#endif
+
+//#if GLOW_TEXTURED
+fn sample_glow(texcoord: vec2<f32>) -> vec4<f32> {
+    let level = level_of_detail(texcoord, vec2<f32>(textureDimensions(glow_texture, 0)));
+//#if WRAPPED
+    let wrapped = texcoord;
+//#else
+    let wrapped = fract(texcoord);
+//#endif
+    return textureSampleLevel(glow_texture, glow_trilinear, vec2<f32>(wrapped.x, 1.0 - wrapped.y), level);
 }
 //#endif
 
@@ -122,6 +148,9 @@ fn fragment_main(
 ) -> Pixel {
 //#else
 ) {
+//#endif
+//#if GLOW_TEXTURED
+    let shining = sample_glow(in.texcoord).rgb;
 //#endif
 //#if TEXTURED
     let texel = sample_texture(in.texcoord);
@@ -149,6 +178,13 @@ fn fragment_main(
     out.color = (lit + draw.emission + 0.3) * texel;
 //#else
     out.color = lit + 0.3 * draw.diffuse;
+//#endif
+//#if GLOW
+//#if GLOW_TEXTURED
+    out.color += vec4<f32>(draw.glow.rgb * shining, 0.0);
+//#else
+    out.color += draw.glow;
+//#endif
 //#endif
 //#endif
 //#if POSITION

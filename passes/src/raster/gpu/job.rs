@@ -42,15 +42,16 @@ pub(super) fn check_scene(job: &RasterJob<'_>) -> Result<(), BackendError> {
         let Some(shade) = job.shades.get(batch.material as usize) else {
             return Err(unsupported("this scene", &format!("material {} has no colours;", batch.material)));
         };
-        let Some(texture) = shade.texture.filter(|_| job.attachments.color || shade.alpha_cutoff.is_some()) else {
-            continue;
-        };
-        if texture as usize >= job.scene.textures.len() {
-            return Err(unsupported("this scene", &format!("it has no texture {texture};")));
-        }
-        if geometry.texcoords.len() != vertices {
-            let why = "the scene was loaded without texture coordinates;";
-            return Err(unsupported("a textured material", why));
+        let color = shade.texture.filter(|_| job.attachments.color || shade.alpha_cutoff.is_some());
+        let glow = shade.glow.and_then(|glow| glow.texture).filter(|_| job.attachments.color);
+        for texture in [color, glow].into_iter().flatten() {
+            if texture as usize >= job.scene.textures.len() {
+                return Err(unsupported("this scene", &format!("it has no texture {texture};")));
+            }
+            if geometry.texcoords.len() != vertices {
+                let why = "the scene was loaded without texture coordinates;";
+                return Err(unsupported("a textured material", why));
+            }
         }
     }
     Ok(())

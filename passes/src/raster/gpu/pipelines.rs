@@ -4,6 +4,7 @@ use super::device::Gpu;
 use super::shader::{DrawUniform, FrameUniform, Variant};
 use super::targets::{DEPTH_FORMAT, Stored};
 use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::scene::texture::Wrap;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::num::NonZeroU64;
@@ -13,12 +14,13 @@ use std::num::NonZeroU64;
 pub(super) struct Layouts {
     /// Group 0: `Frame`, and `Draw` at a dynamic offset.
     pub uniforms: wgpu::BindGroupLayout,
-    /// Group 1: a texture and the sampler.
+    /// Groups 1 and 2: a texture and the sampler.
     pub texture: wgpu::BindGroupLayout,
     /// Repeating coordinates, linear within a level and between two.
     pub trilinear: wgpu::Sampler,
     plain: wgpu::PipelineLayout,
     textured: wgpu::PipelineLayout,
+    glowing: wgpu::PipelineLayout,
 }
 
 impl Layouts {
@@ -58,15 +60,7 @@ impl Layouts {
                 fragment(1, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
             ],
         });
-        let trilinear = device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("trilinear"),
-            address_mode_u: wgpu::AddressMode::Repeat,
-            address_mode_v: wgpu::AddressMode::Repeat,
-            mag_filter: wgpu::FilterMode::Linear,
-            min_filter: wgpu::FilterMode::Linear,
-            mipmap_filter: wgpu::MipmapFilterMode::Linear,
-            ..Default::default()
-        });
+        let trilinear = trilinear(device, [Wrap::Repeat; 2]);
         let layout = |groups: &[Option<&wgpu::BindGroupLayout>]| {
             let descriptor = wgpu::PipelineLayoutDescriptor {
                 label: Some("gbuffer"),
@@ -77,9 +71,28 @@ impl Layouts {
         };
         let plain = layout(&[Some(&uniforms)]);
         let textured = layout(&[Some(&uniforms), Some(&texture)]);
+        let glowing = layout(&[Some(&uniforms), Some(&texture), Some(&texture)]);
         gpu.check("creation of the layouts")?;
-        Ok(Self { uniforms, texture, trilinear, plain, textured })
+        Ok(Self { uniforms, texture, trilinear, plain, textured, glowing })
     }
+}
+
+/// A sampler that is linear within a level and between two.
+pub(super) fn trilinear(device: &wgpu::Device, wrap: [Wrap; 2]) -> wgpu::Sampler {
+    let [address_mode_u, address_mode_v] = wrap.map(|wrap| match wrap {
+        Wrap::Repeat => wgpu::AddressMode::Repeat,
+        Wrap::Mirror => wgpu::AddressMode::MirrorRepeat,
+        Wrap::Clamp => wgpu::AddressMode::ClampToEdge,
+    });
+    device.create_sampler(&wgpu::SamplerDescriptor {
+        label: Some("trilinear"),
+        address_mode_u,
+        address_mode_v,
+        mag_filter: wgpu::FilterMode::Linear,
+        min_filter: wgpu::FilterMode::Linear,
+        mipmap_filter: wgpu::MipmapFilterMode::Linear,
+        ..Default::default()
+    })
 }
 
 /// The pipelines built so far.
@@ -112,7 +125,7 @@ impl Pipelines {
 /// Vertex buffer slots of normals and texture coordinates in a variant; positions have slot 0.
 pub(super) fn slots(variant: Variant) -> (Option<u32>, Option<u32>) {
     let normals = variant.vertex_normal.then_some(1);
-    (normals, variant.textured.then_some(1 + u32::from(variant.vertex_normal)))
+    (normals, variant.texcoord().then_some(1 + u32::from(variant.vertex_normal)))
 }
 
 fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu::RenderPipeline {
@@ -131,13 +144,17 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
     if variant.vertex_normal {
         buffers.push(buffer(&NORMALS));
     }
-    if variant.textured {
+    if variant.texcoord() {
         buffers.push(buffer(&TEXCOORDS));
     }
     let targets = stored.formats().map(|format| format.map(wgpu::ColorTargetState::from));
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("gbuffer"),
-        layout: Some(if variant.textured { &layouts.textured } else { &layouts.plain }),
+        layout: Some(match variant {
+            Variant { glow_textured: true, .. } => &layouts.glowing,
+            Variant { textured: true, .. } => &layouts.textured,
+            _ => &layouts.plain,
+        }),
         vertex: wgpu::VertexState {
             module: &module,
             entry_point: Some("vertex_main"),

@@ -23,6 +23,12 @@ pub(super) struct Variant {
     pub textured: bool,
     /// Drops texels below the cutoff; implies `textured`.
     pub alpha_cut: bool,
+    /// Adds the light that the material sends out; implies `color`.
+    pub glow: bool,
+    /// Multiplies it by a texture; implies `glow`.
+    pub glow_textured: bool,
+    /// Leaves what lies beyond the sides of its textures to their samplers.
+    pub wrapped: bool,
     /// Leaves back faces out. The text does not depend on it.
     pub culled: bool,
 }
@@ -41,8 +47,16 @@ impl Variant {
             vertex_normal: has_normals && (color || position || normal),
             textured: (texture && color) || alpha_cut,
             alpha_cut,
+            glow: color && shade.glow.is_some(),
+            glow_textured: color && shade.glow.is_some_and(|glow| glow.texture.is_some()),
+            wrapped: false,
             culled: false,
         }
+    }
+
+    /// Whether it reads texture coordinates.
+    pub fn texcoord(self) -> bool {
+        self.textured || self.glow_textured
     }
 
     /// Whether the shader reads anything of the material; if not, draws of different materials can be joined.
@@ -70,6 +84,10 @@ impl Variant {
             "VERTEX_NORMAL" => self.vertex_normal,
             "TEXTURED" => self.textured,
             "ALPHA_CUT" => self.alpha_cut,
+            "TEXCOORD" => self.texcoord(),
+            "GLOW" => self.glow,
+            "WRAPPED" => self.wrapped,
+            "GLOW_TEXTURED" => self.glow_textured,
             _ => return None,
         })
     }
@@ -136,6 +154,7 @@ impl FrameUniform {
 pub(super) struct DrawUniform {
     diffuse: Vec4,
     emission: Vec4,
+    glow: Vec4,
     first_triangle: u32,
     alpha_cutoff: f32,
     padding: [u32; 2],
@@ -147,6 +166,7 @@ impl DrawUniform {
         Self {
             diffuse: shade.diffuse,
             emission: shade.emission,
+            glow: shade.glow.map_or(Vec4::ZERO, |glow| glow.color.extend(0.0)),
             first_triangle: first_triangle.wrapping_add(1),
             // A shader need not tell an infinity from other numbers.
             alpha_cutoff: shade.alpha_cutoff.unwrap_or(0.0).min(f32::MAX),
@@ -163,7 +183,7 @@ mod tests {
 
     /// Every combination that [`Variant::new`] can give, and the others with `alpha_cut` implying `textured`.
     fn variants() -> impl Iterator<Item = Variant> {
-        (0_u32..128)
+        (0_u32..1024)
             .map(|bits| {
                 let bit = |index: u32| bits >> index & 1 == 1;
                 Variant {
@@ -174,10 +194,14 @@ mod tests {
                     vertex_normal: bit(4),
                     textured: bit(5),
                     alpha_cut: bit(6),
+                    glow: bit(7),
+                    glow_textured: bit(8),
+                    wrapped: bit(9),
                     culled: false,
                 }
             })
-            .filter(|v| v.textured || !v.alpha_cut)
+            .filter(|v| (v.textured || !v.alpha_cut) && (v.color || !v.glow) && (v.glow || !v.glow_textured))
+            .filter(|v| v.texcoord() || !v.wrapped)
             // What only has depth has nothing to shade.
             .filter(|v| v.writes() || (!v.vertex_normal && v.textured == v.alpha_cut))
     }
@@ -203,17 +227,20 @@ mod tests {
             let module = validate(&source, capabilities).unwrap_or_else(|error| panic!("{variant:?}\n{error}"));
             let names: Vec<&str> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
             assert_eq!(names, ["vertex_main", "fragment_main"], "{variant:?}");
-            assert_eq!(source.contains("textureSampleLevel"), variant.textured, "{variant:?}");
+            assert_eq!(source.contains("textureSampleLevel"), variant.texcoord(), "{variant:?}");
             assert_eq!(source.contains("discard;"), variant.alpha_cut, "{variant:?}");
             count += 1;
         }
-        // 15 sets of attachments, with and without normals; untextured, textured, cut. Depth alone, whole and cut.
-        assert_eq!(count, 15 * 2 * 3 + 2);
+        // 15 sets of attachments, with and without normals; untextured, textured, cut. The 8 with a colour also with light of their
+        // own, plain and textured. Depth alone, whole and cut. All that are textured in any way also with what lies beyond.
+        let (plain, glow, shining) = (15 * 2, 8 * 2, 8 * 2);
+        assert_eq!(count, plain * (1 + 2 * 2) + glow * (1 + 2 * 2) + shining * (3 * 2) + 1 + 2);
     }
 
     #[test]
     fn depth_alone_has_a_fragment_stage_only_where_something_is_cut() {
-        let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), alpha_cutoff: None };
+        let shade =
+            Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), alpha_cutoff: None, glow: None };
         let whole = Variant::new(Attachments::default(), true, &shade);
         assert!(!whole.has_fragment_stage() && !whole.textured && !whole.vertex_normal && !whole.reads_material());
         let cut = Variant::new(Attachments::default(), true, &Shade { alpha_cutoff: Some(0.5), ..shade });
@@ -253,6 +280,7 @@ mod tests {
         let draw = named(&[
             ("diffuse", offset_of!(DrawUniform, diffuse)),
             ("emission", offset_of!(DrawUniform, emission)),
+            ("glow", offset_of!(DrawUniform, glow)),
             ("first_triangle", offset_of!(DrawUniform, first_triangle)),
             ("alpha_cutoff", offset_of!(DrawUniform, alpha_cutoff)),
         ]);
@@ -261,7 +289,8 @@ mod tests {
 
     #[test]
     fn a_variant_reads_only_what_its_attachments_need() {
-        let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), alpha_cutoff: None };
+        let shade =
+            Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), alpha_cutoff: None, glow: None };
         let only_triangle = Attachments { triangle: true, ..Attachments::default() };
         let variant = Variant::new(only_triangle, true, &shade);
         assert!(!variant.vertex_normal && !variant.textured && !variant.reads_material());

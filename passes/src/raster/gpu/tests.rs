@@ -47,6 +47,7 @@ pub(super) fn shades() -> [Shade; 2] {
         emission: Vec4::ZERO,
         texture: None,
         alpha_cutoff: None,
+        glow: None,
     })
 }
 

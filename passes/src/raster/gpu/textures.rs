@@ -2,7 +2,7 @@
 
 use super::device::Gpu;
 use super::faults::failure;
-use super::pipelines::Layouts;
+use super::pipelines::{Layouts, trilinear};
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Texture;
@@ -94,12 +94,14 @@ fn upload(gpu: &Gpu, layouts: &Layouts, source: &Texture) -> Result<wgpu::BindGr
     }
     gpu.submit_and_wait(None, &doing)?;
     let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+    let own = (!source.repeats()).then(|| trilinear(&gpu.device, source.wrap));
+    let sampler = own.as_ref().unwrap_or(&layouts.trilinear);
     let binding = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some(&source.name),
         layout: &layouts.texture,
         entries: &[
             wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
-            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&layouts.trilinear) },
+            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(sampler) },
         ],
     });
     gpu.check(&doing)?;

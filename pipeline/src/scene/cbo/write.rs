@@ -88,7 +88,7 @@ fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<
     let folder = folder_of(path);
     let mut paths = Vec::with_capacity(scene.textures.len());
     for (index, source) in scene.textures.iter().enumerate() {
-        if let TextureSource::File(file) = source {
+        if let TextureSource::File(file) = source.texels().0 {
             let relative = relative_to(folder, file).or_else(|| file.to_str().map(str::to_owned)).ok_or_else(|| {
                 SceneError::file(path, format!("the texture path {} is not valid Unicode", file.display()))
             })?;
@@ -190,6 +190,7 @@ impl SceneWriter<'_> {
         for (lost, what, remedy) in [
             (material.transmission != defaults.transmission, "materials with transmission", "not written"),
             (absorption, "materials with absorption", "not written"),
+            (material.emission_texture.is_some(), "emissive textures", "not written; the colour alone is"),
             (
                 material.alpha_cutoff.is_some() && !self.layout.is_2014(),
                 "materials with an alpha cutoff",

@@ -1,7 +1,8 @@
 //! Materials and textures of a glTF asset.
 
 use super::super::error::SceneError;
-use super::super::load::{Context, MaterialTable, add_texture, texture_file};
+use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file};
+use super::super::texture::Wrap;
 use super::super::{Material, TextureSource};
 use super::accessor::Data;
 use super::container::{Target, base64, shortened, uri_target};
@@ -11,7 +12,7 @@ use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, vali
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
 /// How a primitive's texture coordinates become those of its material's texture.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Coordinates {
     /// The set that the texture reads.
     pub(super) set: u32,
@@ -61,12 +62,32 @@ impl Materials {
             }
             let mut material = surface(written, name, context, warnings);
             let mut coordinates = Coordinates::PLAIN;
-            if let Some(info) =
-                written.pbr_metallic_roughness.base_color_texture.as_ref().filter(|_| context.needs.textures)
-            {
+            let base = written.pbr_metallic_roughness.base_color_texture.as_ref().filter(|_| context.needs.textures);
+            if let Some(info) = base {
                 coordinates = coordinates_of(info);
                 let source = image(info, data, &mut images, &material.name, context, warnings)?;
                 material.texture = source.map(|source| add_texture(&mut materials.textures, source));
+            }
+            let shines = material.emission.truncate() != Vec3::ZERO;
+            let emissive = written.emissive_texture.as_ref().filter(|_| context.needs.textures && shines);
+            if let Some(info) = emissive {
+                let own = coordinates_of(info);
+                if base.is_some() && own != coordinates {
+                    warnings.add(
+                        context.file,
+                        "emissive textures with coordinates of their own",
+                        "those of the base colour serve",
+                        || format!("`{}`", material.name),
+                    );
+                } else {
+                    coordinates = own;
+                }
+                let source = image(info, data, &mut images, &material.name, context, warnings)?;
+                material.emission_texture = source.map(|source| add_texture(&mut materials.textures, source));
+                if material.emission_texture.is_none() {
+                    // The factor alone would make all of the surface shine.
+                    material.emission = Material::default().emission;
+                }
             }
             materials.by_index.push((materials.table.materials.len() as u32, coordinates));
             materials.table.declare(material);
@@ -129,17 +150,16 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         }
         Checked::Valid(AlphaMode::Blend) => {
             material.diffuse.w = factor.w;
-            warn("materials that are blended", "drawn opaque, with the factor's alpha as opacity", "");
+            let textured = written.pbr_metallic_roughness.base_color_texture.is_some();
+            // What is mostly clear in the texture, whatever the factor, is a hole; the rest is whole.
+            material.alpha_cutoff = (textured && factor.w > 0.0).then_some(MASK_CUTOFF * factor.w);
+            warn("materials that are blended", "what is half clear or more in their texture is cut out", "");
         }
         Checked::Invalid => warn("materials with an unknown alpha mode", "opaque", ""),
     }
     let strength = extensions.and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
-    if written.emissive_texture.is_some() {
-        // The factor alone would make all of the surface shine.
-        warn("materials with an emissive texture", "drawn without their light", "");
-    } else {
-        material.emission = (Vec3::from_array(written.emissive_factor.0) * strength).map(displayed).extend(1.0);
-    }
+    material.emission = (Vec3::from_array(written.emissive_factor.0) * strength).map(displayed).extend(1.0);
+    material.emission_added = true;
     if let Some(transmission) = extensions.and_then(|e| e.transmission.as_ref()) {
         material.transmission = transmission.transmission_factor.0.clamp(0.0, 1.0);
         material.veil = 1.0 - material.transmission;
@@ -222,6 +242,15 @@ fn source_of(texture: &json::Texture) -> usize {
     named.unwrap_or_else(|| texture.source.value())
 }
 
+/// What a sampler says of coordinates beyond 0 to 1 (glTF 2.0, section 3.8.4.5).
+fn wrap_of(mode: Checked<WrappingMode>) -> Wrap {
+    match mode {
+        Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
+        Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
+        _ => Wrap::Repeat,
+    }
+}
+
 /// The image of a texture: `Some` in `images` once it was looked for. What is missing is a warning.
 fn image(
     info: &json::texture::Info,
@@ -240,12 +269,7 @@ fn image(
         return Err(SceneError::file(file, format!("texture {} does not exist", info.index.value())));
     };
     let sampler = texture.sampler.and_then(|sampler| data.root.samplers.get(sampler.value()));
-    let repeats = |wrap: Checked<WrappingMode>| matches!(wrap, Checked::Valid(WrappingMode::Repeat));
-    if sampler.is_some_and(|sampler| !repeats(sampler.wrap_s) || !repeats(sampler.wrap_t)) {
-        warnings.add(file, "textures that are clamped or mirrored", "repeated", || {
-            format!("texture {} of material `{material}`", info.index.value())
-        });
-    }
+    let wrap = sampler.map_or([Wrap::Repeat; 2], |sampler| [wrap_of(sampler.wrap_s), wrap_of(sampler.wrap_t)]);
     let index = source_of(texture);
     let Some(written) = data.root.images.get(index) else {
         let basis = texture.extensions.as_ref().is_some_and(|others| others.others.contains_key(BASIS));
@@ -254,7 +278,7 @@ fn image(
         return Ok(None);
     };
     if let Some(known) = &images[index] {
-        return Ok(known.clone());
+        return Ok(known.clone().map(|source| source.wrapped(wrap)));
     }
     let name = || format!("{}#image{index}", file.display());
     let source = match (&written.uri, written.buffer_view) {
@@ -284,5 +308,5 @@ fn image(
         }
     };
     images[index] = Some(source.clone());
-    Ok(source)
+    Ok(source.map(|source| source.wrapped(wrap)))
 }

@@ -7,6 +7,7 @@ use super::super::TextureSource;
 use super::super::error::SceneError;
 use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, read_file, texture_file};
 use super::super::render::texture::{image_has_alpha, is_cut_out};
+use super::super::texture::Wrap;
 use super::lines::{Lines, number, split_word, text, words};
 use crate::diagnostic::Warnings;
 use glam::{Vec2, Vec3, Vec4};
@@ -19,6 +20,8 @@ struct Map {
     file: String,
     scale: Vec2,
     offset: Vec2,
+    /// `-clamp on`.
+    clamped: bool,
 }
 
 /// Statements of one material, as written.
@@ -123,6 +126,7 @@ impl Library {
             ambient: color(written.ka, defaults.ambient),
             specular: color(written.ks, defaults.specular),
             emission: color(written.ke, defaults.emission),
+            emission_added: true,
             shininess: written.ns.unwrap_or(defaults.shininess).max(0.0),
             transmission: transmission(&written, dissolve),
             volume: matches!(written.illum, Some(6 | 7)),
@@ -165,7 +169,8 @@ impl Library {
                         TextureSource::File(color)
                     }
                 };
-                material.texture = Some(add_texture(&mut self.textures, source));
+                let beyond = if map.clamped { Wrap::Clamp } else { Wrap::Repeat };
+                material.texture = Some(add_texture(&mut self.textures, source.wrapped([beyond; 2])));
             }
         } else if let Some(mask) = &written.map_d {
             warnings.add(context.file, "masks of materials without a colour texture", "ignored", || {
@@ -299,7 +304,7 @@ fn color(rest: &[u8]) -> Option<Vec3> {
 
 /// Options and a file name that may hold blanks. `-s` and `-o` change the coordinates; the others have no effect here.
 fn map(rest: &[u8]) -> Option<Map> {
-    let mut map = Map { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO };
+    let mut map = Map { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamped: false };
     let mut rest = rest;
     while rest.starts_with(b"-") {
         let (option, after) = split_word(rest);
@@ -324,7 +329,12 @@ fn map(rest: &[u8]) -> Option<Map> {
                 target.y = values[1].unwrap_or(target.y);
             }
             b"-mm" => rest = split_word(split_word(rest).1).1,
-            b"-blendu" | b"-blendv" | b"-cc" | b"-clamp" | b"-bm" | b"-boost" | b"-texres" | b"-imfchan" | b"-type" => {
+            b"-clamp" => {
+                let (word, after) = split_word(rest);
+                map.clamped = word == b"on";
+                rest = after;
+            }
+            b"-blendu" | b"-blendv" | b"-cc" | b"-bm" | b"-boost" | b"-texres" | b"-imfchan" | b"-type" => {
                 rest = split_word(rest).1;
             }
             // A file name may start with a hyphen.

@@ -80,7 +80,7 @@ impl RenderScene {
             material.attenuation_distance *= scale;
             material.thickness *= scale;
             if !in_use || !options.needs.textures {
-                material.texture = None;
+                material.textures_mut().into_iter().for_each(|texture| *texture = None);
             }
         }
         let textures = texture::decode_used(&mut materials, &sources, files.whole_scene(), &mut budget, &mut warnings)?;

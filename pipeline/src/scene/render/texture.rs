@@ -26,7 +26,7 @@ pub(super) fn decode_used(
     warnings: &mut Warnings,
 ) -> Result<Vec<Texture>, SceneError> {
     let mut used = vec![false; sources.len()];
-    for texture in materials.iter().filter_map(|material| material.texture) {
+    for texture in materials.iter().flat_map(Material::textures) {
         used[texture as usize] = true;
     }
     let cutoffs = cutoffs(materials, sources.len());
@@ -58,11 +58,11 @@ pub(super) fn decode_used(
         .collect();
     // All threads make the smaller levels of one texture after the other: the larger ones end no later than the others.
     let named = sources.iter().map(TextureSource::name);
-    let decoded = decoded
-        .into_iter()
-        .zip(named)
-        .zip(cutoffs)
-        .map(|((base, name), cutoff)| base.map(|base| base.map(|base| with_levels(name, base, cutoff))));
+    let decoded = decoded.into_iter().zip(named).zip(cutoffs).zip(sources.iter().map(|source| source.texels().1)).map(
+        |(((base, name), cutoff), wrap)| {
+            base.map(|base| base.map(|base| with_levels(name, base, cutoff).wrapped(wrap)))
+        },
+    );
 
     no_file_refused()?;
 
@@ -86,7 +86,14 @@ pub(super) fn decode_used(
         }
     }
     for material in materials {
-        material.texture = material.texture.and_then(|texture| new_index[texture as usize]);
+        let lost = material.emission_texture.is_some_and(|texture| new_index[texture as usize].is_none());
+        if lost {
+            // The factor alone would make all of the surface shine.
+            material.emission = Material::default().emission;
+        }
+        for texture in material.textures_mut() {
+            *texture = texture.and_then(|texture| new_index[texture as usize]);
+        }
         if material.texture.is_none() {
             // Without a texture there is nothing to cut by.
             material.alpha_cutoff = None;
@@ -116,6 +123,7 @@ fn cost(source: &TextureSource) -> Result<Cost, String> {
             let color = color?;
             Ok(Cost { texels: color.texels, working: color.working.max(4 * mask.texels + mask.working) })
         }
+        TextureSource::Wrapped { source, .. } => cost(source),
     }
 }
 
@@ -191,6 +199,7 @@ fn pixels(source: &TextureSource) -> Result<RgbaImage, Fault> {
             mask_alpha(&mut image, &mask);
             Ok(image)
         }
+        TextureSource::Wrapped { source, .. } => pixels(source),
     }
 }
 
@@ -260,7 +269,7 @@ fn read<'a, R: BufRead + Seek + 'a>(bytes: R, path: Option<&Path>) -> Result<Rgb
 /// The bytes and the extension of a file that holds the texture: an embedded image as it is, two files put together
 /// as a PNG.
 pub(in crate::scene) fn encoded(source: &TextureSource) -> Result<(Vec<u8>, &'static str), String> {
-    if let TextureSource::Embedded { bytes, .. } = source {
+    if let TextureSource::Embedded { bytes, .. } = source.texels().0 {
         let format = guard::call("image", || image::guess_format(bytes))?.map_err(|error| error.to_string())?;
         let extension = format.extensions_str().first().copied().unwrap_or("png");
         return Ok((bytes.clone(), extension));

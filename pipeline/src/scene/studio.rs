@@ -1,0 +1,313 @@
+//! 3DS files, of Autodesk's 3D Studio for DOS: chunks in chunks, little endian.
+//!
+//! ```text
+//! chunk     := u16 id, u32 length (of all of it, with these six bytes), contents
+//! 4D4D file := chunks: 3D3D scene := chunks: AFFF material, 4000 object
+//! AFFF      := chunks: A000 name (to a NUL), A020 diffuse, A010 ambient, A030 specular, A050 transparency, A081 two-sided, A200 texture
+//! colour    := chunk 0010 f32[3] | 0011 u8[3]        share := chunk 0030 u16, percent | 0031 f32
+//! A200      := chunks: A300 file name (to a NUL), A356 f32 scale of u, A354 of v, A358 f32 offset of u, A35A of v
+//! 4000      := name (to a NUL), chunks: 4100 mesh := chunks:
+//!              4110 u16 n, f32[3n] positions, 4140 u16 n, f32[2n] texture coordinates, v upwards,
+//!              4120 u16 n, (u16 corners[3], u16 flags)[n], chunks: 4130 := material name (to a NUL), u16 n, u16 faces[n]
+//! ```
+//!
+//! Positions are those of the scene: the matrices of the file place pivots only. Normals are not in the file.
+
+use super::bytes::{Reader, f32_at};
+use super::error::SceneError;
+use super::load::{Context, MaterialTable, add_texture, texture_file_or_suffix};
+use super::{Group, Material, Mesh, Object, Scene, TextureSource};
+use crate::diagnostic::Warnings;
+use glam::{Mat4, Vec2, Vec3};
+use std::collections::HashMap;
+
+const FILE: u16 = 0x4D4D;
+const SCENE: u16 = 0x3D3D;
+const MATERIAL: u16 = 0xAFFF;
+const OBJECT: u16 = 0x4000;
+const MESH: u16 = 0x4100;
+/// Bytes of a chunk's head.
+const HEAD: usize = 6;
+/// Longest name, bytes.
+const LONGEST_NAME: usize = 4096;
+/// The material of faces that name none.
+const PLAIN: &str = "default";
+
+/// Scale and offset of texture coordinates.
+#[derive(Clone, Copy, PartialEq)]
+struct Mapping {
+    scale: Vec2,
+    offset: Vec2,
+}
+
+const PLAIN_MAPPING: Mapping = Mapping { scale: Vec2::ONE, offset: Vec2::ZERO };
+
+struct Loader<'a, 'b> {
+    context: &'a mut Context<'b>,
+    scene: Scene,
+    table: MaterialTable,
+    /// By name of the material, where it changes texture coordinates.
+    mappings: HashMap<String, Mapping>,
+    warnings: Warnings,
+}
+
+pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
+    let mut reader = Reader::new(context.file, bytes);
+    let (id, mut contents) = chunk(&mut reader)?;
+    if id != FILE {
+        return Err(SceneError::file(context.file, format!("this is no 3DS file: it starts with chunk {id:04X}"))
+            .help("valid: 4D4D"));
+    }
+    let mut loader = Loader {
+        context,
+        scene: Scene::default(),
+        table: MaterialTable::default(),
+        mappings: HashMap::new(),
+        warnings: Warnings::default(),
+    };
+    let mut objects = Vec::new();
+    while contents.left() >= HEAD {
+        let (id, mut scene) = chunk(&mut contents)?;
+        while id == SCENE && scene.left() >= HEAD {
+            match chunk(&mut scene)? {
+                (MATERIAL, part) => loader.material(part)?,
+                (OBJECT, part) => objects.push(part),
+                _ => {}
+            }
+        }
+    }
+    // Materials may stand after the objects that name them.
+    objects.into_iter().try_for_each(|object| loader.object(object))?;
+    let Loader { mut scene, table, warnings, .. } = loader;
+    (scene.materials, scene.warnings) = (table.materials, warnings);
+    Ok(scene)
+}
+
+/// The next chunk's id, and its contents.
+fn chunk<'a>(reader: &mut Reader<'a>) -> Result<(u16, Reader<'a>), SceneError> {
+    let id = reader.u16("a chunk's id")?;
+    let length = reader.count("a chunk's length")?;
+    let contents = length.checked_sub(HEAD);
+    let contents = contents.ok_or_else(|| reader.error(format!("chunk {id:04X} has a length of {length} bytes")))?;
+    Ok((id, reader.part(contents, "a chunk")?))
+}
+
+/// Bytes up to a NUL, as Latin-1.
+fn name(reader: &mut Reader<'_>) -> Result<String, SceneError> {
+    let mut name = String::new();
+    loop {
+        match reader.block(1, 1, "a name")? {
+            [0] => return Ok(name),
+            [byte, ..] if name.len() < LONGEST_NAME => name.push(char::from(*byte)),
+            _ => return Err(reader.error(format!("a name is longer than {LONGEST_NAME} bytes"))),
+        }
+    }
+}
+
+/// The first colour in a chunk; linear ones (of version 3) come after those for display.
+fn color(mut reader: Reader<'_>) -> Result<Option<Vec3>, SceneError> {
+    while reader.left() >= HEAD {
+        match chunk(&mut reader)? {
+            (0x0010 | 0x0013, mut part) => return Ok(Some(Vec3::from(part.floats::<3>("a colour")?))),
+            (0x0011 | 0x0012, mut part) => {
+                let bytes = part.block(3, 1, "a colour")?;
+                return Ok(Some(Vec3::new(bytes[0].into(), bytes[1].into(), bytes[2].into()) / 255.0));
+            }
+            _ => {}
+        }
+    }
+    Ok(None)
+}
+
+/// The first share in a chunk, 0 to 1.
+fn share(mut reader: Reader<'_>) -> Result<Option<f32>, SceneError> {
+    while reader.left() >= HEAD {
+        match chunk(&mut reader)? {
+            (0x0030, mut part) => return Ok(Some(f32::from(part.u16("a percentage")?) / 100.0)),
+            (0x0031, mut part) => return Ok(Some(part.floats::<1>("a share")?[0])),
+            _ => {}
+        }
+    }
+    Ok(None)
+}
+
+impl Loader<'_, '_> {
+    fn material(&mut self, mut reader: Reader<'_>) -> Result<(), SceneError> {
+        let mut material = Material { name: PLAIN.to_owned(), ..Material::default() };
+        let (mut texture, mut mapping) = (None, PLAIN_MAPPING);
+        while reader.left() >= HEAD {
+            match chunk(&mut reader)? {
+                (0xA000, mut part) => material.name = name(&mut part)?,
+                (0xA010, part) => material.ambient = color(part)?.map_or(material.ambient, |c| c.extend(1.0)),
+                (0xA020, part) => {
+                    material.diffuse = color(part)?.map_or(material.diffuse, |c| c.extend(material.diffuse.w));
+                }
+                (0xA030, part) => material.specular = color(part)?.map_or(material.specular, |c| c.extend(1.0)),
+                (0xA050, part) => {
+                    let clear = share(part)?.filter(|share| share.is_finite()).unwrap_or(0.0).clamp(0.0, 1.0);
+                    material.diffuse.w = 1.0 - clear;
+                    material.transmission = clear;
+                }
+                (0xA200, part) => texture = self.texture(part, &mut mapping)?,
+                _ => {}
+            }
+        }
+        if let Some(file) = texture.filter(|_| self.context.needs.textures) {
+            let found = texture_file_or_suffix(self.context, &file, &mut self.warnings, &material.name);
+            material.texture = found.map(|path| add_texture(&mut self.scene.textures, TextureSource::File(path)));
+        }
+        let name = material.name.clone();
+        if !self.table.declare(material) {
+            let what = "materials declared twice";
+            self.warnings.add(self.context.file, what, "the first declaration serves", || format!("`{name}`"));
+        } else if mapping != PLAIN_MAPPING {
+            self.mappings.insert(name, mapping);
+        }
+        Ok(())
+    }
+
+    /// The file of a texture.
+    fn texture(&mut self, mut reader: Reader<'_>, mapping: &mut Mapping) -> Result<Option<String>, SceneError> {
+        let mut file = None;
+        while reader.left() >= HEAD {
+            let (id, mut part) = chunk(&mut reader)?;
+            let target = match id {
+                0xA300 => {
+                    file = Some(name(&mut part)?);
+                    continue;
+                }
+                0xA356 => &mut mapping.scale.x,
+                0xA354 => &mut mapping.scale.y,
+                0xA358 => &mut mapping.offset.x,
+                0xA35A => &mut mapping.offset.y,
+                _ => continue,
+            };
+            let [value] = part.floats::<1>("a number of a texture's place")?;
+            if value.is_finite() {
+                *target = value;
+            }
+        }
+        Ok(file)
+    }
+
+    fn object(&mut self, mut reader: Reader<'_>) -> Result<(), SceneError> {
+        let name = name(&mut reader)?;
+        while reader.left() >= HEAD {
+            let (id, part) = chunk(&mut reader)?;
+            if id == MESH {
+                self.mesh(&name, part)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn mesh(&mut self, name: &str, mut reader: Reader<'_>) -> Result<(), SceneError> {
+        let mut mesh = Mesh { name: name.to_owned(), ..Mesh::default() };
+        let mut faces: Vec<[u32; 3]> = Vec::new();
+        // By face: one more than its material, or 0.
+        let mut materials: Vec<u32> = Vec::new();
+        while reader.left() >= HEAD {
+            let (id, mut part) = chunk(&mut reader)?;
+            match id {
+                0x4110 => {
+                    let count = usize::from(part.u16("the number of positions")?);
+                    let block = part.block(count, 12, "the positions")?;
+                    self.context.take("the positions", count, 12)?;
+                    mesh.positions =
+                        (0..count).map(|i| Vec3::from([0, 1, 2].map(|axis| f32_at(block, 3 * i + axis)))).collect();
+                }
+                0x4140 if self.context.needs.textures => {
+                    let count = usize::from(part.u16("the number of texture coordinates")?);
+                    let block = part.block(count, 8, "the texture coordinates")?;
+                    self.context.take("the texture coordinates", count, 8)?;
+                    mesh.texcoords =
+                        (0..count).map(|i| Vec2::new(f32_at(block, 2 * i), f32_at(block, 2 * i + 1))).collect();
+                }
+                0x4120 => {
+                    let count = usize::from(part.u16("the number of faces")?);
+                    let block = part.block(count, 8, "the faces")?;
+                    self.context.take("the faces", count, 16)?;
+                    let corner = |at: usize| u32::from(u16::from_le_bytes([block[at], block[at + 1]]));
+                    faces = (0..count).map(|i| [0, 2, 4].map(|offset| corner(8 * i + offset))).collect();
+                    materials = vec![0; count];
+                    self.face_materials(part, &mut materials)?;
+                }
+                _ => {}
+            }
+        }
+        if mesh.texcoords.len() != mesh.positions.len() {
+            if !mesh.texcoords.is_empty() {
+                let what = "meshes with another number of texture coordinates than positions";
+                self.warnings.add(self.context.file, what, "drawn without", || format!("`{name}`"));
+            }
+            mesh.texcoords.clear();
+        }
+        self.groups(&mut mesh, &faces, &materials);
+        let number = self.scene.meshes.len() as u32;
+        self.context.take("the objects", 1, size_of::<Mesh>() + size_of::<Object>() + 2 * name.len())?;
+        self.scene.meshes.push(mesh);
+        self.scene.objects.push(Object { name: name.to_owned(), mesh: number, transform: Mat4::IDENTITY });
+        Ok(())
+    }
+
+    /// The lists of faces by material, which follow the faces.
+    fn face_materials(&mut self, mut reader: Reader<'_>, materials: &mut [u32]) -> Result<(), SceneError> {
+        while reader.left() >= HEAD {
+            let (id, mut part) = chunk(&mut reader)?;
+            if id != 0x4130 {
+                continue;
+            }
+            let named = name(&mut part)?;
+            let material = self.table.get_or_default(&named, self.context.file, &mut self.warnings);
+            let count = usize::from(part.u16("the number of faces of a material")?);
+            let block = part.block(count, 2, "the faces of a material")?;
+            for face in block.chunks_exact(2).map(|face| usize::from(u16::from_le_bytes([face[0], face[1]]))) {
+                match materials.get_mut(face) {
+                    Some(known) => *known = material + 1,
+                    None => {
+                        self.warnings.add(self.context.file, "faces of materials that do not exist", "ignored", || {
+                            format!("face {face} of `{named}`")
+                        })
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Sorts faces by material; a texture that is placed moves the coordinates of its faces' corners.
+    fn groups(&mut self, mesh: &mut Mesh, faces: &[[u32; 3]], materials: &[u32]) {
+        let mut by_material: HashMap<u32, usize> = HashMap::new();
+        for (face, material) in faces.iter().zip(materials) {
+            let index = *by_material.entry(*material).or_insert_with(|| {
+                let material = match material.checked_sub(1) {
+                    Some(material) => material,
+                    None => {
+                        let plain = Material { name: PLAIN.to_owned(), ..Material::default() };
+                        self.table.declare(plain);
+                        self.table.get(PLAIN).unwrap_or(0)
+                    }
+                };
+                mesh.groups.push(Group { material, triangles: Vec::new() });
+                mesh.groups.len() - 1
+            });
+            mesh.groups[index].triangles.push(*face);
+        }
+        let mut moved = vec![false; mesh.texcoords.len()];
+        for group in &mesh.groups {
+            let Some(mapping) = self.mappings.get(&self.table.materials[group.material as usize].name) else {
+                continue;
+            };
+            for corner in group.triangles.iter().flatten() {
+                let (Some(texcoord), Some(moved)) =
+                    (mesh.texcoords.get_mut(*corner as usize), moved.get_mut(*corner as usize))
+                else {
+                    continue;
+                };
+                if !std::mem::replace(moved, true) {
+                    *texcoord = *texcoord * mapping.scale + mapping.offset;
+                }
+            }
+        }
+    }
+}
