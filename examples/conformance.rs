@@ -1,5 +1,6 @@
-//! Runs every ray pass of some projects on the cpu, on `cuda` and on `optix` with the same G-buffer, compares the pictures
-//! pixel by pixel in full precision, and writes what was found as JSON. Needs an NVIDIA GPU; see `cuda/conformance.sh`.
+//! Runs every ray pass of some projects on the cpu, and on `wgpu`, `cuda` and `optix` as far as they are there, with the same G-buffer;
+//! compares the pictures pixel by pixel in full precision, prints rays a second of device time, and writes what was found as JSON. On NVIDIA
+//! GPUs see `cuda/conformance.sh`.
 //!
 //! Fails where a picture differs by more than it may: see `curitiba::conformance`.
 
@@ -59,7 +60,7 @@ struct Report {
     size: Vec<u32>,
     set: Vec<String>,
     gpus: String,
-    limits: [Limit; 3],
+    limits: [Limit; LIMITS.len()],
     builds: Vec<Build>,
     records: Vec<Record>,
 }
@@ -73,7 +74,7 @@ fn run(arguments: &Arguments) -> Result<bool, Box<dyn std::error::Error>> {
         for camera in if cameras.is_empty() { own } else { &cameras } {
             for fidelity in &arguments.fidelity {
                 let mut others = Vec::new();
-                for choice in [BackendChoice::Cuda, BackendChoice::Optix] {
+                for choice in [BackendChoice::Wgpu, BackendChoice::Cuda, BackendChoice::Optix] {
                     match ray_backend(Choice { gpus: arguments.gpus, ..Choice::CPU.traced_by(choice) }) {
                         Ok(backend) => {
                             let known = (backend.name().to_owned(), backend.device());

@@ -2,7 +2,8 @@
 
 use crate::passes::cpu::CpuRays;
 use crate::passes::raster::cpu::CpuRasteriser;
-use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
+use crate::passes::raster::gpu::{AdapterChoice, SharedDevice, WgpuRasteriser};
+use crate::passes::wgpu_rays::WgpuRays;
 use crate::pipeline::backend::{BackendError, Rasteriser, RayBackend};
 use crate::pipeline::executor::{Engines, Spare};
 use crate::pipeline::plan::Plan;
@@ -22,11 +23,13 @@ pub enum RasterChoice {
 /// Which ray backend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum BackendChoice {
-    /// In builds with the feature `cuda` and on machines with an NVIDIA GPU `cuda`, else the cpu.
+    /// In builds with the feature `cuda` and on machines with an NVIDIA GPU `cuda`, else `wgpu` on a real GPU, else the cpu.
     #[default]
     Auto,
     /// Our own tracer, on all cores.
     Cpu,
+    /// Our own tracer in compute shaders, on any GPU that wgpu opens, software drivers included.
+    Wgpu,
     /// Our own tracer, on an NVIDIA GPU; in builds with the feature `cuda`.
     Cuda,
     /// NVIDIA's OptiX; in builds with the feature `cuda`.
@@ -46,11 +49,11 @@ impl RasterChoice {
 
 impl BackendChoice {
     /// All, by the names that users write.
-    pub const NAMES: [(&str, Self); 4] =
-        [("auto", Self::Auto), ("cpu", Self::Cpu), ("cuda", Self::Cuda), ("optix", Self::Optix)];
+    pub const NAMES: [(&str, Self); 5] =
+        [("auto", Self::Auto), ("cpu", Self::Cpu), ("wgpu", Self::Wgpu), ("cuda", Self::Cuda), ("optix", Self::Optix)];
 
     /// Those that are no choice between others.
-    pub const ALL: [Self; 3] = [Self::Cpu, Self::Cuda, Self::Optix];
+    pub const ALL: [Self; 4] = [Self::Cpu, Self::Wgpu, Self::Cuda, Self::Optix];
 
     /// As users write it.
     #[must_use]
@@ -104,14 +107,27 @@ pub struct Choice {
     pub backend: BackendChoice,
     /// GPUs of `cuda` and `optix`.
     pub gpus: Gpus,
+    /// The device of `wgpu`, for rasteriser and rays: its place in the list of
+    /// [`adapters`](crate::passes::raster::gpu::adapters). `auto` takes it, whatever it is.
+    pub adapter: Option<u8>,
     /// Ray backends that may take over where the one before them fails, in this order; none unless the user allowed it.
-    pub fallback: [Option<BackendChoice>; 3],
+    pub fallback: [Option<BackendChoice>; 4],
 }
 
 impl Choice {
     /// Both on the processor.
-    pub const CPU: Self =
-        Self { raster: RasterChoice::Cpu, backend: BackendChoice::Cpu, gpus: Gpus::Count(1), fallback: [None; 3] };
+    pub const CPU: Self = Self {
+        raster: RasterChoice::Cpu,
+        backend: BackendChoice::Cpu,
+        gpus: Gpus::Count(1),
+        adapter: None,
+        fallback: [None; 4],
+    };
+
+    /// The device of `wgpu`: the one that is named, or what may be taken otherwise.
+    fn device(self, otherwise: AdapterChoice) -> AdapterChoice {
+        self.adapter.map_or(otherwise, AdapterChoice::Nth)
+    }
 
     /// The same rasteriser with another ray backend.
     #[must_use]
@@ -124,7 +140,7 @@ impl Choice {
     pub fn rays_in_words(self) -> String {
         let name = self.backend.name();
         match self.gpus {
-            _ if self.backend == BackendChoice::Cpu => name.to_owned(),
+            _ if matches!(self.backend, BackendChoice::Cpu | BackendChoice::Wgpu) => name.to_owned(),
             Gpus::Count(1) => name.to_owned(),
             Gpus::Count(count) => format!("{name} on {count} GPUs"),
             Gpus::All => format!("{name} on all GPUs"),
@@ -146,8 +162,16 @@ impl Choice {
 
     /// What makes the ray backend, and those that may take over.
     pub fn ray_backends(self) -> impl Iterator<Item = Spare> {
+        self.ray_backends_on(None)
+    }
+
+    /// The same, where the rasteriser has a device that `wgpu` can trace on, too.
+    fn ray_backends_on(self, device: Option<SharedDevice>) -> impl Iterator<Item = Spare> {
         let all = std::iter::once(self.backend).chain(self.fallback.into_iter().flatten());
-        all.map(move |backend| Spare::new(backend.name(), move || ray_backend(self.traced_by(backend))))
+        all.map(move |backend| {
+            let device = device.clone();
+            Spare::new(backend.name(), move || ray_backend_on(self.traced_by(backend), device.as_ref()))
+        })
     }
 }
 
@@ -156,20 +180,40 @@ impl Choice {
 /// # Errors
 /// If one that was asked for by name cannot be had, and nothing may take over.
 pub fn choose(choice: Choice) -> Result<Engines, BackendError> {
-    Engines::first_of(rasteriser(choice.raster)?, choice.ray_backends())
+    let (raster, rays) = parts(choice)?;
+    Engines::first_of(raster, rays)
+}
+
+/// The rasteriser, and what makes the ray backend and those that may take over: on one device where they can.
+///
+/// # Errors
+/// If the rasteriser was asked for by name and cannot be had.
+pub fn parts(choice: Choice) -> Result<(Box<dyn Rasteriser>, impl Iterator<Item = Spare>), BackendError> {
+    let (raster, device) = rasteriser_and_device(choice)?;
+    Ok((raster, choice.ray_backends_on(device)))
 }
 
 /// Makes a rasteriser.
 ///
 /// # Errors
 /// If it was asked for by name and cannot be had.
-pub fn rasteriser(choice: RasterChoice) -> Result<Box<dyn Rasteriser>, BackendError> {
-    Ok(match choice {
-        RasterChoice::Cpu => Box::new(CpuRasteriser::new()),
-        RasterChoice::Wgpu => Box::new(WgpuRasteriser::new(AdapterChoice::Any)?),
-        RasterChoice::Auto => match WgpuRasteriser::new(AdapterChoice::RealGpu) {
-            Ok(gpu) => Box::new(gpu),
-            Err(_) => Box::new(CpuRasteriser::new()),
+pub fn rasteriser(choice: Choice) -> Result<Box<dyn Rasteriser>, BackendError> {
+    Ok(rasteriser_and_device(choice)?.0)
+}
+
+/// Makes a rasteriser, and gives its device if it has one.
+fn rasteriser_and_device(choice: Choice) -> Result<(Box<dyn Rasteriser>, Option<SharedDevice>), BackendError> {
+    let on_gpu = |gpu: WgpuRasteriser| {
+        let device = gpu.shared_device();
+        (Box::new(gpu) as Box<dyn Rasteriser>, Some(device))
+    };
+    Ok(match choice.raster {
+        RasterChoice::Cpu => (Box::new(CpuRasteriser::new()), None),
+        RasterChoice::Wgpu => on_gpu(WgpuRasteriser::new(choice.device(AdapterChoice::Any))?),
+        RasterChoice::Auto => match WgpuRasteriser::new(choice.device(AdapterChoice::RealGpu)) {
+            Ok(gpu) => on_gpu(gpu),
+            Err(error) if choice.adapter.is_some() => return Err(error),
+            Err(_) => (Box::new(CpuRasteriser::new()), None),
         },
     })
 }
@@ -179,16 +223,44 @@ pub fn rasteriser(choice: RasterChoice) -> Result<Box<dyn Rasteriser>, BackendEr
 /// # Errors
 /// If it cannot be had: says what is missing, and what to do.
 pub fn ray_backend(choice: Choice) -> Result<Box<dyn RayBackend>, BackendError> {
+    ray_backend_on(choice, None)
+}
+
+/// The same, where the rasteriser has a device that `wgpu` can trace on, too.
+fn ray_backend_on(choice: Choice, device: Option<&SharedDevice>) -> Result<Box<dyn RayBackend>, BackendError> {
     match choice.backend {
         BackendChoice::Auto => match cuda(choice) {
             // Who asks for several GPUs does not mean the processor.
             Err(error) if choice.gpus != Gpus::default() => Err(error),
-            made => Ok(made.unwrap_or_else(|_| Box::new(CpuRays::new()))),
+            Err(_) => Ok(match wgpu(choice.device(AdapterChoice::RealGpu), device) {
+                Err(error) if choice.adapter.is_some() => return Err(error),
+                Ok(rays) => rays,
+                Err(_) => Box::new(CpuRays::new()),
+            }),
+            made => made,
         },
+        BackendChoice::Wgpu => wgpu(choice.device(AdapterChoice::Any), device),
         BackendChoice::Cpu => Ok(Box::new(CpuRays::new())),
         BackendChoice::Cuda => cuda(choice),
         BackendChoice::Optix => optix(choice),
     }
+}
+
+/// Rays on the rasteriser's device if that is one that may be taken, else on one of their own.
+fn wgpu(choice: AdapterChoice, device: Option<&SharedDevice>) -> Result<Box<dyn RayBackend>, BackendError> {
+    let fits = |device: &&SharedDevice| {
+        choice != AdapterChoice::RealGpu || device.adapter().kind != crate::passes::raster::gpu::AdapterKind::Software
+    };
+    Ok(Box::new(match device.filter(fits) {
+        Some(device) => WgpuRays::on(device)?,
+        None => WgpuRays::new(choice)?,
+    }))
+}
+
+/// Why `auto` does not take `wgpu` where there is no `cuda`; nothing where it does.
+#[must_use]
+pub fn why_not_wgpu() -> Option<BackendError> {
+    wgpu(AdapterChoice::RealGpu, None).err()
 }
 
 /// What `auto` takes, and why it is not `cuda`; nothing where it is.

@@ -1,6 +1,6 @@
 //! What machine a timing was taken on.
 
-use crate::engines::{ray_backend, why_not_cuda};
+use crate::engines::{ray_backend, why_not_cuda, why_not_wgpu};
 use crate::passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
 use crate::pipeline::backend::RayBackend;
 use crate::pipeline::executor::Engines;
@@ -81,12 +81,16 @@ impl Environment {
         };
         match choice.backend {
             BackendChoice::Cpu => {}
-            BackendChoice::Auto if cfg!(not(feature = "cuda")) => {}
             BackendChoice::Auto => match why_not_cuda() {
-                Some(error) => environment.fallbacks.push(format!("backend `auto` takes the cpu: {error}")),
+                Some(no_cuda) => match why_not_wgpu() {
+                    // In builds without `cuda` there is none to fall back from.
+                    Some(_) if cfg!(not(feature = "cuda")) => {}
+                    Some(_) => environment.fallbacks.push(format!("backend `auto` takes the cpu: {no_cuda}")),
+                    None => environment.add_backend(choice.traced_by(BackendChoice::Wgpu)),
+                },
                 None => environment.add_backend(choice.traced_by(BackendChoice::Cuda)),
             },
-            BackendChoice::Cuda | BackendChoice::Optix => environment.add_backend(choice),
+            BackendChoice::Wgpu | BackendChoice::Cuda | BackendChoice::Optix => environment.add_backend(choice),
         }
         environment
     }

@@ -90,8 +90,8 @@ pub fn open(
 ) -> Result<Renderer, OpenError> {
     let project = settings.open(project.as_ref())?;
     let plan = Plan::new(project, settings)?;
-    let raster = engines::rasteriser(choice.raster)?;
-    let engines = Engines::first_of(raster, choice.for_plan(&plan).ray_backends()).map_err(|error| {
+    let (raster, rays) = engines::parts(choice.for_plan(&plan))?;
+    let engines = Engines::first_of(raster, rays).map_err(|error| {
         // What is missing matters to the pass that would use it.
         let rays = |planned: &&PlannedPass| matches!(plan.pass(planned).kind, PassKind::Ray(_));
         match plan.passes.iter().find(rays) {

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// The settings by name, with what each may be; `PASS.NAME=VALUE` and `TEXTURE.format=FORMAT` are the last.
 pub const SETTINGS: &[(&str, &str)] = &[
     ("raster", "auto, cpu or wgpu: what draws"),
-    ("backend", "auto, cpu, cuda or optix: what traces rays"),
+    ("backend", "auto, cpu, wgpu, cuda or optix: what traces rays"),
     ("gpus", "N or all: the GPUs of cuda and optix"),
     ("fidelity", "corrected or thesis: the report's programs mended, or as written"),
     ("camera", "NAME of a camera of the project"),

@@ -1,6 +1,6 @@
 //! What the steps of a plan do: rasterisers, the ray tracer, one module per effect, and visibility between triangles.
 //!
-//! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `explain`, `visibility`; imports run down. `docs/architecture.md` is the map.
+//! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `wgpu_rays`, `explain`, `visibility`; imports run down. `docs/architecture.md` is the map.
 
 pub mod cpu;
 pub mod effects;
@@ -9,6 +9,7 @@ pub mod raster;
 pub mod sampling;
 pub mod trace;
 pub mod visibility;
+pub mod wgpu_rays;
 
 /// The examples of `docs/architecture.md`, which are compiled.
 #[cfg(doctest)]

@@ -8,7 +8,7 @@ use crate::plan::ALIGNMENT;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
 use crate::raster_effects::{EffectParams, EffectProgram};
 use crate::scene::RenderScene;
-use crate::shared::{DeviceUuid, SharedGBuffer};
+use crate::shared::{DeviceUuid, InPlace, SharedGBuffer};
 use glam::{Mat4, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Duration;
@@ -283,6 +283,11 @@ pub trait Rasteriser {
     /// If the device fails.
     fn read_back(&mut self, job: &RasterJob<'_>, wanted: Attachments, target: &mut GBuffer)
     -> Result<(), BackendError>;
+    /// What a ray backend on the same device reads attachments by, without a copy: those of the last job that named some in
+    /// [`RasterJob::shared`].
+    fn lends(&mut self) -> Option<InPlace> {
+        None
+    }
     /// The device, if other interfaces of it can read what is drawn where it is.
     fn shares(&self) -> Option<DeviceUuid> {
         None
@@ -557,6 +562,10 @@ pub trait RayBackend {
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError>;
     /// About how many bytes a triangle takes in the structure and while it is built.
     fn bytes_per_triangle(&self) -> u64;
+    /// Whether the backend can read attachments where a rasteriser leaves them; from then on jobs with [`RayJob::shared`] do.
+    fn reads(&mut self, _lent: &InPlace) -> bool {
+        false
+    }
     /// Whether the backend can read G-buffers in the memory of that device.
     fn joins(&self, _device: DeviceUuid) -> bool {
         false

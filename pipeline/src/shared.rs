@@ -1,9 +1,15 @@
 //! G-buffers in device memory that a rasteriser and a ray backend share, so that nothing passes through the host.
 
 use crate::backend::Attachments;
+use std::any::Any;
+use std::sync::Arc;
 
 /// What tells GPUs apart, whichever interface shows them: the UUID that its driver gives a device.
 pub type DeviceUuid = [u8; 16];
+
+/// Attachments that a rasteriser leaves where it draws them, for a ray backend that uses the same device through the same interface. What it
+/// is, both know.
+pub type InPlace = Arc<dyn Any + Send + Sync>;
 
 /// A handle of the operating system to device memory or to a semaphore, which another interface of the same device opens.
 #[cfg(unix)]

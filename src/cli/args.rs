@@ -194,9 +194,13 @@ pub struct ProjectArgs {
     /// Rasteriser; auto takes a real GPU if there is one, else the cpu
     #[arg(long, value_enum, default_value_t = Raster::Auto)]
     pub raster: Raster,
-    /// Ray backend; cuda and optix need an NVIDIA GPU and a build with the feature `cuda`, auto takes cuda if it is there, else the cpu
+    /// Ray backend; cuda and optix need an NVIDIA GPU and a build with the feature `cuda`, wgpu runs on any GPU; auto takes cuda if it is there, else
+    /// wgpu on a real GPU, else the cpu
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     pub backend: Backend,
+    /// Device of wgpu, for rasteriser and rays: a part of its name, or its place in `curitiba list`, from 0
+    #[arg(long, value_name = "NAME", value_parser = curitiba::passes::raster::gpu::named)]
+    pub adapter: Option<u8>,
     /// GPUs that share the rays of cuda and optix: a number, or all
     #[arg(long, value_name = "N", default_value_t = Gpus::default())]
     pub gpus: Gpus,
@@ -398,6 +402,7 @@ impl Raster {
 pub enum Backend {
     Auto,
     Cpu,
+    Wgpu,
     Cuda,
     Optix,
 }
@@ -408,6 +413,7 @@ impl Backend {
         match self {
             Self::Auto => BackendChoice::Auto,
             Self::Cpu => BackendChoice::Cpu,
+            Self::Wgpu => BackendChoice::Wgpu,
             Self::Cuda => BackendChoice::Cuda,
             Self::Optix => BackendChoice::Optix,
         }
@@ -418,6 +424,7 @@ impl Backend {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum FallbackArg {
     Cpu,
+    Wgpu,
     Cuda,
     Optix,
 }
@@ -425,7 +432,7 @@ pub enum FallbackArg {
 impl RenderArgs {
     /// Which engines, and which may take over. A backend that is named twice is tried once.
     pub fn choice(&self) -> Choice {
-        let mut fallback = [None; 3];
+        let mut fallback = [None; 4];
         let mut named: Vec<FallbackArg> = Vec::new();
         for backend in &self.fallback {
             if !named.contains(backend) {
@@ -435,6 +442,7 @@ impl RenderArgs {
         for (slot, backend) in fallback.iter_mut().zip(named) {
             *slot = Some(match backend {
                 FallbackArg::Cpu => BackendChoice::Cpu,
+                FallbackArg::Wgpu => BackendChoice::Wgpu,
                 FallbackArg::Cuda => BackendChoice::Cuda,
                 FallbackArg::Optix => BackendChoice::Optix,
             });
@@ -473,7 +481,13 @@ impl ProjectArgs {
 
     /// Which engines.
     pub fn choice(&self) -> Choice {
-        Choice { raster: self.raster.choice(), backend: self.backend.choice(), gpus: self.gpus, ..Choice::default() }
+        Choice {
+            raster: self.raster.choice(),
+            backend: self.backend.choice(),
+            gpus: self.gpus,
+            adapter: self.adapter,
+            ..Choice::default()
+        }
     }
 }
 
@@ -536,10 +550,12 @@ mod tests {
         };
         assert_eq!(choice(&[]), Ok(Choice::default()));
         let both = choice(&["--fallback", "cuda,cpu,cuda", "--fallback", "cpu", "--gpus", "all"]).expect("valid");
-        assert_eq!(both.fallback, [Some(BackendChoice::Cuda), Some(BackendChoice::Cpu), None]);
+        assert_eq!(both.fallback, [Some(BackendChoice::Cuda), Some(BackendChoice::Cpu), None, None]);
         assert_eq!(both.gpus, Gpus::All);
         assert!(choice(&["--gpus", "0"]).expect_err("none is no number").contains("1 to 255, or all"));
-        assert!(choice(&["--fallback", "wgpu"]).is_err());
+        let wgpu = choice(&["--backend", "wgpu", "--fallback", "wgpu,cpu"]).expect("valid");
+        assert_eq!((wgpu.backend, wgpu.fallback[0]), (BackendChoice::Wgpu, Some(BackendChoice::Wgpu)));
+        assert!(choice(&["--fallback", "vulkan"]).is_err());
     }
 
     #[test]

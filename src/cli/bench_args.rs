@@ -142,6 +142,7 @@ impl BenchArgs {
             raster: self.raster,
             backend: self.backend,
             gpus: self.gpus,
+            adapter: None,
             fidelity: self.fidelity,
             seed: self.seed,
             show: Vec::new(),

@@ -149,7 +149,7 @@ fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
 /// Asks the engines that would do the work for what they cannot do: before anything is loaded, not at the first frame. What
 /// is not there is told, and only `render` fails for it.
 fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
-    let (raster, rays) = match (engines::rasteriser(choice.raster), engines::ray_backend(choice)) {
+    let (raster, rays) = match (engines::rasteriser(choice), engines::ray_backend(choice)) {
         (Ok(raster), Ok(rays)) => (raster, rays),
         (Err(error), _) | (_, Err(error)) => {
             failure::print_warning(&format!("what it cannot do is not known here: {error}"));

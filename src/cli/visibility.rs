@@ -58,6 +58,7 @@ pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
 fn check_backend(backend: Backend) -> Result<(), Failure> {
     let name = match backend {
         Backend::Auto | Backend::Cpu => "cpu",
+        Backend::Wgpu => "wgpu",
         Backend::Cuda => "cuda",
         Backend::Optix => "optix",
     };

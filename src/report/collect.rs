@@ -7,7 +7,7 @@ use super::{Told, scale};
 use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, ThesisFigure, Unavailable};
 use crate::bench::table2::{self, TableRow};
 use crate::bench::{Case, MeasureOptions, measure};
-use crate::engines::ray_backend;
+use crate::engines::{ray_backend, why_not_wgpu};
 use crate::environment::Environment;
 use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use crate::pipeline::backend::BackendError;
@@ -187,9 +187,21 @@ impl<'a> Collector<'a> {
         let choice = self.request.choice;
         if choice.backend == BackendChoice::Auto {
             let on_gpu = ray_backend(choice.traced_by(BackendChoice::Cuda)).is_ok();
-            self.backend = if on_gpu { BackendChoice::Cuda } else { BackendChoice::Cpu };
+            self.backend = match why_not_wgpu() {
+                _ if on_gpu => BackendChoice::Cuda,
+                None => BackendChoice::Wgpu,
+                Some(_) => BackendChoice::Cpu,
+            };
         }
         for backend in BackendChoice::ALL {
+            // A software driver is no GPU to measure, unless it is asked for.
+            if backend == BackendChoice::Wgpu
+                && backend != self.backend
+                && let Some(error) = why_not_wgpu()
+            {
+                self.miss("rays on wgpu", error.reason());
+                continue;
+            }
             match ray_backend(choice.traced_by(backend)) {
                 Ok(rays) => {
                     self.file.environment.add_gpus(rays.as_ref());
@@ -201,7 +213,6 @@ impl<'a> Collector<'a> {
                 Err(error) => self.miss(&format!("rays on {}", backend.name()), error.reason()),
             }
         }
-        self.miss("rays on wgpu", "this version traces no rays through wgpu".to_owned());
         Ok(())
     }
 

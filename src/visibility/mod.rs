@@ -20,7 +20,7 @@ pub const BACKENDS: [(&str, Option<&str>); 4] = [
     ("cpu", None),
     ("cuda", Some("its kernel for pairs is not written yet")),
     ("optix", Some("its any-hit program for pairs is not written yet")),
-    ("wgpu", Some("it does not trace rays")),
+    ("wgpu", Some("its program for pairs is not written yet")),
 ];
 
 /// The triangles of a scene, and which of its materials are not opaque.

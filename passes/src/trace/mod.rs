@@ -37,7 +37,7 @@ mod single;
 mod tracer;
 mod tree;
 
-pub use build::{Quality, gpu_tree};
+pub use build::{Quality, gpu_binary, gpu_tree};
 pub use bvh::Bvh;
 pub use fan::{Candidates, Neighbourhood};
 pub use origin::SurfacePoint;

@@ -10,7 +10,7 @@ use std::path::Path;
 type Floors = [&'static [&'static str]];
 
 const OF_CRATE: &Floors =
-    &[&["trace"], &["sampling"], &["effects"], &["raster"], &["cpu"], &["explain"], &["visibility"]];
+    &[&["trace"], &["sampling"], &["effects"], &["raster"], &["cpu"], &["wgpu_rays"], &["explain"], &["visibility"]];
 const OF_TRACE: &Floors = &[
     &["simd"],
     &["rounding"],

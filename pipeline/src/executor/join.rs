@@ -1,7 +1,7 @@
 //! G-buffers that ray passes read where they were drawn.
 
 use super::{Renderer, StepKind};
-use crate::backend::{Attachments, HandOver};
+use crate::backend::{Attachments, HandOver, Rect};
 use crate::plan::Work;
 use std::time::Instant;
 
@@ -10,10 +10,7 @@ impl Renderer {
     /// both work on one device. Where they do not manage to, that is a warning, and the host copies.
     pub(super) fn join_engines(&mut self) {
         // What is drawn in parts is not where a whole G-buffer would be.
-        if self.plan.in_parts()
-            || self.plan.block.is_some()
-            || !self.engines.raster.shares().is_some_and(|device| self.engines.rays.joins(device))
-        {
+        if self.plan.in_parts() || self.plan.block.is_some() {
             return;
         }
         let first = self.plan.passes.iter().find_map(|planned| match planned.work {
@@ -22,6 +19,16 @@ impl Renderer {
         });
         let Some(target) = first else { return };
         let (width, height) = (self.plan.targets[target].width, self.plan.targets[target].height);
+        if self.is_drawn_at_once(target)
+            && let Some(lent) = self.engines.raster.lends()
+            && self.engines.rays.reads(&lent)
+        {
+            self.joined = Some(target);
+            return;
+        }
+        if !self.engines.raster.shares().is_some_and(|device| self.engines.rays.joins(device)) {
+            return;
+        }
         let traced = |work: &Work| match work {
             Work::Raster { traced, .. } => *traced,
             _ => Attachments::default(),
@@ -41,6 +48,20 @@ impl Renderer {
                 self.warnings.add(&self.plan.project.path, what, remedy, || error.to_string());
             }
         }
+    }
+
+    /// Whether one raster pass draws the whole of a target: then its attachments are the G-buffer.
+    fn is_drawn_at_once(&self, target: usize) -> bool {
+        let (width, height) = (self.plan.targets[target].width, self.plan.targets[target].height);
+        let whole = Rect { x: 0, y: 0, width, height };
+        let drawn = self.plan.passes.iter().filter(|planned| self.plan.pass(planned).target == Some(target));
+        let viewports: Vec<_> = drawn
+            .filter_map(|planned| match planned.work {
+                Work::Raster { viewport, .. } => Some(viewport),
+                _ => None,
+            })
+            .collect();
+        viewports == [whole]
     }
 
     /// Whether ray passes read the G-buffer of a target where it was drawn. False as soon as another backend has taken over.

@@ -6,7 +6,7 @@ use super::Failure;
 use anstyle::Style;
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
-use curitiba::passes::raster::gpu::adapters;
+use curitiba::passes::raster::gpu::abilities;
 use curitiba::pipeline::backend::{Rasteriser as _, RayBackend};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::programs::{
@@ -76,9 +76,10 @@ fn all() {
     }
     crate::say!("\n{HEADER}rasterisers (--raster); each runs every raster effect{HEADER:#}");
     crate::say!("  {:16} {}", "cpu", CpuRasteriser::new().device());
-    let found = adapters();
-    for adapter in &found {
+    let found = abilities();
+    for (place, (adapter, abilities)) in found.iter().enumerate() {
         crate::say!("  {:16} {adapter}", "wgpu");
+        crate::say!("  {:16} --adapter {place}: {abilities}", "");
     }
     if found.is_empty() {
         crate::say!("  {:16} no adapter: this machine has no Vulkan, Metal or DX12 driver", "wgpu");

@@ -5,6 +5,11 @@ use curitiba_pipeline::backend::BackendError;
 use std::fmt;
 use std::sync::OnceLock;
 
+/// Largest single buffer, whatever the device allows: Vulkan guarantees allocations of 1 GiB only.
+pub(super) const MAX_BUFFER_BYTES: u64 = 1 << 30;
+/// Storage buffers that a ray program binds.
+pub(crate) const RAY_BUFFERS: u32 = 7;
+
 /// Which adapters may be taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AdapterChoice {
@@ -12,6 +17,8 @@ pub enum AdapterChoice {
     RealGpu,
     /// Hardware where there is some, else a software driver.
     Any,
+    /// The one at this place of [`adapters`], counted from 0: see [`named`].
+    Nth(u8),
 }
 
 /// What an adapter is; the order is the order of preference.
@@ -94,6 +101,70 @@ pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().into_iter().map(|(summary, _)| summary).collect()
 }
 
+/// What each adapter can do for rasteriser and rays, and what it lacks, in words.
+#[must_use]
+pub fn abilities() -> Vec<(AdapterSummary, String)> {
+    let describe = |(summary, adapter): (AdapterSummary, wgpu::Adapter)| {
+        let (limits, features) = (adapter.limits(), adapter.features());
+        let bound = limits.max_storage_buffer_binding_size.min(MAX_BUFFER_BYTES) >> 20;
+        let side = limits.max_texture_dimension_2d;
+        let mut words = format!("pictures of {side} x {side} pixels; rays: scenes of {bound} MiB a part");
+        if limits.max_storage_buffers_per_shader_stage < RAY_BUFFERS {
+            words.push_str("; lacks storage buffers: no rays");
+        }
+        let lacks = [
+            (
+                wgpu::Features::PRIMITIVE_INDEX,
+                "primitive indices: no triangle ids, which rays in corrected fidelity read",
+            ),
+            (wgpu::Features::TIMESTAMP_QUERY, "timestamps: no device times"),
+        ];
+        for (_, what) in lacks.iter().filter(|(feature, _)| !features.contains(*feature)) {
+            words.push_str("; lacks ");
+            words.push_str(what);
+        }
+        (summary, words)
+    };
+    enumerate().into_iter().map(describe).collect()
+}
+
+/// The adapter that a user names: by its place in [`adapters`], counted from 0, or by a part of its name, in any case.
+///
+/// # Errors
+/// If none has that name, or several do that differ; says which there are.
+pub fn named(name: &str) -> Result<u8, String> {
+    place_of(&adapters(), name)
+}
+
+fn place_of(adapters: &[AdapterSummary], name: &str) -> Result<u8, String> {
+    let listed: Vec<String> =
+        adapters.iter().enumerate().map(|(place, one)| format!("{place}: {}", one.name)).collect();
+    let valid = if listed.is_empty() {
+        "there is none on this machine".to_owned()
+    } else {
+        format!("valid: {}", listed.join(", "))
+    };
+    if let Ok(place) = name.parse::<u8>() {
+        return if usize::from(place) < adapters.len() {
+            Ok(place)
+        } else {
+            Err(format!("there is no adapter {place}; {valid}"))
+        };
+    }
+    let wanted = name.to_lowercase();
+    let fits = |one: &&(usize, &AdapterSummary)| one.1.name.to_lowercase().contains(&wanted);
+    let all: Vec<(usize, &AdapterSummary)> = adapters.iter().enumerate().collect();
+    let found: Vec<_> = all.iter().filter(fits).collect();
+    match found.as_slice() {
+        // Equal ones: the first.
+        [(place, first), rest @ ..] if rest.iter().all(|(_, other)| other.name == first.name) => {
+            u8::try_from(*place).map_err(|_| format!("there are too many adapters; {valid}"))
+        }
+        [] => Err(format!("no adapter is called `{name}`; {valid}")),
+        _ => Err(format!("several adapters are called `{name}`; {valid}")),
+    }
+}
+
 /// The adapter that `choice` takes.
 pub(super) fn select(choice: AdapterChoice) -> Result<(AdapterSummary, wgpu::Adapter), BackendError> {
     if choice == AdapterChoice::RealGpu && !may_have_gpu() {
@@ -119,6 +190,13 @@ fn may_have_gpu() -> bool {
 
 /// The index of the adapter that `choice` takes among `adapters`, which are in order of preference.
 fn choose(adapters: &[AdapterSummary], choice: AdapterChoice) -> Result<usize, BackendError> {
+    if let AdapterChoice::Nth(place) = choice
+        && !adapters.is_empty()
+    {
+        let missing =
+            || unsupported(&format!("on adapter {place}"), &format!("there are {} adapters;", adapters.len()));
+        return adapters.get(usize::from(place)).map(|_| usize::from(place)).ok_or_else(missing);
+    }
     match adapters.first() {
         None => Err(unsupported(
             "on this machine",
@@ -157,6 +235,20 @@ fn enumerate() -> Vec<(AdapterSummary, wgpu::Adapter)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn adapters_are_named_by_a_part_of_their_name_or_by_their_place() {
+        let one = |name: &str| AdapterSummary { name: name.to_owned(), ..adapter(AdapterKind::Discrete) };
+        let all = [one("NVIDIA H100"), one("NVIDIA H100"), one("AMD Radeon"), one("llvmpipe")];
+        let place = |name| place_of(&all, name);
+        assert_eq!((place("h100"), place("radeon"), place("3")), (Ok(0), Ok(2), Ok(3)));
+        assert!(place("4").expect_err("too many").contains("valid: 0: NVIDIA H100"));
+        assert!(place("Arc").expect_err("none").contains("no adapter is called `Arc`"));
+        assert!(place("a").expect_err("several").contains("several adapters"));
+        assert!(place_of(&[], "x").expect_err("none").contains("there is none"));
+        assert_eq!(choose(&all, AdapterChoice::Nth(2)).expect("there"), 2);
+        assert!(choose(&all, AdapterChoice::Nth(9)).is_err() && choose(&[], AdapterChoice::Nth(0)).is_err());
+    }
 
     fn adapter(kind: AdapterKind) -> AdapterSummary {
         AdapterSummary { name: "X".to_owned(), driver: "1.0".to_owned(), interface: "vulkan", kind }

@@ -3,20 +3,18 @@
 //! wgpu reports most failures to a callback, whose default ends the program. Here the callbacks only note the first
 //! failure, and every operation ends by asking [`Gpu::check`] whether something was noted.
 
-use super::adapter::{AdapterChoice, AdapterSummary, select};
+use super::adapter::{AdapterChoice, AdapterSummary, MAX_BUFFER_BYTES, select};
 use super::faults::{failure, unsupported};
 use curitiba_pipeline::backend::BackendError;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Largest single buffer, whatever the device allows: Vulkan guarantees allocations of 1 GiB only.
-const MAX_BUFFER_BYTES: u64 = 1 << 30;
 /// How much is handed over at once in an upload; bounds the driver's staging memory.
-pub(super) const UPLOAD_PIECE: usize = 32 << 20;
+pub(crate) const UPLOAD_PIECE: usize = 32 << 20;
 
 /// A device and its queue.
 #[derive(Debug)]
-pub(super) struct Gpu {
+pub(crate) struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
     pub limits: wgpu::Limits,

@@ -8,37 +8,40 @@
 //! `NODEVICE_SELECT=1` in the environment keeps the layer out.
 
 mod adapter;
-mod device;
+pub(crate) mod device;
 mod draws;
 mod effects;
-mod faults;
+pub(crate) mod faults;
 mod geometry;
 mod job;
+pub(crate) mod lend;
 mod pipelines;
 mod shader;
 mod share;
-mod targets;
+pub(crate) mod targets;
 #[cfg(test)]
 mod tests;
 mod textures;
 mod timer;
 
-pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, adapters};
+pub(crate) use adapter::RAY_BUFFERS;
+pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, abilities, adapters, named};
 
 use crate::raster::effects::SceneCache;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, Limits, RasterJob, Rasteriser, Rect,
-    drawn_part,
+    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, RasterJob, Rasteriser,
+    Rect, drawn_part,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
-use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
+use curitiba_pipeline::shared::{DeviceUuid, InPlace, SharedGBuffer};
 use device::Gpu;
 use draws::DrawList;
 use effects::{Context, Effects};
 use faults::{NAME, failure, unsupported};
 use geometry::DeviceGeometry;
+use lend::Lending;
 use pipelines::{Layouts, Pipelines};
 use std::sync::Arc;
 use targets::{Staging, Stored, TargetCache};
@@ -48,7 +51,7 @@ use timer::Timer;
 /// Draws on a GPU, or on a software driver that acts as one.
 #[derive(Debug)]
 pub struct WgpuRasteriser {
-    gpu: Gpu,
+    gpu: Arc<Gpu>,
     layouts: Layouts,
     pipelines: Pipelines,
     timer: Option<Timer>,
@@ -64,6 +67,8 @@ pub struct WgpuRasteriser {
     uuid: Option<DeviceUuid>,
     /// Once memory is shared.
     sharing: Option<share::Sharing>,
+    /// Once attachments are lent.
+    lending: Option<Arc<Lending>>,
 }
 
 /// A scene in device memory.
@@ -73,6 +78,26 @@ struct Uploaded {
     geometry: DeviceGeometry,
     textures: DeviceTextures,
     cache: SceneCache,
+}
+
+/// An open device, which a rasteriser and a ray backend may share.
+#[derive(Debug, Clone)]
+pub struct SharedDevice(pub(crate) Arc<Gpu>);
+
+impl SharedDevice {
+    /// Opens the best device that `choice` allows.
+    ///
+    /// # Errors
+    /// If there is none or it does not open; the message says why, and what to do.
+    pub fn open(choice: AdapterChoice) -> Result<Self, BackendError> {
+        Ok(Self(Arc::new(Gpu::open(choice)?)))
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn adapter(&self) -> &AdapterSummary {
+        &self.0.adapter
+    }
 }
 
 /// Device memory in use, bytes.
@@ -94,13 +119,22 @@ impl WgpuRasteriser {
     /// # Errors
     /// If there is none or it does not open; the message says why, and what to do.
     pub fn new(choice: AdapterChoice) -> Result<Self, BackendError> {
-        let gpu = Gpu::open(choice)?;
+        Self::on(&SharedDevice::open(choice)?)
+    }
+
+    /// On a device that others use, too.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn on(device: &SharedDevice) -> Result<Self, BackendError> {
+        let gpu = Arc::clone(&device.0);
         let layouts = Layouts::new(&gpu)?;
         let timer = Timer::new(&gpu)?;
         let draws = DrawList::new(&gpu, &layouts)?;
         Ok(Self {
             uuid: share::uuid(&gpu.device),
             sharing: None,
+            lending: None,
             gpu,
             layouts,
             pipelines: Pipelines::default(),
@@ -112,6 +146,12 @@ impl WgpuRasteriser {
             drawn: None,
             effects: None,
         })
+    }
+
+    /// The device, for a ray backend that is to read what is drawn where it is.
+    #[must_use]
+    pub fn shared_device(&self) -> SharedDevice {
+        SharedDevice(Arc::clone(&self.gpu))
     }
 
     /// The device that draws.
@@ -189,8 +229,13 @@ impl Rasteriser for WgpuRasteriser {
             }
             self.draws.record(&mut pass, &self.pipelines, geometry, textures);
         }
-        let mut shared =
-            share::hand_over(&self.gpu, self.sharing.as_mut(), self.timer.as_ref(), targets, job, &mut encoder)?;
+        let lent = self.lending.as_ref().filter(|_| job.shared != Attachments::default());
+        let mut shared = match lent {
+            Some(_) => None,
+            None => {
+                share::hand_over(&self.gpu, self.sharing.as_mut(), self.timer.as_ref(), targets, job, &mut encoder)?
+            }
+        };
         let device_time = match &self.timer {
             Some(timer) => {
                 let [drawn, handed] = timer.submit_spans(&self.gpu, encoder, shared.is_some(), "draw")?;
@@ -205,6 +250,9 @@ impl Rasteriser for WgpuRasteriser {
                 None
             }
         };
+        if let Some(lending) = lent {
+            shared = Some(HandOver { value: lending.lend(targets), ..HandOver::default() });
+        }
         self.drawn = Some((job.viewport, Stored::of(job)));
         Ok(DrawStats { device_time, shared, triangles: self.draws.triangles() })
     }
@@ -231,6 +279,12 @@ impl Rasteriser for WgpuRasteriser {
         }
     }
 
+    fn lends(&mut self) -> Option<InPlace> {
+        let gpu = &self.gpu;
+        let lending = self.lending.get_or_insert_with(|| Arc::new(Lending::new(Arc::clone(gpu))));
+        Some(Arc::clone(lending) as InPlace)
+    }
+
     fn shares(&self) -> Option<DeviceUuid> {
         self.uuid
     }
@@ -238,6 +292,7 @@ impl Rasteriser for WgpuRasteriser {
     fn share(&mut self, width: u32, height: u32, attachments: Attachments) -> Result<SharedGBuffer, BackendError> {
         // What is there goes first: both need not fit at once.
         self.sharing = None;
+        self.lending = None;
         let device = self.uuid.ok_or_else(|| unsupported("sharing memory", "the device does not export any;"))?;
         let (sharing, shared) = share::Sharing::new(&self.gpu, device, [width, height], attachments)?;
         self.sharing = Some(sharing);

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::sync::OnceLock;
 
 /// Formats of colour, position, normal and triangle id, in the order of the shader's locations, at full precision.
-pub(super) const CHANNEL_FORMATS: [wgpu::TextureFormat; 4] = [
+pub(crate) const CHANNEL_FORMATS: [wgpu::TextureFormat; 4] = [
     wgpu::TextureFormat::Rgba32Float,
     wgpu::TextureFormat::Rgba32Float,
     wgpu::TextureFormat::Rgba32Float,
@@ -18,9 +18,9 @@ pub(super) const CHANNEL_FORMATS: [wgpu::TextureFormat; 4] = [
 /// What stands for the first three of them in 16-bit floats.
 const HALF_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 /// Their names.
-pub(super) const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
+pub(crate) const CHANNELS: [&str; 4] = ["color", "position", "normal", "triangle"];
 /// The one that is not of floats.
-pub(super) const TRIANGLE: usize = 3;
+pub(crate) const TRIANGLE: usize = 3;
 /// The depth buffer's format.
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// How many sets of attachments are kept for passes of other sizes or with other attachments.
@@ -40,6 +40,8 @@ pub(super) struct Stored {
     pub attachments: Attachments,
     /// Which of it in 16-bit floats.
     half: Attachments,
+    /// Whether ray passes read it where it is: then nothing else is drawn there.
+    lent: bool,
 }
 
 impl Stored {
@@ -51,12 +53,12 @@ impl Stored {
             normal: attachments.normal && half.normal,
             triangle: false,
         };
-        Self { attachments, half }
+        Self { attachments, half, lent: false }
     }
 
     /// Of a job.
     pub fn of(job: &RasterJob<'_>) -> Self {
-        Self::new(job.attachments, job.half)
+        Self { lent: job.shared != Attachments::default(), ..Self::new(job.attachments, job.half) }
     }
 
     /// Formats of what is written, in the order of [`CHANNEL_FORMATS`].
@@ -258,7 +260,7 @@ impl Targets {
 
 /// Host-visible memory that attachments pass through, kept between frames.
 #[derive(Debug, Default)]
-pub(super) struct Staging {
+pub(crate) struct Staging {
     buffer: Option<wgpu::Buffer>,
     /// Copies that wait to be made, and the bytes that they fill.
     bands: Vec<Band>,

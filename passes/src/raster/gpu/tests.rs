@@ -20,6 +20,11 @@ pub(super) fn rasteriser() -> Option<WgpuRasteriser> {
     }
 }
 
+/// The device of a rasteriser that shares it with nobody.
+fn alone(rasteriser: &mut WgpuRasteriser) -> &mut Gpu {
+    Arc::get_mut(&mut rasteriser.gpu).expect("nobody else has the device")
+}
+
 /// A grid of squares, each of two triangles, over the whole viewport; its right half has another material.
 pub(super) fn squares(side: u32) -> Arc<RenderScene> {
     let at = |x: u32, y: u32| Vec3::new(x as f32, y as f32, 0.0) * (2.0 / side as f32) - Vec3::new(1.0, 1.0, -0.5);
@@ -91,11 +96,11 @@ fn small_buffers_cut_uploads_and_read_backs_into_pieces_and_change_nothing() {
     };
     assert_eq!(chunks(&rasteriser), (1, 1));
     // 169 vertices of 12 bytes fit, 288 triangles do not.
-    rasteriser.gpu.max_buffer_bytes = 2100;
+    alone(&mut rasteriser).max_buffer_bytes = 2100;
     assert_eq!(render(&mut rasteriser, &scene).expect("draws"), whole);
     assert_eq!(chunks(&rasteriser), (2, 1));
     // The vertices do not fit either; a row of pixels of 97 * 16 bytes, rounded up, is read back at a time.
-    rasteriser.gpu.max_buffer_bytes = 500;
+    alone(&mut rasteriser).max_buffer_bytes = 500;
     rasteriser.staging = Staging::default();
     assert_eq!(render(&mut rasteriser, &scene).expect("draws"), whole);
     assert_eq!(chunks(&rasteriser), (23, 23), "13 triangles of 36 bytes each");
@@ -134,14 +139,14 @@ fn a_buffer_that_is_too_large_is_an_error_and_the_device_goes_on() {
 #[test]
 fn attachments_beyond_the_device_are_refused_with_the_numbers() {
     let Some(mut rasteriser) = rasteriser() else { return };
-    rasteriser.gpu.limits.max_color_attachment_bytes_per_sample = 32;
+    alone(&mut rasteriser).limits.max_color_attachment_bytes_per_sample = 32;
     let message = render(&mut rasteriser, &squares(4)).expect_err("52 > 32").to_string();
     assert!(message.contains("52 bytes") && message.contains("32 bytes"), "{message}");
-    rasteriser.gpu.limits.max_color_attachment_bytes_per_sample = 52;
-    rasteriser.gpu.limits.max_texture_dimension_2d = SIZE - 1;
+    alone(&mut rasteriser).limits.max_color_attachment_bytes_per_sample = 52;
+    alone(&mut rasteriser).limits.max_texture_dimension_2d = SIZE - 1;
     let message = render(&mut rasteriser, &squares(4)).expect_err("97 > 96").to_string();
     assert!(message.contains("97 x 97") && message.contains("96 x 96"), "{message}");
-    rasteriser.gpu.limits.max_texture_dimension_2d = SIZE;
+    alone(&mut rasteriser).limits.max_texture_dimension_2d = SIZE;
     render(&mut rasteriser, &squares(4)).expect("now it fits");
 }
 
@@ -194,21 +199,21 @@ fn maps_beyond_the_device_are_refused_with_the_numbers() {
     let Some(mut rasteriser) = rasteriser() else { return };
     let scene = squares(4);
     let drawn = render(&mut rasteriser, &scene).expect("draws");
-    rasteriser.gpu.limits.max_texture_dimension_2d = 127;
+    alone(&mut rasteriser).limits.max_texture_dimension_2d = 127;
     for (program, what) in [(EffectProgram::ShadowMap, "shadow map"), (EffectProgram::CubeReflection, "cube map")] {
         let message = effect(&mut rasteriser, &scene, program, &drawn).expect_err("128 > 127").to_string();
         assert!(message.contains(what) && message.contains("128 x 128") && message.contains("127"), "{message}");
         assert!(message.contains("`mapsize`"), "{message}");
     }
-    rasteriser.gpu.limits.max_texture_dimension_2d = SIZE - 1;
+    alone(&mut rasteriser).limits.max_texture_dimension_2d = SIZE - 1;
     let message = effect(&mut rasteriser, &scene, EffectProgram::ShadowMap, &drawn).expect_err("97 > 96").to_string();
     assert!(message.contains("97 x 97") && message.contains("96 x 96"), "{message}");
-    rasteriser.gpu.limits.max_texture_dimension_2d = 128;
-    rasteriser.gpu.limits.max_texture_array_layers = 5;
+    alone(&mut rasteriser).limits.max_texture_dimension_2d = 128;
+    alone(&mut rasteriser).limits.max_texture_array_layers = 5;
     let message =
         effect(&mut rasteriser, &scene, EffectProgram::CubeRefraction, &drawn).expect_err("6 > 5").to_string();
     assert!(message.contains("1 cube maps") && message.contains("`probes`"), "{message}");
-    rasteriser.gpu.limits.max_texture_array_layers = 6;
+    alone(&mut rasteriser).limits.max_texture_array_layers = 6;
     for info in curitiba_pipeline::raster_effects::EFFECT_PROGRAMS {
         let output = effect(&mut rasteriser, &scene, info.program, &drawn).expect("now it fits");
         assert_eq!(output.count_non_finite(), 0, "{}", info.name);

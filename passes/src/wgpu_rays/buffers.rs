@@ -1,0 +1,17 @@
+//! Buffers that are never empty, since nothing empty can be bound.
+
+use crate::raster::gpu::device::Gpu;
+use curitiba_pipeline::backend::BackendError;
+
+/// The smallest buffer: what the largest element of any binding takes.
+const LEAST: usize = 16;
+
+/// A buffer that programs read.
+pub fn upload(gpu: &Gpu, label: &str, bytes: &[u8]) -> Result<wgpu::Buffer, BackendError> {
+    if bytes.len() >= LEAST && bytes.len().is_multiple_of(4) {
+        return gpu.upload_buffer(label, wgpu::BufferUsages::STORAGE, bytes);
+    }
+    let mut padded = bytes.to_vec();
+    padded.resize(LEAST.max(bytes.len().next_multiple_of(4)), 0);
+    gpu.upload_buffer(label, wgpu::BufferUsages::STORAGE, &padded)
+}

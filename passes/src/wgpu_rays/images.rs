@@ -1,0 +1,161 @@
+//! The images of a pass in device memory: the G-buffer that it reads, and the picture that it writes.
+
+use super::NAME;
+use crate::cpu::check;
+use crate::raster::gpu::device::{Gpu, UPLOAD_PIECE};
+use crate::raster::gpu::targets::{CHANNEL_FORMATS, CHANNELS, TRIANGLE};
+use curitiba_pipeline::backend::{BackendError, RayJob};
+
+/// The format of the picture.
+pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
+/// A G-buffer as programs read it: colour, position, normal and triangle id.
+#[derive(Debug, Clone)]
+pub struct Views {
+    pub channels: [Option<wgpu::TextureView>; 4],
+    /// What a triangle id is stored above its value.
+    pub id_base: u32,
+}
+
+/// Textures that are kept from pass to pass.
+#[derive(Debug)]
+pub struct Images {
+    /// They stand in for channels that a program does not read.
+    unread: [wgpu::TextureView; 4],
+    channels: [Option<wgpu::Texture>; 4],
+    output: Option<wgpu::Texture>,
+}
+
+fn texture(
+    gpu: &Gpu,
+    label: &str,
+    format: wgpu::TextureFormat,
+    [width, height]: [u32; 2],
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+fn whole(texture: &wgpu::Texture) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
+/// The texture in a slot, made anew where its size is another.
+fn kept<'a>(
+    slot: &'a mut Option<wgpu::Texture>,
+    size: [u32; 2],
+    make: impl FnOnce() -> wgpu::Texture,
+) -> &'a wgpu::Texture {
+    if slot.as_ref().is_some_and(|texture| [texture.width(), texture.height()] != size) {
+        // What is there goes first: both need not fit at once.
+        *slot = None;
+    }
+    slot.get_or_insert_with(make)
+}
+
+const READ: wgpu::TextureUsages = wgpu::TextureUsages::TEXTURE_BINDING.union(wgpu::TextureUsages::COPY_DST);
+
+impl Images {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+        let unread = CHANNEL_FORMATS.map(|format| whole(&texture(gpu, "unread", format, [1, 1], READ)));
+        gpu.check("creation of the images of rays")?;
+        Ok(Self { unread, channels: [const { None }; 4], output: None })
+    }
+
+    /// Refuses pictures larger than the device's textures.
+    pub fn check_size(gpu: &Gpu, job: &RayJob<'_>) -> Result<(), BackendError> {
+        let largest = gpu.limits.max_texture_dimension_2d;
+        if job.width.max(job.height) <= largest {
+            return Ok(());
+        }
+        let (width, height) = (job.width, job.height);
+        let why = format!("the picture is {width} x {height}, and {} takes {largest} x {largest} at most", gpu.adapter);
+        Err(check::missing(NAME, job, &why))
+    }
+
+    /// Copies what the program reads from host memory.
+    pub fn upload(&mut self, gpu: &Gpu, job: &RayJob<'_>) -> Result<Views, BackendError> {
+        let data: [&[u8]; 4] = [
+            bytemuck::cast_slice(job.color),
+            bytemuck::cast_slice(job.position),
+            bytemuck::cast_slice(job.normal),
+            bytemuck::cast_slice(job.triangle),
+        ];
+        let mut channels = [const { None }; 4];
+        for (channel, data) in data.into_iter().enumerate().filter(|(_, data)| !data.is_empty()) {
+            let size = [job.width, job.height];
+            let make = || texture(gpu, CHANNELS[channel], CHANNEL_FORMATS[channel], size, READ);
+            let texture = kept(&mut self.channels[channel], size, make);
+            gpu.check("creation of the uploaded G-buffer")?;
+            fill(gpu, texture, data)?;
+            channels[channel] = Some(whole(texture));
+        }
+        Ok(Views { channels, id_base: 0 })
+    }
+
+    /// The picture.
+    pub fn output(&mut self, gpu: &Gpu, job: &RayJob<'_>) -> Result<&wgpu::Texture, BackendError> {
+        let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
+        let size = [job.width, job.height];
+        let output = kept(&mut self.output, size, || texture(gpu, "picture", OUTPUT_FORMAT, size, usage));
+        gpu.check("creation of the picture")?;
+        Ok(output)
+    }
+
+    /// What group 0 binds of a G-buffer and of the picture, from binding 1 on.
+    pub fn views(&self, views: &Views) -> Option<[wgpu::TextureView; 5]> {
+        let output = whole(self.output.as_ref()?);
+        let [color, position, normal, triangle] =
+            std::array::from_fn(|channel| views.channels[channel].as_ref().unwrap_or(&self.unread[channel]).clone());
+        Some([color, position, normal, triangle, output])
+    }
+
+    /// Bytes of device memory.
+    pub fn bytes(&self) -> u64 {
+        let textures = self.channels.iter().chain([&self.output]).flatten();
+        let bytes = |texture: &wgpu::Texture| {
+            let texel = texture.format().block_copy_size(None).unwrap_or(16);
+            u64::from(texture.width()) * u64::from(texture.height()) * u64::from(texel)
+        };
+        textures.map(bytes).sum()
+    }
+}
+
+/// What kind of texture each of the channels is.
+pub fn sample_type(channel: usize) -> wgpu::TextureSampleType {
+    match channel {
+        TRIANGLE => wgpu::TextureSampleType::Uint,
+        _ => wgpu::TextureSampleType::Float { filterable: false },
+    }
+}
+
+/// Copies rows of texels to a texture, piece by piece, and waits.
+fn fill(gpu: &Gpu, texture: &wgpu::Texture, data: &[u8]) -> Result<(), BackendError> {
+    let (width, height) = (texture.width(), texture.height());
+    let row = (data.len() / height.max(1) as usize).max(1);
+    let rows = (UPLOAD_PIECE / row).max(1);
+    for (index, piece) in data.chunks(rows * row).enumerate() {
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo {
+                texture,
+                mip_level: 0,
+                origin: wgpu::Origin3d { x: 0, y: (index * rows) as u32, z: 0 },
+                aspect: wgpu::TextureAspect::All,
+            },
+            piece,
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
+            wgpu::Extent3d { width, height: (piece.len() / row) as u32, depth_or_array_layers: 1 },
+        );
+        gpu.submit_and_wait(None, "upload of the G-buffer")?;
+    }
+    Ok(())
+}

@@ -1,0 +1,110 @@
+//! Compiled programs, and the layouts of what they bind.
+
+use super::images::{OUTPUT_FORMAT, sample_type};
+use super::programs::{self, Rounding};
+use crate::raster::gpu::device::Gpu;
+use curitiba_pipeline::backend::{BackendError, RayJob};
+use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use std::collections::HashMap;
+
+/// Layouts, and the programs that were compiled so far.
+#[derive(Debug)]
+pub struct Kernels {
+    /// Parameters and images; the scene; the pass's tables.
+    pub groups: [wgpu::BindGroupLayout; 3],
+    layout: wgpu::PipelineLayout,
+    compiled: HashMap<(RayProgram, Fidelity, Rounding), wgpu::ComputePipeline>,
+}
+
+fn entry(binding: u32, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::COMPUTE, ty, count: None }
+}
+
+fn buffer(ty: wgpu::BufferBindingType) -> wgpu::BindingType {
+    wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+}
+
+fn read_only() -> wgpu::BindingType {
+    buffer(wgpu::BufferBindingType::Storage { read_only: true })
+}
+
+impl Kernels {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+        let channel = |channel: u32| {
+            let ty = wgpu::BindingType::Texture {
+                sample_type: sample_type(channel as usize),
+                view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            };
+            entry(1 + channel, ty)
+        };
+        let picture = wgpu::BindingType::StorageTexture {
+            access: wgpu::StorageTextureAccess::WriteOnly,
+            format: OUTPUT_FORMAT,
+            view_dimension: wgpu::TextureViewDimension::D2,
+        };
+        let counts = buffer(wgpu::BufferBindingType::Storage { read_only: false });
+        let mut images = vec![entry(0, buffer(wgpu::BufferBindingType::Uniform))];
+        images.extend((0..4).map(channel));
+        images.extend([entry(5, picture), entry(6, counts)]);
+        let scene: Vec<_> = (0..5).map(|binding| entry(binding, read_only())).collect();
+        let tables = vec![entry(0, read_only())];
+        let groups =
+            [("rays: images", images), ("rays: scene", scene), ("rays: tables", tables)].map(|(label, entries)| {
+                let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries };
+                gpu.device.create_bind_group_layout(&descriptor)
+            });
+        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("rays"),
+            bind_group_layouts: &groups.each_ref().map(Some),
+            ..Default::default()
+        });
+        gpu.check("creation of the layouts of rays")?;
+        Ok(Self { groups, layout, compiled: HashMap::new() })
+    }
+
+    /// The program of a job, compiled when it is first needed.
+    pub fn require(
+        &mut self,
+        gpu: &Gpu,
+        job: &RayJob<'_>,
+        rounding: Rounding,
+    ) -> Result<&wgpu::ComputePipeline, BackendError> {
+        let key = (job.program, job.fidelity, rounding);
+        if !self.compiled.contains_key(&key) {
+            let source = programs::source(job.program, job.fidelity, rounding);
+            let source = source.ok_or_else(|| programs::not_written(super::NAME, job.program))?;
+            let doing = format!("compiling `{}`", job.program.info().stem);
+            let pipeline = compile(gpu, &self.layout, &source, &doing)?;
+            self.compiled.insert(key, pipeline);
+        }
+        Ok(&self.compiled[&key])
+    }
+}
+
+/// Compiles a text whose entry is `main`.
+pub fn compile(
+    gpu: &Gpu,
+    layout: &wgpu::PipelineLayout,
+    source: &str,
+    doing: &str,
+) -> Result<wgpu::ComputePipeline, BackendError> {
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(doing),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    gpu.check(doing)?;
+    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(doing),
+        layout: Some(layout),
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions {
+            zero_initialize_workgroup_memory: false,
+            ..Default::default()
+        },
+        cache: None,
+    });
+    gpu.check(doing)?;
+    Ok(pipeline)
+}

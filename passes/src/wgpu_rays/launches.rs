@@ -1,0 +1,175 @@
+//! A pass as launches that are short enough for every driver's watchdog, and their times.
+
+use super::layout::{Params, TILE};
+use crate::raster::gpu::device::Gpu;
+use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::executor::Progress;
+use std::time::{Duration, Instant};
+
+/// How long a launch should take: systems stop devices that do not answer for 2 s, and a desktop stutters long before.
+const WANTED: Duration = Duration::from_millis(20);
+/// Tiles of a first launch: of an unknown program on an unknown device.
+const FIRST_TILES: u32 = 64;
+/// How much longer a launch may be than the one before.
+const GROWTH: u32 = 8;
+/// Launches that are timed by the device's clock together.
+const SLOTS: u32 = 64;
+/// Where timestamps are written, buffers start at multiples of this.
+const SLOT_BYTES: u64 = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
+
+/// Times of launches by the device's own clock.
+#[derive(Debug)]
+pub struct Clock {
+    queries: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    readable: wgpu::Buffer,
+    /// Nanoseconds a tick.
+    period: f64,
+}
+
+impl Clock {
+    /// `None` where the device has none.
+    pub fn new(gpu: &Gpu) -> Result<Option<Self>, BackendError> {
+        if !gpu.has(wgpu::Features::TIMESTAMP_QUERY) {
+            return Ok(None);
+        }
+        let queries = gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: Some("clock of rays"),
+            ty: wgpu::QueryType::Timestamp,
+            count: 2 * SLOTS,
+        });
+        let bytes = u64::from(SLOTS) * SLOT_BYTES;
+        let (resolve, read) = (wgpu::BufferUsages::QUERY_RESOLVE, wgpu::BufferUsages::MAP_READ);
+        let resolved = gpu.buffer("clock of rays", resolve | wgpu::BufferUsages::COPY_SRC, bytes)?;
+        let readable = gpu.buffer("clock of rays", read | wgpu::BufferUsages::COPY_DST, bytes)?;
+        Ok(Some(Self { queries, resolved, readable, period: f64::from(gpu.queue.get_timestamp_period()) }))
+    }
+
+    fn writes(&self, slot: u32) -> wgpu::ComputePassTimestampWrites<'_> {
+        wgpu::ComputePassTimestampWrites {
+            query_set: &self.queries,
+            beginning_of_pass_write_index: Some(2 * slot),
+            end_of_pass_write_index: Some(2 * slot + 1),
+        }
+    }
+
+    fn resolve(&self, encoder: &mut wgpu::CommandEncoder, slot: u32) {
+        encoder.resolve_query_set(&self.queries, 2 * slot..2 * slot + 2, &self.resolved, u64::from(slot) * SLOT_BYTES);
+    }
+
+    /// The sum of the times of so many launches.
+    fn read(&self, gpu: &Gpu, slots: u32) -> Result<Duration, BackendError> {
+        let bytes = u64::from(slots) * SLOT_BYTES;
+        if bytes == 0 {
+            return Ok(Duration::ZERO);
+        }
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("clock") });
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.readable, 0, bytes);
+        let mut ticks = 0_u64;
+        gpu.read_mapped(&self.readable, bytes, Some(encoder.finish()), "reading the clock", |bytes| {
+            for slot in bytes.chunks_exact(SLOT_BYTES as usize) {
+                let stamp = |place: usize| slot[8 * place..8 * place + 8].try_into().map_or(0, u64::from_ne_bytes);
+                ticks += stamp(1).saturating_sub(stamp(0));
+            }
+        })?;
+        Ok(Duration::from_nanos((ticks as f64 * self.period) as u64))
+    }
+}
+
+/// What a launch runs.
+pub struct Work<'a> {
+    pub pipeline: &'a wgpu::ComputePipeline,
+    pub groups: [&'a wgpu::BindGroup; 3],
+    /// Where its parameters go.
+    pub uniform: &'a wgpu::Buffer,
+    /// For messages.
+    pub doing: &'a str,
+}
+
+/// The groups of a launch, as a rectangle that no device refuses.
+fn rectangle(tiles: u32, most: u32) -> [u32; 2] {
+    let across = tiles.min(most);
+    [across, tiles.div_ceil(across.max(1))]
+}
+
+/// How many tiles the next launch takes, after one that took so long.
+fn next_size(tiles: u32, took: Duration) -> u32 {
+    let ratio = WANTED.as_secs_f64() / took.as_secs_f64().max(1e-6);
+    // Tiles differ: the next ones may take twice as long.
+    let wanted = (f64::from(tiles) * ratio).min(f64::from(tiles) * f64::from(GROWTH)).max(1.0);
+    wanted.min(f64::from(u32::MAX / 2)) as u32
+}
+
+/// Runs a pass over all tiles of its picture and waits. `size` is how many tiles the next launch takes, kept from pass to pass. Gives
+/// the time by the device's clock, where it has one.
+pub fn run(
+    gpu: &Gpu,
+    clock: Option<&Clock>,
+    work: &Work<'_>,
+    mut params: Params,
+    size: &mut Option<u32>,
+    progress: &Progress,
+) -> Result<Option<Duration>, BackendError> {
+    params.tiles_across = params.width.div_ceil(TILE);
+    let tiles = params.tiles_across * params.height.div_ceil(TILE);
+    progress.start(u64::from(tiles));
+    let most = gpu.limits.max_compute_workgroups_per_dimension;
+    let (mut first, mut slot, mut total, mut least) = (0, 0, Duration::ZERO, u32::MAX);
+    while first < tiles {
+        let taken = size.unwrap_or(FIRST_TILES).min(tiles - first).max(1);
+        let [across, down] = rectangle(taken, most);
+        (params.first_tile, params.end_tile, params.groups_across) = (first, first + taken, across);
+        gpu.queue.write_buffer(work.uniform, 0, bytemuck::bytes_of(&params));
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("rays") });
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some(work.doing),
+                timestamp_writes: clock.map(|clock| clock.writes(slot)),
+            });
+            pass.set_pipeline(work.pipeline);
+            for (index, group) in (0..).zip(work.groups) {
+                pass.set_bind_group(index, group, &[]);
+            }
+            pass.dispatch_workgroups(across, down, 1);
+        }
+        if let Some(clock) = clock {
+            clock.resolve(&mut encoder, slot);
+        }
+        let start = Instant::now();
+        gpu.submit_and_wait(Some(encoder.finish()), work.doing)?;
+        let took = start.elapsed();
+        // A first launch may include what a driver still had to compile.
+        if size.is_some() && took > WANTED / 4 {
+            least = least.min(next_size(taken, took));
+        }
+        *size = Some(if size.is_none() { taken } else { next_size(taken, took) });
+        first += taken;
+        slot += 1;
+        if slot == SLOTS || first == tiles {
+            total += clock.map_or(Ok(Duration::ZERO), |clock| clock.read(gpu, slot))?;
+            slot = 0;
+        }
+        progress.advance(u64::from(taken));
+    }
+    // The next pass begins with what the dearest part of this one took.
+    *size = size.map(|last| last.min(least));
+    Ok(clock.map(|_| total))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn launches_grow_to_the_wanted_time_and_no_dimension_is_too_long() {
+        let ms = Duration::from_millis;
+        assert_eq!(next_size(64, ms(20)), 64);
+        assert_eq!(next_size(64, ms(80)), 16);
+        assert_eq!(next_size(1, ms(900)), 1, "there is no shorter launch");
+        assert_eq!(next_size(64, Duration::ZERO), 64 * GROWTH);
+        for (tiles, most) in [(1, 65_535), (65_535, 65_535), (65_536, 65_535), (1 << 22, 65_535), (7, 3)] {
+            let [across, down] = rectangle(tiles, most);
+            assert!(across <= most && down <= most && across * down >= tiles && across * (down - 1) < tiles);
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Structs and constants that the host and the programs share.
+
+use crate::effects::constants as effects;
+use crate::trace::gpu_binary;
+use bytemuck::{Pod, Zeroable};
+use std::fmt::Write as _;
+
+/// Rays bounce on the material.
+pub const SHADE_GLASS: u32 = 1;
+/// Shadow rays pass through it, dimmed.
+pub const SHADE_SHADOW_GLASS: u32 = 2;
+/// It is cut out by its texture's alpha.
+pub const SHADE_CUT: u32 = 4;
+/// No texture.
+pub const NO_TEXTURE: u32 = u32::MAX;
+/// Words of a material in the tables.
+pub const SHADE_WORDS: u32 = 6;
+/// No child, no tree.
+pub const NONE: u32 = u32::MAX;
+/// Sides of the tiles of pixels that a workgroup computes.
+pub const TILE: u32 = 8;
+/// Deepest glass bounce that a program has room for: the greatest value of the parameter.
+pub const MAX_DEPTH: u32 = 16;
+/// Glass surfaces on the way of a shadow ray that are told apart.
+pub const MAX_CROSSINGS: u32 = 32;
+/// Length of the table of what glass leaves of light.
+pub const THROUGH_GLASS_ENTRIES: u32 = 64;
+/// Over how many sums the counts of rays are spread, so that threads seldom meet.
+pub const RAY_COUNT_SLOTS: u32 = 256;
+/// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain.
+pub const RAY_COUNT_KINDS: u32 = 5;
+
+/// Between the smallest reciprocal that does not overflow with coordinates and the largest slope that matters: a ray that runs along an
+/// axis is treated as one that leaves it by this share, which no coordinate of the scene notices.
+const LEAST_DIRECTION: f32 = 1.0e-18;
+/// Coordinates of a scene at most: products with reciprocals of directions stay finite.
+pub const LARGEST_COORDINATE: f32 = 1.0e15;
+
+/// What a launch is given: `Params` of `programs/params.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+#[repr(C)]
+pub struct Params {
+    pub eye: [f32; 3],
+    pub zero: u32,
+    pub to_light: [f32; 3],
+    pub seed: u32,
+    pub light_color: [f32; 3],
+    pub samples: u32,
+    pub scene_low: [f32; 3],
+    pub strata: u32,
+    pub scene_high: [f32; 3],
+    pub depth: u32,
+    pub width: u32,
+    pub height: u32,
+    pub origin: [u32; 2],
+    pub first_tile: u32,
+    pub end_tile: u32,
+    pub tiles_across: u32,
+    pub groups_across: u32,
+    pub root: u32,
+    pub materials_at: u32,
+    pub normals_at: u32,
+    pub texcoords_at: u32,
+    pub textures_at: u32,
+    pub points_at: u32,
+    pub open_share_at: u32,
+    pub through_glass_at: u32,
+    pub cut: u32,
+    pub schlick: u32,
+    pub has_normals: u32,
+    pub id_base: u32,
+    pub radius: f32,
+    pub index: f32,
+    pub unused: [u32; 2],
+}
+
+/// The constants of the programs, as WGSL.
+#[must_use]
+pub fn constants() -> String {
+    let integers = [
+        ("NO_TRIANGLE", curitiba_pipeline::backend::NO_TRIANGLE),
+        ("NO_TEXTURE", NO_TEXTURE),
+        ("NONE", NONE),
+        ("TRANSPARENT", gpu_binary::TRANSPARENT),
+        ("LEAF", gpu_binary::LEAF),
+        ("COUNT_SHIFT", gpu_binary::COUNT_SHIFT),
+        ("FIRST_OF_LEAF", (1 << gpu_binary::COUNT_SHIFT) - 1),
+        ("STACK", gpu_binary::STACK as u32),
+        ("SHADE_GLASS", SHADE_GLASS),
+        ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
+        ("SHADE_CUT", SHADE_CUT),
+        ("SHADE_WORDS", SHADE_WORDS),
+        ("HASH_PIXEL", effects::PIXEL),
+        ("HASH_PATH", effects::PATH),
+        ("HASH_DIMENSIONS", effects::DIMENSIONS),
+        ("HASH_SCRAMBLE", effects::SCRAMBLE),
+        ("BRANCH_REFLECTED", effects::REFLECTED),
+        ("BRANCH_REFRACTED", effects::REFRACTED),
+        ("MAX_DEPTH", MAX_DEPTH),
+        ("MAX_CROSSINGS", MAX_CROSSINGS),
+        ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),
+        ("RAY_COUNT_SLOTS", RAY_COUNT_SLOTS),
+        ("RAY_COUNT_KINDS", RAY_COUNT_KINDS),
+        ("TILE", TILE),
+    ];
+    let floats = [
+        ("AMBIENT", effects::AMBIENT),
+        ("SHADOWED", effects::SHADOWED),
+        ("THESIS_EPSILON", effects::EPSILON),
+        ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
+        ("GLASS_BOUNCE", effects::BOUNCE),
+        ("LEAST_DIRECTION", LEAST_DIRECTION),
+    ];
+    let mut text = String::new();
+    // Writing to a string does not fail. `{:e}` is the shortest text that reads back as the same number.
+    for (name, value) in integers {
+        _ = writeln!(text, "const {name}: u32 = {value}u;");
+    }
+    for (name, value) in floats.into_iter().chain(gpu_binary::BOUNDS.iter().copied()).chain(gpu_binary::PLANE_TEST) {
+        _ = writeln!(text, "const {name}: f32 = {value:e}f;");
+    }
+    text
+}

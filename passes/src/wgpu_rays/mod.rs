@@ -1,0 +1,288 @@
+//! The ray backend for any GPU: our own traversal in compute shaders of wgpu, on Vulkan, Metal and DirectX 12.
+//!
+//! `programs/` has one text an effect in WGSL. The texts need neither numbers of 64 bits nor subgroups nor ray-tracing cores, and do not
+//! assume how a driver rounds products: a ray through an edge or a corner meets what the processor meets (`programs/wide.wgsl` says how).
+//!
+//! The device may be the rasteriser's ([`WgpuRays::on`]).
+
+mod buffers;
+mod images;
+mod kernels;
+mod launches;
+mod layout;
+mod programs;
+mod scene;
+mod tables;
+#[cfg(test)]
+mod tests;
+
+pub use programs::Rounding;
+
+use crate::cpu::{check, may_trace};
+use crate::raster::gpu::device::Gpu;
+use crate::raster::gpu::faults::of_rays;
+use crate::raster::gpu::lend::Lending;
+use crate::raster::gpu::targets::{CHANNELS, Staging};
+use crate::raster::gpu::{AdapterChoice, RAY_BUFFERS, SharedDevice};
+use curitiba_pipeline::backend::{
+    BackendError, BuildStats, Gpu as Device, Limits, RayBackend, RayCounts, RayJob, RayStats,
+};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::programs::{Fidelity, RayProgram, Traces};
+use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::shared::InPlace;
+use images::{Images, Views};
+use kernels::Kernels;
+use launches::{Clock, Work};
+use layout::{Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS};
+use scene::SceneBuffers;
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Instant;
+use tables::Tables;
+
+const NAME: &str = "wgpu";
+
+/// About how many bytes a triangle takes: 150 on the device, and while the tree is built, about 400 on the host.
+const BYTES_PER_TRIANGLE: u64 = 550;
+/// Bytes of the counts of rays.
+const COUNT_BYTES: u64 = 8 * (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as u64;
+
+/// Traces on a GPU, or on a software driver that acts as one.
+#[derive(Debug)]
+pub struct WgpuRays {
+    gpu: Arc<Gpu>,
+    rounding: Rounding,
+    kernels: Kernels,
+    clock: Option<Clock>,
+    images: Images,
+    staging: Staging,
+    uniform: wgpu::Buffer,
+    counts: wgpu::Buffer,
+    counts_staging: wgpu::Buffer,
+    built: Option<(Arc<RenderScene>, SceneBuffers)>,
+    /// The attachments of the rasteriser on the same device, once they are read in place.
+    lending: Option<Arc<Lending>>,
+    /// Tiles of the next launch, by program.
+    sizes: HashMap<(RayProgram, Fidelity), Option<u32>>,
+}
+
+impl WgpuRays {
+    /// Opens the best device that `choice` allows.
+    ///
+    /// # Errors
+    /// If there is none or it lacks something; the message says what, and what to do.
+    pub fn new(choice: AdapterChoice) -> Result<Self, BackendError> {
+        Self::on(&SharedDevice::open(choice).map_err(of_rays)?)
+    }
+
+    /// On a device that others use, too.
+    ///
+    /// # Errors
+    /// If it lacks something; the message says what, and what to do.
+    pub fn on(device: &SharedDevice) -> Result<Self, BackendError> {
+        let gpu = Arc::clone(&device.0);
+        let found = gpu.limits.max_storage_buffers_per_shader_stage;
+        if found < RAY_BUFFERS || gpu.limits.max_compute_invocations_per_workgroup < layout::TILE * layout::TILE {
+            let why = format!(
+                "it binds {found} storage buffers, and programs need {RAY_BUFFERS} in groups of 64 threads; \
+                 `--backend cpu` traces without a GPU"
+            );
+            return Err(BackendError::Unsupported { backend: NAME, what: format!("on {}", gpu.adapter), why });
+        }
+        Self::prepare(gpu).map_err(of_rays)
+    }
+
+    fn prepare(gpu: Arc<Gpu>) -> Result<Self, BackendError> {
+        let (copy_to, storage) = (wgpu::BufferUsages::COPY_DST, wgpu::BufferUsages::STORAGE);
+        let uniform = gpu.buffer("parameters", wgpu::BufferUsages::UNIFORM | copy_to, size_of::<Params>() as u64)?;
+        let counts = gpu.buffer("ray counts", storage | copy_to | wgpu::BufferUsages::COPY_SRC, COUNT_BYTES)?;
+        let counts_staging = gpu.buffer("ray counts", wgpu::BufferUsages::MAP_READ | copy_to, COUNT_BYTES)?;
+        Ok(Self {
+            kernels: Kernels::new(&gpu)?,
+            clock: Clock::new(&gpu)?,
+            images: Images::new(&gpu)?,
+            gpu,
+            rounding: Rounding::default(),
+            staging: Staging::default(),
+            uniform,
+            counts,
+            counts_staging,
+            built: None,
+            lending: None,
+            sizes: HashMap::new(),
+        })
+    }
+
+    /// Rounds products otherwise: for tests, which see that nothing leaks whatever a driver does.
+    pub fn set_rounding(&mut self, rounding: Rounding) {
+        self.rounding = rounding;
+    }
+
+    fn group(&self, index: usize, label: &str, entries: &[wgpu::BindGroupEntry<'_>]) -> wgpu::BindGroup {
+        let layout = &self.kernels.groups[index];
+        self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries })
+    }
+
+    /// The G-buffer, the picture and the parameters as group 0.
+    fn bind_images(&self, views: &Views) -> Result<wgpu::BindGroup, BackendError> {
+        let channels = self.images.views(views).into_iter().flatten().collect::<Vec<_>>();
+        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: self.uniform.as_entire_binding() }];
+        entries.extend((1..).zip(&channels).map(|(binding, view)| wgpu::BindGroupEntry {
+            binding,
+            resource: wgpu::BindingResource::TextureView(view),
+        }));
+        entries.push(wgpu::BindGroupEntry { binding: 6, resource: self.counts.as_entire_binding() });
+        let group = self.group(0, "rays: images", &entries);
+        self.gpu.check("binding of the images of rays")?;
+        Ok(group)
+    }
+
+    fn trace(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        let gpu = Arc::clone(&self.gpu);
+        let start = Instant::now();
+        let (views, upload) = match job.shared {
+            Some(value) => (self.in_place(job, value)?, None),
+            None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
+        };
+        let tables = Tables::of(job).map_err(|why| check::missing(NAME, job, &why))?;
+        let mut params = Params { id_base: views.id_base, ..tables.params };
+        // Kept until the launches are done.
+        let unbuilt;
+        let scene = match &self.built {
+            Some((scene, buffers)) if std::ptr::eq(&raw const **scene, job.scene) => buffers,
+            _ if !may_trace(job) => {
+                // `dummy` reads nothing of the scene.
+                let nothing = RenderScene::default();
+                let scene = if job.program == RayProgram::Dummy { &nothing } else { job.scene };
+                unbuilt = SceneBuffers::new(&gpu, scene, &[], false)?;
+                &unbuilt
+            }
+            _ => return Err(check::missing(NAME, job, "its scene's acceleration structure was not built")),
+        };
+        scene.fill(&mut params);
+        self.images.output(&gpu, job)?;
+        let words = buffers::upload(&gpu, "the tables of the pass", bytemuck::cast_slice(&tables.words))?;
+        let table = wgpu::BindGroupEntry { binding: 0, resource: words.as_entire_binding() };
+        let groups = [
+            self.bind_images(&views)?,
+            self.group(1, "rays: scene", &scene.entries()),
+            self.group(2, "rays: tables", &[table]),
+        ];
+        gpu.check("binding of the scene")?;
+        self.clear_counts()?;
+        let doing = format!("running `{}`", job.program.info().stem);
+        let work = Work {
+            pipeline: self.kernels.require(&gpu, job, self.rounding)?,
+            groups: groups.each_ref(),
+            uniform: &self.uniform,
+            doing: &doing,
+        };
+        let size = self.sizes.entry((job.program, job.fidelity)).or_default();
+        let device_time = launches::run(&gpu, self.clock.as_ref(), &work, params, size, progress)?;
+        let start = Instant::now();
+        let picture = self.images.output(&gpu, job)?;
+        self.staging.read(&gpu, picture, &mut output.pixels)?;
+        let read_back = Some(start.elapsed());
+        let held_bytes = self.images.bytes() + words.size() + COUNT_BYTES;
+        Ok(RayStats { rays: self.read_counts()?, upload, read_back, device_time, held_bytes })
+    }
+
+    /// The attachments that the rasteriser lent, if they are those of the job.
+    fn in_place(&self, job: &RayJob<'_>, value: u64) -> Result<Views, BackendError> {
+        let info = job.program.info();
+        let reads = |buffer| info.buffers.contains(&buffer);
+        let triangles = info.traces != Traces::Nothing && job.fidelity == Fidelity::Corrected;
+        let wanted = [reads("color_buffer"), reads("pos_buffer"), reads("norm_buffer"), triangles];
+        if !wanted.contains(&true) {
+            return Ok(Views { channels: [const { None }; 4], id_base: 0 });
+        }
+        let lent = self.lending.as_ref().map(|lending| lending.last());
+        let Some(lent) = lent.filter(|lent| lent.value == value && lent.size == (job.width, job.height)) else {
+            return Err(check::missing(NAME, job, "its G-buffer is neither in host memory nor what was lent last"));
+        };
+        if let Some(missing) = (0..4).find(|channel| wanted[*channel] && lent.channels[*channel].is_none()) {
+            let why = format!("what was drawn has no `{}`, which it reads", CHANNELS[missing]);
+            return Err(check::missing(NAME, job, &why));
+        }
+        // As the attachment is cleared to 0, ids are stored plus 1.
+        Ok(Views { channels: lent.channels, id_base: 1 })
+    }
+
+    fn clear_counts(&self) -> Result<(), BackendError> {
+        let descriptor = wgpu::CommandEncoderDescriptor { label: Some("ray counts") };
+        let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
+        encoder.clear_buffer(&self.counts, 0, None);
+        self.gpu.submit_and_wait(Some(encoder.finish()), "clearing the ray counts")
+    }
+
+    fn read_counts(&self) -> Result<RayCounts, BackendError> {
+        let descriptor = wgpu::CommandEncoderDescriptor { label: Some("ray counts") };
+        let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
+        encoder.copy_buffer_to_buffer(&self.counts, 0, &self.counts_staging, 0, COUNT_BYTES);
+        let mut kinds = [0_u64; RAY_COUNT_KINDS as usize];
+        let doing = "reading the ray counts";
+        self.gpu.read_mapped(&self.counts_staging, COUNT_BYTES, Some(encoder.finish()), doing, |bytes| {
+            // Two words a sum, the lower one first.
+            let words: &[[u32; 2]] = bytemuck::cast_slice(bytes);
+            for slot in words.chunks_exact(kinds.len()) {
+                let sums = slot.iter().map(|[low, high]| u64::from(*high) << 32 | u64::from(*low));
+                kinds.iter_mut().zip(sums).for_each(|(kind, count)| *kind += count);
+            }
+        })?;
+        let [shadow, occlusion, reflected, refracted, certain] = kinds;
+        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain })
+    }
+}
+
+impl RayBackend for WgpuRays {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn limits(&self) -> Limits {
+        Limits { side: self.gpu.limits.max_texture_dimension_2d, parts: true }
+    }
+
+    fn device(&self) -> String {
+        self.gpu.adapter.to_string()
+    }
+
+    fn gpus(&self) -> Vec<Device> {
+        let adapter = &self.gpu.adapter;
+        let driver = format!("{} {}", adapter.interface, adapter.driver);
+        vec![Device { name: format!("{} ({})", adapter.name, adapter.kind), driver }]
+    }
+
+    fn supports(&self, program: RayProgram, _: Fidelity) -> Result<(), BackendError> {
+        if programs::is_written(program) { Ok(()) } else { Err(programs::not_written(NAME, program)) }
+    }
+
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        // The old scene is released first: two would not always fit.
+        self.built = None;
+        let buffers = SceneBuffers::new(&self.gpu, scene, filtered, true).map_err(of_rays)?;
+        let stats = BuildStats { bytes: buffers.bytes, nodes: buffers.nodes };
+        self.built = Some((Arc::clone(scene), buffers));
+        Ok(stats)
+    }
+
+    fn bytes_per_triangle(&self) -> u64 {
+        BYTES_PER_TRIANGLE
+    }
+
+    fn reads(&mut self, lent: &InPlace) -> bool {
+        let lending = Arc::clone(lent).downcast::<Lending>().ok();
+        self.lending = lending.filter(|lending| Arc::ptr_eq(&lending.gpu, &self.gpu));
+        self.lending.is_some()
+    }
+
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        self.supports(job.program, job.fidelity)?;
+        check::images(NAME, job, output)?;
+        check::scene(NAME, job)?;
+        Images::check_size(&self.gpu, job)?;
+        self.trace(job, output, progress).map_err(of_rays)
+    }
+}

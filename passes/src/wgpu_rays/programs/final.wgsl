@@ -1,0 +1,58 @@
+// `final`: glass as in `refraction`, shadows and ambient occlusion, at pixels and at every hit.
+
+// What reaches a surface of the light.
+fn light_share(surface: Surface, lit_side: vec3f) -> f32 {
+    if dot3(lit_side, params.to_light) <= 0.0 { return SHADOWED; }
+    count(SHADOW);
+    crossings_stored = 0u;
+    crossings_beyond = 0u;
+    if occluded(ACCEPT_COUNTS, Ray(spawn(surface.point, params.to_light), params.to_light, 0.0, HUGE)) { return SHADOWED; }
+    return table_number(params.through_glass_at + min(distinct_crossings(), THROUGH_GLASS_ENTRIES - 1u));
+}
+// A colour times the light's share and ambient occlusion. Black stays black, without a ray.
+fn visible(color: vec3f, surface: Surface, lit_side: vec3f, key: u32) -> vec3f {
+    if all(color == vec3f(0.0)) { return color; }
+    let light = light_share(surface, lit_side);
+    return sep3(color * light) * occlusion(ACCEPT_STOPS, surface, key);
+}
+fn seen_through(hit: Hit, surface: Surface, key: u32) -> vec3f {
+    return visible(lit_color(hit, surface.normal), surface, surface.facing, key);
+}
+
+fn thesis_light_share(position: vec3f) -> f32 {
+    count(SHADOW);
+    return select(SHADOWED, 1.0, thesis_sees_light(ACCEPT_OPAQUE, position));
+}
+// The report's `closest_hit` hands `faceforward` the ray's direction where the other programs hand it the opposite.
+fn thesis_seen(position: vec3f, direction: vec3f, hit: Hit) -> vec3f {
+    let normals = thesis_normals(hit);
+    let normal = face_forward(normals.shading, direction, normals.geometric);
+    let color = lit_color(hit, normal) * thesis_light_share(position);
+    return color * thesis_occlusion(ACCEPT_OPAQUE, position, normal);
+}
+
+fn corrected(pixel: Pixel) -> vec4f {
+    let triangle = stored_triangle(pixel);
+    let color = stored_color(pixel);
+    if triangle == NO_TRIANGLE { return color; }
+    let stored = stored_normal(pixel);
+    let point = snap(triangle, stored_position(pixel).xyz);
+    let view = normalize_or(point.position - params.eye, -point.normal);
+    let surface = surface_of(point, stored, view);
+    let key = pixel_key(pixel);
+    if is_glass(triangle) { return opaque(glass_color(surface, view, key)); }
+    let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
+    return opaque(visible(color.xyz, surface, lit_side, key));
+}
+
+fn thesis(pixel: Pixel) -> vec4f {
+    let stored = stored_color(pixel);
+    let position = stored_position(pixel).xyz;
+    var color = vec3f(0.0);
+    if is_glass_mask(stored) {
+        color = thesis_glass(pixel);
+    } else {
+        color = stored.xyz * thesis_light_share(position);
+    }
+    return opaque(color * thesis_occlusion(ACCEPT_OPAQUE, position, stored_normal(pixel)));
+}

@@ -1,0 +1,108 @@
+// Glass that reflects and refracts, shared by `refraction` and `final`, which say in `seen_through` and `thesis_seen` what is seen there.
+//
+// The processor's code recurses; here the tree of rays is walked with a list of the branches still to be traced, each with the weight of
+// its colour. The sum is the same but for the order of its roundings.
+
+// A ray that is still to be traced. At most one a bounce waits while another is followed.
+struct Branch { origin: vec3f, direction: vec3f, weight: f32, key: u32, bounces: u32 }
+
+// The colour of the glass that a pixel shows.
+fn glass_color(first: Surface, first_view: vec3f, first_key: u32) -> vec3f {
+    var waiting: array<Branch, MAX_DEPTH + 1u>;
+    var stored = 0u;
+    var surface = first;
+    var view = first_view;
+    var key = first_key;
+    var weight = 1.0;
+    var bounces = 0u;
+    var splits = true;
+    var sum = vec3f(0.0);
+    loop {
+        var next: Branch;
+        var follows = false;
+        if splits {
+            // The light that the glass sends along `view` splits.
+            splits = false;
+            var normal = interface_normal(surface, view);
+            var meeting = interface_of(-dot3(normal, view));
+            var refracted: vec3f;
+            var inside = refracts(meeting, view, normal, &refracted);
+            if inside && dot3(refracted, surface.facing) >= 0.0 {
+                normal = surface.facing;
+                meeting = interface_of(-dot3(normal, view));
+                inside = refracts(meeting, view, normal, &refracted);
+            }
+            if inside {
+                count(REFRACTED);
+                next = Branch(spawn(surface.point, refracted), refracted, weight * (1.0 - meeting.reflectance),
+                              path_key(key, BRANCH_REFRACTED), bounces);
+                follows = true;
+            }
+            if meeting.reflectance > 0.0 {
+                count(REFLECTED);
+                if follows {
+                    waiting[stored] = next;
+                    stored += 1u;
+                }
+                let direction = mirrored(view, normal);
+                next = Branch(spawn(surface.point, direction), direction, weight * meeting.reflectance,
+                              path_key(key, BRANCH_REFLECTED), bounces);
+                follows = true;
+            }
+        }
+        if !follows {
+            if stored == 0u { break; }
+            stored -= 1u;
+            next = waiting[stored];
+        }
+        var hit: Hit;
+        if !closest_surface(next.origin, next.direction, &hit) { continue; }
+        let glass = is_glass(hit.triangle);
+        if glass && next.bounces >= params.depth { continue; }
+        let met = surface_hit(next.direction, hit);
+        if !glass {
+            sum += next.weight * seen_through(hit, met, next.key);
+            continue;
+        }
+        surface = met;
+        view = next.direction;
+        key = next.key;
+        weight = GLASS_BOUNCE * next.weight;
+        bounces = next.bounces + 1u;
+        splits = true;
+    }
+    return sum;
+}
+
+// The colour of the glass branch of the report's `buffer_camera`: two chains, since its glass keeps the reflected colour only.
+fn thesis_glass(pixel: Pixel) -> vec3f {
+    let position = stored_position(pixel).xyz; let normal = stored_normal(pixel);
+    let view = thesis_view(position);
+    let first = thesis_chain(position, mirrored(view, normal), THESIS_EPSILON, false);
+    var refracted: vec3f;
+    if !thesis_refracts(view, normal, params.index, &refracted) { return first; }
+    let second = thesis_chain(position, refracted, THESIS_REFRACTED_EPSILON, true);
+    let weight = thesis_coefficient(normal, view);
+    return sep3(weight * second) + sep3((1.0 - weight) * first);
+}
+fn thesis_chain(first_origin: vec3f, first_direction: vec3f, first_t_min: f32, is_refracted: bool) -> vec3f {
+    var origin = first_origin;
+    var direction = first_direction;
+    var t_min = first_t_min;
+    var weight = 1.0;
+    for (var bounce = 0u; bounce <= params.depth; bounce += 1u) {
+        count(select(REFLECTED, REFRACTED, bounce == 0u && is_refracted));
+        var hit: Hit;
+        if !thesis_closest(origin, direction, t_min, &hit) { return vec3f(0.0); }
+        let position = origin + sep3(hit.t * direction);
+        if !is_glass(hit.triangle) { return weight * thesis_seen(position, direction, hit); }
+        let normals = thesis_normals(hit);
+        let normal = face_forward(normals.shading, -direction, normals.geometric);
+        var unused: vec3f;
+        if thesis_refracts(direction, normal, params.index, &unused) { weight = weight * GLASS_BOUNCE; }
+        origin = position;
+        direction = mirrored(direction, normal);
+        t_min = THESIS_EPSILON;
+    }
+    return vec3f(0.0);
+}

@@ -1,0 +1,49 @@
+// The rays of ambient occlusion: how many of a point's are open.
+
+fn point_of_sample(sample: u32, key: u32, seeds: vec2u) -> vec2f {
+    if params.strata == 0u {
+        let place = params.points_at + 2u * sample;
+        return vec2f(unit_of(scramble_reversed(tables[place], seeds.x)), unit_of(scramble_reversed(tables[place + 1u], seeds.y)));
+    }
+    let jitter = dimensions(key, sample);
+    let width = sep(1.0 / f32(params.strata));
+    let row = sample / params.strata; let column = sample - row * params.strata;
+    return vec2f(
+        min(sep((f32(row) + unit_of(jitter.x)) * width), 1.0 - UNIT_ROUNDOFF),
+        min(sep((f32(column) + unit_of(jitter.y)) * width), 1.0 - UNIT_ROUNDOFF));
+}
+
+// The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity; 1 where it is not wanted.
+fn occlusion(accept: u32, surface: Surface, key: u32) -> f32 {
+    if params.samples == 0u { return 1.0; }
+    let origin = spawn(surface.point, surface.facing);
+    let basis = basis_around(surface.normal);
+    let seeds = dimensions(key, HASH_SCRAMBLE);
+    var open = 0u;
+    for (var sample = 0u; sample < params.samples; sample += 1u) {
+        let direction = to_world(basis, cosine_direction(point_of_sample(sample, key, seeds)));
+        let below = min(dot3(direction, surface.facing), 0.0);
+        let above = direction - sep3(2.0 * below * surface.facing);
+        if !occluded(accept, Ray(origin, above, 0.0, params.radius)) { open += 1u; }
+    }
+    rays[OCCLUSION] += params.samples;
+    return table_number(params.open_share_at + open);
+}
+
+// The report's. A ray that is not made of numbers is none, and counts as open.
+fn thesis_occlusion(accept: u32, position: vec3f, normal: vec3f) -> f32 {
+    if params.strata == 0u { return 1.0; }
+    let basis = thesis_basis(normal);
+    var open = 0u;
+    for (var sample = 0u; sample < params.strata * params.strata; sample += 1u) {
+        let row = sample / params.strata;
+        let direction = to_world(basis, thesis_cosine(thesis_stratum(position, row, sample - row * params.strata, params.strata)));
+        if !(is_finite3(direction) && is_finite3(position)) {
+            open += 1u;
+            continue;
+        }
+        count(OCCLUSION);
+        if !occluded(accept, Ray(position, direction, THESIS_EPSILON, params.radius)) { open += 1u; }
+    }
+    return table_number(params.open_share_at + open);
+}

@@ -1,0 +1,50 @@
+// A pixel of a pass, what is stored of it, and the counts of its rays.
+
+struct Pixel { x: u32, y: u32 }
+
+// By kind: towards the light, occlusion, reflected, refracted, and occlusion rays that were certain.
+var<private> rays: array<u32, RAY_COUNT_KINDS>;
+const SHADOW: u32 = 0u;
+const OCCLUSION: u32 = 1u;
+const REFLECTED: u32 = 2u;
+const REFRACTED: u32 = 3u;
+fn count(kind: u32) { rays[kind] += 1u; }
+
+fn stored_color(pixel: Pixel) -> vec4f { return textureLoad(color_buffer, vec2u(pixel.x, pixel.y), 0); }
+fn stored_position(pixel: Pixel) -> vec4f { return textureLoad(position_buffer, vec2u(pixel.x, pixel.y), 0); }
+fn stored_normal(pixel: Pixel) -> vec3f { return textureLoad(normal_buffer, vec2u(pixel.x, pixel.y), 0).xyz; }
+fn stored_triangle(pixel: Pixel) -> u32 {
+    return textureLoad(triangle_buffer, vec2u(pixel.x, pixel.y), 0).x - params.id_base;
+}
+
+// The nearest surface from an origin that lies off its own.
+fn closest_surface(origin: vec3f, direction: vec3f, hit: ptr<function, Hit>) -> bool {
+    return closest(ACCEPT_COVERED, Ray(origin, direction, 0.0, HUGE), hit);
+}
+// A ray that is not made of numbers meets nothing.
+fn thesis_sees_light(accept: u32, position: vec3f) -> bool {
+    return !occluded(accept, Ray(position, params.to_light, THESIS_EPSILON, HUGE));
+}
+
+fn opaque(color: vec3f) -> vec4f { return vec4f(color, 1.0); }
+
+// Adds a pixel's rays to the sums, which are spread so that threads seldom meet.
+fn count_rays(tile: u32) {
+    let slot = 2u * RAY_COUNT_KINDS * (tile % RAY_COUNT_SLOTS);
+    for (var kind = 0u; kind < RAY_COUNT_KINDS; kind += 1u) {
+        let more = rays[kind];
+        if more == 0u { continue; }
+        let before = atomicAdd(&ray_counts[slot + 2u * kind], more);
+        if before + more < before { atomicAdd(&ray_counts[slot + 2u * kind + 1u], 1u); }
+    }
+}
+
+@compute @workgroup_size(TILE, TILE, 1)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let tile = params.first_tile + group.y * params.groups_across + group.x;
+    if tile >= params.end_tile { return; }
+    let pixel = Pixel(tile % params.tiles_across * TILE + local.x, tile / params.tiles_across * TILE + local.y);
+    if pixel.x >= params.width || pixel.y >= params.height { return; }
+    textureStore(output, vec2u(pixel.x, pixel.y), picture(pixel));
+    count_rays(tile);
+}

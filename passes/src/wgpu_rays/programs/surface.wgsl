@@ -1,0 +1,104 @@
+// Points on surfaces, and origins of the rays that leave them (`trace/origin/surface_point.rs`), in twice the precision of a number.
+
+// A point of a triangle, with what is known of its error along the normal. Rays start off `start`.
+struct SurfacePoint { position: vec3f, normal: vec3f, start: vec3f, error: f32 }
+
+// A position of a triangle moved along its plane, away from borders nearer than `margin`, where there is room for that.
+fn drawn_in(corners: Corners, normal: Wide3, position: Wide3, margin: f32, scale: f32) -> Wide3 {
+    // Far from all borders, as most points are, numbers of one word say so: they err by less than 2 of 16 units of the margin.
+    var near = false;
+    for (var border = 0u; border < 3u; border += 1u) {
+        let start = select(select(corners.c, corners.b, border == 1u), corners.a, border == 0u);
+        let to = select(select(corners.a, corners.c, border == 1u), corners.b, border == 0u);
+        let inward = cross3(normal.h, (to - start) * scale);
+        let height = dot3(add3(position, wide3(-start)).h, inward);
+        near = near || !(height > 4.0 * margin * sqrt(dot3(inward, inward)));
+    }
+    if !near { return position; }
+    var moved = position;
+    near = false;
+    // Twice, because leaving one border of a corner may lead back to the other; the last round looks at what is left.
+    for (var round = 0u; round < 4u; round += 1u) {
+        for (var border = 0u; border < 3u; border += 1u) {
+            let start = select(select(corners.c, corners.b, border == 1u), corners.a, border == 0u);
+            let to = select(select(corners.a, corners.c, border == 1u), corners.b, border == 0u);
+            let unit = wide_unit(wide_cross(normal, difference(to, start, scale)));
+            let height = wide_dot(add3(moved, wide3(-start)), unit);
+            if round == 0u {
+                near = near || height.h < margin;
+            } else if round == 3u {
+                near = near || height.h < 0.5 * margin;
+            } else {
+                let short = add(wide(margin), minus(height));
+                if short.h > 0.0 { moved = add3(moved, scaled3(unit, short)); }
+            }
+        }
+        if round == 0u {
+            if !near { return position; }
+            near = false;
+        }
+    }
+    if near { return position; }
+    return moved;
+}
+
+// The point of a triangle with these coordinates.
+fn point_on(corners: Corners, u: Wide, v: Wide) -> SurfacePoint {
+    let first = corners.b - corners.a; let second = corners.c - corners.a;
+    let scale = scale_to_one(max(most3(abs(first)), most3(abs(second))));
+    let normal = wide_unit(wide_cross(difference(corners.b, corners.a, scale), difference(corners.c, corners.a, scale)));
+    let ue = scaled3(difference(corners.b, corners.a, 1.0), u);
+    let ve = scaled3(difference(corners.c, corners.a, 1.0), v);
+    let magnitude = abs(corners.a) + abs(ue.h) + abs(ve.h);
+    let position = add3(add3(wide3(corners.a), ue), ve);
+    let to_a = abs(corners.a - position.h); let to_b = abs(corners.b - position.h); let to_c = abs(corners.c - position.h);
+    let reach = max(max(most3(to_a), most3(to_b)), most3(to_c));
+    let error = (dot3(abs(normal.h), magnitude) + OFFSET_REACH * reach) * UNIT_ROUNDOFF;
+    let margin = OFFSET_MARGIN * UNIT_ROUNDOFF * (most3(magnitude) + OFFSET_REACH * reach);
+    return SurfacePoint(position.h, normal.h, drawn_in(corners, normal, position, margin, scale).h, error);
+}
+// The point of a triangle nearest to a stored position.
+fn snap(triangle: u32, position: vec3f) -> SurfacePoint {
+    let corners = positions_of(triangle);
+    let first = corners.b - corners.a; let second = corners.c - corners.a;
+    let scale = scale_to_one(max(most3(abs(first)), most3(abs(second))));
+    let e1 = difference(corners.b, corners.a, scale); let e2 = difference(corners.c, corners.a, scale);
+    let to = difference(position, corners.a, scale);
+    let d11 = wide_dot(e1, e1); let d12 = wide_dot(e1, e2); let d22 = wide_dot(e2, e2);
+    let d1 = wide_dot(to, e1); let d2 = wide_dot(to, e2);
+    let determinant = add(mul(d11, d22), minus(mul(d12, d12)));
+    var u = wide(0.0); var v = wide(0.0);
+    if determinant.h != 0.0 {
+        u = div(add(mul(d22, d1), minus(mul(d12, d2))), determinant);
+        v = div(add(mul(d11, d2), minus(mul(d12, d1))), determinant);
+        if !(is_finite(u.h) && is_finite(v.h)) {
+            u = wide(0.0);
+            v = wide(0.0);
+        }
+    }
+    if u.h < 0.0 { u = wide(0.0); }
+    if v.h < 0.0 { v = wide(0.0); }
+    let sum = add(u, v);
+    if sum.h > 1.0 || (sum.h == 1.0 && sum.l > 0.0) {
+        u = div(u, sum);
+        v = div(v, sum);
+    }
+    return point_on(corners, u, v);
+}
+// Where a ray in this direction starts: inside the borders, and off the plane to the side to which it goes.
+fn spawn(point: SurfacePoint, direction: vec3f) -> vec3f {
+    let distance = OFFSET_UNITS * point.error;
+    return point.start + sep3(point.normal * select(distance, -distance, dot3(point.normal, direction) < 0.0));
+}
+
+// A point seen from one side: the geometric normal towards the viewer, and the shading normal on the same side.
+struct Surface { point: SurfacePoint, facing: vec3f, normal: vec3f }
+fn surface_of(point: SurfacePoint, stored: vec3f, view: vec3f) -> Surface {
+    let facing = select(point.normal, -point.normal, dot3(point.normal, view) > 0.0);
+    let normal = normalize_or(stored, facing);
+    return Surface(point, facing, select(normal, -normal, dot3(normal, facing) < 0.0));
+}
+// The point that a ray meets.
+fn surface_hit(direction: vec3f, hit: Hit) -> Surface {
+    return surface_of(point_on(positions_of(hit.triangle), wide(hit.u), wide(hit.v)), normal_at(hit), direction);
+}

@@ -1,0 +1,165 @@
+// The watertight triangle test of `trace/single/leaf_test.rs`, without numbers of 64 bits: Woop, Benthin and Wald, "Watertight
+// Ray/Triangle Intersection", JCGT 2(1), 2013.
+
+// A ray prepared for the tests. `turn` takes vectors to axes of which the last is the one along which the ray is longest.
+struct Query {
+    origin: vec3f,
+    direction: vec3f,
+    turned_origin: vec3f,
+    shear: vec2f,
+    longest: u32,
+    t_min: f32,
+    t_max: f32,
+    // See `decide`.
+    doubt: f32,
+    inverse: vec3f,
+}
+
+fn turn(v: vec3f, longest: u32) -> vec3f {
+    return select(select(v, v.zxy, longest == 1u), v.yzx, longest == 0u);
+}
+// How far the scene reaches from a point along each axis.
+fn reach_from(point: vec3f) -> vec3f { return max(abs(params.scene_low - point), abs(params.scene_high - point)); }
+
+fn steered(d: f32) -> f32 { return select(d, with_sign(LEAST_DIRECTION, d), abs(d) < LEAST_DIRECTION); }
+
+// Whether the ray can hit anything; then `query` is prepared.
+fn prepare(ray: Ray, query: ptr<function, Query>) -> bool {
+    if !(is_finite3(ray.origin) && is_finite3(ray.direction) && ray.t_min < ray.t_max && ray.t_max > 0.0) { return false; }
+    let length = abs(ray.direction);
+    let longest = most3(length);
+    if !(longest > 1.0e-30) { return false; }
+    (*query).origin = ray.origin;
+    (*query).direction = ray.direction;
+    let axis = select(select(2u, 1u, length.y == longest), 0u, length.x == longest);
+    (*query).longest = axis;
+    (*query).turned_origin = turn(ray.origin, axis);
+    let d = turn(ray.direction, axis);
+    // Divided once a ray: whatever the rounding, all triangles are sheared alike.
+    (*query).shear = vec2f(sep(d.x / d.z), sep(d.y / d.z));
+    (*query).t_min = max(ray.t_min, 0.0);
+    (*query).t_max = min(ray.t_max, HUGE);
+    let reach = reach_from(ray.origin);
+    let units = 0.5 * DOUBT * UNIT_ROUNDOFF * (reach.x + reach.y + reach.z + (*query).t_min);
+    (*query).doubt = select(HUGE, units, longest <= 1.001);
+    (*query).inverse = vec3f(
+        sep(1.0 / steered(ray.direction.x)), sep(1.0 / steered(ray.direction.y)), sep(1.0 / steered(ray.direction.z)));
+    return true;
+}
+
+// A corner as the ray sees it. What two triangles share has the same bits in both.
+fn sheared(query: ptr<function, Query>, corner: vec3f) -> vec2f {
+    let p = turn(corner, (*query).longest) - (*query).turned_origin;
+    return sep2(p.xy - product_2((*query).shear, p.z));
+}
+
+// The signed areas opposite to the corners, and their signs, which are exact.
+struct Edges { a: f32, b: f32, c: f32, some_zero: bool, passes: bool, sa: vec2f, sb: vec2f, sc: vec2f }
+fn edges_of(query: ptr<function, Query>, corners: Corners) -> Edges {
+    var e: Edges;
+    let sa = sheared(query, corners.a); let sb = sheared(query, corners.b); let sc = sheared(query, corners.c);
+    e.sa = sa; e.sb = sb; e.sc = sc;
+    e.a = edge(sc, sb);
+    e.b = edge(sa, sc);
+    e.c = edge(sb, sa);
+    e.some_zero = is_doubtful(e.a, sc, sb) || is_doubtful(e.b, sa, sc) || is_doubtful(e.c, sb, sa);
+    if e.some_zero {
+        let a = exact_sign(sc.x, sb.y, sc.y, sb.x);
+        let b = exact_sign(sa.x, sc.y, sa.y, sc.x);
+        let c = exact_sign(sb.x, sa.y, sb.y, sa.x);
+        let least = min(min(a, b), c); let most = max(max(a, b), c);
+        // Three times 0 is a triangle seen edge-on.
+        e.passes = !(least < 0 && most > 0) && (least != 0 || most != 0);
+    } else {
+        let least = min(min(e.a, e.b), e.c); let most = max(max(e.a, e.b), e.c);
+        e.passes = least >= 0.0 || most <= 0.0;
+    }
+    return e;
+}
+
+const UNDECIDED: u32 = 0u;
+const HITS: u32 = 1u;
+const MISSES: u32 = 2u;
+// What is certain of a ray whose line passes through a triangle: `decide` of `trace/single/leaf_test.rs`, which derives the bound. It
+// holds in any order of rounding, fused or not.
+fn decide(query: ptr<function, Query>, corners: Corners, limit: f32) -> u32 {
+    let first = corners.b - corners.a; let second = corners.c - corners.a;
+    let to = corners.a - (*query).origin;
+    let square = dot(first, first) + dot(second, second);
+    let normal = first.yzx * second.zxy - first.zxy * second.yzx;
+    let height = normal.x * to.x + normal.y * to.y + normal.z * to.z;
+    let d = (*query).direction;
+    let slope = normal.x * d.x + normal.y * d.y + normal.z * d.z;
+    let shortness = select(0.0, 1.0 / limit, limit < 1.0e30);
+    let p = height - (*query).t_min * slope;
+    let q = slope - height * shortness;
+    // Twice the processor's bound: a reciprocal may be off by more here.
+    let parallel = square * (DOUBT * UNIT_ROUNDOFF);
+    let of_p = square * (2.0 * (*query).doubt);
+    let of_q = 2.0 * (of_p * shortness + parallel);
+    let bounded = square >= SMALLEST_SQUARE && of_p >= SMALLEST_SQUARE && of_p <= LARGEST_SQUARE;
+    if !bounded { return UNDECIDED; }
+    let hit = (p >= of_p && q >= of_q) || (p <= -of_p && q <= -of_q);
+    let miss = ((p >= of_p && q <= -of_q) || (p <= -of_p && q >= of_q)) && abs(slope) >= parallel;
+    return select(select(UNDECIDED, MISSES, miss), HITS, hit);
+}
+
+// The interval in which the ray is in the bounds of a triangle, as in `PreparedRay::span`.
+fn span(query: ptr<function, Query>, corners: Corners) -> vec2f {
+    let reach = min(reach_from((*query).origin), vec3f(LARGEST_REACH));
+    let along = turn(reach, (*query).longest).z;
+    let pad = (reach + vec3f(along)) * SLAB_ERROR + abs((*query).origin) * SLAB_ORIGIN_ERROR;
+    let least = min(min(corners.a, corners.b), corners.c); let most = max(max(corners.a, corners.b), corners.c);
+    let inverse = (*query).inverse;
+    let from_least = (least - ((*query).origin + pad)) * inverse;
+    let from_most = (most - ((*query).origin - pad)) * inverse;
+    let near = min(from_least, from_most);
+    let far = max(from_least, from_most) * FAR_PLANES;
+    return vec2f(max(max(max(near.x, near.y), near.z), (*query).t_min), min(min(far.x, far.y), far.z));
+}
+
+// Where the ray, whose line passes through the triangle, meets it with t_min < t <= limit.
+fn solve(query: ptr<function, Query>, corners: Corners, e: Edges, limit: f32, hit: ptr<function, Hit>) -> bool {
+    let first = corners.b - corners.a; let second = corners.c - corners.a;
+    let scale = scale_to_one(max(most3(abs(first)), most3(abs(second))));
+    let normal = wide_cross(difference(corners.b, corners.a, scale), difference(corners.c, corners.a, scale));
+    let height = wide_dot(normal, difference(corners.a, (*query).origin, 1.0));
+    let slope = wide_dot(normal, wide3((*query).direction));
+    var t = select(-HUGE, HUGE, height.h >= 0.0);
+    if slope.h != 0.0 {
+        let quotient = div(height, slope).h;
+        // Out of range where the ray is nearly parallel: its bounds decide.
+        if is_finite(quotient) {
+            if !(quotient > (*query).t_min && quotient <= limit) { return false; }
+            t = quotient;
+        }
+    }
+    if e.some_zero {
+        let b = add(exact_product(e.sa.x, e.sc.y), minus(exact_product(e.sa.y, e.sc.x)));
+        let c = add(exact_product(e.sb.x, e.sa.y), minus(exact_product(e.sb.y, e.sa.x)));
+        let a = add(exact_product(e.sc.x, e.sb.y), minus(exact_product(e.sc.y, e.sb.x)));
+        let determinant = add(add(a, b), c);
+        (*hit).u = 0.0;
+        (*hit).v = 0.0;
+        if determinant.h != 0.0 {
+            (*hit).u = div(b, determinant).h;
+            (*hit).v = div(c, determinant).h;
+        }
+    } else {
+        let determinant = sep(e.a + e.b) + e.c;
+        (*hit).u = e.b / determinant;
+        (*hit).v = e.c / determinant;
+    }
+    // The distance is kept within the triangle's own bounds: seen edge-on, the plane may be met anywhere.
+    let range = span(query, corners);
+    t = select(range.y, t, t < range.y);
+    t = select(t, range.x, t < range.x);
+    (*hit).t = t;
+    return t > (*query).t_min && t <= limit;
+}
+
+struct Triangle { corners: Corners, id: u32 }
+fn load_triangle(index: u32) -> Triangle {
+    let a = leaves[3u * index]; let b = leaves[3u * index + 1u]; let c = leaves[3u * index + 2u];
+    return Triangle(Corners(bitcast<vec3f>(a.xyz), bitcast<vec3f>(b.xyz), bitcast<vec3f>(c.xyz)), a.w);
+}

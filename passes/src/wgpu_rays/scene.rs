@@ -1,0 +1,115 @@
+//! A scene in device memory: the tree, vertices, materials of triangles and textures.
+
+use super::NAME;
+use super::layout::{LARGEST_COORDINATE, NONE, Params};
+use crate::raster::gpu::device::Gpu;
+use crate::trace::Quality;
+use crate::trace::gpu_binary::{BinaryTree, MOST_TRIANGLES};
+use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::scene::RenderScene;
+use glam::Vec3;
+
+/// Buffers of group 1, in the order of their bindings.
+#[derive(Debug)]
+pub struct SceneBuffers {
+    buffers: [wgpu::Buffer; 5],
+    /// What is to be known of them.
+    params: Params,
+    /// Bytes of device memory.
+    pub bytes: u64,
+    /// Nodes of the tree.
+    pub nodes: u64,
+}
+
+/// The error of a scene that a device cannot hold.
+fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
+    let why = format!(
+        "{what} of the scene take {bytes} bytes, and {} reads {most} at once at most; `--backend cpu` traces it",
+        gpu.adapter
+    );
+    BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
+}
+
+/// The scene's tree, if it is one that programs can trace.
+fn tree_of(scene: &RenderScene, filtered: &[bool]) -> Result<BinaryTree, BackendError> {
+    let refuse = |why: String| {
+        let why = format!("{why}; `--backend cpu` traces it");
+        Err(BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why })
+    };
+    let triangles = scene.geometry.triangles.len();
+    if triangles >= MOST_TRIANGLES {
+        return refuse(format!("it has {triangles} triangles, and the tree holds fewer than {MOST_TRIANGLES}"));
+    }
+    let tree = BinaryTree::build(&scene.geometry, filtered, Quality::default());
+    let largest = tree.bounds.map(|point| Vec3::from(point).abs().max_element());
+    if largest.into_iter().any(|coordinate| coordinate > LARGEST_COORDINATE) {
+        return refuse(format!("it has coordinates beyond {LARGEST_COORDINATE:e}, which overflow in 32 bits"));
+    }
+    Ok(tree)
+}
+
+impl SceneBuffers {
+    /// Builds the tree and copies it with the scene to the device. Without `traced`, there is no tree and nothing to hit.
+    pub fn new(gpu: &Gpu, scene: &RenderScene, filtered: &[bool], traced: bool) -> Result<Self, BackendError> {
+        let tree = if traced { tree_of(scene, filtered)? } else { BinaryTree::default() };
+        let geometry = &scene.geometry;
+        let [low, high] = tree.bounds;
+        let mut params =
+            Params { root: tree.root.unwrap_or(NONE), scene_low: low, scene_high: high, ..Params::default() };
+        let mut vertices: Vec<u32> = Vec::new();
+        let mut part = |numbers: &[f32]| {
+            let place = vertices.len() as u32;
+            vertices.extend_from_slice(bytemuck::cast_slice(numbers));
+            place
+        };
+        let numbers = geometry.positions.len() as u64 * 3 + geometry.normals.len() as u64 * 3;
+        let numbers = numbers + geometry.texcoords.len() as u64 * 2;
+        let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
+        if 4 * numbers > most {
+            return Err(too_large(gpu, "the vertices", 4 * numbers, most));
+        }
+        part(bytemuck::cast_slice(&geometry.positions));
+        params.normals_at = part(bytemuck::cast_slice(&geometry.normals));
+        params.texcoords_at = part(bytemuck::cast_slice(&geometry.texcoords));
+        params.has_normals = u32::from(!geometry.normals.is_empty());
+        let mut mesh: Vec<u32> = geometry.triangles.as_flattened().to_vec();
+        params.materials_at = mesh.len() as u32;
+        mesh.extend(geometry.materials());
+        let texels: Vec<[u8; 4]> =
+            scene.textures.iter().flat_map(|texture| &texture.levels[0].texels).copied().collect();
+        let parts: [(&str, &[u8]); 5] = [
+            ("the nodes", bytemuck::cast_slice(&tree.nodes)),
+            ("the triangles of the tree", bytemuck::cast_slice(&tree.triangles)),
+            ("the vertices", bytemuck::cast_slice(&vertices)),
+            ("the triangles", bytemuck::cast_slice(&mesh)),
+            ("the textures", texels.as_flattened()),
+        ];
+        if let Some((what, part)) = parts.iter().find(|(_, part)| part.len() as u64 > most) {
+            return Err(too_large(gpu, what, part.len() as u64, most));
+        }
+        let mut buffers = Vec::with_capacity(parts.len());
+        for (label, part) in parts {
+            buffers.push(super::buffers::upload(gpu, label, part)?);
+        }
+        let bytes = buffers.iter().map(wgpu::Buffer::size).sum();
+        let Ok(buffers) = <[wgpu::Buffer; 5]>::try_from(buffers) else { unreachable!("as many as parts") };
+        Ok(Self { buffers, params, bytes, nodes: tree.nodes.len() as u64 })
+    }
+
+    /// Writes what is to be known of the buffers into a launch's parameters.
+    pub fn fill(&self, params: &mut Params) {
+        let Params { root, scene_low, scene_high, materials_at, normals_at, texcoords_at, has_normals, .. } =
+            self.params;
+        *params =
+            Params { root, scene_low, scene_high, materials_at, normals_at, texcoords_at, has_normals, ..*params };
+    }
+
+    /// What group 1 binds.
+    pub fn entries(&self) -> Vec<wgpu::BindGroupEntry<'_>> {
+        let entry = |(binding, buffer): (u32, _)| wgpu::BindGroupEntry {
+            binding,
+            resource: wgpu::Buffer::as_entire_binding(buffer),
+        };
+        (0..).zip(&self.buffers).map(entry).collect()
+    }
+}

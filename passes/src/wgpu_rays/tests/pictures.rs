@@ -1,0 +1,143 @@
+//! Pictures beside the processor's, of small worlds.
+
+use super::{bits, picture, rays};
+use crate::cpu::CpuRays;
+use crate::effects::tests::world::{Shot, World, grid};
+use crate::raster::gpu::AdapterKind;
+use curitiba_pipeline::backend::RayBackend;
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+use curitiba_pipeline::scene::RenderScene;
+use glam::Vec3;
+use std::sync::Arc;
+
+const FIDELITIES: [Fidelity; 2] = [Fidelity::Corrected, Fidelity::Thesis];
+
+/// The scattered world with a cut-out picture and glass in it.
+fn world() -> World {
+    let mut world = World::scattered();
+    let picture = world.picture([[255, 0, 0, 255], [0, 255, 0, 10]], Some(0.5));
+    world.quad(picture, Vec3::new(0.0, 2.0, 0.0), Vec3::X * 1.5, Vec3::Z * 1.5);
+    let glass = world.glass();
+    world.quad(glass, Vec3::new(0.5, -1.0, 0.5), Vec3::X * 2.0, Vec3::Z * 2.0);
+    world.quad(glass, Vec3::new(0.0, 0.0, 3.0), Vec3::X, Vec3::Y);
+    world
+}
+
+/// Pixels of which any number differs by more than a difference.
+fn differing(a: &[[f32; 4]], b: &[[f32; 4]], by: f32) -> usize {
+    let far = |(a, b): (&[f32; 4], &[f32; 4])| a.iter().zip(b).any(|(a, b)| !((a - b).abs() <= by));
+    a.iter().zip(b).filter(|pair| far(*pair)).count()
+}
+
+/// Pictures of a program on both backends.
+fn both(program: RayProgram, fidelity: Fidelity, params: RayParams) -> Option<[Vec<[f32; 4]>; 2]> {
+    let mut rays = rays()?;
+    let world = world();
+    let shot = Shot::of(&world, Vec3::new(0.3, 0.8, 9.0), grid(96, Vec3::ZERO, Vec3::X * 4.5, Vec3::Y * 4.5)).rows(96);
+    // A job names its scene by address.
+    let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
+    let job = curitiba_pipeline::backend::RayJob { scene: &scene, ..shot.job(program, fidelity, params) };
+    let mut cpu = CpuRays::new();
+    let filtered = vec![true; scene.materials.len()];
+    rays.build(&scene, &filtered).expect("built");
+    cpu.build(&scene, &filtered).expect("built");
+    let ((found, mine), (expected, theirs)) = (picture(&mut rays, &job), picture(&mut cpu, &job));
+    if !matches!(program, RayProgram::Final | RayProgram::Refraction) {
+        assert_eq!(mine.rays.shadow, theirs.rays.shadow, "{program:?} {fidelity:?}");
+        let all = |rays: curitiba_pipeline::backend::RayCounts| rays.occlusion + rays.certain;
+        // Whether the report's noise makes a ray of numbers may depend on a last bit.
+        let few = if fidelity == Fidelity::Thesis { all(theirs.rays) / 1000 } else { 0 };
+        assert!(all(mine.rays).abs_diff(all(theirs.rays)) <= few, "{program:?} {fidelity:?}");
+    }
+    // Whether this adapter is known to fuse nothing.
+    if rays.gpu.adapter.kind == AdapterKind::Software {
+        println!("{program:?} {fidelity:?}: {} of {} differ", differing(&found, &expected, 0.0), found.len());
+    }
+    Some([found, expected])
+}
+
+#[test]
+fn shadows_are_the_processors_bit_by_bit() {
+    for fidelity in FIDELITIES {
+        let Some([found, expected]) = both(RayProgram::DeferredShadows, fidelity, RayParams::default()) else { return };
+        let dark = expected.iter().filter(|pixel| pixel[0] < 1.0).count();
+        assert!(dark > 500 && dark < 8000, "{dark} pixels in shadow");
+        let differ = bits(&found).iter().zip(bits(&expected)).filter(|(a, b)| **a != *b).count();
+        assert_eq!(differ, 0, "{fidelity:?}");
+    }
+}
+
+#[test]
+fn dummy_writes_what_it_reads() {
+    for fidelity in FIDELITIES {
+        let Some([found, expected]) = both(RayProgram::Dummy, fidelity, RayParams::default()) else { return };
+        assert!(bits(&found) == bits(&expected) && expected.iter().any(|pixel| pixel[0] != expected[0][0]));
+    }
+}
+
+/// Pixels that may be off by more than a hundredth: where a last bit of a direction decides on a ray.
+const FEW: usize = 96 * 96 / 500;
+
+/// Checks a program in both fidelities, and that what is compared is no flat picture.
+fn agrees(program: RayProgram, params: RayParams, few: [usize; 2]) {
+    for (fidelity, few) in FIDELITIES.into_iter().zip(few) {
+        let Some([found, expected]) = both(program, fidelity, params) else { return };
+        let off = differing(&found, &expected, 0.01);
+        assert!(off <= few, "{program:?} {fidelity:?}: {off} pixels are off");
+        let changed = expected.iter().filter(|pixel| **pixel != expected[0]).count();
+        assert!(changed > 1000, "{changed} pixels show something");
+    }
+}
+
+#[test]
+fn mirrors_and_glass_show_what_the_processors_do() {
+    agrees(RayProgram::Reflection, RayParams::default(), [FEW; 2]);
+    agrees(RayProgram::Refraction, RayParams::default(), [FEW; 2]);
+    let schlick = RayParams { fresnel: curitiba_pipeline::programs::Fresnel::Schlick, ..RayParams::default() };
+    agrees(RayProgram::Refraction, schlick, [FEW; 2]);
+}
+
+#[test]
+fn occlusion_is_the_processors() {
+    for (samples, sampler) in
+        [(9, curitiba_pipeline::programs::Sampler::Sobol), (16, curitiba_pipeline::programs::Sampler::Strata)]
+    {
+        let params = RayParams { samples, sampler, radius: 1.5, ..RayParams::default() };
+        agrees(RayProgram::Ssao, params, [FEW; 2]);
+    }
+}
+
+#[test]
+fn all_effects_together_are_the_processors() {
+    let params = RayParams { samples: 4, radius: 1.5, ..RayParams::default() };
+    // In thesis fidelity, occlusion rays of hits depend on the last bits of these: the limit of the conformance matrix.
+    agrees(RayProgram::Final, params, [FEW, 96 * 96 * 15 / 100]);
+}
+
+/// A part of a picture has the pixels of the whole: random numbers belong to places in the picture.
+#[test]
+fn parts_of_a_picture_are_those_of_the_whole() {
+    let Some(mut rays) = rays() else { return };
+    let world = world();
+    let shot = Shot::of(&world, Vec3::new(0.3, 0.8, 9.0), grid(48, Vec3::ZERO, Vec3::X * 4.5, Vec3::Y * 4.5)).rows(48);
+    let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
+    let params = RayParams { samples: 4, ..RayParams::default() };
+    let job =
+        curitiba_pipeline::backend::RayJob { scene: &scene, ..shot.job(RayProgram::Ssao, Fidelity::Corrected, params) };
+    rays.build(&scene, &vec![true; scene.materials.len()]).expect("built");
+    let (whole, _) = picture(&mut rays, &job);
+    let lower = 16 * 48;
+    let part = curitiba_pipeline::backend::RayJob {
+        origin: [0, 16],
+        height: 32,
+        position: &job.position[lower..],
+        normal: &job.normal[lower..],
+        color: &job.color[lower..],
+        triangle: &job.triangle[lower..],
+        ..job
+    };
+    let (found, _) = picture(&mut rays, &part);
+    assert!(bits(&found) == bits(&whole[lower..]));
+    let elsewhere = curitiba_pipeline::backend::RayJob { origin: [0, 17], ..part };
+    assert!(bits(&picture(&mut rays, &elsewhere).0) != bits(&found), "the comparison can fail");
+}

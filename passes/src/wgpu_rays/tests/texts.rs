@@ -1,0 +1,61 @@
+//! The texts of the programs, without a device.
+
+use crate::wgpu_rays::layout::Params;
+use crate::wgpu_rays::programs::{Rounding, is_written, source};
+use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS};
+use wgpu::naga;
+
+pub const ROUNDINGS: [Rounding; 3] = [Rounding::Separate, Rounding::Driver, Rounding::Fused];
+
+/// Parses and validates a text as a device without any extension would.
+fn validate(source: &str) -> Result<naga::Module, String> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|error| error.emit_to_string(source))?;
+    naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty())
+        .validate(&module)
+        .map_err(|error| error.emit_to_string(source))?;
+    Ok(module)
+}
+
+#[test]
+fn every_text_is_valid_wgsl_that_needs_no_extension() {
+    let mut written = 0;
+    for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
+        for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
+            for rounding in ROUNDINGS {
+                let text = source(info.program, fidelity, rounding).expect("it is written");
+                if let Err(error) = validate(&text) {
+                    panic!("{} {fidelity:?} {rounding:?}: {error}", info.stem);
+                }
+                written += 1;
+            }
+        }
+    }
+    assert!(written >= 6, "{written}");
+    assert!(validate("fn f() -> u32 { return 1.5; }").is_err(), "the check can fail");
+}
+
+#[test]
+fn parameters_lie_where_the_host_writes_them() {
+    let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
+    let text = source(info.program, Fidelity::Corrected, Rounding::Separate).expect("it is written");
+    let module = validate(&text).expect("valid");
+    let named = |ty: &naga::Type| ty.name.as_deref() == Some("Params");
+    let (_, params) = module.types.iter().find(|(_, ty)| named(ty)).expect("declared");
+    let naga::TypeInner::Struct { members, span } = &params.inner else { panic!("no struct") };
+    let offset = |name: &str| {
+        let member = members.iter().find(|member| member.name.as_deref() == Some(name));
+        member.unwrap_or_else(|| panic!("{name}")).offset as usize
+    };
+    let mut seen = 0;
+    macro_rules! same {
+        ($($theirs:literal $ours:ident),*; $($name:ident)*) => {
+            $(assert_eq!(offset($theirs), std::mem::offset_of!(Params, $ours), $theirs); seen += 1;)*
+            $(assert_eq!(offset(stringify!($name)), std::mem::offset_of!(Params, $name), stringify!($name)); seen += 1;)*
+        };
+    }
+    same!("origin_x" origin, "unused_0" unused;
+        eye zero to_light seed light_color samples scene_low strata scene_high depth width height first_tile end_tile tiles_across
+        groups_across root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
+        has_normals id_base radius index);
+    assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 2));
+}

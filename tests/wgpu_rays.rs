@@ -1,0 +1,132 @@
+//! The ray backend `wgpu` against the processor's: the conformance matrix, and what it refuses.
+//!
+//! Without an adapter these tests say `skipped: why`, and pass; with `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
+
+use curitiba::conformance::{Beside, Found, Record};
+use curitiba::engines::ray_backend;
+use curitiba::passes::raster::cpu::CpuRasteriser;
+use curitiba::passes::raster::gpu::{AdapterKind, adapters};
+use curitiba::pipeline::executor::{Engines, Renderer, Silent, StepKind};
+use curitiba::pipeline::plan::{Plan, Settings};
+use curitiba::pipeline::programs::Fidelity;
+use curitiba::pipeline::project;
+use curitiba::{BackendChoice, Choice, RasterChoice};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+/// Pixels a side: software drivers take a second for each picture of 128 pixels.
+const SIDE: u32 = 64;
+
+fn is_there() -> bool {
+    match ray_backend(Choice::CPU.traced_by(BackendChoice::Wgpu)) {
+        Ok(_) => true,
+        Err(error) => {
+            let required = std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_some_and(|value| value == "1");
+            assert!(!required, "{error}");
+            println!("skipped: {error}");
+            false
+        }
+    }
+}
+
+/// Runs a project's ray pass on the processor and on `wgpu`.
+fn record(name: &str, camera: &str, fidelity: Fidelity, set: &[&str], found: &Arc<Mutex<Found>>) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/{name}.xml"));
+    let project = project::load(&path).expect("the project loads");
+    let settings = Settings {
+        camera: Some(camera.to_owned()),
+        size: Some([SIDE, SIDE]),
+        fidelity,
+        set: set.iter().map(|one| format!("pass2.{one}")).collect(),
+        ..Settings::default()
+    };
+    let beside = Beside {
+        cpu: ray_backend(Choice::CPU).expect("always there"),
+        others: vec![ray_backend(Choice::CPU.traced_by(BackendChoice::Wgpu)).expect("it was there before")],
+        found: Arc::clone(found),
+        project: name.to_owned(),
+        camera: Some(camera.to_owned()),
+        runs: 2,
+        compare: true,
+    };
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(beside));
+    let plan = Plan::new(project, settings).expect("the plan stands");
+    let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("ready");
+    renderer.frame(&mut Silent).expect("rendered");
+}
+
+fn check(record: &Record, nothing_fuses: bool) {
+    let words = record.in_words();
+    println!("{words}");
+    assert!(record.within_limits, "farther off than it may be: {words}");
+    let compared = record.comparison.as_ref().expect("compared");
+    if record.program == "dummy" || nothing_fuses && record.program == "deferredShadows" {
+        assert_eq!(compared.identical, compared.pixels, "not every bit: {words}");
+    }
+    // Rays that the processor leaves out are traced: together they are as many.
+    let (mine, theirs) = (record.rays, record.cpu_rays.expect("the processor ran"));
+    if record.program != "final" && record.program != "refraction" {
+        // Whether the report's noise makes a ray of numbers may depend on a last bit, and so may its chains of mirrors.
+        let few = if record.fidelity == "thesis" { theirs.total() / 1000 } else { 0 };
+        assert!((mine.occlusion + mine.certain).abs_diff(theirs.occlusion + theirs.certain) <= few, "{words}");
+        assert!(mine.shadow == theirs.shadow && mine.reflected.abs_diff(theirs.reflected) <= few, "{words}");
+    }
+}
+
+#[test]
+fn every_program_computes_what_the_processor_does() {
+    if !is_there() {
+        return;
+    }
+    let found = Arc::new(Mutex::new(Found::default()));
+    let occlusion: &[&str] = &["samples=9"];
+    for camera in ["MainCamera", "Vidro"] {
+        for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
+            for name in ["SceneDummy", "SceneShadows", "SceneReflect", "SceneRefract"] {
+                record(name, camera, fidelity, &[], &found);
+            }
+            for name in ["SceneSSAO", "SceneFinal"] {
+                record(name, camera, fidelity, occlusion, &found);
+            }
+        }
+        record("SceneRefract", camera, Fidelity::Corrected, &["fresnel=schlick"], &found);
+        record("SceneSSAO", camera, Fidelity::Corrected, &["sampler=strata", "samples=4"], &found);
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 2 * (6 * 2 + 2), "a pass of the matrix did not run");
+    // Software drivers fuse nothing, as far as is known of the one that there is.
+    let nothing_fuses = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
+    found.records.iter().for_each(|record| check(record, nothing_fuses));
+}
+
+/// A frame's picture, and the kinds and medians of its rows.
+fn frame(choice: Choice) -> (Vec<[f32; 4]>, Vec<(StepKind, String, f64)>) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/SceneShadows.xml");
+    let settings = Settings { size: Some([96, 64]), ..Settings::default() };
+    let mut renderer = curitiba::open(path, settings, choice, &mut Silent).expect("opened");
+    // The second frame draws over the first one's attachments.
+    renderer.frame(&mut Silent).expect("rendered");
+    let picture = renderer.frame(&mut Silent).expect("rendered");
+    let row = |row: &curitiba::pipeline::executor::Row| (row.kind, row.note.clone(), row.median_ms());
+    (picture.pixels, renderer.timeline().rows.iter().map(row).collect())
+}
+
+#[test]
+fn raster_and_rays_on_one_device_copy_nothing_and_show_the_same() {
+    if !is_there() {
+        return;
+    }
+    let together = Choice { raster: RasterChoice::Wgpu, backend: BackendChoice::Wgpu, ..Choice::CPU };
+    let (picture, rows) = frame(together);
+    let (expected, apart) = frame(together.traced_by(BackendChoice::Cpu));
+    assert!(expected.iter().any(|pixel| *pixel != expected[0]), "something is seen");
+    let differing = picture.iter().zip(&expected).filter(|(a, b)| a != b).count();
+    assert!(differing * 500 <= picture.len(), "{differing} pixels differ");
+    let of = |rows: &[(StepKind, String, f64)], kind: StepKind| -> Vec<f64> {
+        rows.iter().filter(|(own, ..)| *own == kind).map(|(.., ms)| *ms).collect()
+    };
+    assert_eq!(of(&rows, StepKind::Join), [0.0], "{rows:?}");
+    // What is read back is the picture of the rays alone; on the processor, it is the G-buffer.
+    assert_eq!((of(&rows, StepKind::ReadBack).len(), of(&apart, StepKind::ReadBack).len()), (1, 1), "{rows:?}");
+    assert!(rows.iter().any(|(kind, note, _)| *kind == StepKind::Join && note == "in device memory"), "{rows:?}");
+}
