@@ -153,8 +153,8 @@ impl Choice {
     pub fn for_plan(self, plan: &Plan) -> Self {
         let asks = || plan.passes.iter().any(|planned| plan.asks_of_glass(planned).is_some());
         match (self.backend, self.fallback) {
-            (BackendChoice::Auto, [None, None, None]) if asks() => {
-                Self { fallback: [Some(BackendChoice::Cpu), None, None], ..self }
+            (BackendChoice::Auto, [None, None, None, None]) if asks() => {
+                Self { fallback: [Some(BackendChoice::Cpu), None, None, None], ..self }
             }
             _ => self,
         }

@@ -140,6 +140,7 @@ impl WgpuRays {
     }
 
     fn trace(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        cannot_shade(job)?;
         let gpu = Arc::clone(&self.gpu);
         let start = Instant::now();
         let (views, upload) = match job.shared {
@@ -232,8 +233,25 @@ impl WgpuRays {
             }
         })?;
         let [shadow, occlusion, reflected, refracted, certain] = kinds;
-        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain })
+        // Paths get lost in bodies of glass alone, which this backend refuses.
+        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost: 0 })
     }
+}
+
+/// Refuses what the kernels do not read of a scene: textures that do not repeat, and light that surfaces send out.
+fn cannot_shade(job: &RayJob<'_>) -> Result<(), BackendError> {
+    let traces = job.program.info().traces != Traces::Nothing;
+    let refuse = |what: &str| {
+        let why = "its kernels do not read that; `--backend cpu` does, `--fallback cpu` lets it take over".to_owned();
+        Err(BackendError::Unsupported { backend: NAME, what: what.to_owned(), why })
+    };
+    if traces && job.scene.textures.iter().any(|texture| !texture.repeats()) {
+        return refuse("textures that are clamped or mirrored");
+    }
+    if traces && job.shades.iter().any(|shade| shade.glow.is_some()) {
+        return refuse("surfaces that send out light");
+    }
+    Ok(())
 }
 
 impl RayBackend for WgpuRays {

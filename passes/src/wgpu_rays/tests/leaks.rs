@@ -74,7 +74,8 @@ fn inside(geometry: &Geometry, direction: Vec3, count: usize, random: &mut Rando
 }
 
 /// Of the ball's one material.
-static SHADES: [Shade; 1] = [Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None }];
+static SHADES: [Shade; 1] =
+    [Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None, glow: None }];
 
 fn job<'a>(scene: &'a RenderScene, position: &'a [[f32; 4]], direction: Vec3) -> RayJob<'a> {
     let width = 500;
@@ -97,6 +98,8 @@ fn job<'a>(scene: &'a RenderScene, position: &'a [[f32; 4]], direction: Vec3) ->
         shades: &SHADES,
         glass: &[false],
         shadow_glass: &[false],
+        beyond: Vec3::ZERO,
+        dielectrics: &[],
     }
 }
 
