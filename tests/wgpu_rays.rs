@@ -99,8 +99,11 @@ fn every_program_computes_what_the_processor_does() {
     found.records.iter().for_each(|record| check(record, nothing_fuses));
 }
 
+/// Steps of a frame: kind, name and milliseconds.
+type Steps = Vec<(StepKind, String, f64)>;
+
 /// A frame's picture, and the kinds and medians of its rows.
-fn frame(choice: Choice) -> (Vec<[f32; 4]>, Vec<(StepKind, String, f64)>) {
+fn frame(choice: Choice) -> (Vec<[f32; 4]>, Steps) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/SceneShadows.xml");
     let settings = Settings { size: Some([96, 64]), ..Settings::default() };
     let mut renderer = curitiba::open(path, settings, choice, &mut Silent).expect("opened");

@@ -50,11 +50,7 @@ fn whole(texture: &wgpu::Texture) -> wgpu::TextureView {
 }
 
 /// The texture in a slot, made anew where its size is another.
-fn kept<'a>(
-    slot: &'a mut Option<wgpu::Texture>,
-    size: [u32; 2],
-    make: impl FnOnce() -> wgpu::Texture,
-) -> &'a wgpu::Texture {
+fn kept(slot: &mut Option<wgpu::Texture>, size: [u32; 2], make: impl FnOnce() -> wgpu::Texture) -> &wgpu::Texture {
     if slot.as_ref().is_some_and(|texture| [texture.width(), texture.height()] != size) {
         // What is there goes first: both need not fit at once.
         *slot = None;

@@ -106,7 +106,7 @@ impl Loader {
         let [left, right, bottom, top] = sides;
         let sides = [number(left, -1.0), number(right, 1.0), number(bottom, -1.0), number(top, 1.0)];
         let at = |span: Option<Span>| span.unwrap_or(lens.map_or(element.span, |lens| lens.span));
-        if let Some(fov) = fov.filter(|fov| !orthographic && !(*fov > 0.0 && *fov < 180.0)) {
+        if let Some(fov) = fov.filter(|fov| !(orthographic || *fov > 0.0 && *fov < 180.0)) {
             self.report.error_help(at(fov_span), format!("a field of view of {fov} degrees"), || {
                 "valid: above 0 and below 180 degrees, vertical".to_owned()
             });

@@ -90,7 +90,8 @@ fn a_plate_between_white_sides_is_the_sum_of_all_its_reflections() {
             let (r, inner) = interface(f64::from(degrees), f64::from(index));
             let kept = sigma.as_dvec3().to_array().map(|sigma| (-sigma / inner).exp());
             let expected = kept.map(|a| r + (1.0 - r) * (1.0 - r) * a / (1.0 - r * a));
-            assert_close(pixel, Vec3::from(expected.map(|value| value as f32)), 1e-5, format!("{index} {degrees}"));
+            // Places on triangles 800 wide are rounded to 6e-5, and so are the ways between them.
+            assert_close(pixel, Vec3::from(expected.map(|value| value as f32)), 5e-5, format!("{index} {degrees}"));
             assert_eq!(rays.lost, 0);
             // Control: who absorbs on the first way alone, or reflects once only, is elsewhere.
             let first_way = r + (1.0 - r) * (1.0 - r) * kept[1] / (1.0 - r);
@@ -123,7 +124,7 @@ fn light_is_trapped_beyond_the_critical_angle_and_passes_below() {
     }
 }
 
-/// Glass.md 5.1: R + (1-R)² a / (1 - R a) with a = exp(-2 sigma cos t).
+/// The sum over all inner reflections: R + (1-R)² a / (1 - R a) with a = exp(-2 sigma cos t).
 #[test]
 fn a_ball_in_a_white_environment_has_the_closed_form() {
     for (index, at_0, at_half, at_09) in
@@ -311,7 +312,7 @@ fn straight_shadows_are_those_of_fresnel_and_the_way_inside() {
     }
 }
 
-/// Glass.md 5.9: T(b) = (1 - F(cos i))² exp(-2 sigma cos i).
+/// Light that goes straight through a ball: T(b) = (1 - F(cos i))² exp(-2 sigma cos i).
 #[test]
 fn the_straight_shadow_of_a_ball_reaches_to_its_rim() {
     let mut world = World::lit_along(Vec3::NEG_Z);
