@@ -9,6 +9,7 @@
 //! | what | is |
 //! |---|---|
 //! | window | 1024 x 1024 |
+//! | `color` | `report`: colours and textures are used as stored |
 //! | viewport rectangle, clear colour | the whole target, opaque black |
 //! | height of a viewport with a `ratio` | `ratio` times its width |
 //! | camera of a pass | the pipeline's `defaultCamera`; without one, an error |
@@ -48,6 +49,7 @@ pub use from_scene::{Effects, FromSceneError, SceneOptions, SceneProjects};
 pub use source::{SCENE_EXTENSIONS, SourceError, names_scenes, open, open_scenes, scene_files};
 pub use write::WriteError;
 
+use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram};
@@ -66,6 +68,8 @@ pub struct Project {
     pub name: String,
     /// Window size, pixels: what a pass without a render target draws into.
     pub window: [u32; 2],
+    /// What its colours are, unless the user asks for something else.
+    pub color: ColorSpace,
     /// Scenes.
     pub scenes: Vec<SceneDecl>,
     /// Viewports.
