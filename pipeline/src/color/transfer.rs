@@ -31,19 +31,16 @@ pub fn code(linear: f32) -> u8 {
     if linear >= 1.0 {
         return 255;
     }
-    // No interval of the table holds more than two thresholds, most hold none.
-    let mut code = FIRST[(linear * INTERVALS as f32) as usize];
-    while code < 255 && linear >= THRESHOLDS[code as usize] {
-        code += 1;
-    }
-    code
+    // No interval of the table holds more than one threshold.
+    let first = FIRST[(linear * INTERVALS as f32) as usize];
+    first + u8::from(linear >= THRESHOLDS[usize::from(first)])
 }
 
-/// Intervals of [`FIRST`].
+/// Intervals of [`FIRST`]: narrower than the steps between codes, which are 1 / (255 x 12.92) on the line and wider on the curve.
 const INTERVALS: usize = 4096;
 
-/// The least number that has the code after each.
-static THRESHOLDS: [f32; 255] = thresholds();
+/// The least number that has the code after each; none has the code after 255.
+static THRESHOLDS: [f32; 256] = thresholds();
 
 /// The code of the least number of each interval of 0 to 1.
 static FIRST: [u8; INTERVALS] = first();
@@ -75,8 +72,8 @@ const fn decoded() -> [f32; 256] {
     table
 }
 
-const fn thresholds() -> [f32; 255] {
-    let mut table = [0.0; 255];
+const fn thresholds() -> [f32; 256] {
+    let mut table = [f32::INFINITY; 256];
     let mut code = 0;
     while code < 255 {
         let between = exact((code as f64 + 0.5) / 255.0);
@@ -94,7 +91,7 @@ const fn first() -> [u8; INTERVALS] {
     let (mut interval, mut code) = (0, 0);
     while interval < INTERVALS {
         let low = interval as f32 / INTERVALS as f32;
-        while code < 255 && low >= thresholds[code] {
+        while low >= thresholds[code] {
             code += 1;
         }
         table[interval] = code as u8;
@@ -114,6 +111,8 @@ mod tests {
 
     #[test]
     fn every_code_comes_back() {
+        let narrowest = THRESHOLDS.windows(2).map(|pair| pair[1] - pair[0]).fold(THRESHOLDS[0], f32::min);
+        assert!(narrowest > 1.0 / INTERVALS as f32, "an interval could hold two: {narrowest}");
         for code in 0..=u8::MAX {
             let linear = DECODED[usize::from(code)];
             assert_eq!(super::code(linear), code);

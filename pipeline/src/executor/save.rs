@@ -65,7 +65,7 @@ impl Renderer {
         let window = self.lend(None)?;
         let result = self.timed(&window_file[0], &mut written, observer, |path| {
             if exr {
-                write_exr_of(path, Layer { name: "window", channels: RGBA, image: &window }, display.space)
+                write_exr_of(path, Layer { name: "window", channels: RGBA, image: &window }, Some(display.space))
             } else {
                 write_displayed(path, &window, display)
             }
@@ -94,9 +94,10 @@ impl Renderer {
             Content::Normal => ["X", "Y", "Z", "W"],
         };
         // A factor, such as occlusion, is a colour as any other: grey that is as bright as it says.
-        let display = if content == Content::Color { self.plan.display } else { Display::default() };
+        let own = (content == Content::Color).then_some(self.plan.display);
+        let (display, space) = (own.unwrap_or_default(), own.map(|display| display.space));
         let layer = Layer { name: &name, channels, image: &image };
-        let mut result = self.timed(exr, written, observer, |path| write_exr_of(path, layer, display.space));
+        let mut result = self.timed(exr, written, observer, |path| write_exr_of(path, layer, space));
         if result.is_ok() {
             let mut visible = VisibleRows::new(&image, content);
             let mut displayed = DisplayRows::new(&mut visible, display);
@@ -162,7 +163,7 @@ impl Renderer {
         let mut rows = self.rows(observer);
         let result = if exr {
             let layer = RowLayer { name: "window", channels: RGBA, rows: &mut rows };
-            write_exr_rows_of(path, &mut [layer], display.space)
+            write_exr_rows_of(path, &mut [layer], Some(display.space))
         } else {
             write_png_rows(path, &mut DisplayRows::new(&mut rows, display))
         };

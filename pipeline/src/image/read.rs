@@ -54,7 +54,7 @@ pub struct Picture {
     /// Whether values were rounded to steps of `1 / 255` or `1 / 65535` and cut to 0 to 1.
     pub steps: Option<u32>,
     /// What the colours are: of a PNG display values; of an EXR what [`COLOR_ATTRIBUTE`](super::COLOR_ATTRIBUTE) says. `None` for an EXR
-    /// without it, which holds display values if this program wrote it and linear radiance if another did.
+    /// without it: one of another program, or a layer that holds no colour.
     pub space: Option<ColorSpace>,
     /// Variance of the mean that `image` is, from a layer of that name.
     pub variance: Option<Variance>,

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
-/// Attribute of a layer of an EXR file that says what its colours are: `linear`.
+/// Attribute of a layer of an EXR file that says what its colours are: `linear` or `report`.
 pub const COLOR_ATTRIBUTE: &str = "curitiba.color";
 
 /// Rows that an encoder asks for at once: a row of the tiles of an EXR file.
@@ -122,12 +122,12 @@ pub fn write_exr(path: &Path, layer: Layer<'_>) -> io::Result<()> {
     write_exr_layers(path, &[layer])
 }
 
-/// [`write_exr`] with a note of what the colours are, which [`read_image`](super::read_image) finds again: linear radiance is noted in the
-/// attribute [`COLOR_ATTRIBUTE`], display values are not, since other programs know none in EXR files.
+/// [`write_exr`] with a note of what the colours are, in the attribute [`COLOR_ATTRIBUTE`], which [`read_image`](super::read_image) finds
+/// again; other programs take all EXR files for linear. `None` for layers that hold no colour.
 ///
 /// # Errors
 /// As [`write_exr`].
-pub fn write_exr_of(path: &Path, layer: Layer<'_>, space: ColorSpace) -> io::Result<()> {
+pub fn write_exr_of(path: &Path, layer: Layer<'_>, space: Option<ColorSpace>) -> io::Result<()> {
     let mut rows = ImageRows::from(layer.image);
     let layer = RowLayer { name: layer.name, channels: layer.channels, rows: &mut rows };
     write_exr_rows_of(path, &mut [layer], space)
@@ -154,14 +154,14 @@ pub fn write_exr_layers(path: &Path, layers: &[Layer<'_>]) -> io::Result<()> {
 /// # Errors
 /// As there, or whatever the rows report.
 pub fn write_exr_rows(path: &Path, layers: &mut [RowLayer<'_>]) -> io::Result<()> {
-    write_exr_rows_of(path, layers, ColorSpace::Report)
+    write_exr_rows_of(path, layers, None)
 }
 
 /// [`write_exr_rows`] with a note of what the colours are, as [`write_exr_of`] has it.
 ///
 /// # Errors
 /// As there.
-pub fn write_exr_rows_of(path: &Path, layers: &mut [RowLayer<'_>], space: ColorSpace) -> io::Result<()> {
+pub fn write_exr_rows_of(path: &Path, layers: &mut [RowLayer<'_>], space: Option<ColorSpace>) -> io::Result<()> {
     write_whole(path, |file| encode(file, layers, space))
 }
 
@@ -170,10 +170,10 @@ pub fn write_exr_rows_of(path: &Path, layers: &mut [RowLayer<'_>], space: ColorS
 /// # Errors
 /// Without a layer, or whatever the rows, the encoder or the writer report.
 pub fn encode_exr(file: impl Write + Seek, layers: &mut [RowLayer<'_>]) -> io::Result<()> {
-    encode(file, layers, ColorSpace::Report)
+    encode(file, layers, None)
 }
 
-fn encode(file: impl Write + Seek, layers: &mut [RowLayer<'_>], space: ColorSpace) -> io::Result<()> {
+fn encode(file: impl Write + Seek, layers: &mut [RowLayer<'_>], space: Option<ColorSpace>) -> io::Result<()> {
     let size = |layer: &RowLayer<'_>| layer.rows.size().map(|side| side as usize);
     let Some(first) = layers.first().map(size) else {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "an EXR file needs a layer"));
@@ -190,7 +190,7 @@ fn encode(file: impl Write + Seek, layers: &mut [RowLayer<'_>], space: ColorSpac
         let channels = names.map(|name| ChannelDescription::named(name, SampleType::F32));
         let [width, height] = size(layer);
         let mut header = Header::new(Text::from(layer.name), (width, height), channels.into_iter().collect());
-        if space != ColorSpace::Report {
+        if let Some(space) = space {
             let value = AttributeValue::Text(Text::from(space.name()));
             header.own_attributes.other.insert(Text::from(COLOR_ATTRIBUTE), value);
         }

@@ -221,9 +221,9 @@ impl Texture {
         assert_eq!(base.texels.len(), width as usize * height as usize, "texture {name}: texel count");
         let mut levels = match (cutoff, space) {
             (None, ColorSpace::Report) => chain(base, mean),
-            (None, ColorSpace::Linear) => chain(base, |four| linear_mean(four, [1; 4])),
+            (None, ColorSpace::Linear) => chain(base, linear_mean),
             (Some(_), ColorSpace::Report) => chain(base, mean_by_alpha),
-            (Some(_), ColorSpace::Linear) => chain(base, |four| linear_mean(four, weights(four))),
+            (Some(_), ColorSpace::Linear) => chain(base, linear_mean_by_alpha),
         };
         if let Some(cutoff) = cutoff {
             keep_coverages(&mut levels, cutoff);
@@ -349,22 +349,26 @@ fn mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
     [color(0), color(1), color(2), plain[3]]
 }
 
-/// The weights of [`mean_by_alpha`].
-fn weights(four: [[u8; 4]; 4]) -> [u32; 4] {
-    let alpha = four.map(|texel| u32::from(texel[3]));
-    if alpha == [0; 4] { [1; 4] } else { alpha }
+/// The mean of linear colours, in sRGB.
+fn linear_mean(four: [[u8; 4]; 4]) -> [u8; 4] {
+    let [.., alpha] = mean(four);
+    let color = |channel: usize| {
+        let sum: f32 = four.iter().map(|texel| DECODED[usize::from(texel[channel])]).sum();
+        color::code(0.25 * sum)
+    };
+    [color(0), color(1), color(2), alpha]
 }
 
-/// The mean of linear colours, each with its weight, in sRGB; and of alpha, without weights.
-fn linear_mean(four: [[u8; 4]; 4], weights: [u32; 4]) -> [u8; 4] {
+/// As [`mean_by_alpha`], of linear colours, in sRGB.
+fn linear_mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
     let [.., alpha] = mean(four);
-    let total: u32 = weights.iter().sum();
+    let weight: u32 = four.iter().map(|texel| u32::from(texel[3])).sum();
+    if weight == 0 {
+        return linear_mean(four);
+    }
     let color = |channel: usize| {
-        if four.iter().all(|texel| texel[channel] == four[0][channel]) {
-            return four[0][channel];
-        }
-        let weighted = four.iter().zip(weights).map(|(texel, weight)| DECODED[usize::from(texel[channel])] * weight as f32);
-        color::code(weighted.sum::<f32>() / total as f32)
+        let weighted = four.iter().map(|texel| DECODED[usize::from(texel[channel])] * f32::from(texel[3]));
+        color::code(weighted.sum::<f32>() / weight as f32)
     };
     [color(0), color(1), color(2), alpha]
 }
