@@ -215,7 +215,9 @@ fn note_of_space(test: &Side, reference: &Side, space: ColorSpace) -> Vec<String
     let unknown = sides.into_iter().filter(|side| side.space.is_none());
     let mut notes = Vec::new();
     if space == ColorSpace::Linear {
-        notes.push("compared as linear radiance; SSIM and FLIP of what is displayed without exposure or tone curve".to_owned());
+        notes.push(
+            "compared as linear radiance; SSIM and FLIP of what is displayed without exposure or tone curve".to_owned(),
+        );
         notes.extend(coded.map(|side| format!("{} holds display values: they were decoded from sRGB", side.name)));
         notes.extend(unknown.map(|side| {
             format!("{} does not say what its colours are: they were taken for linear radiance", side.name)

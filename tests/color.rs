@@ -80,7 +80,9 @@ fn a_linear_factor_looks_as_the_texel_that_encodes_it_and_light_is_linear() {
     let albedo = decode(128.0 / 255.0);
     patches(folder, albedo, 128);
     // Ambient light 0.3 and the sun 0.7: where it falls straight, an albedo shows as itself in both spaces.
-    for (color, value) in [(None, albedo), (Some(ColorSpace::Linear), albedo), (Some(ColorSpace::Report), 128.0 / 255.0)] {
+    for (color, value) in
+        [(None, albedo), (Some(ColorSpace::Linear), albedo), (Some(ColorSpace::Report), 128.0 / 255.0)]
+    {
         let (frame, codes) = render(folder, settings(color, Vec3::Z), Choice::CPU);
         for (seen, code) in middles(&frame).into_iter().zip(middles(&codes)) {
             assert!((seen - value).abs() < 2e-6 && code == 128.0, "{color:?}: {seen} and {code}, not {value} and 128");
@@ -162,7 +164,18 @@ fn exits_with(code: i32, folder: &Path, arguments: &[&str]) -> String {
 }
 
 const VIEW: [&str; 12] = [
-    "--size", "64x32", "--look-from", "0,0,6", "--fov", "12", "--effects", "none", "--raster", "cpu", "--backend", "cpu",
+    "--size",
+    "64x32",
+    "--look-from",
+    "0,0,6",
+    "--fov",
+    "12",
+    "--effects",
+    "none",
+    "--raster",
+    "cpu",
+    "--backend",
+    "cpu",
 ];
 
 /// Renders the squares with the sun straight on them.
@@ -221,7 +234,8 @@ fn compare_brings_both_sides_to_one_space_and_says_so() {
     };
     let rmse = |found: &Value| found["metrics"]["rmse"].as_f64().expect("a number");
     // Facing the sun, display values decode to the linear picture; a PNG has steps.
-    for (a, b, most) in [("report.exr", "linear.exr", 1e-6), ("linear.exr", "report.exr", 1e-6), ("linear.png", "linear.exr", 2e-3)]
+    for (a, b, most) in
+        [("report.exr", "linear.exr", 1e-6), ("linear.exr", "report.exr", 1e-6), ("linear.png", "linear.exr", 2e-3)]
     {
         let found = compare(a, b);
         assert!(found["color"] == "linear" && rmse(&found) < most, "{a} {b}: {found}");
@@ -232,7 +246,8 @@ fn compare_brings_both_sides_to_one_space_and_says_so() {
     let same = compare("report.exr", "linear.png");
     assert!(same["color"] == "report" && rmse(&same) < 3e-3, "both are display values: {same}");
     // Control: the values as stored are far apart.
-    let [a, b] = ["report.exr", "linear.exr"].map(|name| middles(&read_image(&folder.join(name)).expect("it").image)[0]);
+    let [a, b] =
+        ["report.exr", "linear.exr"].map(|name| middles(&read_image(&folder.join(name)).expect("it").image)[0]);
     assert!(a - b > 0.2, "{a} and {b}");
     // A file that does not say what it holds is taken for what the other side is.
     let unknown = read_image(&folder.join("linear.exr")).expect("a picture").image;
@@ -282,7 +297,8 @@ f 5 6 7 8\nf 2 1 4 3\nf 6 2 3 7\nf 1 5 8 4\nf 8 7 3 4\nf 1 2 6 5\n";
         let printed = exits_with(0, folder, &[&["render", "cube.obj"], &options[..], &engines].concat());
         assert!(printed.contains("refracted"), "rays pass the glass: {printed}");
         let image = read_image(&folder.join("cube.exr")).expect("a picture").image;
-        let worst = image.pixels.iter().flat_map(|pixel| &pixel[..3]).map(|value| (value - 1.0).abs()).fold(0.0, f32::max);
+        let worst =
+            image.pixels.iter().flat_map(|pixel| &pixel[..3]).map(|value| (value - 1.0).abs()).fold(0.0, f32::max);
         assert!(worst < 1e-4, "{color}: {worst}");
     }
 }

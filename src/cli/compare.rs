@@ -7,10 +7,10 @@ use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
 use curitiba::compare::{CompareError, Compared, Operand, Rendered, Side};
 use curitiba::environment::Environment;
+use curitiba::pipeline::color::{ColorSpace, Display, displayed, write_displayed};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::files::{self, check_outputs, record_files_read};
 use curitiba::pipeline::image::Image;
-use curitiba::pipeline::color::{ColorSpace, Display, displayed, write_displayed};
 use curitiba::pipeline::metrics::{
     Better, Comparison, EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, METRICS, Options, Verdict, ZTest, heat_map, strip,
 };
@@ -141,7 +141,8 @@ fn write_pictures(args: &CompareArgs, compared: &Compared) -> Result<Vec<PathBuf
     let mut files = Vec::new();
     let mut write = |path: &Option<PathBuf>, image: &dyn Fn() -> Image, display: Display| {
         let Some(path) = path else { return Ok(()) };
-        write_displayed(path, &image(), display).map_err(|error| Failure::Work(format!("{}: {error}", path.display())))?;
+        write_displayed(path, &image(), display)
+            .map_err(|error| Failure::Work(format!("{}: {error}", path.display())))?;
         files.push(path.clone());
         Ok::<(), Failure>(())
     };

@@ -1,8 +1,8 @@
 //! Reading pictures that were written, by this program or by another.
 
 use super::Image;
-use super::write::COLOR_ATTRIBUTE;
 use super::decode::{self, Fault};
+use super::write::COLOR_ATTRIBUTE;
 use crate::color::ColorSpace;
 use crate::files;
 use crate::guard;

@@ -194,9 +194,7 @@ fn encode(file: impl Write + Seek, layers: &mut [RowLayer<'_>], space: Option<Co
             let value = AttributeValue::Text(Text::from(space.name()));
             header.own_attributes.other.insert(Text::from(COLOR_ATTRIBUTE), value);
         }
-        header
-            .with_encoding(Compression::ZIP16, blocks, LineOrder::Unspecified)
-            .with_shared_attributes(shared.clone())
+        header.with_encoding(Compression::ZIP16, blocks, LineOrder::Unspecified).with_shared_attributes(shared.clone())
     };
     let headers = layers.iter().map(header).collect();
     // An error of the rows would lose its kind on the way through the encoder.

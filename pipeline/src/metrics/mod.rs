@@ -81,7 +81,13 @@ pub struct Options<'a> {
 
 impl Default for Options<'_> {
     fn default() -> Self {
-        Self { outlier_threshold: 2.5 / 255.0, mask: None, min_pixels: 1, pixels_per_degree: 67.0, display: Display::default() }
+        Self {
+            outlier_threshold: 2.5 / 255.0,
+            mask: None,
+            min_pixels: 1,
+            pixels_per_degree: 67.0,
+            display: Display::default(),
+        }
     }
 }
 

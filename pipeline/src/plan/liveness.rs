@@ -62,7 +62,8 @@ impl Plan {
                         scene_set: self.scene_set(&raster.scenes),
                         view: view(&self.project.cameras[camera.unwrap_or(raster.camera)], rect),
                         viewport: rect,
-                        clear_color: viewport.map_or(Vec4::W, |viewport| self.display.space.of_display(viewport.clear_color)),
+                        clear_color: viewport
+                            .map_or(Vec4::W, |viewport| self.display.space.of_display(viewport.clear_color)),
                         attachments: live,
                         host,
                         traced: if pass.target.is_some() { traced } else { Attachments::default() },
@@ -127,8 +128,9 @@ impl Plan {
         let viewport = self.viewport_of(&passes[index], camera);
         let beyond = match params.background {
             Background::Black => Vec3::ZERO,
-            Background::Viewport => viewport
-                .map_or(Vec3::ZERO, |viewport| self.display.space.of_display(viewport.clear_color).truncate()),
+            Background::Viewport => {
+                viewport.map_or(Vec3::ZERO, |viewport| self.display.space.of_display(viewport.clear_color).truncate())
+            }
         };
         let reads_triangle = self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
         let channels = inputs(ray, &params);

@@ -166,7 +166,9 @@ pub(super) fn set_formats(project: &mut Project, pipeline: usize, settings: &Set
 /// Widens channels that hold colours of linear light and are declared in bytes: steps of 1/255 are coarse near black, and nothing is
 /// above 1. Channels whose format the user names stay as they are. Returns what was widened.
 pub(super) fn widen_colors(project: &mut Project, pipeline: usize, settings: &Settings) -> Vec<String> {
-    let by_user = |name: &str| settings.set.iter().any(|set| parts(set).is_ok_and(|(key, what, _)| what == FORMAT && key == name));
+    let by_user = |name: &str| {
+        settings.set.iter().any(|set| parts(set).is_ok_and(|(key, what, _)| what == FORMAT && key == name))
+    };
     let mut widened = Vec::new();
     for (ChannelRef { target, channel }, name) in written_channels(project, pipeline) {
         let own = name.rsplit("::").next().unwrap_or(&name);

@@ -459,7 +459,10 @@ mod tests {
         let checker = Level { width: 2, height: 2, texels: vec![black, white, white, black] };
         let linear = Texture::build("checker".into(), checker.clone(), None, ColorSpace::Linear);
         let report = Texture::new("checker".into(), 2, 2, checker.texels);
-        assert_eq!((linear.levels[1].texels[0], report.levels[1].texels[0]), ([188, 188, 188, 255], [128, 128, 128, 255]));
+        assert_eq!(
+            (linear.levels[1].texels[0], report.levels[1].texels[0]),
+            ([188, 188, 188, 255], [128, 128, 128, 255])
+        );
         // The middle between four texels; bilinear weights are a quarter each.
         assert_eq!(linear.sample(Vec2::splat(0.5), 0.0).x, 0.5);
         assert!((linear.sample(Vec2::splat(0.5), 1.0).x - 0.5).abs() < 0.004, "188 is not quite a half");
