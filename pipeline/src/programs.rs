@@ -173,8 +173,8 @@ pub const PARAMS: &[ParamInfo] = &[
     },
     ParamInfo {
         name: "background",
-        about: "what rays show that leave the scene: black, or the viewport's clear colour",
-        valid: "black, viewport (thesis fidelity: black)",
+        about: "what rays show that leave the scene: black, or the clear colour of the G-buffer",
+        valid: "black, clear (thesis fidelity: black)",
     },
     ParamInfo {
         name: "shadow",
@@ -570,7 +570,7 @@ mod tests {
             ("sampler", "strata"),
             ("fresnel", "schlick"),
             ("glass", "auto"),
-            ("background", "viewport"),
+            ("background", "clear"),
             ("shadow", "straight"),
         ] {
             params.set(name, value).expect("valid");
@@ -585,7 +585,7 @@ mod tests {
             sampler: Sampler::Strata,
             fresnel: Fresnel::Schlick,
             glass: GlassRule::Auto,
-            background: Background::Viewport,
+            background: Background::Clear,
             shadow: GlassShadow::Straight,
         };
         assert_eq!(params, expected);

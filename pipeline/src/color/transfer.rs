@@ -24,10 +24,8 @@ pub fn encode(linear: f32) -> f32 {
 #[must_use]
 #[inline]
 pub fn code(linear: f32) -> u8 {
-    // Written so that NaN is below.
-    if !(linear > 0.0) {
-        return 0;
-    }
+    // Of NaN and 0 the maximum is 0.
+    let linear = linear.max(0.0);
     if linear >= 1.0 {
         return 255;
     }

@@ -3,7 +3,7 @@
 use super::parts::{Told, append};
 use super::{Observer, Progress, RenderError, Renderer, StepKind};
 use crate::backend::Rect;
-use crate::color::{Display, DisplayRows, write_displayed};
+use crate::color::{DisplayRows, write_displayed};
 use crate::image::{
     Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, write_exr_of, write_exr_rows_of, write_png_rows,
 };

@@ -28,8 +28,8 @@ pub enum Background {
     /// Nothing, as in the report.
     #[default]
     Black,
-    /// The clear colour of the viewport.
-    Viewport,
+    /// The clear colour of the render target that holds the G-buffer.
+    Clear,
 }
 
 /// What shadow rays find of light that falls through glass.
@@ -68,7 +68,7 @@ macro_rules! named {
 }
 
 named!(GlassRule, "pane" => Pane, "auto" => Auto);
-named!(Background, "black" => Black, "viewport" => Viewport);
+named!(Background, "black" => Black, "clear" => Clear);
 named!(GlassShadow, "report" => Report, "opaque" => Opaque, "straight" => Straight);
 
 /// How a surface of glass stands in the scene.
@@ -182,6 +182,6 @@ mod tests {
             assert_eq!((value.name(), GlassShadow::named(name)), (*name, Some(*value)));
         }
         assert_eq!((GlassRule::named("auto"), GlassRule::named("Auto")), (Some(GlassRule::Auto), None));
-        assert_eq!(Background::named("viewport"), Some(Background::Viewport));
+        assert_eq!(Background::named("clear"), Some(Background::Clear));
     }
 }

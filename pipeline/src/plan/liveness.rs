@@ -57,13 +57,11 @@ impl Plan {
             let work = match &pass.kind {
                 PassKind::Raster(raster) => {
                     self.explain_attachments(pass, live);
-                    let viewport = viewport.as_ref();
                     Work::Raster {
                         scene_set: self.scene_set(&raster.scenes),
                         view: view(&self.project.cameras[camera.unwrap_or(raster.camera)], rect),
                         viewport: rect,
-                        clear_color: viewport
-                            .map_or(Vec4::W, |viewport| self.display.space.of_display(viewport.clear_color)),
+                        clear_color: self.clear_color(pass, viewport.as_ref()),
                         attachments: live,
                         host,
                         traced: if pass.target.is_some() { traced } else { Attachments::default() },
@@ -125,12 +123,11 @@ impl Plan {
         let PassKind::Ray(ray) = &passes[index].kind else { unreachable!("the caller looked") };
         let size = self.target_size(passes[index].target);
         let rect = rectangle(self.viewport_of(&passes[index], camera), size);
-        let viewport = self.viewport_of(&passes[index], camera);
         let beyond = match params.background {
             Background::Black => Vec3::ZERO,
-            Background::Viewport => {
-                viewport.map_or(Vec3::ZERO, |viewport| self.display.space.of_display(viewport.clear_color).truncate())
-            }
+            Background::Clear => ray.position.map_or(Vec3::ZERO, |position| {
+                self.display.space.of_display(self.project.targets[position.target].clear_color).truncate()
+            }),
         };
         let reads_triangle = self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
         let channels = inputs(ray, &params);
@@ -206,15 +203,26 @@ impl Plan {
         })
     }
 
+    /// The viewport into which a pass draws. A pass that draws into a render target fills it, whatever viewport its camera has,
+    /// unless the pass has a viewport of its own: the rule of the engine whose files these are.
     pub(super) fn viewport_of(&self, pass: &Pass, camera: Option<usize>) -> Option<&Viewport> {
-        let own_camera = match &pass.kind {
-            PassKind::Raster(raster) => Some(camera.unwrap_or(raster.camera)),
-            PassKind::Ray(ray) => Some(camera.unwrap_or(ray.camera)),
-            PassKind::Effect(effect) => Some(camera.unwrap_or(effect.camera)),
-            PassKind::Quad(_) => None,
+        let camera = match (&pass.kind, pass.target) {
+            (_, Some(_)) | (PassKind::Quad(_), None) => None,
+            (PassKind::Raster(raster), None) => Some(camera.unwrap_or(raster.camera)),
+            (PassKind::Ray(ray), None) => Some(camera.unwrap_or(ray.camera)),
+            (PassKind::Effect(effect), None) => Some(camera.unwrap_or(effect.camera)),
         };
-        let from_camera = || own_camera.and_then(|camera| self.project.cameras[camera].viewport);
+        let from_camera = || camera.and_then(|camera| self.project.cameras[camera].viewport);
         pass.viewport.or_else(from_camera).map(|viewport| &self.project.viewports[viewport])
+    }
+
+    /// What clears the colour that a pass draws: the target's colour, or in the window the viewport's.
+    fn clear_color(&self, pass: &Pass, viewport: Option<&Viewport>) -> Vec4 {
+        let color = match pass.target {
+            Some(target) => self.project.targets[target].clear_color,
+            None => viewport.map_or(Vec4::W, |viewport| viewport.clear_color),
+        };
+        self.display.space.of_display(color)
     }
 }
 

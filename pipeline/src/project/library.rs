@@ -239,6 +239,10 @@ impl Loader {
                 None
             }
         };
+        let clear_color = match self.single(element, &["clear", "clear_values"]) {
+            Some(color) if ["r", "g", "b", "a"].iter().any(|part| color.attribute(part).is_some()) => self.color(color),
+            _ => Some(Vec4::W),
+        };
         let index = self.libraries.targets.len();
         let mut channels = Vec::new();
         let mut declared: Vec<&Value> = Vec::new();
@@ -261,11 +265,12 @@ impl Loader {
             whole = false;
         }
         let target_name = self.required(element, "name");
-        let target = match (size, target_name) {
-            (Some((width, height)), Some(name)) if whole => Some(RenderTarget {
+        let target = match (size, clear_color, target_name) {
+            (Some((width, height)), Some(clear_color), Some(name)) if whole => Some(RenderTarget {
                 library: library.name.clone(),
                 name: name.text.clone(),
                 size: [width, height],
+                clear_color,
                 channels,
             }),
             _ => None,

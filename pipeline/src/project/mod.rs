@@ -10,7 +10,8 @@
 //! |---|---|
 //! | window | 1024 x 1024 |
 //! | `color` | `report`: colours and textures are used as stored |
-//! | viewport rectangle, clear colour | the whole target, opaque black |
+//! | viewport rectangle, its clear colour | the whole window, opaque black |
+//! | clear colour of a render target | opaque black |
 //! | height of a viewport with a `ratio` | `ratio` times its width |
 //! | camera of a pass | the pipeline's `defaultCamera`; without one, an error |
 //! | projection | 60 degrees, near 1, far 10,000 |
@@ -247,6 +248,8 @@ pub struct RenderTarget {
     pub name: String,
     /// Declared size, pixels.
     pub size: [u32; 2],
+    /// What the colour is cleared to before a pass draws into it.
+    pub clear_color: Vec4,
     /// Colour channels, in order.
     pub channels: Vec<Channel>,
 }

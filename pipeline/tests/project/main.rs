@@ -8,3 +8,4 @@ mod real;
 mod robust;
 mod scenes;
 mod support;
+mod viewports;

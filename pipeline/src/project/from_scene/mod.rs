@@ -159,7 +159,8 @@ impl SceneProjects {
     }
 
     fn with(&self, steps: &[Step], glass: &[String], (occlusion, bodies): (bool, bool)) -> Project {
-        let common = Common { window: self.base.window, glass, radius: self.radius, occlusion, bodies };
+        let background = self.base.viewports[0].clear_color.truncate();
+        let common = Common { window: self.base.window, background, glass, radius: self.radius, occlusion, bodies };
         let (targets, pipeline) = common.pipeline(steps);
         Project { targets, pipelines: vec![pipeline], ..self.base.clone() }
     }

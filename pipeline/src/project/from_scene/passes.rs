@@ -9,7 +9,7 @@ use crate::project::{
     RasterPass, RayPass, RenderTarget,
 };
 use crate::raster_effects::{EffectParams, EffectProgram};
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 
 /// Name of the one material library.
 const LIBRARY: &str = "Targets";
@@ -62,6 +62,8 @@ pub(super) fn steps(effects: Effects) -> Vec<Step> {
 pub(super) struct Common<'a> {
     /// Size of the window and of the targets, pixels.
     pub window: [u32; 2],
+    /// What is seen where nothing is drawn.
+    pub background: Vec3,
     /// Names of the materials that are glass.
     pub glass: &'a [String],
     /// Longest distance to an occluder.
@@ -81,6 +83,7 @@ impl Common<'_> {
             library: LIBRARY.to_owned(),
             name: name.to_owned(),
             size: self.window,
+            clear_color: self.background.extend(1.0),
             channels,
         };
         let mut targets = vec![target("deferred", ["color", "pos", "norm"].map(channel).into())];
@@ -138,7 +141,7 @@ impl Common<'_> {
         }
         if self.bodies && !self.glass.is_empty() {
             params.glass = GlassRule::Auto;
-            params.background = Background::Viewport;
+            params.background = Background::Clear;
             params.shadow = GlassShadow::Straight;
         }
         let calls = |proc: &str| info.procs.iter().any(|known| known.proc == proc);

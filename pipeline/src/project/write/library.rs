@@ -73,6 +73,7 @@ impl Library {
             xml.begin("renderTarget", &[("name", &target.name)]);
             let [width, height] = target.size.map(|side| side.to_string());
             xml.empty("size", &[("width", &width), ("height", &height)]);
+            color(&mut xml, "CLEAR_VALUES", &target.clear_color.to_array());
             xml.begin("colors", &[]);
             for channel in &target.channels {
                 xml.empty("color", &[("name", &channel.name), ("internalFormat", channel.format.name())]);

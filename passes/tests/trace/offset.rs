@@ -1,11 +1,9 @@
 //! Secondary rays neither hit the surface they leave nor pass what is close to it.
 
-mod trace_scenes;
-
+use crate::trace_scenes::{Random, geometry, ray};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
-use trace_scenes::{Random, geometry, ray};
 
 const OPAQUE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted without asking");
 const PER_SCENE: usize = 100_000;

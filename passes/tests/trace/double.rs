@@ -1,12 +1,10 @@
 //! The tracer of reference pictures gives the answers of the one that tests every triangle, hit for hit.
 
-mod trace_scenes;
-
+use crate::trace_scenes::{Random, geometry, quads, soup, terrain};
 use curitiba_passes::trace::{BruteForce, Double, Hit, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use curitiba_pipeline::square;
 use glam::Vec3;
-use trace_scenes::{Random, geometry, quads, soup, terrain};
 
 const ALL: fn(&Hit) -> bool = |_| true;
 

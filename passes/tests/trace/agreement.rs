@@ -1,13 +1,11 @@
 //! The tree against brute force in `f64`, and against itself: instruction sets, bundles, ties, transparent materials.
 
-mod trace_scenes;
-
+use crate::trace_scenes::{Random, SETS, bounds, geometry, quads, ray, soup, terrain};
 use curitiba_passes::trace::{
     BruteForce, Bvh, Candidates, Directions, Fan, Hit, InstructionSet, Neighbourhood, Quality, Ray, Tracer,
 };
 use curitiba_pipeline::scene::{Batch, Geometry};
 use glam::{DVec3, Vec3};
-use trace_scenes::{Random, SETS, bounds, geometry, quads, ray, soup, terrain};
 
 const NONE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted without asking");
 

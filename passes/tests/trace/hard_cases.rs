@@ -1,11 +1,9 @@
 //! Cracks, and input that trees and clusterings choke on.
 
-mod trace_scenes;
-
+use crate::trace_scenes::{Random, geometry, icosphere, ray, soup};
 use curitiba_passes::trace::{Bvh, Fan, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
-use trace_scenes::{Random, geometry, icosphere, ray, soup};
 
 const OPAQUE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted without asking");
 

@@ -1,12 +1,10 @@
 //! Packets of rays against the same rays one by one: every bit of every answer.
 
-mod trace_scenes;
-
+use crate::trace_scenes::{Random, SETS, accepts, bits, bounds, geometry, quads, soup, terrain};
 use curitiba_passes::trace::{Bvh, PACKET, Packet, PacketHits, Quality, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use std::collections::BTreeSet;
-use trace_scenes::{Random, SETS, accepts, bits, bounds, geometry, quads, soup, terrain};
 
 fn scenes() -> Vec<(&'static str, Geometry)> {
     let mut random = Random::new(31);

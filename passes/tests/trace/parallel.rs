@@ -1,13 +1,11 @@
 //! Rays of one direction, tile by tile, against the same rays one by one: where lists of triangles are shared, too long to be
 //! shared, or of no use.
 
-mod trace_scenes;
-
+use crate::trace_scenes::{Random, SETS, accepts, bits, bounds, geometry, quads, soup, terrain};
 use curitiba_passes::trace::{Bvh, PACKET, Packet, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use std::collections::BTreeSet;
-use trace_scenes::{Random, SETS, accepts, bits, bounds, geometry, quads, soup, terrain};
 
 /// Packets of a tile.
 const TILE: usize = 16;

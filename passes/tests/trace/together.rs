@@ -1,12 +1,10 @@
 //! Fans traced together against their rays one by one: every count, and every candidate shown.
 
-mod trace_scenes;
-
+use crate::trace_scenes::{Random, SETS, bits, bounds, geometry, quads, soup, terrain};
 use curitiba_passes::trace::{BruteForce, Bvh, Candidates, Fan, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 use std::collections::BTreeSet;
-use trace_scenes::{Random, SETS, bits, bounds, geometry, quads, soup, terrain};
 
 fn scenes() -> Vec<(&'static str, Geometry)> {
     let mut random = Random::new(17);
