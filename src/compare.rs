@@ -1,6 +1,7 @@
 //! Comparing two pictures, or two ways to render a project.
 
 use crate::OpenError;
+use crate::pipeline::color::{ColorSpace, Display, decode};
 use crate::pipeline::diagnostic::{Problems, WarningGroup};
 use crate::pipeline::executor::{Observer, Renderer, median};
 use crate::pipeline::image::{Image, ReadImageError, Variance, read_image};
@@ -74,6 +75,8 @@ pub struct Side {
     pub channels: [String; 4],
     /// Steps that a PNG was rounded to.
     pub steps: Option<u32>,
+    /// What its colours are, before they are made the other side's; `None` for an EXR file that does not say.
+    pub space: Option<ColorSpace>,
     /// Variance of the mean.
     pub variance: Option<Variance>,
     /// How it was rendered; `None` for a picture of a file.
@@ -117,6 +120,8 @@ pub struct Compared {
     pub z_test: Option<ZTest>,
     /// FLIP of every pixel.
     pub flip: ErrorMap,
+    /// What both pictures were compared as: linear radiance if one of them is that. The colours of the sides are made so.
+    pub space: ColorSpace,
     /// What a reader should know about these two.
     pub notes: Vec<String>,
 }
@@ -152,6 +157,11 @@ pub fn compare(
             reference.channels.join(" ")
         )));
     }
+    let space = common_space(&test, &reference);
+    let mut notes = notes(&test, &reference, seeds);
+    notes.extend(note_of_space(&test, &reference, space));
+    let (test, reference) = (in_space(test, space), in_space(reference, space));
+    let options = &Options { display: Display::of(space), ..*options };
     let explain = |error| match error {
         MetricError::Option { .. } => CompareError::Usage(error.to_string()),
         error => CompareError::Mismatch(explain(&error, &test.name, &reference.name)),
@@ -161,8 +171,59 @@ pub fn compare(
         (Some(a), Some(b)) => Some(metrics::z_test(estimate(&test, a), estimate(&reference, b)).map_err(explain)?),
         _ => None,
     };
-    let notes = notes(&test, &reference, seeds);
-    Ok(Compared { test, reference, comparison, z_test, flip, notes })
+    Ok(Compared { test, reference, comparison, z_test, flip, space, notes })
+}
+
+/// Linear radiance where one of the two says that it is that, else display values.
+fn common_space(test: &Side, reference: &Side) -> ColorSpace {
+    let linear = |side: &Side| side.space == Some(ColorSpace::Linear);
+    let colors = test.channels[0] == "R" || test.channels[0] == "Y";
+    if colors && (linear(test) || linear(reference)) { ColorSpace::Linear } else { ColorSpace::Report }
+}
+
+/// A side whose colours are display values, in linear radiance if that is compared: what a screen makes of them. Its variance
+/// is multiplied by the square of the slope of the transfer.
+fn in_space(mut side: Side, space: ColorSpace) -> Side {
+    if space == ColorSpace::Report || side.space != Some(ColorSpace::Report) {
+        return side;
+    }
+    if let Some(variance) = &mut side.variance {
+        for (variance, pixel) in variance.of_mean.pixels.iter_mut().zip(&side.image.pixels) {
+            for channel in 0..3 {
+                let slope = decode_slope(pixel[channel]);
+                variance[channel] *= slope * slope;
+            }
+        }
+    }
+    for pixel in &mut side.image.pixels {
+        let [r, g, b, alpha] = *pixel;
+        let [r, g, b] = [r, g, b].map(decode);
+        *pixel = [r, g, b, alpha];
+    }
+    side
+}
+
+/// The derivative of [`decode`].
+fn decode_slope(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { 1.0 / 12.92 } else { 2.4 / 1.055 * ((encoded + 0.055) / 1.055).powf(1.4) }
+}
+
+/// What was done to make the colours of both the same, if that is anything.
+fn note_of_space(test: &Side, reference: &Side, space: ColorSpace) -> Vec<String> {
+    let sides = [test, reference];
+    let coded = sides.into_iter().filter(|side| side.space == Some(ColorSpace::Report));
+    let unknown = sides.into_iter().filter(|side| side.space.is_none());
+    let mut notes = Vec::new();
+    if space == ColorSpace::Linear {
+        notes.push(
+            "compared as linear radiance; SSIM and FLIP of what is displayed without exposure or tone curve".to_owned(),
+        );
+        notes.extend(coded.map(|side| format!("{} holds display values: they were decoded from sRGB", side.name)));
+        notes.extend(unknown.map(|side| {
+            format!("{} does not say what its colours are: they were taken for linear radiance", side.name)
+        }));
+    }
+    notes
 }
 
 fn estimate<'a>(side: &'a Side, variance: &'a Variance) -> Estimate<'a> {
@@ -197,6 +258,7 @@ fn obtain(
                 image: picture.image,
                 channels: picture.channels,
                 steps: picture.steps,
+                space: picture.space,
                 variance: picture.variance,
                 rendered: None,
             })
@@ -227,6 +289,7 @@ fn render(
         image: moments.mean(),
         channels: ["R", "G", "B", "A"].map(str::to_owned),
         steps: None,
+        space: Some(renderer.plan().display.space),
         variance: (seeds > 1).then(|| Variance { of_mean: moments.variance_of_mean(), samples: Some(seeds) }),
         rendered: Some(rendered(&renderer, first_seed, seeds)),
     })

@@ -1,5 +1,6 @@
 //! `project.xml@setting,setting`: a project and what is asked of it, as one word of a command line.
 
+use crate::pipeline::color::ColorSpace;
 use crate::pipeline::diagnostic::valid_names;
 use crate::pipeline::plan::Settings;
 use crate::pipeline::programs::Fidelity;
@@ -14,6 +15,7 @@ pub const SETTINGS: &[(&str, &str)] = &[
     ("backend", "auto, cpu, wgpu, cuda or optix: what traces rays"),
     ("gpus", "N or all: the GPUs of cuda and optix"),
     ("fidelity", "corrected or thesis: the report's programs mended, or as written"),
+    ("color", "report or linear: colours as stored, or decoded from sRGB and shaded in linear light"),
     ("camera", "NAME of a camera of the project"),
     ("size", "WIDTHxHEIGHT of the window"),
     ("seed", "N, of the random numbers"),
@@ -126,6 +128,7 @@ impl Spec {
                     value.parse().map_err(|_| (true, format!("`{value}` is no number of GPUs"), help))?;
             }
             "fidelity" => self.settings.fidelity = named(key, value, &FIDELITIES)?,
+            "color" => self.settings.color = Some(named(key, value, &ColorSpace::NAMES)?),
             "camera" => self.settings.camera = Some(value.to_owned()),
             "pipeline" => self.settings.pipeline = Some(value.to_owned()),
             "seed" => {
@@ -201,12 +204,13 @@ mod tests {
 
     #[test]
     fn every_setting_is_read() {
-        let text = "a@b/p.xml@raster=wgpu,backend=cpu,gpus=2,fidelity=thesis,camera=Vidro é,size=64x32,seed=7,pipeline=x,pass2.samples=4,pass2.sampler=strata";
+        let text = "a@b/p.xml@raster=wgpu,backend=cpu,gpus=2,fidelity=thesis,color=linear,camera=Vidro é,size=64x32,seed=7,pipeline=x,pass2.samples=4,pass2.sampler=strata";
         let spec = Spec::parse(text).expect("valid");
         assert_eq!(spec.project, Path::new("a@b/p.xml"));
         assert_eq!(spec.choice, Choice { raster: RasterChoice::Wgpu, gpus: Gpus::Count(2), ..Choice::CPU });
         let settings = spec.settings;
         assert_eq!((settings.fidelity, settings.seed, settings.size), (Fidelity::Thesis, 7, Some([64, 32])));
+        assert_eq!(settings.color, Some(ColorSpace::Linear));
         assert_eq!((settings.camera.as_deref(), settings.pipeline.as_deref()), (Some("Vidro é"), Some("x")));
         assert_eq!(settings.set, ["pass2.samples=4", "pass2.sampler=strata"]);
     }
@@ -229,6 +233,7 @@ mod tests {
         for (text, position, words) in [
             ("é.xml@bakend=cpu", 7, &["no setting `bakend`", "did you mean `backend`?"][..]),
             ("p.xml@seed=1,raster=gpu", 21, &["no value of `raster`", "auto, cpu, wgpu"]),
+            ("p.xml@color=lineal", 13, &["did you mean `linear`?"]),
             ("p.xml@fidelity=thesys", 16, &["did you mean `thesis`?"]),
             ("p.xml@size=64", 12, &["WIDTHxHEIGHT"]),
             ("p.xml@size=64x-1", 12, &["WIDTHxHEIGHT"]),

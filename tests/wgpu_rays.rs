@@ -6,6 +6,7 @@ use curitiba::conformance::{Beside, Found, Record};
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::{AdapterKind, adapters};
+use curitiba::pipeline::color::ColorSpace;
 use curitiba::pipeline::executor::{Engines, Renderer, Silent, StepKind};
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::Fidelity;
@@ -29,14 +30,27 @@ fn is_there() -> bool {
     }
 }
 
-/// Runs a project's ray pass on the processor and on `wgpu`.
+/// Runs a project's ray pass on the processor and on `wgpu`, in the project's colours.
 fn record(name: &str, camera: &str, fidelity: Fidelity, set: &[&str], found: &Arc<Mutex<Found>>) {
+    record_in(None, name, camera, fidelity, set, found);
+}
+
+/// [`record`] in another space of colours.
+fn record_in(
+    color: Option<ColorSpace>,
+    name: &str,
+    camera: &str,
+    fidelity: Fidelity,
+    set: &[&str],
+    found: &Arc<Mutex<Found>>,
+) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("xml_projects/{name}.xml"));
     let project = project::load(&path).expect("the project loads");
     let settings = Settings {
         camera: Some(camera.to_owned()),
         size: Some([SIDE, SIDE]),
         fidelity,
+        color,
         set: set.iter().map(|one| format!("pass2.{one}")).collect(),
         ..Settings::default()
     };
@@ -91,9 +105,13 @@ fn every_program_computes_what_the_processor_does() {
         }
         record("SceneRefract", camera, Fidelity::Corrected, &["fresnel=schlick"], &found);
         record("SceneSSAO", camera, Fidelity::Corrected, &["sampler=strata", "samples=4"], &found);
+        // What is seen in panes is textured: texels are decoded.
+        let linear = Some(ColorSpace::Linear);
+        record_in(linear, "SceneReflect", camera, Fidelity::Corrected, &[], &found);
+        record_in(linear, "SceneFinal", camera, Fidelity::Corrected, occlusion, &found);
     }
     let found = found.lock().expect("no panic while it was held");
-    assert_eq!(found.records.len(), 2 * (6 * 2 + 2), "a pass of the matrix did not run");
+    assert_eq!(found.records.len(), 2 * (6 * 2 + 2 + 2), "a pass of the matrix did not run");
     // Software drivers fuse nothing, as far as is known of the one that there is.
     let nothing_fuses = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
     found.records.iter().for_each(|record| check(record, nothing_fuses));

@@ -63,6 +63,10 @@ DEVICE float4 texel(const Params &params, const TextureInfo &info, int x, int y)
     x = beyond(x, width, info.wrap_u);
     y = beyond(y, height, info.wrap_v);
     uchar4 t = params.texels[info.first + (unsigned long long)y * info.width + x];
+    if (params.decoded) {
+        const float *d = params.decoded;
+        return make_float4(__ldg(d + t.x), __ldg(d + t.y), __ldg(d + t.z), (float)t.w / 255.0f);
+    }
     return make_float4((float)t.x / 255.0f, (float)t.y / 255.0f, (float)t.z / 255.0f, (float)t.w / 255.0f);
 }
 // Bilinear filtering of level 0; `v = 0` is the bottom row.

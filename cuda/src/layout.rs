@@ -106,6 +106,8 @@ shared_structs! {
         textures: Address = "const TextureInfo *",
         /// Texels of all textures.
         texels: Address = "const uchar4 *",
+        /// The linear values of the 256 codes of sRGB; 0 where texels are read as stored.
+        decoded: Address = "const float *",
         /// Occlusion points: both dimensions of the Sobol sequence, bits reversed; then their numbers (`sobol_table.rs`).
         sobol: Address = "const uint2 *",
         /// By the number of open rays: their share to the power of the intensity.

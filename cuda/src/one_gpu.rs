@@ -356,6 +356,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             shades: images.shades.address(device),
             textures: 0,
             texels: 0,
+            decoded: 0,
             sobol: images.sobol.address(device),
             open_share: images.open_share.address(device),
             through_glass: images.through_glass.address(device),

@@ -6,6 +6,7 @@ use crate::layout::{
     WRAP_MIRROR, WRAP_REPEAT,
 };
 use curitiba_pipeline::backend::{BackendError, RayJob};
+use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Wrap;
@@ -20,6 +21,8 @@ pub struct SceneBuffers {
     materials: Buffer<u32>,
     textures: Buffer<TextureInfo>,
     texels: Buffer<u8>,
+    /// Empty where texels are read as stored.
+    decoded: Buffer<f32>,
 }
 
 impl SceneBuffers {
@@ -35,6 +38,7 @@ impl SceneBuffers {
             materials: device.upload("the materials of triangles", &geometry.materials().collect::<Vec<_>>())?,
             textures: device.upload("texture sizes", &textures)?,
             texels: device.upload("textures", &texels)?,
+            decoded: device.upload("the codes of sRGB", if decodes(scene) { &DECODED[..] } else { &[] })?,
         })
     }
 
@@ -47,6 +51,7 @@ impl SceneBuffers {
         params.materials = self.materials.address(device);
         params.textures = self.textures.address(device);
         params.texels = self.texels.address(device);
+        params.decoded = self.decoded.address(device);
     }
 
     /// Vertex positions, triangles and their materials, for a structure that is built on the device.
@@ -63,7 +68,13 @@ impl SceneBuffers {
             + self.materials.bytes()
             + self.textures.bytes()
             + self.texels.bytes()
+            + self.decoded.bytes()
     }
+}
+
+/// Whether the colours of texels are decoded from sRGB: those of all textures of a scene, or of none.
+fn decodes(scene: &RenderScene) -> bool {
+    scene.textures.iter().any(|texture| texture.space == ColorSpace::Linear)
 }
 
 /// Level 0 of every texture: the only one that rays read.

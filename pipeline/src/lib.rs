@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod backend;
+pub mod color;
 pub mod diagnostic;
 pub mod executor;
 pub mod files;

@@ -137,7 +137,8 @@ fn pictures_that_break_a_promise_are_found_out() {
     let pixels = vec![[0.0, 1.0, 102.0 / 255.0, 1.0]; 6];
     let image = Image { width: 3, height: 2, pixels };
     let variance = Some(Variance { of_mean: image.clone(), samples: Some(2) });
-    let whole = Picture { image, channels: ["R", "G", "B", "A"].map(str::to_owned), steps: Some(255), variance };
+    let whole =
+        Picture { image, channels: ["R", "G", "B", "A"].map(str::to_owned), steps: Some(255), space: None, variance };
     picture::check(&whole);
     let broken: [Change<Picture>; 7] = [
         ("a pixel too few", |picture| picture.image.pixels.truncate(5)),

@@ -1,6 +1,7 @@
 //! What one row of a benchmark measures.
 
 use super::model::Technique;
+use crate::pipeline::color::Display;
 use crate::pipeline::plan::{Plan, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, RayProgram, Traces};
 use crate::pipeline::project::PassKind;
@@ -26,6 +27,8 @@ pub struct Case {
     pub settings: Settings,
     /// Which engines.
     pub choice: Choice,
+    /// What its pictures' pixels are, and how they are displayed.
+    pub display: Display,
 }
 
 /// The report names the camera of its first view `MainCamera`, and the view `Fonte`.
@@ -51,7 +54,8 @@ impl Case {
         let label = label(&effect, samples, &plan);
         let settings = plan.settings.clone();
         let key = key(path, &plan, &view, choice);
-        Ok(Self { key, label, effect, technique, view, project: path.to_owned(), settings, choice })
+        let display = plan.display;
+        Ok(Self { key, label, effect, technique, view, project: path.to_owned(), settings, choice, display })
     }
 }
 
@@ -127,6 +131,7 @@ fn key(path: &Path, plan: &Plan, view: &str, choice: Choice) -> String {
         format!("raster {}", choice.raster.name()),
         format!("rays {}", choice.rays_in_words()),
     ];
+    parts.extend(settings.color.map(|color| format!("color {color}")));
     parts.extend(settings.set.iter().cloned());
     parts.extend(settings.scene.words());
     parts.join(" | ")

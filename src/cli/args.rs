@@ -5,6 +5,7 @@ use super::scene_args::SceneFlags;
 use super::visibility_args::VisibilityArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use curitiba::pipeline::backend::Rect;
+use curitiba::pipeline::color::{ColorSpace, Display, Tone};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
 use curitiba::{BackendChoice, Choice, Gpus, RasterChoice};
@@ -207,6 +208,16 @@ pub struct ProjectArgs {
     /// The report's programs with their defects mended, or as they were written
     #[arg(long, value_enum, default_value_t = FidelityArg::Corrected)]
     pub fidelity: FidelityArg,
+    /// What colours are: used as stored (report), or decoded from sRGB and shaded as linear radiance (linear)
+    /// [default: the project's; linear where scene files are named]
+    #[arg(long, value_name = "report|linear")]
+    pub color: Option<ColorSpace>,
+    /// With linear colours: stops that .png pictures are exposed by; 1 makes them twice as bright
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true, value_parser = Display::parse_exposure)]
+    pub exposure: f32,
+    /// With linear colours: the tone curve of .png pictures, none or reinhard
+    #[arg(long, value_name = "NAME", default_value = Tone::None.name())]
+    pub tone: Tone,
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
@@ -469,6 +480,9 @@ impl ProjectArgs {
                 FidelityArg::Corrected => Fidelity::Corrected,
                 FidelityArg::Thesis => Fidelity::Thesis,
             },
+            color: self.color,
+            exposure: self.exposure,
+            tone: self.tone,
             seed: self.seed,
             show: self.show.clone(),
             set: self.set.clone(),

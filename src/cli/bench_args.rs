@@ -4,6 +4,7 @@ use super::args::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_
 use super::scene_args::SceneFlags;
 use clap::{Args, ValueEnum, ValueHint};
 use curitiba::Gpus;
+use curitiba::pipeline::color::{ColorSpace, Tone};
 use std::path::PathBuf;
 
 /// Arguments of `bench`.
@@ -64,6 +65,9 @@ pub struct BenchArgs {
     /// The report's programs with their defects mended, or as they were written; errors are against the mended ones
     #[arg(long, value_enum, default_value_t = FidelityArg::Corrected)]
     pub fidelity: FidelityArg,
+    /// What colours are: used as stored (report), or decoded from sRGB and shaded as linear radiance (linear) [default: the project's]
+    #[arg(long, value_name = "report|linear")]
+    pub color: Option<ColorSpace>,
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
@@ -144,6 +148,9 @@ impl BenchArgs {
             gpus: self.gpus,
             adapter: None,
             fidelity: self.fidelity,
+            color: self.color,
+            exposure: 0.0,
+            tone: Tone::None,
             seed: self.seed,
             show: Vec::new(),
             set: self.set.clone(),
@@ -189,6 +196,7 @@ impl BenchArgs {
         }
         words.extend(self.sweep.iter().flat_map(|sweep| named("sweep", sweep.clone())));
         words.extend(named("fidelity", value(name_of(self.fidelity))));
+        words.extend(self.color.into_iter().flat_map(|color| named("color", color.to_string())));
         words.extend(named("seed", self.seed.to_string()));
         words.extend(self.set.iter().flat_map(|set| named("set", set.clone())));
         words.extend(self.scene.options(&[]).words().into_iter().map(|word| format!("--{}", word.replace('=', " "))));

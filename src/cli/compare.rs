@@ -7,9 +7,10 @@ use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
 use curitiba::compare::{CompareError, Compared, Operand, Rendered, Side};
 use curitiba::environment::Environment;
+use curitiba::pipeline::color::{ColorSpace, Display, displayed, write_displayed};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::files::{self, check_outputs, record_files_read};
-use curitiba::pipeline::image::{Image, write_png};
+use curitiba::pipeline::image::Image;
 use curitiba::pipeline::metrics::{
     Better, Comparison, EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, METRICS, Options, Verdict, ZTest, heat_map, strip,
 };
@@ -138,14 +139,18 @@ fn check(args: &CompareArgs, compared: &Compared) -> Result<Vec<Limit>, Failure>
 fn write_pictures(args: &CompareArgs, compared: &Compared) -> Result<Vec<PathBuf>, Failure> {
     let heat = heat_map(&compared.flip);
     let mut files = Vec::new();
-    let mut write = |path: &Option<PathBuf>, image: &dyn Fn() -> Image| {
+    let mut write = |path: &Option<PathBuf>, image: &dyn Fn() -> Image, display: Display| {
         let Some(path) = path else { return Ok(()) };
-        write_png(path, &image()).map_err(|error| Failure::Work(format!("{}: {error}", path.display())))?;
+        write_displayed(path, &image(), display)
+            .map_err(|error| Failure::Work(format!("{}: {error}", path.display())))?;
         files.push(path.clone());
         Ok::<(), Failure>(())
     };
-    write(&args.heat, &|| heat.clone())?;
-    write(&args.strip, &|| strip(&[&compared.test.image, &compared.reference.image, &heat]))?;
+    write(&args.heat, &|| heat.clone(), Display::default())?;
+    // The heat map holds display values whatever the pictures do.
+    let shown = |side: &Side| displayed(&side.image, Display::of(compared.space));
+    let sides = || strip(&[&shown(&compared.test), &shown(&compared.reference), &heat]);
+    write(&args.strip, &sides, Display::default())?;
     Ok(files)
 }
 
@@ -171,7 +176,7 @@ fn print(args: &CompareArgs, compared: &Compared, checked: &[Limit], files: &[Pa
         print_line("z-test, sigma", &number(found.sigma), limit);
         crate::say!("  {}", in_words(found));
     }
-    crate::say!("{} pixels compared", compared.comparison.pixels);
+    crate::say!("{} pixels compared, {}", compared.comparison.pixels, in_words_of(compared.space));
     for note in &compared.notes {
         crate::say!("note: {note}");
     }
@@ -180,6 +185,13 @@ fn print(args: &CompareArgs, compared: &Compared, checked: &[Limit], files: &[Pa
     }
     if !checked.is_empty() && checked.iter().all(|limit| limit.within) {
         crate::say!("{WITHIN}within{WITHIN:#} all limits");
+    }
+}
+
+fn in_words_of(space: ColorSpace) -> &'static str {
+    match space {
+        ColorSpace::Report => "values as stored",
+        ColorSpace::Linear => "linear radiance",
     }
 }
 
@@ -249,6 +261,8 @@ struct Report<'a> {
     test: ReportedSide<'a>,
     reference: ReportedSide<'a>,
     pixels: u64,
+    /// `report` (values as stored) or `linear` (radiance).
+    color: &'static str,
     metrics: &'a Comparison,
     z_test: &'a Option<ZTest>,
     outlier_threshold: f64,
@@ -283,6 +297,7 @@ fn print_json(compared: &Compared, checked: &[Limit], files: &[PathBuf], options
         test: side(&compared.test),
         reference: side(&compared.reference),
         pixels: compared.comparison.pixels,
+        color: compared.space.name(),
         metrics: &compared.comparison,
         z_test: &compared.z_test,
         outlier_threshold: options.outlier_threshold,
@@ -321,7 +336,10 @@ Metrics, of A (t) against B (r), over the colours of all pixels; alpha is not co
 {formulas}  {Z_TEST:10} (c - 1) sqrt(n / 2), c = mean over n tiles of 8 x 8 pixels of z^2, z = sum(t - r) / sqrt(sum(vt + vr)), vt \
 and vr the variances of the means; z of estimated variances is mapped from Student's t (Welch) to the normal value \
 of the same probability. Above 4 the difference is more than noise.
-  Displayed values are linear values cut to 0 to 1, taken as encoded in sRGB, as the .png of `render` holds them.
+  Values are compared as stored where no side is linear radiance (a project or scene with color=linear, and its .exr). Where one is, the
+  other's are decoded from sRGB if they are display values (.png; color=report), and the result says so.
+  SSIM and FLIP are of displayed values: values cut to 0 to 1, and of linear radiance encoded in sRGB, as the .png of `render` holds
+  them without exposure or tone curve.
   Positions and normals (.exr of --show) are compared as if they were colours.
 
 Examples:

@@ -156,7 +156,8 @@ impl References {
         let base = self.first(&request, observer)?;
         let (comparison, short) = loop {
             let reference = &self.held[&base].reference;
-            let comparison = metrics::compare(picture, &reference.picture, &metrics::Options::default())?;
+            let options = metrics::Options { display: request.plan.display, ..metrics::Options::default() };
+            let comparison = metrics::compare(picture, &reference.picture, &options)?;
             let wanted = comparison.rmse / MARGIN;
             if reference.own_error <= wanted {
                 break (comparison, None);

@@ -3,6 +3,7 @@
 use super::FORMAT;
 use crate::OpenError;
 use crate::bench::Case;
+use crate::pipeline::color::ColorSpace;
 use crate::pipeline::image::PixelFormat;
 use crate::pipeline::plan::{Plan, PlanError, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, Sampler};
@@ -69,6 +70,10 @@ impl Request {
             format!("curitiba {}, format {FORMAT}, {:?}", env!("CARGO_PKG_VERSION"), self.kind),
             format!("window {:?}", plan.window),
         ];
+        // What the passes of a project of display values always were.
+        if plan.display.space != ColorSpace::Report {
+            lines.push(format!("color {}", plan.display.space));
+        }
         lines.extend(scenes.iter().map(|hash| format!("scene {hash}")));
         lines.extend(plan.project.lights.iter().map(|light| format!("{:?} {:?}", light.direction, light.color)));
         for (target, planned) in plan.project.targets.iter().zip(&plan.targets) {

@@ -11,8 +11,9 @@ use crate::engines::{ray_backend, why_not_wgpu};
 use crate::environment::Environment;
 use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
 use crate::pipeline::backend::BackendError;
+use crate::pipeline::color::{Display, write_displayed};
 use crate::pipeline::executor::Observer;
-use crate::pipeline::image::{Image, write_png};
+use crate::pipeline::image::Image;
 use crate::pipeline::metrics::{self, flip_map, heat_map};
 use crate::pipeline::plan::Settings;
 use crate::pipeline::project;
@@ -349,7 +350,7 @@ impl<'a> Collector<'a> {
         if entry.in_table {
             self.table.push(row.key.clone());
         }
-        self.show(entry, &row, &picture, folder, observer)?;
+        self.show(entry, &row, (&picture, case.display), folder, observer)?;
         if entry.effect == "none" {
             self.plain.insert(row.view.clone(), (row.key.clone(), picture));
         }
@@ -437,7 +438,7 @@ impl<'a> Collector<'a> {
         &mut self,
         entry: &Entry,
         row: &BenchRow,
-        picture: &Image,
+        (picture, display): (&Image, Display),
         folder: &Folder,
         observer: &mut dyn Observer,
     ) -> Result<(), FolderError> {
@@ -452,16 +453,16 @@ impl<'a> Collector<'a> {
         let Some(section) = self.sections.get_mut(&effect) else { return Ok(()) };
         section.settings.push(Setting { row: row.key.clone(), series, value });
         let Some((role, label)) = &entry.picture else { return Ok(()) };
-        let save = |name: &str, image: &Image| -> Result<String, FolderError> {
+        let save = |name: &str, image: &Image, display: Display| -> Result<String, FolderError> {
             let file = format!("pictures/{}-{name}.png", effect.id());
             let path = folder.path().join(&file);
-            write_png(&path, image).map_err(|error| FolderError::Io { path, error })?;
+            write_displayed(&path, image, display).map_err(|error| FolderError::Io { path, error })?;
             Ok(file)
         };
         let shown = Picture {
             role: (*role).to_owned(),
             label: label.clone(),
-            file: save(role, picture)?,
+            file: save(role, picture, display)?,
             size: row.size,
             row: Some(row.key.clone()),
         };
@@ -475,13 +476,14 @@ impl<'a> Collector<'a> {
         section.pictures.push(Picture {
             role: "reference".to_owned(),
             label: "Reference".to_owned(),
-            file: save("reference", &reference.picture)?,
+            file: save("reference", &reference.picture, display)?,
             size: row.size,
             row: None,
         });
-        if let Ok(map) = flip_map(picture, &reference.picture, &metrics::Options::default()) {
+        let options = metrics::Options { display, ..metrics::Options::default() };
+        if let Ok(map) = flip_map(picture, &reference.picture, &options) {
             let mean = map.values.iter().sum::<f64>() / (map.values.len().max(1) as f64);
-            let file = save(&format!("{role}-flip"), &heat_map(&map))?;
+            let file = save(&format!("{role}-flip"), &heat_map(&map), Display::default())?;
             section.flip_maps.push(FlipMap { label: label.clone(), file, size: row.size, mean });
             section.flip_maps.sort_by_key(|map| map.file.contains("-rays-"));
         }

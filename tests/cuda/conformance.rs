@@ -5,6 +5,7 @@ use curitiba::compare::{Operand, compare};
 use curitiba::conformance::{Beside, Found};
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
+use curitiba::pipeline::color::ColorSpace;
 use curitiba::pipeline::executor::{Engines, Renderer, Silent};
 use curitiba::pipeline::metrics::Options;
 use curitiba::pipeline::plan::{Plan, Settings};
@@ -23,11 +24,12 @@ fn record(
     name: &str,
     camera: &str,
     (fidelity, set): (Fidelity, Vec<String>),
+    color: Option<ColorSpace>,
     found: &Arc<Mutex<Found>>,
 ) {
     let project = project::load(&project(name)).expect("the project loads");
-    let settings =
-        Settings { camera: Some(camera.to_owned()), size: Some([256, 256]), fidelity, set, ..Settings::default() };
+    let (camera_name, size) = (Some(camera.to_owned()), Some([256, 256]));
+    let settings = Settings { camera: camera_name, size, fidelity, color, set, ..Settings::default() };
     let beside = Beside {
         cpu: ray_backend(Choice::CPU).expect("always there"),
         others: vec![ray_backend(Choice::CPU.traced_by(backend)).expect("it was there before")],
@@ -57,13 +59,19 @@ fn matrix(backend: BackendChoice) {
                 }
                 let occlusion = matches!(name, "SceneSSAO" | "SceneFinal");
                 let set = weights.into_iter().chain(occlusion.then_some("pass2.samples=25"));
-                record(backend, name, camera, (fidelity, set.map(str::to_owned).collect()), &found);
+                record(backend, name, camera, (fidelity, set.map(str::to_owned).collect()), None, &found);
+            }
+            // What is seen in panes is textured: texels are decoded.
+            let occlusion = (name == "SceneFinal").then(|| "pass2.samples=25".to_owned());
+            if matches!(name, "SceneReflect" | "SceneFinal") {
+                let set = (Fidelity::Corrected, occlusion.into_iter().collect());
+                record(backend, name, camera, set, Some(ColorSpace::Linear), &found);
             }
         }
     }
     let found = found.lock().expect("no panic while it was held");
-    // Two projects with glass that is weighed have a variant more.
-    assert_eq!(found.records.len(), (PROJECTS.len() * 2 + 2) * 2, "a pass of the matrix did not run");
+    // Two projects with glass that is weighed have a variant more, and two are rendered in linear light as well.
+    assert_eq!(found.records.len(), (PROJECTS.len() * 2 + 2 + 2) * 2, "a pass of the matrix did not run");
     for record in &found.records {
         let words = record.in_words();
         println!("{words}");
@@ -111,7 +119,7 @@ fn occlusion_on_our_own_tracer_is_the_processors_whatever_the_rays() {
     for set in sets {
         for name in ["SceneSSAO", "SceneFinal"] {
             let set = set.split(',').map(|one| format!("pass2.{one}")).collect();
-            record(BackendChoice::Cuda, name, "Vidro", (Fidelity::Corrected, set), &found);
+            record(BackendChoice::Cuda, name, "Vidro", (Fidelity::Corrected, set), None, &found);
         }
     }
     let found = found.lock().expect("no panic while it was held");

@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn launch_parameters_have_no_padding() {
-        let (addresses, words) = (25 * 8, 12 * 4 + 2 * 4 + 5 * 12 + 3 * 4);
+        let (addresses, words) = (26 * 8, 12 * 4 + 2 * 4 + 5 * 12 + 3 * 4);
         assert_eq!(size_of::<Params>(), addresses + words);
     }
 }

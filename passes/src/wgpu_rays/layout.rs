@@ -71,7 +71,8 @@ pub struct Params {
     pub id_base: u32,
     pub radius: f32,
     pub index: f32,
-    pub unused: [u32; 2],
+    pub decoded_at: u32,
+    pub unused: u32,
 }
 
 /// The constants of the programs, as WGSL.

@@ -2,6 +2,7 @@
 
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, StepKind};
 use crate::backend::{Attachments, BackendError, GBuffer, Glow, Shade};
+use crate::color::ColorSpace;
 use crate::glass::{self, Decided, Dielectric, GlassShadow, Shape};
 use crate::memory::{self, Refused};
 use crate::plan::{Decision, PlannedPass, Work, mebibytes};
@@ -105,7 +106,8 @@ impl Renderer {
                 loaded.materials.iter_mut().for_each(|material| material.alpha_cutoff = None);
             }
             let (needs, model_space_normals) = (self.plan.needs, thesis);
-            let options = BuildOptions { needs, model_space_normals, max_bytes, ..BuildOptions::default() };
+            let color = self.plan.display.space;
+            let options = BuildOptions { needs, model_space_normals, color, max_bytes, ..BuildOptions::default() };
             let options = declared.build_options(options);
             let (built, warnings) = RenderScene::build(loaded, &options).map_err(wrong)?;
             self.warnings.append(warnings);
@@ -134,9 +136,10 @@ impl Renderer {
                 return;
             }
         };
+        let colors = in_space(colors, self.plan.display.space);
         let materials = &self.scenes[set].scene.materials;
         let mut resolved = PassMaterials {
-            shades: materials.iter().map(|material| shade(material, colors, corrected)).collect(),
+            shades: materials.iter().map(|material| shade(material, &colors, corrected)).collect(),
             ..PassMaterials::default()
         };
         let matching = |patterns: &[MaterialPattern]| -> Vec<bool> {
@@ -273,6 +276,16 @@ impl Renderer {
         memory::probe(needed)?;
         Ok(())
     }
+}
+
+/// Colours of a project are display values.
+fn in_space(colors: &[ColorMap], space: ColorSpace) -> Vec<ColorMap> {
+    let made = |map: &ColorMap| ColorMap {
+        diffuse: map.diffuse.map(|color| space.of_display(color)),
+        emission: map.emission.map(|color| space.of_display(color)),
+        ..map.clone()
+    };
+    colors.iter().map(made).collect()
 }
 
 /// A map of the project recolours a surface and leaves its shape: cutoffs are of the material's own opacity.

@@ -3,8 +3,9 @@
 use super::parts::{Told, append};
 use super::{Observer, Progress, RenderError, Renderer, StepKind};
 use crate::backend::Rect;
+use crate::color::{DisplayRows, write_displayed};
 use crate::image::{
-    Colors, Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, write_exr, write_exr_rows, write_png,
+    Colors, Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, write_exr_of, write_exr_rows_of,
     write_png_rows,
 };
 use crate::memory::{self, Refused};
@@ -14,6 +15,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Names of the channels of a colour.
+const RGBA: [&str; 4] = ["R", "G", "B", "A"];
 
 /// A file that was written.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
@@ -57,16 +61,16 @@ impl Renderer {
     /// # Errors
     /// If a file cannot be written, or the extension is neither; files written before stay.
     pub fn save(&mut self, path: &Path, observer: &mut dyn Observer) -> io::Result<Vec<Written>> {
-        let exr = is_exr(path)?;
+        let (exr, display) = (is_exr(path)?, self.plan.display);
         let mut written = Vec::new();
         let files = self.outputs(path);
         let (window_file, channel_files) = files.split_at(1);
         let window = self.lend(None)?;
         let result = self.timed(&window_file[0], &mut written, observer, |path| {
             if exr {
-                write_exr(path, Layer { name: "window", channels: ["R", "G", "B", "A"], image: &window })
+                write_exr_of(path, Layer { name: "window", channels: RGBA, image: &window }, Some(display.space))
             } else {
-                write_png(path, &window)
+                write_displayed(path, &window, display)
             }
         });
         self.take_back(None, window);
@@ -88,15 +92,19 @@ impl Renderer {
         let image = self.lend(Some(channel))?;
         let (name, content) = (self.full_name(channel), self.content(channel));
         let channels = match content {
-            Content::Color => ["R", "G", "B", "A"],
+            Content::Color => RGBA,
             Content::Position => ["X", "Y", "Z", "cosine"],
             Content::Normal => ["X", "Y", "Z", "W"],
         };
+        // A factor, such as occlusion, is a colour as any other: grey that is as bright as it says.
+        let own = (content == Content::Color).then_some(self.plan.display);
+        let (display, space) = (own.unwrap_or_default(), own.map(|display| display.space));
         let layer = Layer { name: &name, channels, image: &image };
-        let mut result = self.timed(exr, written, observer, |path| write_exr(path, layer));
+        let mut result = self.timed(exr, written, observer, |path| write_exr_of(path, layer, space));
         if result.is_ok() {
             let mut visible = VisibleRows::new(&image, content);
-            result = self.timed(png, written, observer, |path| write_png_rows(path, &mut visible));
+            let mut displayed = DisplayRows::new(&mut visible, display);
+            result = self.timed(png, written, observer, |path| write_png_rows(path, &mut displayed));
         }
         self.take_back(Some(channel), image);
         result
@@ -154,15 +162,15 @@ impl Renderer {
             colors.see(&self.window.color);
             return Ok(Saved { files: self.save(path, observer)?, not_finite, is_blank: colors.is_one() });
         }
-        let exr = is_exr(path)?;
+        let (exr, display) = (is_exr(path)?, self.plan.display);
         let name = path.display().to_string();
         let start = Instant::now();
         let mut rows = self.rows(observer);
         let result = if exr {
-            let channels = ["R", "G", "B", "A"];
-            write_exr_rows(path, &mut [RowLayer { name: "window", channels, rows: &mut rows }])
+            let layer = RowLayer { name: "window", channels: RGBA, rows: &mut rows };
+            write_exr_rows_of(path, &mut [layer], Some(display.space))
         } else {
-            write_png_rows(path, &mut rows)
+            write_png_rows(path, &mut DisplayRows::new(&mut rows, display))
         };
         let Told { failed, not_finite, colors, took } = rows.told();
         if let Some(error) = failed {

@@ -2,6 +2,8 @@
 
 use super::Image;
 use super::decode::{self, Fault};
+use super::write::COLOR_ATTRIBUTE;
+use crate::color::ColorSpace;
 use crate::files;
 use crate::guard;
 use crate::memory;
@@ -10,7 +12,7 @@ use crate::plan::MAX_SIDE;
 use exr::block::{BlockIndex, UncompressedBlock};
 use exr::math::Vec2;
 use exr::meta::MetaData;
-use exr::meta::attribute::SampleType;
+use exr::meta::attribute::{AttributeValue, SampleType};
 use exr::meta::header::Header;
 use exr::prelude::Text;
 use half::f16;
@@ -44,13 +46,16 @@ pub struct ReadImageError {
 /// A picture as a file holds it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
-    /// Its pixels. Of a PNG they are what is displayed, 0 to 1; of an EXR the linear values as stored. Grey pictures have
+    /// Its pixels. Of a PNG they are what is displayed, 0 to 1; of an EXR the values as stored: [`Self::space`] says what they are. Grey pictures have
     /// three equal colours; alpha is 1 where the file has none.
     pub image: Image,
     /// Names of the four channels: `R G B A`, or `X Y Z cosine` of a position.
     pub channels: [String; 4],
     /// Whether values were rounded to steps of `1 / 255` or `1 / 65535` and cut to 0 to 1.
     pub steps: Option<u32>,
+    /// What the colours are: of a PNG display values; of an EXR what [`COLOR_ATTRIBUTE`](super::COLOR_ATTRIBUTE) says. `None` for an EXR
+    /// without it: one of another program, or a layer that holds no colour.
+    pub space: Option<ColorSpace>,
     /// Variance of the mean that `image` is, from a layer of that name.
     pub variance: Option<Variance>,
 }
@@ -125,7 +130,8 @@ fn read_png(path: &Path) -> Result<Picture, String> {
         Fault::Refused(refused) => refused.to_string(),
     })?;
     let channels = ["R", "G", "B", "A"].map(str::to_owned);
-    Ok(Picture { image: Image { width, height, pixels }, channels, steps: Some(steps), variance: None })
+    let (image, space) = (Image { width, height, pixels }, Some(ColorSpace::Report));
+    Ok(Picture { image, channels, steps: Some(steps), space, variance: None })
 }
 
 fn read_exr(path: &Path) -> Result<Picture, String> {
@@ -162,7 +168,7 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
         let (image, names, components) = prepare(&name, header)?;
         match samples {
             Some(samples) => variance = Some(Variance { of_mean: image, samples }),
-            None => shown = Some((image, names)),
+            None => shown = Some((image, names, space_of(header))),
         }
         layers.push(Some((samples.is_some(), components)));
     }
@@ -189,14 +195,14 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
             let image = if *is_variance {
                 variance.as_mut().map(|variance| &mut variance.of_mean)
             } else {
-                shown.as_mut().map(|(image, _)| image)
+                shown.as_mut().map(|(image, ..)| image)
             };
             if let Some(image) = image.filter(|_| block.index.level == Vec2(0, 0)) {
                 store(&block, header, components, image);
             }
         }
     }
-    let Some((image, channels)) = shown else {
+    let Some((image, channels, space)) = shown else {
         return Err(format!("the file holds no layer but `{VARIANCE_LAYER}`"));
     };
     let other = variance.as_ref().filter(|v| [v.of_mean.width, v.of_mean.height] != [image.width, image.height]);
@@ -204,7 +210,15 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
         let [width, height] = [other.of_mean.width, other.of_mean.height];
         return Err(format!("the layer `{VARIANCE_LAYER}` is {width} x {height} pixels, and the picture is not"));
     }
-    Ok(Picture { image, channels, steps: None, variance })
+    Ok(Picture { image, channels, steps: None, space, variance })
+}
+
+/// What a layer's attribute says of its colours.
+fn space_of(header: &Header) -> Option<ColorSpace> {
+    match header.own_attributes.other.get(&Text::from(COLOR_ATTRIBUTE)) {
+        Some(AttributeValue::Text(text)) => text.to_string().parse().ok(),
+        _ => None,
+    }
 }
 
 /// Of `variance` or `variance:N`; `None` for the name of another layer.

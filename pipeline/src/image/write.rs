@@ -4,6 +4,7 @@
 
 use super::Image;
 use super::rows::{ImageRows, Rows};
+use crate::color::ColorSpace;
 use crate::files::Replacement;
 use crate::memory;
 use exr::block::writer::ChunksWriter as _;
@@ -11,12 +12,15 @@ use exr::block::{BlockIndex, UncompressedBlock};
 use exr::compression::Compression;
 use exr::math::{RoundingMode, Vec2};
 use exr::meta::BlockDescription;
-use exr::meta::attribute::{ChannelDescription, LevelMode, LineOrder, SampleType, TileDescription};
+use exr::meta::attribute::{AttributeValue, ChannelDescription, LevelMode, LineOrder, SampleType, TileDescription};
 use exr::meta::header::{Header, ImageAttributes};
 use exr::prelude::Text;
 use rayon::prelude::*;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
+
+/// Attribute of a layer of an EXR file that says what its colours are: `linear` or `report`.
+pub const COLOR_ATTRIBUTE: &str = "curitiba.color";
 
 /// Rows that an encoder asks for at once: a row of the tiles of an EXR file.
 const ROWS: u32 = 64;
@@ -35,7 +39,7 @@ fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<&mut Replacement>)
 }
 
 /// Writes an 8-bit RGB PNG: values are clamped to 0..=1 and stored as they are, without a transfer function, as the
-/// report's engine showed its frame buffer. NaN is stored as 0.
+/// report's engine showed its frame buffer. NaN is stored as 0. [`write_displayed`](crate::color::write_displayed) writes linear radiance.
 ///
 /// # Errors
 /// Whatever the file system reports.
@@ -118,6 +122,17 @@ pub fn write_exr(path: &Path, layer: Layer<'_>) -> io::Result<()> {
     write_exr_layers(path, &[layer])
 }
 
+/// [`write_exr`] with a note of what the colours are, in the attribute [`COLOR_ATTRIBUTE`], which [`read_image`](super::read_image) finds
+/// again; other programs take all EXR files for linear. `None` for layers that hold no colour.
+///
+/// # Errors
+/// As [`write_exr`].
+pub fn write_exr_of(path: &Path, layer: Layer<'_>, space: Option<ColorSpace>) -> io::Result<()> {
+    let mut rows = ImageRows::from(layer.image);
+    let layer = RowLayer { name: layer.name, channels: layer.channels, rows: &mut rows };
+    write_exr_rows_of(path, &mut [layer], space)
+}
+
 /// Writes layers as one EXR file of 32-bit floats. [`read_image`](super::read_image) takes a layer named
 /// [`VARIANCE_LAYER`](crate::metrics::VARIANCE_LAYER), with `:N` behind it if it was estimated from N samples, for the
 /// variance of the mean that another layer is.
@@ -139,7 +154,15 @@ pub fn write_exr_layers(path: &Path, layers: &[Layer<'_>]) -> io::Result<()> {
 /// # Errors
 /// As there, or whatever the rows report.
 pub fn write_exr_rows(path: &Path, layers: &mut [RowLayer<'_>]) -> io::Result<()> {
-    write_whole(path, |file| encode_exr(file, layers))
+    write_exr_rows_of(path, layers, None)
+}
+
+/// [`write_exr_rows`] with a note of what the colours are, as [`write_exr_of`] has it.
+///
+/// # Errors
+/// As there.
+pub fn write_exr_rows_of(path: &Path, layers: &mut [RowLayer<'_>], space: Option<ColorSpace>) -> io::Result<()> {
+    write_whole(path, |file| encode(file, layers, space))
 }
 
 /// Encodes layers as [`write_exr_layers`] writes them: tiles of 64 x 64 pixels, compressed as ZIP.
@@ -147,6 +170,10 @@ pub fn write_exr_rows(path: &Path, layers: &mut [RowLayer<'_>]) -> io::Result<()
 /// # Errors
 /// Without a layer, or whatever the rows, the encoder or the writer report.
 pub fn encode_exr(file: impl Write + Seek, layers: &mut [RowLayer<'_>]) -> io::Result<()> {
+    encode(file, layers, None)
+}
+
+fn encode(file: impl Write + Seek, layers: &mut [RowLayer<'_>], space: Option<ColorSpace>) -> io::Result<()> {
     let size = |layer: &RowLayer<'_>| layer.rows.size().map(|side| side as usize);
     let Some(first) = layers.first().map(size) else {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "an EXR file needs a layer"));
@@ -162,9 +189,12 @@ pub fn encode_exr(file: impl Write + Seek, layers: &mut [RowLayer<'_>]) -> io::R
         names.sort_unstable();
         let channels = names.map(|name| ChannelDescription::named(name, SampleType::F32));
         let [width, height] = size(layer);
-        Header::new(Text::from(layer.name), (width, height), channels.into_iter().collect())
-            .with_encoding(Compression::ZIP16, blocks, LineOrder::Unspecified)
-            .with_shared_attributes(shared.clone())
+        let mut header = Header::new(Text::from(layer.name), (width, height), channels.into_iter().collect());
+        if let Some(space) = space {
+            let value = AttributeValue::Text(Text::from(space.name()));
+            header.own_attributes.other.insert(Text::from(COLOR_ATTRIBUTE), value);
+        }
+        header.with_encoding(Compression::ZIP16, blocks, LineOrder::Unspecified).with_shared_attributes(shared.clone())
     };
     let headers = layers.iter().map(header).collect();
     // An error of the rows would lose its kind on the way through the encoder.

@@ -41,6 +41,7 @@ const Q_FEATURE: f64 = 0.5;
 /// As [`compare`](super::compare). A mask does not change the map.
 pub fn flip_map(test: &Image, reference: &Image, options: &Options<'_>) -> Result<ErrorMap, MetricError> {
     check(test, reference, options)?;
+    let [test, reference] = &super::displays([test, reference], options.display)?;
     Ok(map(test, reference, options))
 }
 

@@ -7,8 +7,8 @@
 //! # What is displayed
 //! SSIM and FLIP compare what a person sees. [`write_png`](crate::image::write_png) cuts values to 0..=1 and stores them
 //! without a transfer function, as the report's engine showed its frame buffer, and a screen decodes them as sRGB. So here
-//! too: a displayed value is the linear value cut to 0..=1, and FLIP takes it to be encoded in sRGB. Values are not rounded
-//! to 8 bits first. Alpha is not compared.
+//! too: a displayed value is the value cut to 0..=1, and FLIP takes it to be encoded in sRGB. Of linear radiance
+//! ([`Options::display`]) it is what [`Display::displayed`] says. Values are not rounded to 8 bits first. Alpha is not compared.
 
 mod filter;
 mod flip;
@@ -23,8 +23,12 @@ pub use maps::{ErrorMap, absolute_error, heat_map, strip};
 pub use registry::{Better, METRICS, MetricInfo};
 pub use z_test::{EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, Estimate, Verdict, ZTest, z_test};
 
+use crate::color::{ColorSpace, Display};
 use crate::image::Image;
+use crate::memory::{self, Refused};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::fmt;
 
 /// Name of the layer of an EXR file that holds the variance of the mean that another layer is.
@@ -71,11 +75,19 @@ pub struct Options<'a> {
     /// Pixels in a degree of visual angle, 1 to 1000, for FLIP. The default, 67, is the paper's: a 4K screen 0.7 m wide
     /// seen from 0.7 m.
     pub pixels_per_degree: f64,
+    /// What the pixels are, and how they are displayed.
+    pub display: Display,
 }
 
 impl Default for Options<'_> {
     fn default() -> Self {
-        Self { outlier_threshold: 2.5 / 255.0, mask: None, min_pixels: 1, pixels_per_degree: 67.0 }
+        Self {
+            outlier_threshold: 2.5 / 255.0,
+            mask: None,
+            min_pixels: 1,
+            pixels_per_degree: 67.0,
+            display: Display::default(),
+        }
     }
 }
 
@@ -175,6 +187,9 @@ pub enum MetricError {
         /// What it may be.
         valid: &'static str,
     },
+    /// What is displayed of the pictures does not fit into memory.
+    #[error(transparent)]
+    Memory(Refused),
     /// A variance is below 0.
     #[error("{which} has a variance of {value} at x {x}, y {y}; a variance is 0 or more")]
     Variance {
@@ -209,6 +224,7 @@ pub fn compare_with_map(
 ) -> Result<(Comparison, ErrorMap), MetricError> {
     check(test, reference, options)?;
     let linear = linear::errors(test, reference, options);
+    let [test, reference] = &displays([test, reference], options.display)?;
     let map = flip::map(test, reference, options);
     let comparison = Comparison {
         pixels: linear.pixels,
@@ -222,6 +238,20 @@ pub fn compare_with_map(
         outliers: linear.outliers,
     };
     Ok((comparison, map))
+}
+
+/// What is displayed of pictures; display values themselves are not copied.
+fn displays<'a>(pictures: [&'a Image; 2], display: Display) -> Result<[Cow<'a, Image>; 2], MetricError> {
+    let shown = |picture: &'a Image| {
+        if display.space == ColorSpace::Report {
+            return Ok(Cow::Borrowed(picture));
+        }
+        let mut pixels = memory::with_capacity(picture.pixels.len()).map_err(MetricError::Memory)?;
+        picture.pixels.par_iter().map(|pixel| display.displayed(*pixel)).collect_into_vec(&mut pixels);
+        Ok(Cow::Owned(Image { width: picture.width, height: picture.height, pixels }))
+    };
+    let [test, reference] = pictures;
+    Ok([shown(test)?, shown(reference)?])
 }
 
 /// Whether two pictures can be compared.

@@ -125,9 +125,9 @@ impl Plan {
         let rect = rectangle(self.viewport_of(&passes[index], camera), size);
         let beyond = match params.background {
             Background::Black => Vec3::ZERO,
-            Background::Clear => {
-                ray.position.map_or(Vec3::ZERO, |position| self.project.targets[position.target].clear_color.truncate())
-            }
+            Background::Clear => ray.position.map_or(Vec3::ZERO, |position| {
+                self.display.space.of_display(self.project.targets[position.target].clear_color).truncate()
+            }),
         };
         let reads_triangle = self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
         let channels = inputs(ray, &params);
@@ -218,10 +218,11 @@ impl Plan {
 
     /// What clears the colour that a pass draws: the target's colour, or in the window the viewport's.
     fn clear_color(&self, pass: &Pass, viewport: Option<&Viewport>) -> Vec4 {
-        match pass.target {
+        let color = match pass.target {
             Some(target) => self.project.targets[target].clear_color,
             None => viewport.map_or(Vec4::W, |viewport| viewport.clear_color),
-        }
+        };
+        self.display.space.of_display(color)
     }
 }
 

@@ -12,6 +12,7 @@ pub use parts::{ALIGNMENT, BLOCK, Part, Parts};
 pub use settings::{PlanError, Settings};
 
 use crate::backend::{Attachments, Rect, View};
+use crate::color::{ColorSpace, Display, Tone};
 use crate::diagnostic::Warnings;
 use crate::glass::{GlassRule, TRANSPARENT};
 use crate::image::PixelFormat;
@@ -21,7 +22,7 @@ use crate::raster_effects::EffectParams;
 use crate::scene::{Material, Needs};
 use glam::camera::rh;
 use glam::{Mat4, Vec3, Vec4};
-use settings::{check_size, constants, set_formats, shown_channels};
+use settings::{check_size, constants, display, set_formats, shown_channels, widen_colors};
 
 /// Largest side of any target, pixels.
 pub const MAX_SIDE: u32 = 65_536;
@@ -52,6 +53,8 @@ pub struct Plan {
     pub block: Option<u32>,
     /// What the user asked for.
     pub settings: Settings,
+    /// What the window's pixels are, and how they are displayed.
+    pub display: Display,
     /// Passes that run.
     pub passes: Vec<PlannedPass>,
     /// By index of [`Project::targets`]: size and what is stored.
@@ -168,6 +171,11 @@ impl Plan {
             targets.push(PlannedTarget { width: size[0], height: size[1], stored: Attachments::default() });
         }
         set_formats(&mut project, pipeline, &settings)?;
+        let display = display(&project, &settings)?;
+        let widened = match display.space {
+            ColorSpace::Report => Vec::new(),
+            ColorSpace::Linear => widen_colors(&mut project, pipeline, &settings),
+        };
         let shown = shown_channels(&project, pipeline, &settings.show)?;
         let constants = constants(&project, pipeline, &settings)?;
         let mut plan = Self {
@@ -177,6 +185,7 @@ impl Plan {
             parts: Parts::whole(window),
             block: None,
             settings,
+            display,
             passes: Vec::new(),
             targets,
             scene_sets: Vec::new(),
@@ -187,6 +196,7 @@ impl Plan {
         };
         plan.choose_passes(camera, &constants)?;
         plan.decide_needs();
+        plan.explain_color(&widened);
         plan.choose_parts()?;
         plan.warn_of_rounded_positions();
         plan.check_memory()?;
@@ -203,6 +213,30 @@ impl Plan {
     #[must_use]
     pub fn target_size(&self, target: Option<usize>) -> [u32; 2] {
         target.map_or(self.window, |target| [self.targets[target].width, self.targets[target].height])
+    }
+
+    /// Says what colours are, and who decided that.
+    fn explain_color(&mut self, widened: &[String]) {
+        let Display { space, exposure, tone } = self.display;
+        let by = match self.settings.color {
+            Some(_) => "the user asks for it",
+            None => "of the project",
+        };
+        let linear = space == ColorSpace::Linear;
+        let mut why = match space {
+            ColorSpace::Report => format!("color=report, {by}: colours are shaded and written as files store them"),
+            ColorSpace::Linear => format!(
+                "color=linear, {by}: colours are decoded from sRGB; the picture is exposed by {exposure} stops and encoded in sRGB"
+            ),
+        };
+        if tone != Tone::None {
+            why += &format!(" after the tone curve `{}`", tone.name());
+        }
+        self.decide("linear light".into(), linear, why);
+        for name in widened {
+            let why = "it is declared in bytes, whose steps are too coarse for linear light".to_owned();
+            self.decide(format!("RGBA16F for `{name}`"), true, why);
+        }
     }
 
     /// Positions are coordinates of a whole scene: 16-bit floats are off by an eighth of a metre at a few hundred.

@@ -3,6 +3,7 @@
 use super::MAX_SIDE;
 use super::liveness::channels_written;
 use crate::backend::Rect;
+use crate::color::{ColorSpace, Display, Tone};
 use crate::diagnostic::valid_names;
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, Fresnel, RayParams, Sampler};
@@ -21,6 +22,12 @@ pub struct Settings {
     pub size: Option<[u32; 2]>,
     /// Mended programs, or as the report wrote them.
     pub fidelity: Fidelity,
+    /// What colours are; the project's if `None`.
+    pub color: Option<ColorSpace>,
+    /// Stops that linear radiance is exposed by before it is displayed: it is multiplied by 2 to the power of this.
+    pub exposure: f32,
+    /// How linear radiance above 1 is brought into a screen's range.
+    pub tone: Tone,
     /// Seed of the random numbers.
     pub seed: u32,
     /// Channels to keep for inspection, `target channel` names or `library::channel`; `all` keeps every one.
@@ -55,6 +62,9 @@ impl Default for Settings {
             camera: None,
             size: None,
             fidelity: Fidelity::Corrected,
+            color: None,
+            exposure: 0.0,
+            tone: Tone::None,
             seed: 0,
             show: Vec::new(),
             set: Vec::new(),
@@ -88,6 +98,24 @@ pub(super) fn check_size(what: &str, size: [u32; 2]) -> Result<(), PlanError> {
         return Err(PlanError::new(message, format!("valid: 1 to {MAX_SIDE} a side")));
     }
     Ok(())
+}
+
+/// What pixels are, and how they are displayed.
+pub(super) fn display(project: &Project, settings: &Settings) -> Result<Display, PlanError> {
+    let &Settings { exposure, tone, .. } = settings;
+    let space = settings.color.unwrap_or(project.color);
+    let valid = -Display::MAX_EXPOSURE..=Display::MAX_EXPOSURE;
+    if !valid.contains(&exposure) {
+        let help = format!("valid: {} to {}", valid.start(), valid.end());
+        return Err(PlanError::new(format!("the exposure is {exposure} stops"), help));
+    }
+    if space == ColorSpace::Report && (exposure != 0.0 || tone != Tone::None) {
+        return Err(PlanError::new(
+            "exposure and tone curves are of linear light, and the colours are display values (color=report)",
+            "add --color linear, or leave --exposure and --tone out",
+        ));
+    }
+    Ok(Display { space, exposure, tone })
 }
 
 /// The constants of a pass that runs a program.
@@ -133,6 +161,24 @@ pub(super) fn set_formats(project: &mut Project, pipeline: usize, settings: &Set
         project.targets[target].channels[channel].format = format;
     }
     Ok(())
+}
+
+/// Widens channels that hold colours of linear light and are declared in bytes: steps of 1/255 are coarse near black, and nothing is
+/// above 1. Channels whose format the user names stay as they are. Returns what was widened.
+pub(super) fn widen_colors(project: &mut Project, pipeline: usize, settings: &Settings) -> Vec<String> {
+    let by_user = |name: &str| {
+        settings.set.iter().any(|set| parts(set).is_ok_and(|(key, what, _)| what == FORMAT && key == name))
+    };
+    let mut widened = Vec::new();
+    for (ChannelRef { target, channel }, name) in written_channels(project, pipeline) {
+        let own = name.rsplit("::").next().unwrap_or(&name);
+        let declared = &mut project.targets[target].channels[channel].format;
+        if channel == 0 && *declared == PixelFormat::Rgba8Unorm && !by_user(&name) && !by_user(own) {
+            *declared = PixelFormat::Rgba16Float;
+            widened.push(name);
+        }
+    }
+    widened
 }
 
 /// The constants of every pass that has any, after `--set`.

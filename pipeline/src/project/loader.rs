@@ -4,6 +4,7 @@ use super::dom::{self, Element, Value};
 use super::library::Libraries;
 use super::report::{Names, Report, Span};
 use super::{Camera, Light, Pipeline, Project, SceneDecl, Viewport, file};
+use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
 use std::collections::HashMap;
 use std::path::Path;
@@ -104,15 +105,17 @@ impl Loader {
             self.report.error_help(root.span, format!("a project does not start with <{}>", root.name), || help);
             return None;
         }
-        self.expect(&root, &["assets", "pipelines", "interface"], &["name", "width", "height"]);
+        self.expect(&root, &["assets", "pipelines", "interface"], &["name", "width", "height", "color"]);
         let name = self.required(&root, "name").map(|name| name.text.clone());
         let window = self.window(&root);
+        let color = root.attribute("color").map_or(Some(ColorSpace::Report), |value| self.color_space(value));
         self.assets(&root);
         let (pipelines, default_pipeline) = self.pipelines(&root);
         Some(Project {
             path: path.to_owned(),
             name: name?,
             window: window?,
+            color: color?,
             scenes: Vec::new(),
             viewports: Vec::new(),
             cameras: Vec::new(),
@@ -122,6 +125,17 @@ impl Loader {
             default_pipeline,
             problems: Problems::default(),
         })
+    }
+
+    /// `report` or `linear`.
+    fn color_space(&mut self, value: &Value) -> Option<ColorSpace> {
+        match value.text.parse() {
+            Ok(space) => Some(space),
+            Err(help) => {
+                self.report.error_help(value.span, format!("`{}` is no `color`", value.shown()), || help);
+                None
+            }
+        }
     }
 
     fn window(&mut self, root: &Element) -> Option<[u32; 2]> {

@@ -9,6 +9,7 @@
 //! | what | is |
 //! |---|---|
 //! | window | 1024 x 1024 |
+//! | `color` | `report`: colours and textures are used as stored |
 //! | viewport rectangle, its clear colour | the whole window, opaque black |
 //! | clear colour of a render target | opaque black |
 //! | height of a viewport with a `ratio` | `ratio` times its width |
@@ -49,6 +50,7 @@ pub use from_scene::{Effects, FromSceneError, SceneOptions, SceneProjects, Up};
 pub use source::{SCENE_EXTENSIONS, SourceError, names_scenes, open, open_scenes, scene_files};
 pub use write::WriteError;
 
+use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram};
@@ -67,6 +69,8 @@ pub struct Project {
     pub name: String,
     /// Window size, pixels: what a pass without a render target draws into.
     pub window: [u32; 2],
+    /// What its colours are, unless the user asks for something else.
+    pub color: ColorSpace,
     /// Scenes.
     pub scenes: Vec<SceneDecl>,
     /// Viewports.

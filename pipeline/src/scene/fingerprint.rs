@@ -1,6 +1,7 @@
 //! Telling scenes apart by what they contain.
 
 use super::RenderScene;
+use crate::color::ColorSpace;
 use rayon::prelude::*;
 
 /// FNV-1a of 128 bits (Fowler, Noll and Vo; RFC 9923): the same on every machine and in every version of this program.
@@ -39,6 +40,10 @@ impl RenderScene {
         for texture in self.textures.iter().filter(|texture| !texture.repeats()) {
             hashes.push(parts(format!("{:?}", texture.wrap).as_bytes()));
         }
+        let linear = self.textures.iter().map(|texture| texture.space == ColorSpace::Linear);
+        if linear.clone().any(|linear| linear) {
+            hashes.push(parts(&linear.map(u8::from).collect::<Vec<_>>()));
+        }
         for level in self.textures.iter().flat_map(|texture| &texture.levels) {
             hashes.push(parts(format!("{} x {}", level.width, level.height).as_bytes()));
             hashes.push(parts(bytemuck::cast_slice(&level.texels)));
@@ -72,12 +77,13 @@ mod tests {
             materials: vec![Material::default()],
             textures: vec![Texture::new("t".to_owned(), 2, 1, vec![[1, 2, 3, 4]; 2])],
         };
-        let changes: [fn(&mut RenderScene); 5] = [
+        let changes: [fn(&mut RenderScene); 6] = [
             |scene| scene.geometry.positions[1].x = 1e-30,
             |scene| scene.geometry.triangles[0] = [0, 2, 1],
             |scene| scene.geometry.normals = vec![Vec3::X; 3],
             |scene| scene.materials[0].diffuse.x = 0.1,
             |scene| scene.textures[0].levels[0].texels[1][2] = 9,
+            |scene| scene.textures[0].space = ColorSpace::Linear,
         ];
         assert_eq!(scene.clone().fingerprint(), scene.fingerprint());
         for (index, change) in changes.iter().enumerate() {

@@ -1,8 +1,10 @@
 //! Decoded textures with mip levels, and the one definition of how they are filtered.
 //!
-//! Texels are used as stored: no colour management, as in the report's engine. `v = 0` is the bottom row, coordinates
-//! repeat unless a texture says otherwise, filtering is bilinear within a level and linear between two.
+//! Texels are used as stored, as in the report's engine, or their colours are decoded from sRGB before they are filtered
+//! ([`Texture::space`]). `v = 0` is the bottom row, coordinates repeat unless a texture says otherwise, filtering is bilinear
+//! within a level and linear between two.
 
+use crate::color::{self, ColorSpace, DECODED};
 use glam::{Vec2, Vec4};
 use rayon::prelude::*;
 
@@ -21,40 +23,44 @@ pub struct Level {
 }
 
 impl Level {
-    /// A texel, in 0..=1.
+    /// A texel, in 0..=1; its colours are decoded from sRGB where `DECODE` is set.
     #[inline(always)]
-    fn texel(&self, x: usize, y: usize) -> Vec4 {
+    fn texel<const DECODE: bool>(&self, x: usize, y: usize) -> Vec4 {
         let texel = self.texels[y * self.width as usize + x];
+        if DECODE {
+            let [r, g, b] = [0, 1, 2].map(|channel: usize| DECODED[usize::from(texel[channel])]);
+            return Vec4::new(r, g, b, f32::from(texel[3]) / 255.0);
+        }
         Vec4::from_array(texel.map(f32::from)) / 255.0
     }
 
-    /// Bilinear filtering at `uv`. Non-finite coordinates read the first texel. In line, to be compiled for the instruction set of the
+    /// Bilinear filtering of the texels as stored, at `uv`. Non-finite coordinates read the first texel. In line, to be compiled for the instruction set of the
     /// rasteriser.
     #[must_use]
     #[inline(always)]
     pub fn sample(&self, uv: Vec2) -> Vec4 {
-        self.sample_at(Place::of(uv))
+        self.sample_at::<false>(Place::of(uv))
     }
 
     #[inline(always)]
-    fn sample_at(&self, place: Place) -> Vec4 {
-        self.sample_in(place, around, around)
+    fn sample_at<const DECODE: bool>(&self, place: Place) -> Vec4 {
+        self.sample_in::<DECODE>(place, around, around)
     }
 
     #[inline(always)]
-    fn sample_in(
+    fn sample_in<const DECODE: bool>(
         &self,
         Place { right, down }: Place,
         across: impl Fn(f32, u32) -> ([usize; 2], f32),
         along: impl Fn(f32, u32) -> ([usize; 2], f32),
     ) -> Vec4 {
         if right.is_nan() {
-            return self.texel(0, 0);
+            return self.texel::<DECODE>(0, 0);
         }
         let ([left, right], fx) = across(right * self.width as f32 - 0.5, self.width);
         let ([top, bottom], fy) = along(down * self.height as f32 - 0.5, self.height);
-        let upper = self.texel(left, top).lerp(self.texel(right, top), fx);
-        let lower = self.texel(left, bottom).lerp(self.texel(right, bottom), fx);
+        let upper = self.texel::<DECODE>(left, top).lerp(self.texel::<DECODE>(right, top), fx);
+        let lower = self.texel::<DECODE>(left, bottom).lerp(self.texel::<DECODE>(right, bottom), fx);
         upper.lerp(lower, fy)
     }
 }
@@ -165,6 +171,8 @@ pub struct Texture {
     pub levels: Vec<Level>,
     /// What lies beyond its sides, along u and v.
     pub wrap: [Wrap; 2],
+    /// What its colours are read as: as stored, or decoded from sRGB. Alpha is read as stored.
+    pub space: ColorSpace,
 }
 
 impl Texture {
@@ -192,15 +200,35 @@ impl Texture {
         Place { right: across.share(uv.x), down: 1.0 - along.share(uv.y) }
     }
 
-    /// Builds the mip chain of an image by 2 x 2 box filtering (rounded to nearest).
+    /// Builds the mip chain of an image by 2 x 2 box filtering (rounded to nearest), as stored.
     ///
     /// # Panics
     /// If the image is empty or `texels` does not match its size.
     #[must_use]
     pub fn new(name: String, width: u32, height: u32, texels: Vec<[u8; 4]>) -> Self {
+        Self::build(name, Level { width, height, texels }, None, ColorSpace::Report)
+    }
+
+    /// Builds the mip chain of an image: of one that is cut out as [`Self::cut_out`] does, else as [`Self::new`]. With
+    /// [`ColorSpace::Linear`] means are of linear values, and are stored in sRGB again.
+    ///
+    /// # Panics
+    /// As [`Self::new`].
+    #[must_use]
+    pub fn build(name: String, base: Level, cutoff: Option<f32>, space: ColorSpace) -> Self {
+        let Level { width, height, .. } = base;
         assert!(width > 0 && height > 0, "texture {name} is empty");
-        assert_eq!(texels.len(), width as usize * height as usize, "texture {name}: texel count");
-        Self { name, levels: chain(Level { width, height, texels }, mean), wrap: [Wrap::Repeat; 2] }
+        assert_eq!(base.texels.len(), width as usize * height as usize, "texture {name}: texel count");
+        let mut levels = match (cutoff, space) {
+            (None, ColorSpace::Report) => chain(base, mean),
+            (None, ColorSpace::Linear) => chain(base, linear_mean),
+            (Some(_), ColorSpace::Report) => chain(base, mean_by_alpha),
+            (Some(_), ColorSpace::Linear) => chain(base, linear_mean_by_alpha),
+        };
+        if let Some(cutoff) = cutoff {
+            keep_coverages(&mut levels, cutoff);
+        }
+        Self { name, levels, wrap: [Wrap::Repeat; 2], space }
     }
 
     /// Builds the mip chain of a texture whose texels with less alpha than `cutoff` (0..=1) are holes.
@@ -213,17 +241,7 @@ impl Texture {
     /// If the image is empty or `texels` does not match its size.
     #[must_use]
     pub fn cut_out(name: String, width: u32, height: u32, texels: Vec<[u8; 4]>, cutoff: f32) -> Self {
-        assert!(width > 0 && height > 0, "texture {name} is empty");
-        assert_eq!(texels.len(), width as usize * height as usize, "texture {name}: texel count");
-        let mut levels = chain(Level { width, height, texels }, mean_by_alpha);
-        // The lowest alpha that is solid; with none, or with all, every level is as level 0 anyway.
-        let solid = (0..=u8::MAX).find(|alpha| f32::from(*alpha) / 255.0 >= cutoff).filter(|alpha| *alpha > 0);
-        if let (Some(solid), [base, smaller @ ..]) = (solid, &mut levels[..]) {
-            let covered = base.texels.iter().filter(|texel| texel[3] >= solid).count() as u64;
-            let total = base.texels.len() as u64;
-            smaller.iter_mut().for_each(|level| keep_coverage(level, solid, covered, total));
-        }
-        Self { name, levels, wrap: [Wrap::Repeat; 2] }
+        Self::build(name, Level { width, height, texels }, Some(cutoff), ColorSpace::Report)
     }
 
     /// Trilinear filtering at a level of detail; `lod <= 0` reads level 0.
@@ -241,15 +259,21 @@ impl Texture {
         let lod = lod.clamp(0.0, last as f32);
         let fine = lod as usize;
         let blend = lod - fine as f32;
-        let sample = |level: &Level| {
-            if self.repeats() {
-                return level.sample_at(place);
-            }
-            let [u, v] = self.wrap;
-            level.sample_in(place, |at, count| u.around(at, count), |at, count| v.around(at, count))
+        let sample = |level: &Level| match self.space {
+            ColorSpace::Report => self.sample_level::<false>(level, place),
+            ColorSpace::Linear => self.sample_level::<true>(level, place),
         };
         let color = sample(&self.levels[fine]);
         if blend == 0.0 { color } else { color.lerp(sample(&self.levels[fine + 1]), blend) }
+    }
+
+    #[inline(always)]
+    fn sample_level<const DECODE: bool>(&self, level: &Level, place: Place) -> Vec4 {
+        if self.repeats() {
+            return level.sample_at::<DECODE>(place);
+        }
+        let [u, v] = self.wrap;
+        level.sample_in::<DECODE>(place, |at, count| u.around(at, count), |at, count| v.around(at, count))
     }
 
     /// Texels a row and rows of level 0.
@@ -325,6 +349,41 @@ fn mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
     [color(0), color(1), color(2), plain[3]]
 }
 
+/// The mean of linear colours, in sRGB.
+fn linear_mean(four: [[u8; 4]; 4]) -> [u8; 4] {
+    let [.., alpha] = mean(four);
+    let color = |channel: usize| {
+        let sum: f32 = four.iter().map(|texel| DECODED[usize::from(texel[channel])]).sum();
+        color::code(0.25 * sum)
+    };
+    [color(0), color(1), color(2), alpha]
+}
+
+/// As [`mean_by_alpha`], of linear colours, in sRGB.
+fn linear_mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
+    let [.., alpha] = mean(four);
+    let weight: u32 = four.iter().map(|texel| u32::from(texel[3])).sum();
+    if weight == 0 {
+        return linear_mean(four);
+    }
+    let color = |channel: usize| {
+        let weighted = four.iter().map(|texel| DECODED[usize::from(texel[channel])] * f32::from(texel[3]));
+        color::code(weighted.sum::<f32>() / weight as f32)
+    };
+    [color(0), color(1), color(2), alpha]
+}
+
+/// Keeps the share of solid texels of level 0 in the smaller ones.
+fn keep_coverages(levels: &mut [Level], cutoff: f32) {
+    // The lowest alpha that is solid; with none, or with all, every level is as level 0 anyway.
+    let solid = (0..=u8::MAX).find(|alpha| f32::from(*alpha) / 255.0 >= cutoff).filter(|alpha| *alpha > 0);
+    if let (Some(solid), [base, smaller @ ..]) = (solid, levels) {
+        let covered = base.texels.iter().filter(|texel| texel[3] >= solid).count() as u64;
+        let total = base.texels.len() as u64;
+        smaller.iter_mut().for_each(|level| keep_coverage(level, solid, covered, total));
+    }
+}
+
 /// Scales a level's alpha so that the share of texels with at least `solid` is nearest to `covered / total`.
 fn keep_coverage(level: &mut Level, solid: u8, covered: u64, total: u64) {
     let mut histogram = [0_u64; 256];
@@ -350,7 +409,7 @@ fn keep_coverage(level: &mut Level, solid: u8, covered: u64, total: u64) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Texture, Wrap, log2};
+    use super::{ColorSpace, Level, Texture, Wrap, log2};
     use glam::Vec2;
 
     /// Bilinear filtering by the definition: texel centres, and what the mode says of each index (Vulkan 1.3, section 16.6).
@@ -392,6 +451,42 @@ mod tests {
             assert!(across.sample(Vec2::new(f32::NAN, 0.0), 0.0).is_finite());
             assert!(across.sample(Vec2::new(1e30, -1e30), 2.0).is_finite());
         }
+    }
+
+    #[test]
+    fn linear_textures_are_filtered_and_halved_in_linear_light() {
+        let (black, white) = ([0, 0, 0, 255], [255, 255, 255, 255]);
+        let checker = Level { width: 2, height: 2, texels: vec![black, white, white, black] };
+        let linear = Texture::build("checker".into(), checker.clone(), None, ColorSpace::Linear);
+        let report = Texture::new("checker".into(), 2, 2, checker.texels);
+        assert_eq!(
+            (linear.levels[1].texels[0], report.levels[1].texels[0]),
+            ([188, 188, 188, 255], [128, 128, 128, 255])
+        );
+        // The middle between four texels; bilinear weights are a quarter each.
+        assert_eq!(linear.sample(Vec2::splat(0.5), 0.0).x, 0.5);
+        assert!((linear.sample(Vec2::splat(0.5), 1.0).x - 0.5).abs() < 0.004, "188 is not quite a half");
+        // Codes 0 and 128 side by side: half of what 128 decodes to, and not what 64 does.
+        let row = Level { width: 2, height: 1, texels: vec![[0, 0, 0, 128], [128, 128, 128, 128]] };
+        let row = Texture::build("row".into(), row, None, ColorSpace::Linear);
+        let exact = ((128.0 / 255.0 + 0.055) / 1.055_f64).powf(2.4);
+        let middle = row.sample(Vec2::new(0.5, 0.5), 0.0);
+        assert!((f64::from(middle.x) - 0.5 * exact).abs() < 1e-6, "{middle}");
+        assert!((middle.w - 128.0 / 255.0).abs() < 1e-6, "alpha is no colour");
+        assert!((f64::from(row.sample(Vec2::new(0.75, 0.5), 0.0).x) - exact).abs() < 1e-6);
+    }
+
+    #[test]
+    fn linear_cut_outs_weigh_colours_by_alpha() {
+        let texels = vec![[255, 0, 10, 255], [0, 255, 10, 0], [128, 0, 10, 255], [0, 255, 10, 0]];
+        let level = Level { width: 2, height: 2, texels };
+        let cut = Texture::build("leaf".into(), level.clone(), Some(0.5), ColorSpace::Linear);
+        // Only the two solid texels count: the mean of 1 and of what 128 decodes to.
+        let red = 0.5 * (1.0 + ((128.0 / 255.0 + 0.055) / 1.055_f64).powf(2.4));
+        let code = (255.0 * (1.055 * red.powf(1.0 / 2.4) - 0.055)).round() as u8;
+        assert_eq!(cut.levels[1].texels[0][..3], [code, 0, 10]);
+        let whole = Texture::build("leaf".into(), level, None, ColorSpace::Linear);
+        assert_eq!(whole.levels[1].texels[0][1], 188, "control: without weights the holes show");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::device::Gpu;
 use super::faults::failure;
 use super::pipelines::{Layouts, trilinear};
 use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Texture;
 
@@ -72,8 +73,11 @@ fn upload(gpu: &Gpu, layouts: &Layouts, source: &Texture) -> Result<wgpu::BindGr
         mip_level_count: source.levels.len() as u32,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
-        // Texels are used as stored, so there is no sRGB decoding.
-        format: wgpu::TextureFormat::Rgba8Unorm,
+        // Devices decode sRGB before they filter, as the processor does.
+        format: match source.space {
+            ColorSpace::Report => wgpu::TextureFormat::Rgba8Unorm,
+            ColorSpace::Linear => wgpu::TextureFormat::Rgba8UnormSrgb,
+        },
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     });

@@ -38,8 +38,9 @@ struct Params {
     id_base: u32,
     radius: f32,
     index: f32,
-    unused_0: u32,
-    unused_1: u32,
+    // Where the linear values of the codes of sRGB begin in `tables`; 0 where texels are read as stored.
+    decoded_at: u32,
+    unused: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -45,6 +45,10 @@ fn texel(image: Texture, column: i32, row: i32) -> vec4f {
     let y = select(select(row, row - height, row >= height), row + height, row < 0);
     let word = texels[image.first + u32(y) * image.width + u32(x)];
     let bytes = vec4u(word & 0xffu, word >> 8u & 0xffu, word >> 16u & 0xffu, word >> 24u);
+    if params.decoded_at != 0u {
+        let code = vec3u(params.decoded_at) + bytes.xyz;
+        return vec4f(table_number(code.x), table_number(code.y), table_number(code.z), f32(bytes.w) / 255.0);
+    }
     return vec4f(bytes) / 255.0;
 }
 fn sep4(x: vec4f) -> vec4f { return bitcast<vec4f>(bitcast<vec4u>(x) ^ vec4u(params.zero)); }

@@ -9,6 +9,7 @@
 //! | what is looked at | the box of all triangles, or of most where a few far ones (a sky) make it twice as large |
 //! | occlusion radius | a twentieth of the diagonal of what is looked at |
 //! | window | 1024 x 1024 |
+//! | colours | linear (`color=linear`) |
 
 mod options;
 mod passes;
@@ -17,6 +18,7 @@ mod view;
 pub use options::{Effects, SceneOptions, Up};
 
 use super::{Camera, Project, SceneDecl, SceneFile, Viewport};
+use crate::color::ColorSpace;
 use crate::diagnostic::{Problem, Problems, Severity};
 use crate::glass::TRANSPARENT;
 use crate::programs::RayProgram;
@@ -99,6 +101,7 @@ impl SceneProjects {
             path: files.first().cloned().unwrap_or_default(),
             name: name.clone(),
             window,
+            color: ColorSpace::Linear,
             scenes: vec![SceneDecl {
                 name: "MainScene".to_owned(),
                 files: files.iter().map(|path| SceneFile { path: path.clone(), place: place(path) }).collect(),

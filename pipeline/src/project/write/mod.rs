@@ -8,6 +8,7 @@ mod passes;
 mod xml;
 
 use super::{Camera, Light, Orthographic, Project, SceneDecl, Viewport};
+use crate::color::ColorSpace;
 use crate::files::write_atomically;
 use crate::scene::{Placement, Shape, ShapeKind};
 use glam::Vec3;
@@ -71,7 +72,11 @@ impl Project {
     fn document(&self, folder: &Path, libraries: &[Library]) -> Result<String, WriteError> {
         let mut xml = Xml::new("Written by curitiba. docs/projects.md says what each element means.");
         let [width, height] = self.window.map(|side| side.to_string());
-        xml.begin("project", &[("name", &self.name), ("width", &width), ("height", &height)]);
+        let mut attributes = vec![("name", self.name.as_str()), ("width", &width), ("height", &height)];
+        if self.color != ColorSpace::default() {
+            attributes.push(("color", self.color.name()));
+        }
+        xml.begin("project", &attributes);
         xml.begin("assets", &[]);
         xml.begin("scenes", &[]);
         for scene in &self.scenes {

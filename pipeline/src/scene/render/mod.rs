@@ -5,7 +5,8 @@ mod normals;
 pub(crate) mod texture;
 
 use super::error::{Budget, SceneError};
-use super::{Needs, RenderScene, Scene};
+use super::{Material, Needs, RenderScene, Scene};
+use crate::color::ColorSpace;
 use crate::diagnostic::Warnings;
 use glam::Mat4;
 use std::path::{Path, PathBuf};
@@ -25,6 +26,8 @@ pub struct BuildOptions {
     pub unitize: bool,
     /// What places the whole scene in the world, after [`Self::unitize`]; normals in model space do not turn with it.
     pub transform: Mat4,
+    /// What colours and textures are made: in a scene they are display values, whatever its files have.
+    pub color: ColorSpace,
     /// Bytes that the geometry and textures may hold.
     pub max_bytes: u64,
 }
@@ -37,6 +40,7 @@ impl Default for BuildOptions {
             swap_yz: false,
             unitize: false,
             transform: Mat4::IDENTITY,
+            color: ColorSpace::Report,
             max_bytes: super::LoadOptions::DEFAULT_MAX_BYTES,
         }
     }
@@ -57,6 +61,8 @@ impl RenderScene {
     ///   60 degrees are not averaged, and the vertices there are split; vertices that are not shared stay flat.
     /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
     ///   its material has none.
+    /// - In linear light colours of materials are decoded from sRGB, and textures when they are read ([`texture::Texture::space`]).
+    ///   What light keeps in a filter, and what is absorbed, is linear as it is.
     ///
     /// # Errors
     /// If the geometry has more than 2^32 - 2 vertices or triangles, or more memory is needed than allowed.
@@ -79,12 +85,22 @@ impl RenderScene {
         for (material, in_use) in materials.iter_mut().zip(in_use) {
             material.attenuation_distance *= scale;
             material.thickness *= scale;
+            to_space(material, options.color);
             if !in_use || !options.needs.textures {
                 material.textures_mut().into_iter().for_each(|texture| *texture = None);
             }
         }
-        let textures = texture::decode_used(&mut materials, &sources, files.whole_scene(), &mut budget, &mut warnings)?;
+        let file = files.whole_scene();
+        let textures = texture::decode_used(&mut materials, &sources, options.color, file, &mut budget, &mut warnings)?;
         Ok((RenderScene { geometry, materials, textures }, warnings))
+    }
+}
+
+/// Makes the colours of a material, which are display values, those of a space.
+fn to_space(material: &mut Material, space: ColorSpace) {
+    let Material { diffuse, ambient, specular, emission, .. } = material;
+    for color in [diffuse, ambient, specular, emission] {
+        *color = space.of_display(*color);
     }
 }
 

@@ -4,6 +4,7 @@ use super::super::error::{Budget, SceneError};
 use super::super::load::no_file_refused;
 use super::super::texture::{Level, Texture};
 use super::super::{Material, TextureSource};
+use crate::color::ColorSpace;
 use crate::diagnostic::Warnings;
 use crate::files;
 use crate::guard;
@@ -21,6 +22,7 @@ const MAX_SIDE: u32 = 16_384;
 pub(super) fn decode_used(
     materials: &mut [Material],
     sources: &[TextureSource],
+    space: ColorSpace,
     file: &Path,
     budget: &mut Budget,
     warnings: &mut Warnings,
@@ -60,7 +62,7 @@ pub(super) fn decode_used(
     let named = sources.iter().map(TextureSource::name);
     let decoded = decoded.into_iter().zip(named).zip(cutoffs).zip(sources.iter().map(|source| source.texels().1)).map(
         |(((base, name), cutoff), wrap)| {
-            base.map(|base| base.map(|base| with_levels(name, base, cutoff).wrapped(wrap)))
+            base.map(|base| base.map(|base| Texture::build(name, base, cutoff, space).wrapped(wrap)))
         },
     );
 
@@ -167,14 +169,6 @@ fn cutoffs(materials: &[Material], textures: usize) -> Vec<Option<f32>> {
         }
     }
     cutoffs
-}
-
-fn with_levels(name: String, base: Level, cutoff: Option<f32>) -> Texture {
-    let Level { width, height, texels } = base;
-    match cutoff {
-        Some(cutoff) => Texture::cut_out(name, width, height, texels, cutoff),
-        None => Texture::new(name, width, height, texels),
-    }
 }
 
 /// Decodes on one thread: a decoder's state never waits on a stack for other threads, which may bring more decoders.

@@ -1,0 +1,304 @@
+//! What colour values mean, and how they are brought to a screen.
+//!
+//! | `color` | colours of files | shading | EXR | PNG |
+//! |---|---|---|---|---|
+//! | `report` | used as stored | with display values, as the report's engine | display values | cut to 0..=1 |
+//! | `linear` | decoded from sRGB | with linear radiance | linear radiance | exposure, tone curve, sRGB transfer |
+//!
+//! The unit of radiance: a white diffuse surface that faces a light of colour 1 reflects 1 of it, and 0.3 of ambient light. So a light of
+//! colour 1 has the irradiance π.
+
+mod transfer;
+
+pub use transfer::{DECODED, code, decode, encode};
+
+use crate::image::{Image, ImageRows, Rows, write_png_rows};
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+use std::fmt;
+use std::io;
+use std::path::Path;
+use std::str::FromStr;
+
+/// What the numbers of a project's colours mean.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum ColorSpace {
+    /// Display values, used as they are stored: the report's engine knew no other.
+    #[default]
+    Report,
+    /// Linear radiance; what files hold in sRGB is decoded when it is loaded.
+    Linear,
+}
+
+impl ColorSpace {
+    /// The spaces by their names.
+    pub const NAMES: [(&'static str, Self); 2] = [("report", Self::Report), ("linear", Self::Linear)];
+
+    /// Its name in project files and settings.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Report => "report",
+            Self::Linear => "linear",
+        }
+    }
+
+    /// A colour that a file or an option gives as display values, as programs shade with it. Alpha is no colour.
+    #[must_use]
+    pub fn of_display(self, color: Vec4) -> Vec4 {
+        match self {
+            Self::Report => color,
+            Self::Linear => color.truncate().map(|value| decode(value).min(f32::MAX)).extend(color.w),
+        }
+    }
+}
+
+impl fmt::Display for ColorSpace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for ColorSpace {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::NAMES.iter().find(|(name, _)| *name == text).map(|(_, space)| *space);
+        found.ok_or_else(|| crate::diagnostic::valid_names(text, Self::NAMES.iter().map(|(name, _)| *name)))
+    }
+}
+
+/// How radiance above what a screen shows is brought into its range.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum Tone {
+    /// Not at all: it is cut at 1.
+    #[default]
+    None,
+    /// Colours are scaled by `(1 + Y / W²) / (1 + Y)`, where `Y` is their luminance (weights of ITU-R BT.709) and `W` = 4 is the luminance
+    /// that becomes 1: Reinhard, Stark, Shirley and Ferwerda, "Photographic Tone Reproduction for Digital Images", SIGGRAPH 2002,
+    /// equation 4.
+    Reinhard,
+}
+
+impl Tone {
+    /// The curves by their names.
+    pub const NAMES: [(&'static str, Self); 2] = [("none", Self::None), ("reinhard", Self::Reinhard)];
+
+    /// The luminance that [`Self::Reinhard`] maps to 1.
+    pub const WHITE: f32 = 4.0;
+
+    /// Its name in settings.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Reinhard => "reinhard",
+        }
+    }
+
+    /// A colour after it, linear.
+    fn apply(self, color: Vec3) -> Vec3 {
+        match self {
+            Self::None => color,
+            Self::Reinhard => {
+                let luminance = color.dot(Vec3::new(0.2126, 0.7152, 0.0722)).max(0.0);
+                // The same fraction, written so that no luminance overflows.
+                let scale = 1.0 / (1.0 + luminance) + luminance / (1.0 + luminance) / (Self::WHITE * Self::WHITE);
+                color * scale
+            }
+        }
+    }
+}
+
+impl FromStr for Tone {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::NAMES.iter().find(|(name, _)| *name == text).map(|(_, tone)| *tone);
+        found.ok_or_else(|| crate::diagnostic::valid_names(text, Self::NAMES.iter().map(|(name, _)| *name)))
+    }
+}
+
+/// How pixels become what a screen shows.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Display {
+    /// What the pixels are.
+    pub space: ColorSpace,
+    /// Linear radiance is multiplied by 2 to the power of this.
+    pub exposure: f32,
+    /// What follows.
+    pub tone: Tone,
+}
+
+impl Display {
+    /// The largest exposure, either way: 2 to the power of it is a normal number.
+    pub const MAX_EXPOSURE: f32 = 64.0;
+
+    /// Of pixels of a space, without exposure and tone curve.
+    #[must_use]
+    pub fn of(space: ColorSpace) -> Self {
+        Self { space, ..Self::default() }
+    }
+
+    /// A number of stops, at most [`Self::MAX_EXPOSURE`] either way.
+    ///
+    /// # Errors
+    /// What would be valid.
+    pub fn parse_exposure(text: &str) -> Result<f32, String> {
+        let stops: Option<f32> = text.trim().parse().ok().filter(|stops: &f32| stops.abs() <= Self::MAX_EXPOSURE);
+        let most = Self::MAX_EXPOSURE;
+        stops.ok_or_else(|| format!("`{text}` is no number of stops from -{most} to {most}, such as -1 or 0.5"))
+    }
+
+    fn linear(&self, [r, g, b, _]: [f32; 4]) -> Vec3 {
+        self.tone.apply(Vec3::new(r, g, b) * self.exposure.exp2())
+    }
+
+    /// What is displayed of a pixel, 0 to 1 and not rounded; NaN is 0, alpha stays.
+    #[must_use]
+    pub fn displayed(&self, pixel: [f32; 4]) -> [f32; 4] {
+        let [r, g, b, alpha] = pixel;
+        let [r, g, b] = match self.space {
+            ColorSpace::Report => [r, g, b].map(|value| value.clamp(0.0, 1.0)),
+            ColorSpace::Linear => self.linear(pixel).to_array().map(|value| encode(value.clamp(0.0, 1.0))),
+        };
+        [r, g, b].map(|value| if value.is_nan() { 0.0 } else { value }).with_alpha(alpha)
+    }
+
+    /// What of a pixel an encoder is given that multiplies by 255 and rounds: display values as they are, and of radiance the code divided by
+    /// 255. Rounded once, by [`code`].
+    #[must_use]
+    pub fn stored(&self, pixel: [f32; 4]) -> [f32; 4] {
+        match self.space {
+            ColorSpace::Report => pixel,
+            ColorSpace::Linear => {
+                self.linear(pixel).to_array().map(|value| f32::from(code(value)) / 255.0).with_alpha(pixel[3])
+            }
+        }
+    }
+}
+
+/// Three colours and an alpha.
+trait WithAlpha {
+    fn with_alpha(self, alpha: f32) -> [f32; 4];
+}
+
+impl WithAlpha for [f32; 3] {
+    fn with_alpha(self, alpha: f32) -> [f32; 4] {
+        let [r, g, b] = self;
+        [r, g, b, alpha]
+    }
+}
+
+/// Rows as [`Display::stored`] has them, made while they are written.
+pub struct DisplayRows<'a> {
+    rows: &'a mut dyn Rows,
+    display: Display,
+    made: Vec<[f32; 4]>,
+}
+
+impl<'a> DisplayRows<'a> {
+    /// Of rows.
+    #[must_use]
+    pub fn new(rows: &'a mut dyn Rows, display: Display) -> Self {
+        Self { rows, display, made: Vec::new() }
+    }
+}
+
+impl Rows for DisplayRows<'_> {
+    fn size(&self) -> [u32; 2] {
+        self.rows.size()
+    }
+
+    fn next(&mut self, count: u32) -> io::Result<&[[f32; 4]]> {
+        let rows = self.rows.next(count)?;
+        if self.display.space == ColorSpace::Report {
+            return Ok(rows);
+        }
+        let display = self.display;
+        rows.par_iter().with_min_len(1024).map(|pixel| display.stored(*pixel)).collect_into_vec(&mut self.made);
+        Ok(&self.made)
+    }
+}
+
+/// What is displayed of a picture: [`Display::displayed`] of each pixel.
+#[must_use]
+pub fn displayed(image: &Image, display: Display) -> Image {
+    let pixels = image.pixels.par_iter().map(|pixel| display.displayed(*pixel)).collect();
+    Image { width: image.width, height: image.height, pixels }
+}
+
+/// Writes a picture as an 8-bit PNG of what is displayed of it.
+///
+/// # Errors
+/// Whatever the file system reports.
+pub fn write_displayed(path: &Path, image: &Image, display: Display) -> io::Result<()> {
+    write_png_rows(path, &mut DisplayRows::new(&mut ImageRows::from(image), display))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn display_values_pass_and_radiance_is_encoded() {
+        let report = Display::default();
+        assert_eq!(report.stored([0.3, 1.5, -1.0, 0.25]), [0.3, 1.5, -1.0, 0.25]);
+        assert_eq!(report.displayed([0.3, 1.5, f32::NAN, 0.25]), [0.3, 1.0, 0.0, 0.25]);
+        let linear = Display::of(ColorSpace::Linear);
+        // What glTF and every guide to sRGB say of a linear middle: code 188; and 128 is 0.2158 (0.2140 is 127.5).
+        let stored = linear.stored([0.5, 0.215_860_5, f32::NAN, 1.0]);
+        assert_eq!(stored, [188.0 / 255.0, 128.0 / 255.0, 0.0, 1.0]);
+        assert_eq!(linear.stored([f32::INFINITY, -3.0, 1.0, 0.0]), [1.0, 0.0, 1.0, 0.0]);
+        let shown = linear.displayed([0.214_041_14, 1.0, f32::INFINITY, 0.5]);
+        assert!((shown[0] - 0.5).abs() < 1e-6 && shown[1..] == [1.0, 1.0, 0.5], "{shown:?}");
+    }
+
+    #[test]
+    fn a_stop_doubles_radiance() {
+        let exposed = |exposure| Display { exposure, ..Display::of(ColorSpace::Linear) };
+        for value in [0.01, 0.1, 0.4] {
+            let twice = Display::of(ColorSpace::Linear).stored([2.0 * value, value, 0.0, 1.0]);
+            assert_eq!(exposed(1.0).stored([value, 0.5 * value, 0.0, 1.0]), twice);
+            assert_eq!(exposed(-1.0).stored([4.0 * value, 2.0 * value, 0.0, 1.0]), twice);
+            assert_ne!(exposed(0.0).stored([value, 0.5 * value, 0.0, 1.0]), twice, "control");
+        }
+        assert!(["nan", "65", "-64.5", "x", ""].iter().all(|text| Display::parse_exposure(text).is_err()));
+        assert_eq!(Display::parse_exposure("-64"), Ok(-64.0));
+    }
+
+    #[test]
+    fn reinhards_curve_is_the_papers() {
+        let grey = |value: f32| Tone::Reinhard.apply(Vec3::splat(value)).x;
+        for value in [0.0_f32, 1e-6, 0.18, 1.0, 4.0, 100.0] {
+            let exact = f64::from(value);
+            let paper = exact * (1.0 + exact / 16.0) / (1.0 + exact);
+            assert!((f64::from(grey(value)) - paper).abs() <= 1e-6 * paper, "{value}");
+        }
+        assert!((grey(4.0) - 1.0).abs() < 1e-6, "the white point");
+        assert!(grey(f32::MAX).is_finite() && grey(f32::MAX) > 1.0);
+        // Hue stays: the ratio of the channels does.
+        let color = Tone::Reinhard.apply(Vec3::new(3.0, 1.5, 0.75));
+        assert!((color.x / color.y - 2.0).abs() < 1e-6 && (color.y / color.z - 2.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn names_are_read_as_they_are_written() {
+        for (name, space) in ColorSpace::NAMES {
+            assert_eq!((space.name(), name.parse()), (name, Ok(space)));
+        }
+        for (name, tone) in Tone::NAMES {
+            assert_eq!((tone.name(), name.parse()), (name, Ok(tone)));
+        }
+        assert!("liner".parse::<ColorSpace>().expect_err("a typing error").contains("did you mean `linear`?"));
+        assert!("aces".parse::<Tone>().is_err());
+    }
+
+    #[test]
+    fn alpha_is_no_colour() {
+        let color = Vec4::new(0.5, 1.0, 0.0, 0.5);
+        assert_eq!(ColorSpace::Report.of_display(color), color);
+        let linear = ColorSpace::Linear.of_display(color);
+        assert!((linear.x - 0.214_041_14).abs() < 1e-7 && linear.y == 1.0 && linear.z == 0.0 && linear.w == 0.5);
+    }
+}
