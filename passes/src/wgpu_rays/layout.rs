@@ -11,20 +11,12 @@ pub const SHADE_GLASS: u32 = 1;
 pub const SHADE_SHADOW_GLASS: u32 = 2;
 /// It is cut out by its texture's alpha.
 pub const SHADE_CUT: u32 = 4;
-/// No texture.
-pub const NO_TEXTURE: u32 = u32::MAX;
 /// Words of a material in the tables.
 pub const SHADE_WORDS: u32 = 6;
 /// No child, no tree.
 pub const NONE: u32 = u32::MAX;
 /// Sides of the tiles of pixels that a workgroup computes.
 pub const TILE: u32 = 8;
-/// Deepest glass bounce that a program has room for: the greatest value of the parameter.
-pub const MAX_DEPTH: u32 = 16;
-/// Glass surfaces on the way of a shadow ray that are told apart.
-pub const MAX_CROSSINGS: u32 = 32;
-/// Length of the table of what glass leaves of light.
-pub const THROUGH_GLASS_ENTRIES: u32 = 64;
 /// Over how many sums the counts of rays are spread, so that threads seldom meet.
 pub const RAY_COUNT_SLOTS: u32 = 256;
 /// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain.
@@ -79,7 +71,7 @@ pub struct Params {
 pub fn constants() -> String {
     let integers = [
         ("NO_TRIANGLE", curitiba_pipeline::backend::NO_TRIANGLE),
-        ("NO_TEXTURE", NO_TEXTURE),
+        ("NO_TEXTURE", effects::NO_TEXTURE),
         ("NONE", NONE),
         ("TRANSPARENT", gpu_binary::TRANSPARENT),
         ("LEAF", gpu_binary::LEAF),
@@ -96,9 +88,9 @@ pub fn constants() -> String {
         ("HASH_SCRAMBLE", effects::SCRAMBLE),
         ("BRANCH_REFLECTED", effects::REFLECTED),
         ("BRANCH_REFRACTED", effects::REFRACTED),
-        ("MAX_DEPTH", MAX_DEPTH),
-        ("MAX_CROSSINGS", MAX_CROSSINGS),
-        ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),
+        ("MAX_DEPTH", effects::MAX_DEPTH),
+        ("MAX_CROSSINGS", effects::MAX_CROSSINGS),
+        ("THROUGH_GLASS_ENTRIES", effects::THROUGH_GLASS_ENTRIES),
         ("RAY_COUNT_SLOTS", RAY_COUNT_SLOTS),
         ("RAY_COUNT_KINDS", RAY_COUNT_KINDS),
         ("TILE", TILE),
