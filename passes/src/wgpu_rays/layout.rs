@@ -22,6 +22,15 @@ pub const RAY_COUNT_SLOTS: u32 = 256;
 /// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain.
 pub const RAY_COUNT_KINDS: u32 = 5;
 
+/// Bytes of the counts of rays, two words a sum. Behind them, one word counts points.
+pub const COUNT_BYTES: u64 = 8 * (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as u64;
+/// Bytes of the buffer with the counts.
+pub const COUNTS_BUFFER_BYTES: u64 = COUNT_BYTES + 16;
+/// Bytes of a point: six vectors, see `programs/points.wgsl`.
+pub const POINT_BYTES: u64 = 96;
+/// Bytes of where a shadow ray of `deferredShadows` starts.
+pub const START_BYTES: u64 = 16;
+
 /// Between the smallest reciprocal that does not overflow with coordinates and the largest slope that matters: a ray that runs along an
 /// axis is treated as one that leaves it by this share, which no coordinate of the scene notices.
 const LEAST_DIRECTION: f32 = 1.0e-18;
@@ -48,7 +57,8 @@ pub struct Params {
     pub first_tile: u32,
     pub end_tile: u32,
     pub tiles_across: u32,
-    pub groups_across: u32,
+    /// Points that there is room for.
+    pub capacity: u32,
     pub root: u32,
     pub materials_at: u32,
     pub normals_at: u32,

@@ -21,6 +21,8 @@ pub(crate) struct Gpu {
     pub adapter: AdapterSummary,
     /// The largest buffer for data whose size depends on the scene or the frame, in bytes.
     pub max_buffer_bytes: u64,
+    /// Threads of a subgroup, at least and at most.
+    pub subgroup: [u32; 2],
     faults: Arc<Faults>,
 }
 
@@ -52,7 +54,7 @@ impl Gpu {
     /// Opens the device that `choice` takes, with all of its limits.
     pub fn open(choice: AdapterChoice) -> Result<Self, BackendError> {
         let (summary, adapter) = select(choice)?;
-        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PRIMITIVE_INDEX;
+        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PRIMITIVE_INDEX | wgpu::Features::SUBGROUP;
         let limits = adapter.limits();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("curitiba"),
@@ -73,7 +75,9 @@ impl Gpu {
             noted.note_lost(format!("the device was lost ({reason:?}) {message}"));
         });
         let max_buffer_bytes = limits.max_buffer_size.min(MAX_BUFFER_BYTES);
-        Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, faults })
+        let info = adapter.get_info();
+        let subgroup = [info.subgroup_min_size, info.subgroup_max_size];
+        Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, subgroup, faults })
     }
 
     /// Whether the device can do `feature`.
