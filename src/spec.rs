@@ -25,6 +25,7 @@ pub const SETTINGS: &[(&str, &str)] = &[
     ("look-at", "of scene files: X/Y/Z, what it looks at"),
     ("fov", "of scene files: DEGREES, vertical"),
     ("sun", "of scene files: X/Y/Z, the direction in which the sun stands"),
+    ("up", "of scene files: y or z, the axis that points up"),
     ("background", "of scene files: R/G/B from 0 to 1, or #rrggbb"),
     ("PASS.NAME", "VALUE of a parameter of a pass"),
     ("TEXTURE.format", "RGBA32F, RGBA16F, RGBA8, R32F or R8: how a render target stores it"),
@@ -157,6 +158,7 @@ impl Spec {
                 self.settings.scene.fov =
                     Some(SceneOptions::parse_fov(value).map_err(|help| in_value(key, value, help))?);
             }
+            "up" => self.settings.scene.up = value.parse().map_err(|help| in_value(key, value, help))?,
             "background" => {
                 let color = SceneOptions::parse_color(value).map_err(|help| in_value(key, value, help))?;
                 self.settings.scene.background = Some(color);

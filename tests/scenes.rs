@@ -129,6 +129,23 @@ fn options_describe_camera_sun_background_and_effects() {
 }
 
 #[test]
+fn a_picture_of_one_colour_is_warned_of() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    obj(folder);
+    let warned = |options: &[&str]| {
+        let common = ["render", "room.obj", "--size", "48x48", "-o", "seen.exr", "--effects", "none"];
+        let output = curitiba(folder, &[&common[..], &CPU, options].concat());
+        assert!(output.status.success());
+        String::from_utf8_lossy(&output.stderr).contains("all pixels of the picture have one colour")
+    };
+    let away = ["--look-from", "0,30,0", "--look-at", "0,60,0"];
+    assert!(warned(&away));
+    assert!(warned(&[&away[..], &["--bands", "16"]].concat()));
+    assert!(!warned(&["--look-from", "0,30,0", "--look-at", "0,0,0"]));
+}
+
+#[test]
 fn a_camera_does_not_see_single_sided_materials_from_behind_and_rays_do() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();

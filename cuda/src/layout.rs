@@ -3,6 +3,7 @@
 use crate::device::Address;
 use cudarc::driver::DeviceRepr;
 use curitiba_passes::effects::constants as effects;
+pub use curitiba_passes::effects::constants::{MAX_CROSSINGS, MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS_ENTRIES};
 use curitiba_passes::trace::gpu_tree;
 use std::fmt::Write as _;
 
@@ -201,14 +202,6 @@ pub const WRAP_REPEAT: u32 = 0;
 pub const WRAP_MIRROR: u32 = 1;
 /// The texels at its edge.
 pub const WRAP_CLAMP: u32 = 2;
-/// No texture.
-pub const NO_TEXTURE: u32 = u32::MAX;
-/// Deepest glass bounce that a launch has room for: the greatest value of the parameter.
-pub const MAX_DEPTH: u32 = 16;
-/// Glass surfaces on the way of a shadow ray that are told apart.
-pub const MAX_CROSSINGS: u32 = 32;
-/// Length of the table of what glass leaves of light.
-pub const THROUGH_GLASS_ENTRIES: u32 = 64;
 /// Bytes of a surface in the list of `final`.
 pub const SURFACE_BYTES: u32 = 64;
 /// Bytes of what is known of a point's occlusion rays before any is traced.

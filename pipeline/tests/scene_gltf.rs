@@ -662,6 +662,34 @@ fn buffer_views_compressed_by_meshopt_hold_what_the_plain_ones_held() {
     }
 }
 
+/// The compressed seeds of the fuzz targets. `CURITIBA_WRITE_SEEDS=1` writes them again where an encoder has changed.
+#[test]
+fn the_seeds_of_the_fuzzer_are_what_the_encoders_make() {
+    let (packed, _) = draco_grid(6, 5);
+    let draco = glb(&draco_asset(6, &packed), &packed);
+    // In a GLB the bytes that are there are the first buffer.
+    let (mut json, packed) = meshopt_square();
+    let buffers = json["buffers"].as_array_mut().expect("two buffers");
+    buffers.swap(0, 1);
+    buffers[0] = json!({"byteLength": packed.len()});
+    for view in json["bufferViews"].as_array_mut().expect("a list") {
+        view["buffer"] = 1.into();
+        view["extensions"]["EXT_meshopt_compression"]["buffer"] = 0.into();
+    }
+    let mut padded = packed;
+    padded.resize(padded.len().next_multiple_of(4), 0);
+    let meshopt = glb(&json, &padded);
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz_targets");
+    for (name, bytes) in [("draco.glb", draco), ("meshopt.glb", meshopt)] {
+        let path = folder.join(name);
+        if std::env::var_os("CURITIBA_WRITE_SEEDS").is_some() {
+            std::fs::write(&path, &bytes).expect("written");
+        }
+        assert!(load_one(&path).is_ok_and(|scene| triangles(&scene) > 0), "{name}");
+        assert_eq!(std::fs::read(&path).expect("a seed"), bytes, "{name}");
+    }
+}
+
 #[test]
 fn images_of_other_formats_are_taken_from_their_extensions() {
     let (mut json, binary) = square();

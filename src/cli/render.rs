@@ -57,6 +57,13 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
             "{bad} pixels of the picture are not finite numbers; they are written as 0 to .png"
         ));
     }
+    if saved.is_blank {
+        failure::print_warning(
+            "all pixels of the picture have one colour: the camera sees nothing, or nothing writes what is shown; `curitiba plan` \
+             names the cameras and what each pass reads and writes, --camera, --look-from and --look-at choose what is seen, \
+             and --show all writes every target",
+        );
+    }
     if args.json {
         print_json(&renderer, args.frames, &files)?;
     } else {

@@ -1,7 +1,7 @@
 //! The arguments that describe the project of a scene without one.
 
 use clap::Args;
-use curitiba::pipeline::project::{Effects, SceneOptions};
+use curitiba::pipeline::project::{Effects, SceneOptions, Up};
 use glam::Vec3;
 use std::path::PathBuf;
 
@@ -24,6 +24,9 @@ pub struct SceneFlags {
     /// Direction in which the sun stands [default: the file's light, or behind the viewer's left shoulder]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = SceneOptions::parse_direction)]
     pub sun: Option<Vec3>,
+    /// Axis of the scene files that points up: y, or z as in many files of 3D Studio and of CAD programs [default: y]
+    #[arg(long, value_name = "AXIS")]
+    pub up: Option<Up>,
     /// What is behind the scene, #rrggbb or three numbers from 0 to 1 [default: 0.6,0.7,0.8]
     #[arg(long, value_name = "COLOR", value_parser = SceneOptions::parse_color)]
     pub background: Option<Vec3>,
@@ -39,6 +42,7 @@ impl SceneFlags {
             look_at: self.look_at,
             fov: self.fov,
             sun: self.sun,
+            up: self.up.unwrap_or_default(),
             background: self.background,
         }
     }

@@ -76,6 +76,15 @@ pub mod constants {
     pub use super::optics::{REFLECTED, REFRACTED};
     pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};
     pub use crate::sampling::hash::{DIMENSIONS, PATH, PIXEL, SCRAMBLE};
+
+    /// In tables of device programs: a material without a texture.
+    pub const NO_TEXTURE: u32 = u32::MAX;
+    /// Deepest glass bounce that a device program has room for: the greatest value of the parameter `depth`.
+    pub const MAX_DEPTH: u32 = 16;
+    /// Glass surfaces on the way of a shadow ray that device programs tell apart.
+    pub const MAX_CROSSINGS: u32 = 32;
+    /// Length of device programs' table of what glass leaves of light, by the number of surfaces crossed.
+    pub const THROUGH_GLASS_ENTRIES: u32 = 64;
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::NAME;
 use crate::cpu::check;
-use crate::raster::gpu::device::{Gpu, UPLOAD_PIECE};
+use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::targets::{CHANNEL_FORMATS, CHANNELS, TRIANGLE};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 
@@ -92,7 +92,7 @@ impl Images {
             let make = || texture(gpu, CHANNELS[channel], CHANNEL_FORMATS[channel], size, READ);
             let texture = kept(&mut self.channels[channel], size, make);
             gpu.check("creation of the uploaded G-buffer")?;
-            fill(gpu, texture, data)?;
+            gpu.fill_texture(texture, data, "upload of the G-buffer")?;
             channels[channel] = Some(whole(texture));
         }
         Ok(Views { channels, id_base: 0 })
@@ -132,26 +132,4 @@ pub fn sample_type(channel: usize) -> wgpu::TextureSampleType {
         TRIANGLE => wgpu::TextureSampleType::Uint,
         _ => wgpu::TextureSampleType::Float { filterable: false },
     }
-}
-
-/// Copies rows of texels to a texture, piece by piece, and waits.
-fn fill(gpu: &Gpu, texture: &wgpu::Texture, data: &[u8]) -> Result<(), BackendError> {
-    let (width, height) = (texture.width(), texture.height());
-    let row = (data.len() / height.max(1) as usize).max(1);
-    let rows = (UPLOAD_PIECE / row).max(1);
-    for (index, piece) in data.chunks(rows * row).enumerate() {
-        gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo {
-                texture,
-                mip_level: 0,
-                origin: wgpu::Origin3d { x: 0, y: (index * rows) as u32, z: 0 },
-                aspect: wgpu::TextureAspect::All,
-            },
-            piece,
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
-            wgpu::Extent3d { width, height: (piece.len() / row) as u32, depth_or_array_layers: 1 },
-        );
-        gpu.submit_and_wait(None, "upload of the G-buffer")?;
-    }
-    Ok(())
 }

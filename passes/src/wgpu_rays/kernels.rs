@@ -1,7 +1,7 @@
 //! Compiled programs, and the layouts of what they bind.
 
 use super::images::{OUTPUT_FORMAT, sample_type};
-use super::programs::{self, Rounding};
+use super::programs::{self, Arithmetic, Stage};
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
@@ -13,7 +13,7 @@ pub struct Kernels {
     /// Parameters and images; the scene; the pass's tables.
     pub groups: [wgpu::BindGroupLayout; 3],
     layout: wgpu::PipelineLayout,
-    compiled: HashMap<(RayProgram, Fidelity, Rounding), wgpu::ComputePipeline>,
+    compiled: HashMap<(RayProgram, Fidelity, Stage, Arithmetic), wgpu::ComputePipeline>,
 }
 
 fn entry(binding: u32, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {
@@ -46,7 +46,7 @@ impl Kernels {
         let counts = buffer(wgpu::BufferBindingType::Storage { read_only: false });
         let mut images = vec![entry(0, buffer(wgpu::BufferBindingType::Uniform))];
         images.extend((0..4).map(channel));
-        images.extend([entry(5, picture), entry(6, counts)]);
+        images.extend([entry(5, picture), entry(6, counts), entry(7, counts)]);
         let scene: Vec<_> = (0..5).map(|binding| entry(binding, read_only())).collect();
         let tables = vec![entry(0, read_only())];
         let groups =
@@ -63,22 +63,26 @@ impl Kernels {
         Ok(Self { groups, layout, compiled: HashMap::new() })
     }
 
-    /// The program of a job, compiled when it is first needed.
+    /// The kernels of a job in their order, compiled when they are first needed.
     pub fn require(
         &mut self,
         gpu: &Gpu,
         job: &RayJob<'_>,
-        rounding: Rounding,
-    ) -> Result<&wgpu::ComputePipeline, BackendError> {
-        let key = (job.program, job.fidelity, rounding);
-        if !self.compiled.contains_key(&key) {
-            let source = programs::source(job.program, job.fidelity, rounding);
+        stages: &[Stage],
+        arithmetic: Arithmetic,
+    ) -> Result<Vec<(Stage, &wgpu::ComputePipeline)>, BackendError> {
+        let key = |stage: Stage| (job.program, job.fidelity, stage, arithmetic);
+        for &stage in stages {
+            if self.compiled.contains_key(&key(stage)) {
+                continue;
+            }
+            let source = programs::source(job.program, job.fidelity, stage, arithmetic);
             let source = source.ok_or_else(|| programs::not_written(super::NAME, job.program))?;
-            let doing = format!("compiling `{}`", job.program.info().stem);
+            let doing = format!("compiling `{}` ({stage:?})", job.program.info().stem);
             let pipeline = compile(gpu, &self.layout, &source, &doing)?;
-            self.compiled.insert(key, pipeline);
+            self.compiled.insert(key(stage), pipeline);
         }
-        Ok(&self.compiled[&key])
+        Ok(stages.iter().map(|stage| (*stage, &self.compiled[&key(*stage)])).collect())
     }
 }
 

@@ -1,6 +1,7 @@
 //! A pass as launches that are short enough for every driver's watchdog, and their times.
 
-use super::layout::{Params, TILE};
+use super::layout::{COUNT_BYTES, Params, TILE};
+use super::programs::Stage;
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::executor::Progress;
@@ -12,7 +13,7 @@ const WANTED: Duration = Duration::from_millis(20);
 const FIRST_TILES: u32 = 64;
 /// How much longer a launch may be than the one before.
 const GROWTH: u32 = 8;
-/// Launches that are timed by the device's clock together.
+/// Kernels that are timed by the device's clock together.
 const SLOTS: u32 = 64;
 /// Where timestamps are written, buffers start at multiples of this.
 const SLOT_BYTES: u64 = wgpu::QUERY_RESOLVE_BUFFER_ALIGNMENT;
@@ -57,7 +58,7 @@ impl Clock {
         encoder.resolve_query_set(&self.queries, 2 * slot..2 * slot + 2, &self.resolved, u64::from(slot) * SLOT_BYTES);
     }
 
-    /// The sum of the times of so many launches.
+    /// The sum of the times of so many kernels.
     fn read(&self, gpu: &Gpu, slots: u32) -> Result<Duration, BackendError> {
         let bytes = u64::from(slots) * SLOT_BYTES;
         if bytes == 0 {
@@ -78,8 +79,13 @@ impl Clock {
 
 /// What a launch runs.
 pub struct Work<'a> {
-    pub pipeline: &'a wgpu::ComputePipeline,
+    /// One after the other.
+    pub kernels: Vec<(Stage, &'a wgpu::ComputePipeline)>,
     pub groups: [&'a wgpu::BindGroup; 3],
+    /// Tiles of a launch at most.
+    pub most_tiles: u32,
+    /// Where the counts of rays are, and behind them how many points were listed.
+    pub counts: &'a wgpu::Buffer,
     /// Where its parameters go.
     pub uniform: &'a wgpu::Buffer,
     /// For messages.
@@ -90,6 +96,14 @@ pub struct Work<'a> {
 fn rectangle(tiles: u32, most: u32) -> [u32; 2] {
     let across = tiles.min(most);
     [across, tiles.div_ceil(across.max(1))]
+}
+
+/// Groups of a kernel over so many tiles. Those that settle and trace have 32 threads, and take further points in turn.
+fn groups_of(stage: Stage, tiles: u32) -> u32 {
+    match stage {
+        Stage::Settle | Stage::Trace | Stage::TraceAll => tiles * (TILE * TILE / 32),
+        Stage::Whole | Stage::List | Stage::Light | Stage::Sum => tiles,
+    }
 }
 
 /// How many tiles the next launch takes, after one that took so long.
@@ -116,24 +130,28 @@ pub fn run(
     let most = gpu.limits.max_compute_workgroups_per_dimension;
     let (mut first, mut slot, mut total, mut least) = (0, 0, Duration::ZERO, u32::MAX);
     while first < tiles {
-        let taken = size.unwrap_or(FIRST_TILES).min(tiles - first).max(1);
-        let [across, down] = rectangle(taken, most);
-        (params.first_tile, params.end_tile, params.groups_across) = (first, first + taken, across);
+        let taken = size.unwrap_or(FIRST_TILES).min(tiles - first).min(work.most_tiles).max(1);
+        (params.first_tile, params.end_tile) = (first, first + taken);
         gpu.queue.write_buffer(work.uniform, 0, bytemuck::bytes_of(&params));
+        // The points that pixels see have their places; what is seen through glass follows.
+        gpu.queue.write_buffer(work.counts, COUNT_BYTES, bytemuck::bytes_of(&(taken * TILE * TILE)));
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("rays") });
-        {
+        for (stage, pipeline) in &work.kernels {
+            let [across, down] = rectangle(groups_of(*stage, taken), most);
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                 label: Some(work.doing),
                 timestamp_writes: clock.map(|clock| clock.writes(slot)),
             });
-            pass.set_pipeline(work.pipeline);
+            pass.set_pipeline(pipeline);
             for (index, group) in (0..).zip(work.groups) {
                 pass.set_bind_group(index, group, &[]);
             }
             pass.dispatch_workgroups(across, down, 1);
-        }
-        if let Some(clock) = clock {
-            clock.resolve(&mut encoder, slot);
+            drop(pass);
+            if let Some(clock) = clock {
+                clock.resolve(&mut encoder, slot);
+            }
+            slot += 1;
         }
         let start = Instant::now();
         gpu.submit_and_wait(Some(encoder.finish()), work.doing)?;
@@ -144,8 +162,7 @@ pub fn run(
         }
         *size = Some(if size.is_none() { taken } else { next_size(taken, took) });
         first += taken;
-        slot += 1;
-        if slot == SLOTS || first == tiles {
+        if slot + work.kernels.len() as u32 > SLOTS || first == tiles {
             total += clock.map_or(Ok(Duration::ZERO), |clock| clock.read(gpu, slot))?;
             slot = 0;
         }

@@ -11,24 +11,25 @@ pub const SHADE_GLASS: u32 = 1;
 pub const SHADE_SHADOW_GLASS: u32 = 2;
 /// It is cut out by its texture's alpha.
 pub const SHADE_CUT: u32 = 4;
-/// No texture.
-pub const NO_TEXTURE: u32 = u32::MAX;
 /// Words of a material in the tables.
 pub const SHADE_WORDS: u32 = 6;
 /// No child, no tree.
 pub const NONE: u32 = u32::MAX;
 /// Sides of the tiles of pixels that a workgroup computes.
 pub const TILE: u32 = 8;
-/// Deepest glass bounce that a program has room for: the greatest value of the parameter.
-pub const MAX_DEPTH: u32 = 16;
-/// Glass surfaces on the way of a shadow ray that are told apart.
-pub const MAX_CROSSINGS: u32 = 32;
-/// Length of the table of what glass leaves of light.
-pub const THROUGH_GLASS_ENTRIES: u32 = 64;
 /// Over how many sums the counts of rays are spread, so that threads seldom meet.
 pub const RAY_COUNT_SLOTS: u32 = 256;
 /// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain.
 pub const RAY_COUNT_KINDS: u32 = 5;
+
+/// Bytes of the counts of rays, two words a sum. Behind them, one word counts points.
+pub const COUNT_BYTES: u64 = 8 * (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as u64;
+/// Bytes of the buffer with the counts.
+pub const COUNTS_BUFFER_BYTES: u64 = COUNT_BYTES + 16;
+/// Bytes of a point: six vectors, see `programs/points.wgsl`.
+pub const POINT_BYTES: u64 = 96;
+/// Bytes of where a shadow ray of `deferredShadows` starts.
+pub const START_BYTES: u64 = 16;
 
 /// Between the smallest reciprocal that does not overflow with coordinates and the largest slope that matters: a ray that runs along an
 /// axis is treated as one that leaves it by this share, which no coordinate of the scene notices.
@@ -56,7 +57,8 @@ pub struct Params {
     pub first_tile: u32,
     pub end_tile: u32,
     pub tiles_across: u32,
-    pub groups_across: u32,
+    /// Points that there is room for.
+    pub capacity: u32,
     pub root: u32,
     pub materials_at: u32,
     pub normals_at: u32,
@@ -80,7 +82,7 @@ pub struct Params {
 pub fn constants() -> String {
     let integers = [
         ("NO_TRIANGLE", curitiba_pipeline::backend::NO_TRIANGLE),
-        ("NO_TEXTURE", NO_TEXTURE),
+        ("NO_TEXTURE", effects::NO_TEXTURE),
         ("NONE", NONE),
         ("TRANSPARENT", gpu_binary::TRANSPARENT),
         ("LEAF", gpu_binary::LEAF),
@@ -97,9 +99,9 @@ pub fn constants() -> String {
         ("HASH_SCRAMBLE", effects::SCRAMBLE),
         ("BRANCH_REFLECTED", effects::REFLECTED),
         ("BRANCH_REFRACTED", effects::REFRACTED),
-        ("MAX_DEPTH", MAX_DEPTH),
-        ("MAX_CROSSINGS", MAX_CROSSINGS),
-        ("THROUGH_GLASS_ENTRIES", THROUGH_GLASS_ENTRIES),
+        ("MAX_DEPTH", effects::MAX_DEPTH),
+        ("MAX_CROSSINGS", effects::MAX_CROSSINGS),
+        ("THROUGH_GLASS_ENTRIES", effects::THROUGH_GLASS_ENTRIES),
         ("RAY_COUNT_SLOTS", RAY_COUNT_SLOTS),
         ("RAY_COUNT_KINDS", RAY_COUNT_KINDS),
         ("TILE", TILE),

@@ -12,6 +12,7 @@ mod launches;
 mod layout;
 mod programs;
 mod scene;
+mod selftest;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -35,7 +36,8 @@ use curitiba_pipeline::shared::InPlace;
 use images::{Images, Views};
 use kernels::Kernels;
 use launches::{Clock, Work};
-use layout::{Params, RAY_COUNT_KINDS, RAY_COUNT_SLOTS};
+use layout::{COUNT_BYTES, COUNTS_BUFFER_BYTES, POINT_BYTES, Params, RAY_COUNT_KINDS, START_BYTES, TILE};
+use programs::{Arithmetic, Stage};
 use scene::SceneBuffers;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -46,14 +48,14 @@ const NAME: &str = "wgpu";
 
 /// About how many bytes a triangle takes: 150 on the device, and while the tree is built, about 400 on the host.
 const BYTES_PER_TRIANGLE: u64 = 550;
-/// Bytes of the counts of rays.
-const COUNT_BYTES: u64 = 8 * (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as u64;
+/// Bytes of the list of points at most: three places a pixel of a picture of 1024 x 1024.
+const LIST_BYTES: u64 = 3 * 1024 * 1024 * POINT_BYTES;
 
 /// Traces on a GPU, or on a software driver that acts as one.
 #[derive(Debug)]
 pub struct WgpuRays {
     gpu: Arc<Gpu>,
-    rounding: Rounding,
+    arithmetic: Arithmetic,
     kernels: Kernels,
     clock: Option<Clock>,
     images: Images,
@@ -61,6 +63,8 @@ pub struct WgpuRays {
     uniform: wgpu::Buffer,
     counts: wgpu::Buffer,
     counts_staging: wgpu::Buffer,
+    /// Points of surfaces whose light and occlusion kernels find one after the other.
+    points: wgpu::Buffer,
     built: Option<(Arc<RenderScene>, SceneBuffers)>,
     /// The attachments of the rasteriser on the same device, once they are read in place.
     lending: Option<Arc<Lending>>,
@@ -97,14 +101,15 @@ impl WgpuRays {
     fn prepare(gpu: Arc<Gpu>) -> Result<Self, BackendError> {
         let (copy_to, storage) = (wgpu::BufferUsages::COPY_DST, wgpu::BufferUsages::STORAGE);
         let uniform = gpu.buffer("parameters", wgpu::BufferUsages::UNIFORM | copy_to, size_of::<Params>() as u64)?;
-        let counts = gpu.buffer("ray counts", storage | copy_to | wgpu::BufferUsages::COPY_SRC, COUNT_BYTES)?;
+        let counts = gpu.buffer("ray counts", storage | copy_to | wgpu::BufferUsages::COPY_SRC, COUNTS_BUFFER_BYTES)?;
         let counts_staging = gpu.buffer("ray counts", wgpu::BufferUsages::MAP_READ | copy_to, COUNT_BYTES)?;
         Ok(Self {
             kernels: Kernels::new(&gpu)?,
             clock: Clock::new(&gpu)?,
             images: Images::new(&gpu)?,
+            points: gpu.buffer("points", storage, POINT_BYTES)?,
+            arithmetic: selftest::arithmetic(&gpu)?,
             gpu,
-            rounding: Rounding::default(),
             staging: Staging::default(),
             uniform,
             counts,
@@ -117,7 +122,7 @@ impl WgpuRays {
 
     /// Rounds products otherwise: for tests, which see that nothing leaks whatever a driver does.
     pub fn set_rounding(&mut self, rounding: Rounding) {
-        self.rounding = rounding;
+        self.arithmetic.rounding = rounding;
     }
 
     fn group(&self, index: usize, label: &str, entries: &[wgpu::BindGroupEntry<'_>]) -> wgpu::BindGroup {
@@ -134,6 +139,7 @@ impl WgpuRays {
             resource: wgpu::BindingResource::TextureView(view),
         }));
         entries.push(wgpu::BindGroupEntry { binding: 6, resource: self.counts.as_entire_binding() });
+        entries.push(wgpu::BindGroupEntry { binding: 7, resource: self.points.as_entire_binding() });
         let group = self.group(0, "rays: images", &entries);
         self.gpu.check("binding of the images of rays")?;
         Ok(group)
@@ -148,7 +154,10 @@ impl WgpuRays {
             None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
         };
         let tables = Tables::of(job).map_err(|why| check::missing(NAME, job, &why))?;
-        let mut params = Params { id_base: views.id_base, ..tables.params };
+        let stages = programs::stages(job.program, job.fidelity, tables.params.samples);
+        let most_tiles = self.require_points(job, stages)?;
+        let capacity = (self.points.size() / POINT_BYTES) as u32;
+        let mut params = Params { id_base: views.id_base, capacity, ..tables.params };
         // Kept until the launches are done.
         let unbuilt;
         let scene = match &self.built {
@@ -175,8 +184,10 @@ impl WgpuRays {
         self.clear_counts()?;
         let doing = format!("running `{}`", job.program.info().stem);
         let work = Work {
-            pipeline: self.kernels.require(&gpu, job, self.rounding)?,
+            kernels: self.kernels.require(&gpu, job, stages, self.arithmetic)?,
             groups: groups.each_ref(),
+            most_tiles,
+            counts: &self.counts,
             uniform: &self.uniform,
             doing: &doing,
         };
@@ -186,7 +197,7 @@ impl WgpuRays {
         let picture = self.images.output(&gpu, job)?;
         self.staging.read(&gpu, picture, &mut output.pixels)?;
         let read_back = Some(start.elapsed());
-        let held_bytes = self.images.bytes() + words.size() + COUNT_BYTES;
+        let held_bytes = self.images.bytes() + words.size() + self.points.size() + COUNTS_BUFFER_BYTES;
         Ok(RayStats { rays: self.read_counts()?, upload, read_back, device_time, held_bytes })
     }
 
@@ -209,6 +220,29 @@ impl WgpuRays {
         }
         // As the attachment is cleared to 0, ids are stored plus 1.
         Ok(Views { channels: lent.channels, id_base: 1 })
+    }
+
+    /// Makes room for the points that the kernels of a job list; gives the tiles whose points a launch has room for.
+    fn require_points(&mut self, job: &RayJob<'_>, stages: &[Stage]) -> Result<u32, BackendError> {
+        if stages == [Stage::Whole] {
+            return Ok(u32::MAX);
+        }
+        // What pixels see; in `final`, twice as much again that is seen through glass.
+        let pixel_bytes = match job.program {
+            RayProgram::Final => 3 * POINT_BYTES,
+            RayProgram::DeferredShadows => START_BYTES,
+            _ => POINT_BYTES,
+        };
+        let tile_bytes = u64::from(TILE * TILE) * pixel_bytes;
+        let most = self.gpu.limits.max_storage_buffer_binding_size.min(self.gpu.max_buffer_bytes).min(LIST_BYTES);
+        let tiles = u64::from(job.width.div_ceil(TILE)) * u64::from(job.height.div_ceil(TILE));
+        let tiles = tiles.min(most / tile_bytes).max(1);
+        if self.points.size() < tiles * tile_bytes {
+            // What is there goes first: both need not fit at once.
+            self.points = self.gpu.buffer("points", wgpu::BufferUsages::STORAGE, POINT_BYTES)?;
+            self.points = self.gpu.buffer("points", wgpu::BufferUsages::STORAGE, tiles * tile_bytes)?;
+        }
+        Ok(tiles as u32)
     }
 
     fn clear_counts(&self) -> Result<(), BackendError> {

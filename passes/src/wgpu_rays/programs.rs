@@ -4,18 +4,73 @@ use super::layout;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 
-/// How the products of the triangle test are rounded. Nothing leaks whichever it is; only [`Rounding::Separate`] does not depend on the
-/// driver.
+/// How the products of the triangle test are rounded. Nothing leaks whichever it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Rounding {
-    /// Each by itself, as on the processor.
+    /// As `fma` does: fused or not, by the driver's choice, which it makes once.
     #[default]
+    Fma,
+    /// Each by itself, as on the processor: for drivers that choose anew for each instruction.
     Separate,
     /// As the driver likes: for tests.
     Driver,
     /// One of two is not rounded before the difference, as drivers do that fuse: for tests.
     Fused,
 }
+
+/// What a driver makes of the programs' arithmetic.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Arithmetic {
+    /// Of the triangle test.
+    pub rounding: Rounding,
+    /// `fma` is rounded once: exact products are short.
+    pub fused: bool,
+    /// 32 threads of a group are one subgroup.
+    pub subgroups: bool,
+}
+
+/// A kernel of a program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// The whole program, one thread a pixel.
+    Whole,
+    /// Lists the points of surfaces that pixels see, also through glass.
+    List,
+    /// Traces the points' shadow rays.
+    Light,
+    /// Asks what the triangles near the points say of their occlusion rays.
+    Settle,
+    /// Traces the occlusion rays of which these do not.
+    Trace,
+    /// Traces all of the points' occlusion rays.
+    TraceAll,
+    /// Sums the points of the pixels; for `deferredShadows`, traces their rays.
+    Sum,
+}
+
+/// Occlusion rays a point from which on it is asked what is near. Fewer are traced at once.
+pub const SETTLED_SAMPLES: u32 = 6;
+
+/// The kernels of a program, in their order.
+pub fn stages(program: RayProgram, fidelity: Fidelity, samples: u32) -> &'static [Stage] {
+    match (program, fidelity) {
+        (RayProgram::DeferredShadows, Fidelity::Corrected) => &[Stage::List, Stage::Sum],
+        (RayProgram::Ssao, Fidelity::Corrected) if samples >= SETTLED_SAMPLES => {
+            &[Stage::List, Stage::Settle, Stage::Trace, Stage::Sum]
+        }
+        (RayProgram::Final, Fidelity::Corrected) if samples >= SETTLED_SAMPLES => {
+            &[Stage::List, Stage::Light, Stage::Settle, Stage::Trace, Stage::Sum]
+        }
+        (RayProgram::Ssao, Fidelity::Corrected) if samples > 0 => &[Stage::List, Stage::TraceAll, Stage::Sum],
+        (RayProgram::Final, Fidelity::Corrected) if samples > 0 => {
+            &[Stage::List, Stage::Light, Stage::TraceAll, Stage::Sum]
+        }
+        _ => &[Stage::Whole],
+    }
+}
+
+/// One of the files of `programs/`.
+type Text = &'static str;
 
 macro_rules! text {
     ($stem:literal) => {
@@ -24,42 +79,98 @@ macro_rules! text {
 }
 
 /// The programs that there are.
-const TABLE: &[(RayProgram, &[&str])] = &[
+const TABLE: &[(RayProgram, &[Text])] = &[
     (RayProgram::Dummy, &[text!("dummy")]),
     (RayProgram::DeferredShadows, &[text!("deferredShadows")]),
     (RayProgram::Reflection, &[text!("optics"), text!("reflection")]),
-    (RayProgram::Refraction, &[text!("sampling"), text!("optics"), text!("glass"), text!("refraction")]),
-    (RayProgram::Ssao, &[text!("sampling"), text!("occlusion"), text!("ssao")]),
-    (RayProgram::Final, &[text!("sampling"), text!("occlusion"), text!("optics"), text!("glass"), text!("final")]),
+    (
+        RayProgram::Refraction,
+        &[text!("sampling"), text!("optics"), text!("glass"), text!("glass_thesis"), text!("refraction")],
+    ),
+    (RayProgram::Ssao, &[text!("sampling"), text!("hemisphere"), text!("occlusion"), text!("ssao")]),
+    (RayProgram::Final, FINAL),
+];
+
+const FINAL: &[Text] = &[
+    text!("sampling"),
+    text!("hemisphere"),
+    text!("occlusion"),
+    text!("optics"),
+    text!("light"),
+    text!("glass"),
+    text!("glass_thesis"),
+    text!("final"),
 ];
 
 /// What all programs have in common, but for how products are rounded.
-const COMMON: [&str; 6] =
+const COMMON: [Text; 6] =
     [text!("params"), text!("wide"), text!("scene"), text!("triangle"), text!("traverse"), text!("surface")];
 
+/// The texts of a kernel behind the common ones.
+fn texts(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
+    let (_, whole) = TABLE.iter().find(|(own, _)| *own == program)?;
+    let is_final = program == RayProgram::Final;
+    let listed = [text!("sampling"), text!("points")];
+    let group = if subgroups { text!("group_subgroups") } else { text!("group") };
+    let shadows = [text!("points"), text!("deferredShadows")];
+    let fans = [text!("sampling"), text!("hemisphere"), text!("points"), group, text!("fans")];
+    Some(match stage {
+        Stage::Whole => whole.iter().copied().chain([text!("whole")]).collect(),
+        Stage::List if program == RayProgram::DeferredShadows => {
+            shadows.into_iter().chain([text!("shadow_list"), text!("list")]).collect()
+        }
+        Stage::Sum if program == RayProgram::DeferredShadows => {
+            shadows.into_iter().chain([text!("shadow_sum"), text!("sum")]).collect()
+        }
+        Stage::List if is_final => {
+            listed.into_iter().chain([text!("optics"), text!("glass"), text!("final_list"), text!("list")]).collect()
+        }
+        Stage::List => listed.into_iter().chain([text!("ssao_list"), text!("list")]).collect(),
+        Stage::Light => listed.into_iter().chain([text!("light"), text!("final_light")]).collect(),
+        Stage::Settle => fans.into_iter().chain([text!("cone"), text!("nearby"), text!("settle")]).collect(),
+        Stage::Trace | Stage::TraceAll => fans.into_iter().chain([text!("trace")]).collect(),
+        Stage::Sum if is_final => {
+            whole.iter().copied().chain([text!("points"), text!("final_sum"), text!("sum")]).collect()
+        }
+        Stage::Sum => vec![text!("points"), text!("ssao_sum"), text!("sum")],
+    })
+}
+
 /// The functions that programs are made of, without one.
-pub fn functions(rounding: Rounding) -> String {
-    let rounding = match rounding {
+pub fn functions(arithmetic: Arithmetic) -> String {
+    let rounding = match arithmetic.rounding {
+        Rounding::Fma => text!("rounding_fma"),
         Rounding::Separate => text!("rounding_separate"),
         Rounding::Driver => text!("rounding_driver"),
         Rounding::Fused => text!("rounding_fused"),
     };
+    let product = if arithmetic.fused { text!("product_fused") } else { text!("product_split") };
     let mut source = layout::constants();
-    COMMON.into_iter().chain([rounding]).for_each(|text| source.push_str(text));
+    COMMON.into_iter().chain([rounding, product]).for_each(|text| source.push_str(text));
     source
 }
 
-/// A program in one fidelity, whole; `None` if it is written for other backends alone.
-pub fn source(program: RayProgram, fidelity: Fidelity, rounding: Rounding) -> Option<String> {
-    let (_, texts) = TABLE.iter().find(|(own, _)| *own == program)?;
+/// A kernel of a program in one fidelity, whole; `None` if the program is written for other backends alone.
+pub fn source(program: RayProgram, fidelity: Fidelity, stage: Stage, arithmetic: Arithmetic) -> Option<String> {
+    let texts = texts(program, stage, arithmetic.subgroups)?;
     let function = match fidelity {
         Fidelity::Corrected => "corrected",
         Fidelity::Thesis => "thesis",
     };
-    let mut source = functions(rounding);
+    let mut source = functions(arithmetic);
     source.push_str(text!("pass"));
-    texts.iter().for_each(|text| source.push_str(text));
-    source.push_str(&format!("fn picture(pixel: Pixel) -> vec4f {{ return {function}(pixel); }}\n"));
+    texts.into_iter().for_each(|text| source.push_str(text));
+    match stage {
+        Stage::Whole => {
+            source.push_str(&format!("fn picture(pixel: Pixel) -> vec4f {{ return {function}(pixel); }}\n"));
+        }
+        Stage::Settle | Stage::Trace | Stage::TraceAll => {
+            let accept = if program == RayProgram::Final { "ACCEPT_STOPS" } else { "ACCEPT_COVERED" };
+            source.push_str(&format!("const OCCLUSION_ACCEPT: u32 = {accept};\n"));
+            source.push_str(&format!("const IS_SETTLED: bool = {};\n", stage == Stage::Trace));
+        }
+        _ => {}
+    }
     Some(source)
 }
 

@@ -1,10 +1,8 @@
 //! What a pass knows beside the scene: materials, sizes of textures, occlusion points, and tables of weights.
 
-use super::layout::{
-    MAX_DEPTH, NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_SHADOW_GLASS, SHADE_WORDS, THROUGH_GLASS_ENTRIES,
-};
+use super::layout::{Params, SHADE_CUT, SHADE_GLASS, SHADE_SHADOW_GLASS, SHADE_WORDS};
 use crate::effects::Preparation;
-use crate::effects::constants::THROUGH_GLASS;
+use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
 use crate::sampling::HemisphereSampler;
 use curitiba_pipeline::backend::{RayJob, Shade};
 use curitiba_pipeline::color::{ColorSpace, DECODED};

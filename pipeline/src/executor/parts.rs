@@ -2,7 +2,7 @@
 
 use super::{Observer, RenderError, Renderer};
 use crate::backend::{Attachments, BackendError, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect, View};
-use crate::image::{Image, Rows, count_non_finite};
+use crate::image::{Colors, Image, Rows, count_non_finite};
 use crate::memory::{self, Refused};
 use glam::{DMat4, DVec4};
 use std::io;
@@ -156,6 +156,8 @@ pub(super) struct Told {
     pub failed: Option<RenderError>,
     /// Pixels with a value that is not finite.
     pub not_finite: usize,
+    /// The colours of its pixels.
+    pub colors: Colors,
     /// What rendering took.
     pub took: Duration,
 }
@@ -205,6 +207,7 @@ impl Rows for PartRows<'_> {
             wanted -= taken;
         }
         self.told.not_finite += count_non_finite(&self.rows);
+        self.told.colors.see(&self.rows);
         Ok(&self.rows)
     }
 }

@@ -5,7 +5,8 @@ use super::{Observer, Progress, RenderError, Renderer, StepKind};
 use crate::backend::Rect;
 use crate::color::{DisplayRows, write_displayed};
 use crate::image::{
-    Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, write_exr_of, write_exr_rows_of, write_png_rows,
+    Colors, Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, write_exr_of, write_exr_rows_of,
+    write_png_rows,
 };
 use crate::memory::{self, Refused};
 use crate::plan::Work;
@@ -34,6 +35,8 @@ pub struct Saved {
     pub files: Vec<Written>,
     /// Pixels of the picture with a value that is not finite.
     pub not_finite: usize,
+    /// Whether all pixels of the picture have one colour.
+    pub is_blank: bool,
 }
 
 impl Renderer {
@@ -155,7 +158,9 @@ impl Renderer {
         if self.plan.parts.list.len() == 1 {
             self.draw_frame(observer)?;
             let not_finite = count_non_finite(&self.window.color);
-            return Ok(Saved { files: self.save(path, observer)?, not_finite });
+            let mut colors = Colors::default();
+            colors.see(&self.window.color);
+            return Ok(Saved { files: self.save(path, observer)?, not_finite, is_blank: colors.is_one() });
         }
         let (exr, display) = (is_exr(path)?, self.plan.display);
         let name = path.display().to_string();
@@ -167,13 +172,14 @@ impl Renderer {
         } else {
             write_png_rows(path, &mut DisplayRows::new(&mut rows, display))
         };
-        let Told { failed, not_finite, took } = rows.told();
+        let Told { failed, not_finite, colors, took } = rows.told();
         if let Some(error) = failed {
             return Err(error);
         }
         result.map_err(|error| io::Error::new(error.kind(), format!("{name}: {error}")))?;
         self.timeline.record(StepKind::Write, &name, start.elapsed().saturating_sub(took));
-        Ok(Saved { files: vec![Written { path: path.to_owned(), what: "window".to_owned() }], not_finite })
+        let files = vec![Written { path: path.to_owned(), what: "window".to_owned() }];
+        Ok(Saved { files, not_finite, is_blank: colors.is_one() })
     }
 
     /// `library::channel`.

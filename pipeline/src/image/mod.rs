@@ -146,6 +146,39 @@ pub fn count_non_finite(pixels: &[[f32; 4]]) -> usize {
     pixels.par_iter().filter(|pixel| pixel.iter().any(|value| !value.is_finite())).count()
 }
 
+/// How many colours pixels have, as far as it matters: none, one or more. Alpha does not count.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) enum Colors {
+    /// No pixel was seen.
+    #[default]
+    None,
+    /// All pixels have this one.
+    One([f32; 3]),
+    /// There are different ones.
+    Several,
+}
+
+impl Colors {
+    /// Looks at more pixels.
+    pub fn see(&mut self, pixels: &[[f32; 4]]) {
+        for &[r, g, b, _] in pixels {
+            match *self {
+                Self::None => *self = Self::One([r, g, b]),
+                Self::One(color) if color == [r, g, b] => {}
+                Self::One(_) | Self::Several => {
+                    *self = Self::Several;
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Whether there are pixels, all of one colour.
+    pub fn is_one(self) -> bool {
+        matches!(self, Self::One(_))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

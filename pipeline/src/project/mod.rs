@@ -46,7 +46,7 @@ mod source;
 mod values;
 mod write;
 
-pub use from_scene::{Effects, FromSceneError, SceneOptions, SceneProjects};
+pub use from_scene::{Effects, FromSceneError, SceneOptions, SceneProjects, Up};
 pub use source::{SCENE_EXTENSIONS, SourceError, names_scenes, open, open_scenes, scene_files};
 pub use write::WriteError;
 

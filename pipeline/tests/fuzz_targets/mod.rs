@@ -37,12 +37,14 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 7] = [
+pub const TARGETS: [Target; 9] = [
     Target { name: "project_xml", run: project_xml },
     Target { name: "mlib", run: mlib },
     Target { name: "cbo", run: cbo },
     Target { name: "obj", run: obj },
     Target { name: "gltf", run: gltf },
+    Target { name: "studio", run: studio },
+    Target { name: "ogre", run: ogre },
     Target { name: "texture", run: texture },
     Target { name: "picture", run: picture::picture },
 ];
@@ -89,6 +91,18 @@ pub fn gltf(input: &[u8]) -> Outcome {
     let [json, binary] = [files.next(), files.next()].map(Option::unwrap_or_default);
     folder.write("scene.bin", binary);
     scene(&folder, &folder.write("scene.gltf", json))
+}
+
+/// A file of 3D Studio.
+pub fn studio(input: &[u8]) -> Outcome {
+    let folder = Folder::with_textures();
+    scene(&folder, &folder.write("scene.3ds", input))
+}
+
+/// A mesh of Ogre, as XML.
+pub fn ogre(input: &[u8]) -> Outcome {
+    let folder = Folder::with_textures();
+    scene(&folder, &folder.write("scene.mesh.xml", input))
 }
 
 /// An image, as a scene's texture: inside its file, as a file of its own, and as the mask of itself. Only a file's name

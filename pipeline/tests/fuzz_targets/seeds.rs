@@ -29,7 +29,12 @@ pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
             ("file.gltf", [gltf_json("\"scene.bin\"").as_bytes(), b"\0", &gltf_binary()].concat()),
             ("binary.glb", glb()),
             ("sparse.gltf", SPARSE_GLTF.into()),
+            // Made by the encoders of the crates that read them; a test of `scene_gltf` writes them.
+            ("draco.glb", include_bytes!("draco.glb").to_vec()),
+            ("meshopt.glb", include_bytes!("meshopt.glb").to_vec()),
         ],
+        "studio" => vec![("square.3ds", studio())],
+        "ogre" => vec![("square.mesh.xml", OGRE.into())],
         "texture" => vec![
             ("rgba.png", encoded(ImageFormat::Png, true)),
             ("rgb.jpg", encoded(ImageFormat::Jpeg, false)),
@@ -56,6 +61,41 @@ vt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\nvn 1e-3 0 -1\nusemtl wall\ns 1\nf 1/1/1 2/2/1 
 g b c\nf 1/1 2/2 3/3\nf 1 2 3 4 5\nusemtl gone\nl 1 2\nf 3 4 5\n\0newmtl wall\nKd 0.5\nKa 0.1 0.2 0.3\nKs 1 1 1\nKe 0 0 0
 Ns 20\nd 0.9\nillum 2\nmap_Kd -s 2 2 1 -o 0.5 0 0 t.tga\nmap_d m.tga\nnewmtl pane\nKd 1 1 1\nTf 0.9 0.9 0.8\nNi 1.52
 Tr 0.7\nd -halo 0.5\nillum 7\nmap_Kd t.tga\nmap_d t.tga\nmap_bump -bm 0.2 m.tga\n";
+
+const OGRE: &str = r#"<?xml version="1.0"?><mesh><sharedgeometry vertexcount="4"><vertexbuffer positions="true" normals="true">
+<vertex><position x="0" y="0" z="0"/><normal x="0" y="0" z="1"/><texcoord u="0" v="1"/></vertex>
+<vertex><position x="1" y="0" z="0"/><normal x="0" y="0" z="1"/><texcoord u="1" v="1"/></vertex>
+<vertex><position x="0" y="1" z="0"/><normal x="0" y="0" z="1"/><texcoord u="0" v="0"/></vertex>
+<vertex><position x="1" y="1" z="-2e-1"/><normal x="0" y="0" z="1"/><texcoord u="1" v="0"/></vertex></vertexbuffer></sharedgeometry>
+<submeshes><submesh material="a/b" usesharedvertices="true"><faces count="1"><face v1="0" v2="1" v3="2"/></faces></submesh>
+<submesh material="c"><faces><face v1="0" v2="1" v3="2"/></faces><geometry vertexcount="3"><vertexbuffer>
+<vertex><position x="5" y="0" z="0"/></vertex><vertex><position x="6" y="0" z="0"/></vertex><vertex><position x="5" y="1" z="0"/></vertex>
+</vertexbuffer></geometry></submesh></submeshes></mesh>"#;
+
+/// A chunk of a 3DS file: its number, its length, and what it holds.
+fn chunk(id: u16, parts: &[&[u8]]) -> Vec<u8> {
+    let contents = parts.concat();
+    [&id.to_le_bytes()[..], &(contents.len() as u32 + 6).to_le_bytes(), &contents].concat()
+}
+
+/// A square of two triangles, one plain and half clear, one textured.
+fn studio() -> Vec<u8> {
+    let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let shorts = |values: &[u16]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let half = chunk(0xA050, &[&chunk(0x0030, &[&shorts(&[50])])]);
+    let red = chunk(0xA020, &[&chunk(0x0011, &[&[255, 51, 0]])]);
+    let plain = chunk(0xAFFF, &[&chunk(0xA000, &[b"red\0"]), &red, &half]);
+    let picture = chunk(0xA200, &[&chunk(0xA300, &[b"T.TGA\0"]), &chunk(0xA356, &[&floats(&[2.0])])]);
+    let wall = chunk(0xAFFF, &[&chunk(0xA000, &[b"wall\0"]), &picture]);
+    let positions = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
+    let texcoords = floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+    let uses = [chunk(0x4130, &[b"red\0", &shorts(&[1, 0])]), chunk(0x4130, &[b"wall\0", &shorts(&[1, 1])])].concat();
+    let faces = chunk(0x4120, &[&shorts(&[2]), &shorts(&[0, 1, 2, 7, 2, 1, 3, 7]), &uses]);
+    let positions = chunk(0x4110, &[&shorts(&[4]), &positions]);
+    let texcoords = chunk(0x4140, &[&shorts(&[4]), &texcoords]);
+    let object = chunk(0x4000, &[b"box\0", &chunk(0x4100, &[&positions, &faces, &texcoords])]);
+    chunk(0x4D4D, &[&chunk(0x0002, &[&[3, 0, 0, 0]]), &chunk(0x3D3D, &[&object, &plain, &wall])])
+}
 
 /// A textured square whose file is the texture beside it, and a triangle that is placed twice, in glass.
 fn scene(folder: &Folder) -> Scene {

@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 /// Largest single buffer, whatever the device allows: Vulkan guarantees allocations of 1 GiB only.
 pub(super) const MAX_BUFFER_BYTES: u64 = 1 << 30;
 /// Storage buffers that a ray program binds.
-pub(crate) const RAY_BUFFERS: u32 = 7;
+pub(crate) const RAY_BUFFERS: u32 = 8;
 
 /// Which adapters may be taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How much is handed over at once in an upload; bounds the driver's staging memory.
-pub(crate) const UPLOAD_PIECE: usize = 32 << 20;
+const UPLOAD_PIECE: usize = 32 << 20;
 
 /// A device and its queue.
 #[derive(Debug)]
@@ -21,6 +21,8 @@ pub(crate) struct Gpu {
     pub adapter: AdapterSummary,
     /// The largest buffer for data whose size depends on the scene or the frame, in bytes.
     pub max_buffer_bytes: u64,
+    /// Threads of a subgroup, at least and at most.
+    pub subgroup: [u32; 2],
     faults: Arc<Faults>,
 }
 
@@ -52,7 +54,7 @@ impl Gpu {
     /// Opens the device that `choice` takes, with all of its limits.
     pub fn open(choice: AdapterChoice) -> Result<Self, BackendError> {
         let (summary, adapter) = select(choice)?;
-        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PRIMITIVE_INDEX;
+        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PRIMITIVE_INDEX | wgpu::Features::SUBGROUP;
         let limits = adapter.limits();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("curitiba"),
@@ -73,7 +75,9 @@ impl Gpu {
             noted.note_lost(format!("the device was lost ({reason:?}) {message}"));
         });
         let max_buffer_bytes = limits.max_buffer_size.min(MAX_BUFFER_BYTES);
-        Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, faults })
+        let info = adapter.get_info();
+        let subgroup = [info.subgroup_min_size, info.subgroup_max_size];
+        Ok(Self { device, queue, limits, adapter: summary, max_buffer_bytes, subgroup, faults })
     }
 
     /// Whether the device can do `feature`.
@@ -160,6 +164,29 @@ impl Gpu {
         let buffer = self.device.create_buffer(&descriptor);
         self.check(label)?;
         Ok(buffer)
+    }
+
+    /// Copies rows of texels to the whole of a texture of one level, piece by piece, and waits. Rows of `data` lie behind each other
+    /// without gaps.
+    pub fn fill_texture(&self, texture: &wgpu::Texture, data: &[u8], doing: &str) -> Result<(), BackendError> {
+        let (width, height) = (texture.width(), texture.height());
+        let row = (data.len() / height.max(1) as usize).max(1);
+        let rows = (UPLOAD_PIECE / row).max(1);
+        for (index, piece) in data.chunks(rows * row).enumerate() {
+            self.queue.write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    texture,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d { x: 0, y: (index * rows) as u32, z: 0 },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                piece,
+                wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
+                wgpu::Extent3d { width, height: (piece.len() / row) as u32, depth_or_array_layers: 1 },
+            );
+            self.submit_and_wait(None, doing)?;
+        }
+        Ok(())
     }
 }
 

@@ -14,6 +14,8 @@ pub mod gpu_tree;
 mod input;
 mod leaf_format;
 mod ploc;
+#[cfg(test)]
+mod soup;
 
 pub(crate) use builder::build;
 pub use effort::Quality;

@@ -4,7 +4,19 @@ fn corrected(pixel: Pixel) -> vec4f {
     let triangle = stored_triangle(pixel);
     let position = stored_position(pixel);
     if triangle == NO_TRIANGLE || !(position.w > 0.0) { return vec4f(1.0); }
-    let point = snap(triangle, position.xyz);
+    let start = shadow_start(triangle, position.xyz);
+    if start.w == 0.0 { return opaque(vec3f(SHADOWED)); }
+    return shadow_of(start.xyz);
+}
+// The light or the shadow of a ray towards the light.
+fn shadow_of(origin: vec3f) -> vec4f {
+    count(SHADOW);
+    let blocked = occluded(ACCEPT_COVERED, Ray(origin, params.to_light, 0.0, HUGE));
+    return opaque(vec3f(select(1.0, SHADOWED, blocked)));
+}
+// Where a ray towards the light starts; the fourth number is 0 where the surface is turned from the light, and 1 elsewhere.
+fn shadow_start(triangle: u32, position: vec3f) -> vec4f {
+    let point = snap(triangle, position);
     var side = params.eye - point.position;
     if params.has_normals != 0u {
         let corners = positions_of(triangle);
@@ -20,10 +32,8 @@ fn corrected(pixel: Pixel) -> vec4f {
         side = normal_at(at);
     }
     let towards = dot3(point.normal, params.to_light) * with_sign(1.0, dot3(point.normal, side));
-    if towards <= 0.0 { return opaque(vec3f(SHADOWED)); }
-    count(SHADOW);
-    let blocked = occluded(ACCEPT_COVERED, Ray(spawn(point, params.to_light), params.to_light, 0.0, HUGE));
-    return opaque(vec3f(select(1.0, SHADOWED, blocked)));
+    if towards <= 0.0 { return vec4f(0.0); }
+    return vec4f(spawn(point, params.to_light), 1.0);
 }
 
 fn thesis(pixel: Pixel) -> vec4f {

@@ -3,11 +3,7 @@
 // What reaches a surface of the light.
 fn light_share(surface: Surface, lit_side: vec3f) -> f32 {
     if dot3(lit_side, params.to_light) <= 0.0 { return SHADOWED; }
-    count(SHADOW);
-    crossings_stored = 0u;
-    crossings_beyond = 0u;
-    if occluded(ACCEPT_COUNTS, Ray(spawn(surface.point, params.to_light), params.to_light, 0.0, HUGE)) { return SHADOWED; }
-    return table_number(params.through_glass_at + min(distinct_crossings(), THROUGH_GLASS_ENTRIES - 1u));
+    return light_from(spawn(surface.point, params.to_light));
 }
 // A colour times the light's share and ambient occlusion. Black stays black, without a ray.
 fn visible(color: vec3f, surface: Surface, lit_side: vec3f, key: u32) -> vec3f {
@@ -15,8 +11,8 @@ fn visible(color: vec3f, surface: Surface, lit_side: vec3f, key: u32) -> vec3f {
     let light = light_share(surface, lit_side);
     return sep3(color * light) * occlusion(ACCEPT_STOPS, surface, key);
 }
-fn seen_through(hit: Hit, surface: Surface, key: u32) -> vec3f {
-    return visible(lit_color(hit, surface.normal), surface, surface.facing, key);
+fn seen_through(hit: Hit, surface: Surface, key: u32, weight: f32) -> vec3f {
+    return weight * visible(lit_color(hit, surface.normal), surface, surface.facing, key);
 }
 
 fn thesis_light_share(position: vec3f) -> f32 {

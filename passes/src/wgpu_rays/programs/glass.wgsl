@@ -1,4 +1,4 @@
-// Glass that reflects and refracts, shared by `refraction` and `final`, which say in `seen_through` and `thesis_seen` what is seen there.
+// Glass that reflects and refracts, shared by `refraction` and `final`, which say in `seen_through` what is seen there, with its weight.
 //
 // The processor's code recurses; here the tree of rays is walked with a list of the branches still to be traced, each with the weight of
 // its colour. The sum is the same but for the order of its roundings.
@@ -61,7 +61,7 @@ fn glass_color(first: Surface, first_view: vec3f, first_key: u32) -> vec3f {
         if glass && next.bounces >= params.depth { continue; }
         let met = surface_hit(next.direction, hit);
         if !glass {
-            sum += next.weight * seen_through(hit, met, next.key);
+            sum += seen_through(hit, met, next.key, next.weight);
             continue;
         }
         surface = met;
@@ -72,37 +72,4 @@ fn glass_color(first: Surface, first_view: vec3f, first_key: u32) -> vec3f {
         splits = true;
     }
     return sum;
-}
-
-// The colour of the glass branch of the report's `buffer_camera`: two chains, since its glass keeps the reflected colour only.
-fn thesis_glass(pixel: Pixel) -> vec3f {
-    let position = stored_position(pixel).xyz; let normal = stored_normal(pixel);
-    let view = thesis_view(position);
-    let first = thesis_chain(position, mirrored(view, normal), THESIS_EPSILON, false);
-    var refracted: vec3f;
-    if !thesis_refracts(view, normal, params.index, &refracted) { return first; }
-    let second = thesis_chain(position, refracted, THESIS_REFRACTED_EPSILON, true);
-    let weight = thesis_coefficient(normal, view);
-    return sep3(weight * second) + sep3((1.0 - weight) * first);
-}
-fn thesis_chain(first_origin: vec3f, first_direction: vec3f, first_t_min: f32, is_refracted: bool) -> vec3f {
-    var origin = first_origin;
-    var direction = first_direction;
-    var t_min = first_t_min;
-    var weight = 1.0;
-    for (var bounce = 0u; bounce <= params.depth; bounce += 1u) {
-        count(select(REFLECTED, REFRACTED, bounce == 0u && is_refracted));
-        var hit: Hit;
-        if !thesis_closest(origin, direction, t_min, &hit) { return vec3f(0.0); }
-        let position = origin + sep3(hit.t * direction);
-        if !is_glass(hit.triangle) { return weight * thesis_seen(position, direction, hit); }
-        let normals = thesis_normals(hit);
-        let normal = face_forward(normals.shading, -direction, normals.geometric);
-        var unused: vec3f;
-        if thesis_refracts(direction, normal, params.index, &unused) { weight = weight * GLASS_BOUNCE; }
-        origin = position;
-        direction = mirrored(direction, normal);
-        t_min = THESIS_EPSILON;
-    }
-    return vec3f(0.0);
 }

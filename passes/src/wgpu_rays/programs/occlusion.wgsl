@@ -1,17 +1,4 @@
-// The rays of ambient occlusion: how many of a point's are open.
-
-fn point_of_sample(sample: u32, key: u32, seeds: vec2u) -> vec2f {
-    if params.strata == 0u {
-        let place = params.points_at + 2u * sample;
-        return vec2f(unit_of(scramble_reversed(tables[place], seeds.x)), unit_of(scramble_reversed(tables[place + 1u], seeds.y)));
-    }
-    let jitter = dimensions(key, sample);
-    let width = sep(1.0 / f32(params.strata));
-    let row = sample / params.strata; let column = sample - row * params.strata;
-    return vec2f(
-        min(sep((f32(row) + unit_of(jitter.x)) * width), 1.0 - UNIT_ROUNDOFF),
-        min(sep((f32(column) + unit_of(jitter.y)) * width), 1.0 - UNIT_ROUNDOFF));
-}
+// The rays of ambient occlusion, one thread a point: how many of them are open.
 
 // The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity; 1 where it is not wanted.
 fn occlusion(accept: u32, surface: Surface, key: u32) -> f32 {

@@ -16,11 +16,11 @@ struct Params {
     height: u32,
     origin_x: u32,
     origin_y: u32,
-    // Tiles of 8 x 8 pixels: those of this launch, those of a row of the picture, and those of a row of the launch.
+    // Tiles of 8 x 8 pixels: those of this launch, and those of a row of the picture. Points that a launch has room for.
     first_tile: u32,
     end_tile: u32,
     tiles_across: u32,
-    groups_across: u32,
+    capacity: u32,
     // The top of the tree, or NONE. Where each part of `mesh` and of `tables` begins.
     root: u32,
     materials_at: u32,

@@ -8,6 +8,7 @@ const SHADOW: u32 = 0u;
 const OCCLUSION: u32 = 1u;
 const REFLECTED: u32 = 2u;
 const REFRACTED: u32 = 3u;
+const CERTAIN: u32 = 4u;
 fn count(kind: u32) { rays[kind] += 1u; }
 
 fn stored_color(pixel: Pixel) -> vec4f { return textureLoad(color_buffer, vec2u(pixel.x, pixel.y), 0); }
@@ -37,14 +38,4 @@ fn count_rays(tile: u32) {
         let before = atomicAdd(&ray_counts[slot + 2u * kind], more);
         if before + more < before { atomicAdd(&ray_counts[slot + 2u * kind + 1u], 1u); }
     }
-}
-
-@compute @workgroup_size(TILE, TILE, 1)
-fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
-    let tile = params.first_tile + group.y * params.groups_across + group.x;
-    if tile >= params.end_tile { return; }
-    let pixel = Pixel(tile % params.tiles_across * TILE + local.x, tile / params.tiles_across * TILE + local.y);
-    if pixel.x >= params.width || pixel.y >= params.height { return; }
-    textureStore(output, vec2u(pixel.x, pixel.y), picture(pixel));
-    count_rays(tile);
 }

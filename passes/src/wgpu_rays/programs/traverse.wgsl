@@ -32,90 +32,96 @@ fn open_node(way: Way, index: u32, t_min: f32, limit: f32) -> vec2u {
     return select(met, met.yx, met.x == NONE || (met.y != NONE && second.x < first.x));
 }
 
+// The way of a ray down the tree, from one triangle that it may meet to the next. What decides about a triangle is outside of this loop:
+// it takes many registers, and few triangles come so far.
+struct Descent { way: Way, current: u32, depth: u32, next: u32, end: u32, t_min: f32 }
+var<private> stack: array<u32, STACK>;
+
+fn begin_descent(query: ptr<function, Query>, top: u32, t_min: f32) -> Descent {
+    return Descent(way_of(query), top, 0u, 1u, 0u, t_min);
+}
+// The next triangle that the ray may meet before a distance; NONE where none is left.
+fn next_candidate(descent: ptr<function, Descent>, query: ptr<function, Query>, limit: f32) -> u32 {
+    loop {
+        while (*descent).next <= (*descent).end {
+            let index = (*descent).next;
+            (*descent).next += 1u;
+            if may_pass(query, load_triangle(index).corners) { return index; }
+        }
+        if (*descent).current == NONE {
+            if (*descent).depth == 0u { break; }
+            (*descent).depth -= 1u;
+            (*descent).current = stack[(*descent).depth];
+        }
+        while ((*descent).current & LEAF) == 0u {
+            let met = open_node((*descent).way, (*descent).current, (*descent).t_min, limit);
+            if met.y != NONE {
+                stack[(*descent).depth] = met.y;
+                (*descent).depth += 1u;
+            }
+            (*descent).current = met.x;
+            if met.x == NONE && (*descent).depth > 0u {
+                (*descent).depth -= 1u;
+                (*descent).current = stack[(*descent).depth];
+            }
+        }
+        let leaf = (*descent).current;
+        if leaf == NONE { break; }
+        (*descent).next = leaf & FIRST_OF_LEAF;
+        (*descent).end = (*descent).next + (leaf >> COUNT_SHIFT & 3u);
+        (*descent).current = NONE;
+    }
+    return NONE;
+}
+
 // The nearest accepted hit; of several at one distance, that of the lowest triangle.
 fn closest(accept: u32, ray: Ray, best: ptr<function, Hit>) -> bool {
     var query: Query;
     if params.root == NONE || !prepare(ray, &query) { return false; }
-    let way = way_of(&query);
+    var descent = begin_descent(&query, params.root, query.t_min);
     var limit = query.t_max;
     var any = false;
-    var stack: array<u32, STACK>;
-    var depth = 0u;
-    var current = params.root;
     loop {
-        if (current & LEAF) == 0u {
-            let met = open_node(way, current, query.t_min, limit);
-            if met.y != NONE {
-                stack[depth] = met.y;
-                depth += 1u;
-            }
-            if met.x != NONE {
-                current = met.x;
-                continue;
-            }
-        } else {
-            let end = (current & FIRST_OF_LEAF) + (current >> COUNT_SHIFT & 3u);
-            for (var index = current & FIRST_OF_LEAF; index <= end; index += 1u) {
-                let triangle = load_triangle(index);
-                let e = edges_of(&query, triangle.corners);
-                if !e.passes || decide(&query, triangle.corners, limit) == MISSES { continue; }
-                var hit: Hit;
-                if !solve(&query, triangle.corners, e, limit, &hit) { continue; }
-                hit.triangle = triangle.id & ~TRANSPARENT;
-                let nearer = select(hit.t < limit, hit.t < (*best).t || (hit.t == (*best).t && hit.triangle < (*best).triangle), any);
-                if nearer && ((triangle.id & TRANSPARENT) == 0u || accepts(accept, hit)) {
-                    limit = hit.t;
-                    *best = hit;
-                    any = true;
-                }
-            }
+        let index = next_candidate(&descent, &query, limit);
+        if index == NONE { break; }
+        let triangle = load_triangle(index);
+        let e = edges_of(&query, triangle.corners);
+        if !e.passes || decide(&query, triangle.corners, limit) == MISSES { continue; }
+        var hit: Hit;
+        if !solve(&query, triangle.corners, e, limit, &hit) { continue; }
+        hit.triangle = triangle.id & ~TRANSPARENT;
+        let nearer = select(hit.t < limit, hit.t < (*best).t || (hit.t == (*best).t && hit.triangle < (*best).triangle), any);
+        if nearer && ((triangle.id & TRANSPARENT) == 0u || accepts(accept, hit)) {
+            limit = hit.t;
+            *best = hit;
+            any = true;
         }
-        if depth == 0u { break; }
-        depth -= 1u;
-        current = stack[depth];
     }
     return any;
 }
 
-// Whether any accepted hit exists.
-fn occluded(accept: u32, ray: Ray) -> bool {
+// Whether any accepted hit exists below a node. No box is entered before a distance that all hits are known to lie behind.
+fn occluded_below(accept: u32, ray: Ray, top: u32, behind: f32) -> bool {
     var query: Query;
-    if params.root == NONE || !prepare(ray, &query) { return false; }
-    let way = way_of(&query);
+    if top == NONE || !prepare(ray, &query) { return false; }
+    var descent = begin_descent(&query, top, max(query.t_min, behind));
     let limit = query.t_max;
-    var stack: array<u32, STACK>;
-    var depth = 0u;
-    var current = params.root;
     loop {
-        if (current & LEAF) == 0u {
-            let met = open_node(way, current, query.t_min, limit);
-            if met.y != NONE {
-                stack[depth] = met.y;
-                depth += 1u;
-            }
-            if met.x != NONE {
-                current = met.x;
-                continue;
-            }
-        } else {
-            let end = (current & FIRST_OF_LEAF) + (current >> COUNT_SHIFT & 3u);
-            for (var index = current & FIRST_OF_LEAF; index <= end; index += 1u) {
-                let triangle = load_triangle(index);
-                let e = edges_of(&query, triangle.corners);
-                if !e.passes { continue; }
-                let verdict = decide(&query, triangle.corners, limit);
-                if verdict == MISSES { continue; }
-                let transparent = (triangle.id & TRANSPARENT) != 0u;
-                if verdict == HITS && !e.some_zero && !transparent { return true; }
-                var hit: Hit;
-                if !solve(&query, triangle.corners, e, limit, &hit) { continue; }
-                hit.triangle = triangle.id & ~TRANSPARENT;
-                if hit.t < limit && (!transparent || accepts(accept, hit)) { return true; }
-            }
-        }
-        if depth == 0u { return false; }
-        depth -= 1u;
-        current = stack[depth];
+        let index = next_candidate(&descent, &query, limit);
+        if index == NONE { break; }
+        let triangle = load_triangle(index);
+        let e = edges_of(&query, triangle.corners);
+        if !e.passes { continue; }
+        let verdict = decide(&query, triangle.corners, limit);
+        if verdict == MISSES { continue; }
+        let transparent = (triangle.id & TRANSPARENT) != 0u;
+        if verdict == HITS && !e.some_zero && !transparent { return true; }
+        var hit: Hit;
+        if !solve(&query, triangle.corners, e, limit, &hit) { continue; }
+        hit.triangle = triangle.id & ~TRANSPARENT;
+        if hit.t < limit && (!transparent || accepts(accept, hit)) { return true; }
     }
     return false;
 }
+// Whether any accepted hit exists.
+fn occluded(accept: u32, ray: Ray) -> bool { return occluded_below(accept, ray, params.root, 0.0); }

@@ -5,7 +5,6 @@
 struct Query {
     origin: vec3f,
     direction: vec3f,
-    turned_origin: vec3f,
     shear: vec2f,
     longest: u32,
     t_min: f32,
@@ -33,7 +32,6 @@ fn prepare(ray: Ray, query: ptr<function, Query>) -> bool {
     (*query).direction = ray.direction;
     let axis = select(select(2u, 1u, length.y == longest), 0u, length.x == longest);
     (*query).longest = axis;
-    (*query).turned_origin = turn(ray.origin, axis);
     let d = turn(ray.direction, axis);
     // Divided once a ray: whatever the rounding, all triangles are sheared alike.
     (*query).shear = vec2f(sep(d.x / d.z), sep(d.y / d.z));
@@ -49,8 +47,18 @@ fn prepare(ray: Ray, query: ptr<function, Query>) -> bool {
 
 // A corner as the ray sees it. What two triangles share has the same bits in both.
 fn sheared(query: ptr<function, Query>, corner: vec3f) -> vec2f {
-    let p = turn(corner, (*query).longest) - (*query).turned_origin;
-    return sep2(p.xy - product_2((*query).shear, p.z));
+    let p = turn(corner - (*query).origin, (*query).longest);
+    return sheared_by((*query).shear, p);
+}
+
+// Whether the ray's line may pass through a triangle: no two of the edge functions certainly have different signs. Most triangles of
+// leaves are left by this, which is all that the way down the tree has to do for them.
+fn may_pass(query: ptr<function, Query>, corners: Corners) -> bool {
+    let sa = sheared(query, corners.a); let sb = sheared(query, corners.b); let sc = sheared(query, corners.c);
+    let e = vec3f(edge(sc, sb), edge(sa, sc), edge(sb, sa));
+    let doubt = vec3f(edge_doubt(sc, sb), edge_doubt(sa, sc), edge_doubt(sb, sa));
+    let high = e + doubt; let low = e - doubt;
+    return !(min(min(high.x, high.y), high.z) < 0.0 && max(max(low.x, low.y), low.z) > 0.0);
 }
 
 // The signed areas opposite to the corners, and their signs, which are exact.
@@ -62,7 +70,7 @@ fn edges_of(query: ptr<function, Query>, corners: Corners) -> Edges {
     e.a = edge(sc, sb);
     e.b = edge(sa, sc);
     e.c = edge(sb, sa);
-    e.some_zero = is_doubtful(e.a, sc, sb) || is_doubtful(e.b, sa, sc) || is_doubtful(e.c, sb, sa);
+    e.some_zero = abs(e.a) <= edge_doubt(sc, sb) || abs(e.b) <= edge_doubt(sa, sc) || abs(e.c) <= edge_doubt(sb, sa);
     if e.some_zero {
         let a = exact_sign(sc.x, sb.y, sc.y, sb.x);
         let b = exact_sign(sa.x, sc.y, sa.y, sc.x);

@@ -25,7 +25,7 @@ fn normalize_or(a: vec3f, other: vec3f) -> vec3f {
 }
 
 // Sums of two numbers, the second one below the rounding of the first: twice the precision (Dekker, "A Floating-Point Technique for
-// Extending the Available Precision", Numerische Mathematik 18, 1971). Products are split by bits, since `fma` may be rounded twice.
+// Extending the Available Precision", Numerische Mathematik 18, 1971). Exact products are in `product_split.wgsl` and `product_fused.wgsl`.
 struct Wide { h: f32, l: f32 }
 struct Wide3 { h: vec3f, l: vec3f }
 
@@ -51,23 +51,6 @@ fn quick_sum3(a: vec3f, b: vec3f) -> Wide3 {
     let s = sep3(a + b);
     return Wide3(s, sep3(b - sep3(s - a)));
 }
-fn upper(a: f32) -> f32 { return bitcast<f32>(bitcast<u32>(a) & 0xfffff000u); }
-fn upper3(a: vec3f) -> vec3f { return bitcast<vec3f>(bitcast<vec3u>(a) & vec3u(0xfffff000u)); }
-fn exact_product(a: f32, b: f32) -> Wide {
-    let p = sep(a * b);
-    let ah = upper(a); let al = sep(a - ah);
-    let bh = upper(b); let bl = sep(b - bh);
-    let rest = sep(sep(sep(p - sep(ah * bh)) - sep(al * bh)) - sep(ah * bl));
-    return Wide(p, sep(sep(al * bl) - rest));
-}
-fn exact_product3(a: vec3f, b: vec3f) -> Wide3 {
-    let p = sep3(a * b);
-    let ah = upper3(a); let al = sep3(a - ah);
-    let bh = upper3(b); let bl = sep3(b - bh);
-    let rest = sep3(sep3(sep3(p - sep3(ah * bh)) - sep3(al * bh)) - sep3(ah * bl));
-    return Wide3(p, sep3(sep3(al * bl) - rest));
-}
-
 fn add(a: Wide, b: Wide) -> Wide {
     let s = exact_sum(a.h, b.h);
     let t = exact_sum(a.l, b.l);

@@ -7,7 +7,7 @@ use crate::raster::gpu::device::Gpu;
 use crate::sampling::{hash, hemisphere, sine_noise};
 use crate::trace::SurfacePoint;
 use crate::wgpu_rays::layout::Params;
-use crate::wgpu_rays::programs::{Rounding, source};
+use crate::wgpu_rays::programs::{Arithmetic, Stage, source};
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::Geometry;
 use glam::{Vec2, Vec3};
@@ -91,8 +91,8 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
 }
 
 /// What the device finds, case by case.
-fn run(gpu: &Gpu, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
-    let text = source(RayProgram::Final, Fidelity::Corrected, Rounding::Separate).expect("written") + ENTRY;
+fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
+    let text = source(RayProgram::Final, Fidelity::Corrected, Stage::Whole, arithmetic).expect("written") + ENTRY;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("functions"),
         source: wgpu::ShaderSource::Wgsl(text.into()),
@@ -153,7 +153,7 @@ fn run(gpu: &Gpu, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORD
 fn functions_give_what_exact_arithmetic_and_the_processor_give() {
     let Some(rays) = rays() else { return };
     let (cases, geometry) = cases();
-    let found = run(&rays.gpu, &cases, &geometry);
+    let found = run(&rays.gpu, rays.arithmetic, &cases, &geometry);
     // Elsewhere roots and quotients may be off by some last bits.
     let exact = rays.gpu.adapter.kind == AdapterKind::Software;
     let (mut naive_wrong, mut zero, mut sines, mut noise, mut starts) = (0, 0, 0, 0, 0);

@@ -1,11 +1,11 @@
 //! The texts of the programs, without a device.
 
 use crate::wgpu_rays::layout::Params;
-use crate::wgpu_rays::programs::{Rounding, is_written, source};
+use crate::wgpu_rays::programs::{Arithmetic, Rounding, Stage, is_written, source, stages};
 use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS};
 use wgpu::naga;
 
-pub const ROUNDINGS: [Rounding; 3] = [Rounding::Separate, Rounding::Driver, Rounding::Fused];
+pub const ROUNDINGS: [Rounding; 4] = [Rounding::Fma, Rounding::Separate, Rounding::Driver, Rounding::Fused];
 
 /// Parses and validates a text as a device without any extension would.
 fn validate(source: &str) -> Result<naga::Module, String> {
@@ -21,23 +21,29 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
     let mut written = 0;
     for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
         for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
-            for rounding in ROUNDINGS {
-                let text = source(info.program, fidelity, rounding).expect("it is written");
+            let kernels = stages(info.program, fidelity, 100)
+                .iter()
+                .chain(stages(info.program, fidelity, 1))
+                .chain([&Stage::Whole]);
+            let kernels = kernels.flat_map(|stage| ROUNDINGS.map(|rounding| (*stage, rounding)));
+            for ((stage, rounding), fused) in kernels.flat_map(|kernel| [(kernel, false), (kernel, true)]) {
+                let text = source(info.program, fidelity, stage, Arithmetic { rounding, fused, subgroups: false })
+                    .expect("written");
                 if let Err(error) = validate(&text) {
-                    panic!("{} {fidelity:?} {rounding:?}: {error}", info.stem);
+                    panic!("{} {fidelity:?} {stage:?} {rounding:?}: {error}", info.stem);
                 }
                 written += 1;
             }
         }
     }
-    assert!(written >= 6, "{written}");
+    assert!(written >= 100, "{written}");
     assert!(validate("fn f() -> u32 { return 1.5; }").is_err(), "the check can fail");
 }
 
 #[test]
 fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
-    let text = source(info.program, Fidelity::Corrected, Rounding::Separate).expect("it is written");
+    let text = source(info.program, Fidelity::Corrected, Stage::Whole, Arithmetic::default()).expect("it is written");
     let module = validate(&text).expect("valid");
     let named = |ty: &naga::Type| ty.name.as_deref() == Some("Params");
     let (_, params) = module.types.iter().find(|(_, ty)| named(ty)).expect("declared");
@@ -55,7 +61,7 @@ fn parameters_lie_where_the_host_writes_them() {
     }
     same!("origin_x" origin, "unused_0" unused;
         eye zero to_light seed light_color samples scene_low strata scene_high depth width height first_tile end_tile tiles_across
-        groups_across root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
+        capacity root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
         has_normals id_base radius index);
     assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 2));
 }

@@ -15,7 +15,7 @@ mod options;
 mod passes;
 mod view;
 
-pub use options::{Effects, SceneOptions};
+pub use options::{Effects, SceneOptions, Up};
 
 use super::{Camera, Project, SceneDecl, SceneFile, Viewport};
 use crate::color::ColorSpace;
@@ -69,7 +69,8 @@ impl SceneProjects {
         max_bytes: u64,
     ) -> Result<Self, FromSceneError> {
         let needs = Needs { normals: false, textures: false };
-        let scene = scene::load(files, &LoadOptions { needs, max_bytes }, &|_| {})?;
+        let mut scene = scene::load(files, &LoadOptions { needs, max_bytes }, &|_| {})?;
+        turn(&mut scene, options.up);
         let name = name_of(files);
         let extent = extent(&scene).ok_or_else(|| {
             let first = files.first().map_or(Path::new(""), PathBuf::as_path);
@@ -106,7 +107,7 @@ impl SceneProjects {
                 files: files.iter().map(|path| SceneFile { path: path.clone(), place: place(path) }).collect(),
                 shapes: Vec::new(),
                 place: Placement::default(),
-                swap_yz: false,
+                swap_yz: options.up == Up::Z,
                 unitize: false,
             }],
             viewports: vec![Viewport {
@@ -198,6 +199,22 @@ fn clean(name: &str) -> Option<String> {
     let visible: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).take(200).collect();
     let folded = visible.split_whitespace().collect::<Vec<_>>().join(" ");
     (!folded.is_empty()).then_some(folded)
+}
+
+/// Turns all that stands in a scene.
+fn turn(scene: &mut Scene, up: Up) {
+    let turn = up.turn();
+    for object in &mut scene.objects {
+        object.transform = turn * object.transform;
+    }
+    for camera in &mut scene.cameras {
+        camera.position = turn.transform_point3(camera.position);
+        camera.direction = turn.transform_vector3(camera.direction);
+        camera.up = turn.transform_vector3(camera.up);
+    }
+    for light in &mut scene.lights {
+        light.direction = turn.transform_vector3(light.direction);
+    }
 }
 
 /// The box around all corners of triangles that are finite.

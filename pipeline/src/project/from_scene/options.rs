@@ -1,7 +1,7 @@
 //! What is asked of a project that is made from scene files.
 
 use crate::diagnostic::valid_names;
-use glam::Vec3;
+use glam::{Mat4, Vec3, Vec4};
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -54,6 +54,39 @@ impl fmt::Display for Effects {
     }
 }
 
+/// The axis of a scene file that points up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Up {
+    /// y, as in glTF and most OBJ files.
+    #[default]
+    Y,
+    /// z, as in many files of CAD programs and of 3D Studio: the scene is turned, y = z and z = -y.
+    Z,
+}
+
+impl Up {
+    /// The turn that makes y point up.
+    pub(super) fn turn(self) -> Mat4 {
+        match self {
+            Self::Y => Mat4::IDENTITY,
+            Self::Z => Mat4::from_cols(Vec4::X, Vec4::NEG_Z, Vec4::Y, Vec4::W),
+        }
+    }
+}
+
+impl FromStr for Up {
+    type Err = String;
+
+    /// `y` or `z`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.trim() {
+            "y" | "Y" => Ok(Self::Y),
+            "z" | "Z" => Ok(Self::Z),
+            other => Err(valid_names(other, ["y", "z"])),
+        }
+    }
+}
+
 /// What is asked of a project that is made from scene files. What is `None` is chosen from the scene.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SceneOptions {
@@ -69,6 +102,8 @@ pub struct SceneOptions {
     pub fov: Option<f32>,
     /// Direction in which the sun stands, of any length. Else the file's own light, or behind the viewer's left shoulder.
     pub sun: Option<Vec3>,
+    /// The axis of the files that points up.
+    pub up: Up,
     /// Display values of the background. Else a light blue grey.
     pub background: Option<Vec3>,
 }
@@ -83,6 +118,7 @@ impl SceneOptions {
             ("look-at", self.look_at.is_some()),
             ("fov", self.fov.is_some()),
             ("sun", self.sun.is_some()),
+            ("up", self.up != Up::Y),
             ("background", self.background.is_some()),
         ];
         given.into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect()
@@ -98,6 +134,7 @@ impl SceneOptions {
             vector("look-at", self.look_at),
             self.fov.map(|fov| format!("fov={fov}")),
             vector("sun", self.sun),
+            (self.up == Up::Z).then(|| "up=z".to_owned()),
             vector("background", self.background),
         ];
         let more = self.more.iter().map(|path| format!("with {}", path.display()));
@@ -184,5 +221,7 @@ mod tests {
         assert!(SceneOptions::parse_direction("0,0,0").is_err() && SceneOptions::parse_direction("0,1e-20,0").is_ok());
         assert!(SceneOptions::parse_fov("180").is_err() && SceneOptions::parse_fov("0").is_err());
         assert_eq!(SceneOptions::parse_fov("60"), Ok(60.0));
+        assert_eq!(["y", "Z"].map(str::parse::<Up>), [Ok(Up::Y), Ok(Up::Z)]);
+        assert!("x".parse::<Up>().is_err());
     }
 }

@@ -132,3 +132,30 @@ fn a_scene_without_a_triangle_says_so() {
     let error = SceneProjects::new(&[path], &SceneOptions::default(), None, 1 << 30).expect_err("no triangle");
     assert!(error.to_string().contains("no triangle"), "{error}");
 }
+
+#[test]
+fn a_scene_whose_z_points_up_is_seen_as_if_it_had_been_turned() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let corners = [[0.5, 0.0, 0.0], [3.0, 1.0, 0.25], [1.0, 4.0, 7.0], [-2.0, 1.5, 3.0]];
+    let written = |name: &str, turn: fn([f32; 3]) -> [f32; 3]| {
+        let line = |corner: [f32; 3]| format!("v {} {} {}\n", corner[0], corner[1], corner[2]);
+        let lines: String = corners.map(turn).map(line).concat();
+        let path = folder.path().join(name);
+        std::fs::write(&path, format!("{lines}f 1 2 3\nf 1 3 4\n")).expect("a file");
+        path
+    };
+    let upright = open(&written("y.obj", |[x, y, z]| [x, z, -y]), &SceneOptions::default());
+    let path = written("z.obj", |corner| corner);
+    let turned = open(&path, &SceneOptions { up: Up::Z, ..SceneOptions::default() });
+    let seen = |project: &Project| format!("{:?} {:?} {}", project.cameras, project.lights, project.scenes[0].unitize);
+    assert_eq!(seen(&turned), seen(&upright));
+    assert!(turned.scenes[0].swap_yz && !upright.scenes[0].swap_yz);
+    assert_ne!(seen(&open(&path, &SceneOptions::default())), seen(&upright), "it is another view without the option");
+    // What is drawn is turned alike.
+    let drawn = |project: &Project, path: &Path| {
+        let scene = scene::load(&[path.to_owned()], &LoadOptions::default(), &|_| {}).expect("a scene");
+        let options = scene::BuildOptions { swap_yz: project.scenes[0].swap_yz, ..scene::BuildOptions::default() };
+        scene::RenderScene::build(scene, &options).expect("it is built").0.geometry.positions
+    };
+    assert_eq!(drawn(&turned, &path), drawn(&upright, &folder.path().join("y.obj")));
+}

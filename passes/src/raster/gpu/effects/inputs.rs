@@ -1,7 +1,7 @@
 //! The G-buffer as programs read it: the attachments drawn last, or textures filled from host memory.
 
 use super::kept::Kept;
-use crate::raster::gpu::device::{Gpu, UPLOAD_PIECE};
+use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::{failure, unsupported};
 use crate::raster::gpu::targets::{CHANNEL_FORMATS, CHANNELS, TRIANGLE, Targets};
 use curitiba_pipeline::backend::{BackendError, EffectJob};
@@ -131,7 +131,7 @@ impl Inputs {
             let channels = upload.channels.iter().zip(data);
             channels
                 .filter_map(|(channel, data)| Some((channel.as_ref()?, data)))
-                .try_for_each(|(texture, data)| fill(gpu, texture, data))
+                .try_for_each(|(texture, data)| gpu.fill_texture(texture, data, "upload of the G-buffer"))
         });
         self.uploads = uploads;
         filled?;
@@ -155,29 +155,6 @@ fn texture(gpu: &Gpu, label: &str, format: wgpu::TextureFormat, width: u32, heig
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     })
-}
-
-/// Copies rows of texels to a texture, piece by piece, and waits.
-fn fill(gpu: &Gpu, texture: &wgpu::Texture, data: &[u8]) -> Result<(), BackendError> {
-    let doing = "upload of the G-buffer";
-    let (width, height) = (texture.width(), texture.height());
-    let row = data.len() / height.max(1) as usize;
-    let rows = (UPLOAD_PIECE / row.max(1)).max(1);
-    for (index, piece) in data.chunks(rows * row.max(1)).enumerate() {
-        gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo {
-                texture,
-                mip_level: 0,
-                origin: wgpu::Origin3d { x: 0, y: (index * rows) as u32, z: 0 },
-                aspect: wgpu::TextureAspect::All,
-            },
-            piece,
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row as u32), rows_per_image: None },
-            wgpu::Extent3d { width, height: (piece.len() / row.max(1)) as u32, depth_or_array_layers: 1 },
-        );
-        gpu.submit_and_wait(None, doing)?;
-    }
-    Ok(())
 }
 
 /// Refuses pictures larger than the device's textures.

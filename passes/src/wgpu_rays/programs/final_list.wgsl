@@ -1,0 +1,44 @@
+// The points of `final`: what pixels see, and what is seen through glass.
+
+// The pixel's points so far.
+var<private> head: u32 = NONE;
+var<private> last: u32 = NONE;
+// Called for each end of the tree of rays (`glass.wgsl`): its colour is added later.
+fn seen_through(hit: Hit, surface: Surface, key: u32, weight: f32) -> vec3f {
+    let color = lit_color(hit, surface.normal);
+    // Black stays black, without a ray.
+    if head == NO_ROOM || all(color == vec3f(0.0)) { return vec3f(0.0); }
+    let place = atomicAdd(&ray_counts[FOUND], 1u);
+    if place >= params.capacity {
+        // What was listed of it counts no more.
+        for (var point = head; point != NONE; point = next_of(point)) { put_nothing(point, next_of(point)); }
+        head = NO_ROOM;
+        return vec3f(0.0);
+    }
+    put_point(place, surface, dot3(surface.facing, params.to_light) <= 0.0, key, weight, color);
+    if head == NONE { head = place; } else { points[POINT * last + 3u].w = place; }
+    last = place;
+    return vec3f(0.0);
+}
+
+fn list(pixel: Pixel, slot: u32) {
+    let triangle = stored_triangle(pixel);
+    if triangle == NO_TRIANGLE {
+        list_nothing(slot);
+        return;
+    }
+    let stored = stored_normal(pixel);
+    let point = snap(triangle, stored_position(pixel).xyz);
+    let view = normalize_or(point.position - params.eye, -point.normal);
+    let surface = surface_of(point, stored, view);
+    let key = pixel_key(pixel);
+    if is_glass(triangle) {
+        let nothing = glass_color(surface, view, key);
+        if head == NO_ROOM { rays = array<u32, RAY_COUNT_KINDS>(); }
+        put_nothing(slot, head);
+        return;
+    }
+    let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
+    put_point(slot, surface, dot3(lit_side, params.to_light) <= 0.0, key, 1.0, stored_color(pixel).xyz);
+}
+fn list_nothing(slot: u32) { put_nothing(slot, NONE); }

@@ -1,0 +1,19 @@
+// The picture of `final`, from what is known of its points.
+fn picture_of(pixel: Pixel, slot: u32) -> vec4f {
+    let triangle = stored_triangle(pixel);
+    if triangle == NO_TRIANGLE { return stored_color(pixel); }
+    var point = slot;
+    if is_glass(triangle) { point = next_of(slot); }
+    if point == NO_ROOM { return corrected(pixel); }
+    var sum = vec3f(0.0);
+    while point != NONE {
+        let color = color_of(point);
+        if any(color != vec3f(0.0)) {
+            var share = 1.0;
+            if params.samples != 0u { share = table_number(params.open_share_at + points[POINT * point + 5u].x); }
+            sum += point_vector(point, 2u).w * (color * share);
+        }
+        point = next_of(point);
+    }
+    return opaque(sum);
+}

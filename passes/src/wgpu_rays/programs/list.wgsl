@@ -1,0 +1,14 @@
+// Lists what pixels see.
+@compute @workgroup_size(TILE, TILE, 1)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let tile = params.first_tile + group.y * groups.x + group.x;
+    if tile >= params.end_tile { return; }
+    let pixel = Pixel(tile % params.tiles_across * TILE + local.x, tile / params.tiles_across * TILE + local.y);
+    let slot = slot_of(tile, TILE * local.y + local.x);
+    if pixel.x >= params.width || pixel.y >= params.height {
+        list_nothing(slot);
+        return;
+    }
+    list(pixel, slot);
+    count_rays(tile);
+}

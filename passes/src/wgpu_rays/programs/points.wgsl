@@ -1,0 +1,34 @@
+// Points of surfaces whose light and occlusion are found by kernels one after the other: first those that the pixels see, in the order
+// of the tiles, then those that are seen through glass.
+
+// Six vectors a point; for a pixel that shows glass, the first one has no colour and names the next.
+//   0: where its rays start, but for the step off the surface; the step, negative where the surface is turned from the light
+//   1: the side to the viewer; the key of its random numbers
+//   2: the shading normal; its weight in the pixel's sum
+//   3: its colour; the next point of the pixel, or NONE
+//   4: with up to 128 occlusion rays, one bit for each that is left to be traced
+//   5: rays that are known to be open; the distance before which nothing stops those that are left; the node below which all lies that
+//      they may meet, or NONE where none is left
+@group(0) @binding(7) var<storage, read_write> points: array<vec4u>;
+const POINT: u32 = 6u;
+// The pixel's points did not fit: it is computed by one thread from begin to end.
+const NO_ROOM: u32 = 0xfffffffeu;
+
+fn point_vector(point: u32, place: u32) -> vec4f { return bitcast<vec4f>(points[POINT * point + place]); }
+fn color_of(point: u32) -> vec3f { return point_vector(point, 3u).xyz; }
+fn next_of(point: u32) -> u32 { return points[POINT * point + 3u].w; }
+// A pixel without a point of its own.
+fn put_nothing(point: u32, next: u32) { points[POINT * point + 3u] = vec4u(0u, 0u, 0u, next); }
+fn put_point(point: u32, surface: Surface, turned: bool, key: u32, weight: f32, color: vec3f) {
+    let step = OFFSET_UNITS * surface.point.error;
+    points[POINT * point] = bitcast<vec4u>(vec4f(surface.point.start, select(step, -step, turned)));
+    points[POINT * point + 1u] = vec4u(bitcast<vec3u>(surface.facing), key);
+    points[POINT * point + 2u] = bitcast<vec4u>(vec4f(surface.normal, weight));
+    points[POINT * point + 3u] = vec4u(bitcast<vec3u>(color), NONE);
+    // Of its rays, nothing is known.
+    points[POINT * point + 5u] = vec4u(0u, 0u, params.root, 0u);
+}
+// The first word behind the counts of rays counts the points of a launch.
+const FOUND: u32 = 2u * RAY_COUNT_KINDS * RAY_COUNT_SLOTS;
+fn points_found() -> u32 { return min(atomicLoad(&ray_counts[FOUND]), params.capacity); }
+fn slot_of(tile: u32, place: u32) -> u32 { return (tile - params.first_tile) * TILE * TILE + place; }

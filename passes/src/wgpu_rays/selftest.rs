@@ -1,0 +1,94 @@
+//! What a driver makes of `fma`, tried once when the device is opened.
+
+use super::programs::{Arithmetic, Rounding};
+use crate::raster::gpu::device::Gpu;
+use curitiba_pipeline::backend::BackendError;
+
+/// Products that are tried.
+const CASES: usize = 4096;
+
+const TEXT: &str = "
+@group(0) @binding(0) var<storage, read> given: array<vec2f>;
+@group(0) @binding(1) var<storage, read_write> rest: array<f32>;
+@compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
+    let a = given[2u * id.x].x; let b = given[2u * id.x].y;
+    // The rounded product comes from the host: nothing is left to simplify.
+    rest[id.x] = fma(a, b, -given[2u * id.x + 1u].x);
+}
+";
+
+/// Pairs of factors and their rounded products; and the rest of the products, which is exact.
+fn cases() -> (Vec<[f32; 2]>, Vec<f32>) {
+    let mut state = 1_u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / 8_388_608.0 - 1.0
+    };
+    let (mut given, mut rests) = (Vec::with_capacity(2 * CASES), Vec::with_capacity(CASES));
+    for _ in 0..CASES {
+        let (a, b) = (random(), random());
+        given.extend([[a, b], [a * b, 0.0]]);
+        rests.push((f64::from(a) * f64::from(b) - f64::from(a * b)) as f32);
+    }
+    (given, rests)
+}
+
+/// How programs are to be written for a device.
+pub fn arithmetic(gpu: &Gpu) -> Result<Arithmetic, BackendError> {
+    let (given, expected) = cases();
+    let doing = "trying how products are rounded";
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(doing),
+        source: wgpu::ShaderSource::Wgsl(TEXT.into()),
+    });
+    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(doing),
+        layout: None,
+        module: &module,
+        entry_point: Some("main"),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    gpu.check(doing)?;
+    let (storage, bytes) = (wgpu::BufferUsages::STORAGE, (CASES * size_of::<f32>()) as u64);
+    let given = gpu.upload_buffer(doing, storage, bytemuck::cast_slice(&given))?;
+    let rests = gpu.buffer(doing, storage | wgpu::BufferUsages::COPY_SRC, bytes)?;
+    let readable = gpu.buffer(doing, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST, bytes)?;
+    let entry = |(binding, buffer)| wgpu::BindGroupEntry { binding, resource: wgpu::Buffer::as_entire_binding(buffer) };
+    let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some(doing),
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[(0, &given), (1, &rests)].map(entry),
+    });
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(doing) });
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups((CASES / 64) as u32, 1, 1);
+    }
+    encoder.copy_buffer_to_buffer(&rests, 0, &readable, 0, bytes);
+    let mut fused = false;
+    gpu.read_mapped(&readable, bytes, Some(encoder.finish()), doing, |bytes| {
+        fused = bytemuck::cast_slice::<u8, f32>(bytes) == expected;
+    })?;
+    // DirectX's `mad` leaves the choice to the compiler, for each instruction.
+    let rounding = if gpu.adapter.interface == "dx12" { Rounding::Separate } else { Rounding::Fma };
+    let subgroups = gpu.has(wgpu::Features::SUBGROUP) && gpu.subgroup == [32, 32];
+    Ok(Arithmetic { rounding, fused: fused && rounding == Rounding::Fma, subgroups })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn products_that_are_tried_have_a_rest_that_rounding_twice_loses() {
+        let (given, rests) = cases();
+        assert!(rests.iter().filter(|rest| **rest != 0.0).count() > CASES / 2);
+        for (pair, rest) in given.chunks_exact(2).zip(&rests) {
+            let [[a, b], [product, _]] = *pair else { unreachable!() };
+            assert_eq!(a.mul_add(b, -product), *rest);
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! The tables of the documents are those of the measurements: between the lines
+//!
+//! ```text
+//! <!-- figures: KIND FILE.json OPTION=VALUE … -->
+//! <!-- end of figures -->
+//! ```
+//!
+//! of a Markdown file stands what this program makes of `docs/measurements/FILE.json`, and nothing that was typed by hand.
+//! `CURITIBA_WRITE_FIGURES=1 cargo test --test figures` writes it; without the variable a difference is a failure.
+//!
+//! | kind | makes of a file of | |
+//! |---|---|---|
+//! | `machine` | any command that writes an environment | a sentence: processor, threads, devices, commit, date, command |
+//! | `frames` | `curitiba bench` | a row for each case: milliseconds of raster, ray pass and frame, and the error |
+//! | `backends` | `curitiba bench --compare` | a row for each case: milliseconds of the ray pass on each backend |
+//! | `threads` | `curitiba bench --sweep-threads` | a row for each step: milliseconds on each number of threads, and the speed-up |
+//! | `rays` | the bench beside Embree, several files | a row for each scene: rays a second, and ratios |
+//! | `passes`, `builds` | the same | whole ray passes, and building, beside Embree's |
+
+mod tables;
+
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+const BEGIN: &str = "<!-- figures:";
+const END: &str = "<!-- end of figures -->";
+
+/// What a marker asks for.
+struct Request {
+    kind: String,
+    /// Names of files in `docs/measurements/`, without `.json`.
+    files: Vec<String>,
+    options: BTreeMap<String, String>,
+}
+
+impl Request {
+    /// Reads `KIND FILE.json … NAME=VALUE; …`: options follow the files, each ends with a semicolon or the marker.
+    fn read(text: &str) -> Result<Self, String> {
+        let (kind, rest) = text.trim().split_once(' ').ok_or("a kind and a file are wanted")?;
+        let mut rest = rest.trim_start();
+        let mut files = Vec::new();
+        while let Some((name, after)) = rest.split_once(".json").filter(|(name, _)| !name.contains(['=', ' '])) {
+            files.push(name.to_owned());
+            rest = after.trim_start();
+        }
+        if files.is_empty() {
+            return Err(format!("`{rest}` names no .json file"));
+        }
+        let options = rest.split(';').map(str::trim).filter(|option| !option.is_empty());
+        let pair = |option: &str| {
+            option.split_once('=').map(|(name, value)| (name.trim().to_owned(), value.trim().to_owned()))
+        };
+        let options = options.map(|option| pair(option).ok_or_else(|| format!("`{option}` is not NAME=VALUE")));
+        Ok(Self { kind: kind.to_owned(), files, options: options.collect::<Result<_, _>>()? })
+    }
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// The README and all documents.
+fn documents() -> Vec<PathBuf> {
+    let mut found = vec![root().join("README.md")];
+    for folder in ["docs", "docs/lab"] {
+        let entries = std::fs::read_dir(root().join(folder)).expect("the folder");
+        let files = entries.map(|entry| entry.expect("an entry").path());
+        found.extend(files.filter(|path| path.extension().is_some_and(|extension| extension == "md")));
+    }
+    found.sort();
+    found
+}
+
+fn measurement(name: &str) -> Result<Value, String> {
+    let path = root().join("docs/measurements").join(format!("{name}.json"));
+    let text = std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// The document with every table made again, and for each file that it quotes the kind and the commit.
+fn rewrite(text: &str, quoted: &mut BTreeSet<(String, String, String)>) -> Result<String, String> {
+    let mut out = String::new();
+    let mut lines = text.lines().enumerate();
+    while let Some((number, line)) = lines.next() {
+        out.push_str(line);
+        out.push('\n');
+        let Some(asked) = line.trim().strip_prefix(BEGIN) else { continue };
+        let at = |message: String| format!("line {}: {message}", number + 1);
+        let asked = asked.strip_suffix("-->").ok_or_else(|| at("the marker does not end with -->".to_owned()))?;
+        let request = Request::read(asked).map_err(at)?;
+        let files = request.files.iter().map(|name| measurement(name)).collect::<Result<Vec<_>, _>>().map_err(at)?;
+        for (name, file) in request.files.iter().zip(&files) {
+            let commit = file["environment"]["commit"].as_str().unwrap_or("unknown");
+            if commit == "unknown" || commit.ends_with("-dirty") {
+                return Err(at(format!(
+                    "{name}.json was measured at commit `{commit}`: measure it again in a clean checkout"
+                )));
+            }
+            quoted.insert((request.kind.clone(), name.clone(), commit.to_owned()));
+        }
+        let table = tables::table(&request.kind, &files, &request.options).map_err(at)?;
+        out.push_str(&table);
+        lines.find(|(_, line)| line.trim() == END).ok_or_else(|| at(format!("no `{END}` follows")))?;
+        out.push_str(END);
+        out.push('\n');
+    }
+    Ok(out)
+}
+
+#[test]
+fn the_documents_hold_what_was_measured() {
+    let write = std::env::var_os("CURITIBA_WRITE_FIGURES").is_some();
+    let mut quoted = BTreeSet::new();
+    for path in documents() {
+        let text = std::fs::read_to_string(&path).expect("UTF-8");
+        let made = rewrite(&text, &mut quoted).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        if write && made != text {
+            std::fs::write(&path, &made).expect("written");
+        } else if let Some((line, (now, made))) = text.lines().zip(made.lines()).enumerate().find(|(_, (a, b))| a != b)
+        {
+            panic!(
+                "{}:{}: the table is not that of its measurement\n{now}\n{made}\n\
+                 CURITIBA_WRITE_FIGURES=1 cargo test --test figures writes it",
+                path.display(),
+                line + 1
+            );
+        }
+        assert!(write || made == text, "{}: a table has more or fewer rows than its measurement", path.display());
+    }
+    // Figures of one kind are of one program; those beside Embree say in each row of which.
+    let mut commits: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (kind, _, commit) in
+        quoted.iter().filter(|(kind, ..)| !["machine", "rays", "passes", "builds"].contains(&kind.as_str()))
+    {
+        commits.entry(kind.clone()).or_default().insert(commit.clone());
+    }
+    for (kind, commits) in commits {
+        assert!(commits.len() == 1, "`{kind}` is quoted of several commits: {commits:?}");
+    }
+}
+
+#[test]
+fn a_wrong_marker_or_figure_is_found() {
+    let rewrite = |text: &str| rewrite(text, &mut BTreeSet::new());
+    let machine = "<!-- figures: machine epyc_table2.json -->";
+    let made = rewrite(&format!("a\n{machine}\nold\n{END}\nb\n")).expect("it is made");
+    assert!(made.starts_with(&format!("a\n{machine}\n")) && made.ends_with(&format!("{END}\nb\n")), "{made}");
+    assert!(made.contains("AMD EPYC") && made.contains("1250df0") && !made.contains("old"), "{made}");
+    assert_eq!(rewrite(&made).as_ref(), Ok(&made), "made again it is the same");
+    let wrong = [
+        ("<!-- figures: machine -->\n", "a kind and a file are wanted"),
+        ("<!-- figures: machine none.json -->\n", "none.json"),
+        ("<!-- figures: tables epyc_table2.json -->\n", "there is no kind `tables`"),
+        ("<!-- figures: machine xeon16_threads.json -->\n", "measure it again in a clean checkout"),
+        ("<!-- figures: frames epyc_table2.json view=Nowhere -->\n", "no row"),
+        ("<!-- figures: machine epyc_table2.json\n", "does not end with -->"),
+    ];
+    for (text, message) in wrong {
+        let error = rewrite(&format!("{text}{END}\n")).expect_err(text);
+        assert!(error.starts_with("line 1: ") && error.contains(message), "{error}");
+    }
+    let open = rewrite(&format!("{machine}\n")).expect_err("it is open");
+    assert!(open.contains("follows"), "{open}");
+}

@@ -1,0 +1,257 @@
+//! Markdown of measurements.
+
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+type Options = BTreeMap<String, String>;
+
+/// Makes what `kind` stands for.
+pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, String> {
+    let one = || match files {
+        [file] => Ok(file),
+        _ => Err(format!("`{kind}` takes one file")),
+    };
+    match kind {
+        "machine" => Ok(machine(one()?)),
+        "frames" => frames(one()?, options),
+        "backends" => backends(one()?, options),
+        "threads" => threads(one()?, options),
+        "rays" => rays(files),
+        "passes" => passes(files),
+        "builds" => builds(files),
+        _ => Err(format!("there is no kind `{kind}`; valid: machine, frames, backends, threads, rays, passes, builds")),
+    }
+}
+
+fn text(value: &Value) -> &str {
+    value.as_str().unwrap_or("?")
+}
+
+/// Three digits, as people write them: 0.357, 12.9, 119.
+pub fn short(number: f64) -> String {
+    match number.abs() {
+        0.0 => "0".to_owned(),
+        size if size < 1e-3 => format!("{number:.0e}"),
+        size if size < 1.0 => {
+            let digits = 1 - size.log10().floor() as i32;
+            format!("{number:.*}", digits.max(2) as usize)
+        }
+        size if size < 9.995 => format!("{number:.2}"),
+        size if size < 99.95 => format!("{number:.1}"),
+        _ => format!("{number:.0}"),
+    }
+}
+
+/// `2026-11-23` of seconds since 1970, by the algorithm of Howard Hinnant for civil dates.
+fn date(seconds: u64) -> String {
+    let days = seconds / 86_400 + 719_468;
+    let (era, day) = (days / 146_097, days % 146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let of_year = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let of_month = of_year - (153 * month + 2) / 5 + 1;
+    let (month, carry) = if month < 10 { (month + 3, 0) } else { (month - 9, 1) };
+    format!("{}-{month:02}-{of_month:02}", year + era * 400 + carry)
+}
+
+fn machine(file: &Value) -> String {
+    let environment = &file["environment"];
+    let devices: Vec<&str> = environment["gpu"].as_array().into_iter().flatten().map(text).collect();
+    let mut out = format!("{}, {} threads", text(&environment["cpu"]), environment["threads"]);
+    for device in devices {
+        let _ = write!(out, "; {device}");
+    }
+    let began = file["started_unix_s"].as_u64().or(file["unix_s"].as_u64()).unwrap_or(0);
+    let commit = text(&environment["commit"]);
+    let _ = write!(out, "; commit {commit}, {}", date(began));
+    if let Some(load) = environment["load_average"].as_f64() {
+        let _ = write!(out, ", load {load} when it began");
+    }
+    if let Some(frames) = file["frames"].as_u64() {
+        let rounds = file["rounds"].as_u64().map_or(String::new(), |rounds| format!(" of each of {rounds} rounds"));
+        let _ = write!(out, "; medians of {frames} frames{rounds}");
+    }
+    format!("{out}; `{}`.\n", text(&file["command"]))
+}
+
+/// The rows of a bench that are of a view, and of labels where they are named (in their order).
+fn rows<'f>(file: &'f Value, options: &Options) -> Result<Vec<&'f Value>, String> {
+    let all: Vec<&Value> = file["rows"].as_array().into_iter().flatten().collect();
+    let seen = |row: &&&Value| options.get("view").is_none_or(|view| text(&row["view"]) == view);
+    let rows: Vec<&Value> = match options.get("labels") {
+        None => all.iter().filter(seen).copied().collect(),
+        Some(labels) => {
+            let of = |label: &str| {
+                let found = all.iter().filter(seen).filter(|row| text(&row["label"]) == label.trim()).copied();
+                let found: Vec<_> = found.collect();
+                if found.is_empty() { Err(format!("no row is called `{}`", label.trim())) } else { Ok(found) }
+            };
+            labels.split('/').map(of).collect::<Result<Vec<_>, _>>()?.concat()
+        }
+    };
+    if rows.is_empty() { Err("no row is of that view".to_owned()) } else { Ok(rows) }
+}
+
+/// Median milliseconds of the steps of a kind, together; of the device where that was measured.
+fn step(row: &Value, kind: &str, on_device: bool) -> Option<f64> {
+    let steps = row["steps"].as_array()?.iter().filter(|step| text(&step["kind"]) == kind);
+    let time = |step: &Value| {
+        let device = step["device"]["median"].as_f64().filter(|_| on_device);
+        device.or(step["host"]["median"].as_f64())
+    };
+    steps.map(time).reduce(|a, b| Some(a? + b?)).flatten()
+}
+
+fn cell(number: Option<f64>) -> String {
+    number.map_or(String::new(), short)
+}
+
+fn frames(file: &Value, options: &Options) -> Result<String, String> {
+    let rows = rows(file, options)?;
+    let several = rows.iter().any(|row| row["view"] != rows[0]["view"]);
+    let mut out = String::from("| effects |");
+    out.push_str(if several { " view |" } else { "" });
+    out.push_str(" raster, ms | ray pass, ms | frame, ms | error (RMSE) |\n|---|");
+    out.push_str(if several { "---|" } else { "" });
+    out.push_str("---|---|---|---|\n");
+    for row in rows {
+        let view = if several { format!(" {} |", text(&row["view"])) } else { String::new() };
+        let [raster, rays, frame] =
+            [step(row, "raster", false), step(row, "rays", false), row["frame"]["median"].as_f64()].map(cell);
+        let error = cell(row["error"]["against"]["comparison"]["rmse"].as_f64());
+        let _ = writeln!(out, "| {} |{view} {raster} | {rays} | {frame} | {error} |", text(&row["label"]));
+    }
+    Ok(out)
+}
+
+/// The ray pass on each backend, of the device where it is one, and the whole frame of the last column's backends.
+fn backends(file: &Value, options: &Options) -> Result<String, String> {
+    let rows = rows(file, options)?;
+    let name = |row: &Value| row["rays"]["name"].as_str().map(str::to_owned);
+    let mut names: Vec<String> = Vec::new();
+    for row in &rows {
+        names.extend(name(row).filter(|name| !names.contains(name)));
+    }
+    let mut out = format!("| effects | view | {} |\n|---|---|{}\n", names.join(" | "), "---|".repeat(names.len()));
+    let mut written: Vec<(&str, &str)> = Vec::new();
+    for row in &rows {
+        let case = (text(&row["label"]), text(&row["view"]));
+        if written.contains(&case) || name(row).is_none() {
+            continue;
+        }
+        written.push(case);
+        let of = |backend: &String| {
+            let found = rows
+                .iter()
+                .find(|row| (text(&row["label"]), text(&row["view"])) == case && name(row).as_ref() == Some(backend));
+            cell(found.and_then(|row| step(row, "rays", true)))
+        };
+        let cells: Vec<String> = names.iter().map(of).collect();
+        let _ = writeln!(out, "| {} | {} | {} |", case.0, case.1, cells.join(" | "));
+    }
+    Ok(out)
+}
+
+fn threads(file: &Value, options: &Options) -> Result<String, String> {
+    let wanted: Option<Vec<&str>> = options.get("steps").map(|steps| steps.split('/').collect());
+    let mut out = String::new();
+    for case in file["cases"].as_array().into_iter().flatten() {
+        for step in case["steps"].as_array().into_iter().flatten() {
+            let kind = text(&step["kind"]);
+            if wanted.as_ref().is_some_and(|wanted| !wanted.contains(&kind)) {
+                continue;
+            }
+            let points: Vec<&Value> = step["points"].as_array().into_iter().flatten().collect();
+            let (Some(first), Some(last)) = (points.first(), points.last()) else { continue };
+            if out.is_empty() {
+                let counts: Vec<String> = points.iter().map(|point| point["threads"].to_string()).collect();
+                let _ = writeln!(out, "| case | view | step | {} | speed-up | processor time |", counts.join(" | "));
+                let _ = writeln!(out, "|---|---|---|{}---|---|", "---|".repeat(counts.len()));
+            }
+            let wall = |point: &Value| point["wall"]["median"].as_f64();
+            let cells: Vec<String> = points.iter().map(|point| cell(wall(point))).collect();
+            let ratio = |clock: &str| Some(first[clock]["median"].as_f64()? / last[clock]["median"].as_f64()?);
+            let (speed_up, growth) = (cell(ratio("wall")), cell(ratio("processor").map(f64::recip)));
+            let (label, view) = (text(&case["label"]), text(&case["view"]));
+            let _ = writeln!(out, "| {label} | {view} | {kind} | {} | {speed_up} | × {growth} |", cells.join(" | "));
+        }
+    }
+    if out.is_empty() { Err("no row is of those steps".to_owned()) } else { Ok(out) }
+}
+
+/// A row for each scene: million rays a processor second on one thread, in brackets the ratios to Embree's fastest mode and to
+/// its fastest watertight one.
+fn rays(files: &[Value]) -> Result<String, String> {
+    let mut out = String::new();
+    for file in files {
+        for scene in file["scenes"].as_array().into_iter().flatten() {
+            let rows = scene["rays"].as_array().into_iter().flatten().filter(|row| row["threads"] == 1);
+            let rows: Vec<&Value> = rows.collect();
+            if out.is_empty() {
+                let kinds: Vec<&str> = rows.iter().map(|row| text(&row["rays"])).collect();
+                let _ = writeln!(out, "| scene | triangles | {} | commit |", kinds.join(" | "));
+                let _ = writeln!(out, "|---|---|{}---|", "---|".repeat(kinds.len()));
+            }
+            let rate = |row: &&Value| {
+                let number = |value: &Value| cell(value.as_f64());
+                let ours = number(&row["ours"]["million_rays_per_cpu_second"]);
+                format!("{ours} ({}, {})", number(&row["ratio"]), number(&row["ratio_robust"]))
+            };
+            let cells: Vec<String> = rows.iter().map(rate).collect();
+            let (name, commit) = (text(&scene["scene"]), text(&file["environment"]["commit"]));
+            let _ = writeln!(out, "| {name} | {} | {} | {commit} |", scene["triangles"], cells.join(" | "));
+        }
+    }
+    if out.is_empty() { Err("no scene was measured".to_owned()) } else { Ok(out) }
+}
+
+/// A row for each effect and number of threads: the ratio of our whole ray pass to the same program with Embree's rays, of processor
+/// time and by the clock.
+fn passes(files: &[Value]) -> Result<String, String> {
+    let mut out = "| scene | effect | threads | processor time | beside the watertight mode | by the clock | pixels that differ visibly |\n\
+                   |---|---|---|---|---|---|---|\n"
+        .to_owned();
+    for scene in scenes(files) {
+        for effect in scene["effects"].as_array().into_iter().flatten() {
+            let ratio = |name: &str| cell(effect[name].as_f64());
+            let (name, effect_name, threads) = (text(&scene["scene"]), text(&effect["effect"]), &effect["threads"]);
+            let ratios = ["ratio", "ratio_robust", "ratio_wall"].map(ratio).join(" | ");
+            let _ = writeln!(
+                out,
+                "| {name} | {effect_name} | {threads} | {ratios} | {} |",
+                effect["pixels_differing_visibly"]
+            );
+        }
+    }
+    Ok(out)
+}
+
+/// A row for each scene: milliseconds of building on all threads, and bytes a triangle.
+fn builds(files: &[Value]) -> Result<String, String> {
+    let mut out = String::new();
+    for scene in scenes(files) {
+        let builds: Vec<&Value> = scene["builds"].as_array().into_iter().flatten().collect();
+        if out.is_empty() {
+            let names: Vec<&str> = builds.iter().map(|build| text(&build["name"])).collect();
+            let _ = writeln!(out, "| ms | {} |\n|---|{}", names.join(" | "), "---|".repeat(names.len()));
+        }
+        let shown = |build: &&Value| cell(build["median_s"].as_f64().map(|seconds| seconds * 1e3));
+        let cells: Vec<String> = builds.iter().map(shown).collect();
+        let _ = writeln!(out, "| {} | {} |", text(&scene["scene"]), cells.join(" | "));
+    }
+    if out.is_empty() { Err("no scene was built".to_owned()) } else { Ok(out) }
+}
+
+fn scenes(files: &[Value]) -> impl Iterator<Item = &Value> {
+    files.iter().filter_map(|file| file["scenes"].as_array()).flatten()
+}
+
+#[test]
+fn numbers_have_three_digits_and_days_their_date() {
+    let shown = [0.0, 3e-8, 0.0039, 0.25641, 0.9996, 1.0694, 9.9951, 13.755, 99.96, 119.2609, 2722.3].map(short);
+    assert_eq!(shown, ["0", "3e-8", "0.0039", "0.26", "1.00", "1.07", "10.0", "13.8", "100", "119", "2722"]);
+    assert_eq!(date(0), "1970-01-01");
+    assert_eq!(date(951_782_400), "2000-02-29");
+    assert_eq!(date(1_795_370_393), "2026-11-22");
+}
