@@ -61,7 +61,7 @@ impl RenderScene {
     ///   60 degrees are not averaged, and the vertices there are split; vertices that are not shared stay flat.
     /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
     ///   its material has none.
-    /// - In linear light colours of materials are decoded from sRGB, and textures when they are read ([`texture::Texture::space`]).
+    /// - In linear light colours of materials are decoded from sRGB, and textures when they are read ([`Texture::space`](super::texture::Texture::space)).
     ///   What light keeps in a filter, and what is absorbed, is linear as it is.
     ///
     /// # Errors
