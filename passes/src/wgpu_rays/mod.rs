@@ -88,7 +88,7 @@ impl WgpuRays {
     pub fn on(device: &SharedDevice) -> Result<Self, BackendError> {
         let gpu = Arc::clone(&device.0);
         let found = gpu.limits.max_storage_buffers_per_shader_stage;
-        if found < RAY_BUFFERS || gpu.limits.max_compute_invocations_per_workgroup < layout::TILE * layout::TILE {
+        if found < RAY_BUFFERS || gpu.limits.max_compute_invocations_per_workgroup < TILE * TILE {
             let why = format!(
                 "it binds {found} storage buffers, and programs need {RAY_BUFFERS} in groups of 64 threads; \
                  `--backend cpu` traces without a GPU"
