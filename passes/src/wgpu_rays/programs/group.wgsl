@@ -32,7 +32,8 @@ fn ballots(values: vec4<bool>) -> vec4u {
     if values.z { atomicOr(&votes[first + 2u], 1u << lane); }
     if values.w { atomicOr(&votes[first + 3u], 1u << lane); }
     workgroupBarrier();
-    let bits = vec4u(atomicLoad(&votes[first]), atomicLoad(&votes[first + 1u]), atomicLoad(&votes[first + 2u]), atomicLoad(&votes[first + 3u]));
+    let bits = vec4u(
+        atomicLoad(&votes[first]), atomicLoad(&votes[first + 1u]), atomicLoad(&votes[first + 2u]), atomicLoad(&votes[first + 3u]));
     end_vote();
     return bits;
 }

@@ -1,4 +1,5 @@
-// One vector a pixel: where the shadow rays of pixels start: in the fourth place 1, 0 where the surface is turned from the light, and 2 where nothing is seen.
+// Where the shadow rays of pixels start, one vector each: in the fourth place 1, 0 where the surface is turned from the light, and 2 where
+// nothing is seen.
 fn list(pixel: Pixel, slot: u32) {
     let triangle = stored_triangle(pixel);
     let position = stored_position(pixel);
