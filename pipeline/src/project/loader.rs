@@ -111,6 +111,7 @@ impl Loader {
         let (pipelines, default_pipeline) = self.pipelines(&root);
         Some(Project {
             path: path.to_owned(),
+            source: path.to_owned(),
             name: name?,
             window: window?,
             scenes: Vec::new(),
