@@ -17,6 +17,9 @@
 //! }
 //! ```
 //!
+//! [`Renderer`] has setters, `update` runs only the passes that depend on what was set, `accumulate` takes more and more samples of one
+//! sequence, and `cancellation` gives a frame up: `docs/library.md`.
+//!
 //! The command line (`curitiba --help`) does nothing that this library cannot: [`open`] reads a project, makes its plan
 //! and loads its scenes; [`Renderer::frame`](pipeline::executor::Renderer::frame) renders.
 #![forbid(unsafe_code)]
@@ -40,7 +43,7 @@ pub use engines::{BackendChoice, Choice, Gpus, RasterChoice};
 use pipeline::diagnostic::Problems;
 use pipeline::executor::{Engines, Observer, RenderError, Renderer};
 use pipeline::plan::{Plan, PlanError, PlannedPass, Settings};
-use pipeline::project::{PassKind, SourceError};
+use pipeline::project::{PassKind, Project, SourceError};
 use pipeline::scene::SceneError;
 use std::path::Path;
 
@@ -89,6 +92,19 @@ pub fn open(
     observer: &mut dyn Observer,
 ) -> Result<Renderer, OpenError> {
     let project = settings.open(project.as_ref())?;
+    open_project(project, settings, choice, observer)
+}
+
+/// [`open`] for a project that is there already: one that was read and changed, or made in memory.
+///
+/// # Errors
+/// The first of what follows reading.
+pub fn open_project(
+    project: Project,
+    settings: Settings,
+    choice: Choice,
+    observer: &mut dyn Observer,
+) -> Result<Renderer, OpenError> {
     let plan = Plan::new(project, settings)?;
     let (raster, rays) = engines::parts(choice.for_plan(&plan))?;
     let engines = Engines::first_of(raster, rays).map_err(|error| {

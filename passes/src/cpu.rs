@@ -338,6 +338,10 @@ fn run_of_tiles(
     work.begin();
     let end = left + run[0].len();
     for left in (left..end).step_by(TILE) {
+        // What is written after that is thrown away.
+        if progress.is_cancelled() {
+            break;
+        }
         let mut rows = Rows::default();
         for (row, rest) in rows.iter_mut().zip(run.iter_mut()) {
             let columns = TILE.min(rest.len());

@@ -110,6 +110,9 @@ pub struct RayParams {
     pub background: Background,
     /// What shadow rays find behind glass; in thesis fidelity the report's rule.
     pub shadow: GlassShadow,
+    /// Place in the sequence of the first of the [`Self::samples`]: 0, but for pictures whose samples are accumulated. No parameter of
+    /// projects.
+    pub first: u32,
 }
 
 impl Default for RayParams {
@@ -126,6 +129,7 @@ impl Default for RayParams {
             glass: GlassRule::Pane,
             background: Background::Black,
             shadow: GlassShadow::Report,
+            first: 0,
         }
     }
 }
@@ -587,6 +591,7 @@ mod tests {
             glass: GlassRule::Auto,
             background: Background::Clear,
             shadow: GlassShadow::Straight,
+            first: 0,
         };
         assert_eq!(params, expected);
         assert_eq!(PARAMS.len(), 10, "this test sets every parameter");

@@ -6,6 +6,7 @@ use super::visibility_args::VisibilityArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use curitiba::pipeline::backend::Rect;
 use curitiba::pipeline::color::{ColorSpace, Display, Tone};
+use curitiba::pipeline::executor::Goal;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
 use curitiba::{BackendChoice, Choice, Gpus, RasterChoice};
@@ -157,6 +158,10 @@ pub struct RenderArgs {
     /// Frames to render; the table shows the median of their times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub frames: u32,
+    /// Take more and more samples of the passes that take any (ambient occlusion), and say how far off the picture still is: a number of samples
+    /// (64), a time (2s, 500ms), or a standard error (0.002); docs/library.md says what that is
+    #[arg(long, value_name = "GOAL", conflicts_with_all = ["frames", "bands", "pixel", "check_numerics"])]
+    pub accumulate: Option<Goal>,
     /// Print the report as JSON, with every sample
     #[arg(long)]
     pub json: bool,
@@ -227,6 +232,9 @@ pub struct ProjectArgs {
     /// Set a parameter of a ray pass; `curitiba list` names them
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     pub set: Vec<String>,
+    /// Switch a pass off: its colour input is shown through, or of a share of light 1; raster and quad passes do nothing
+    #[arg(long, value_name = "PASS")]
+    pub off: Vec<String>,
     /// Render only these pixels of the window, the same as in the whole picture: column and row from the top left, and size
     #[arg(long, value_name = "X,Y,WxH", value_parser = parse_crop)]
     pub crop: Option<Rect>,
@@ -486,6 +494,7 @@ impl ProjectArgs {
             seed: self.seed,
             show: self.show.clone(),
             set: self.set.clone(),
+            off: self.off.clone(),
             max_memory: self.max_memory,
             scene: self.scene.options(&self.more),
             crop: self.crop,

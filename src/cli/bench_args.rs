@@ -154,6 +154,7 @@ impl BenchArgs {
             seed: self.seed,
             show: Vec::new(),
             set: self.set.clone(),
+            off: Vec::new(),
             threads: self.threads,
             max_memory: self.max_memory,
             crop: None,

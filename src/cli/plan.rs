@@ -86,6 +86,7 @@ fn describe(plan: &Plan, planned: &PlannedPass) -> String {
             let values: Vec<String> = info.params.iter().map(|name| format!("{name}={}", params.get(name))).collect();
             format!("computes `{}` by raster {}", info.name, values.join(" "))
         }
+        (Work::Off { .. }, _) => "is switched off, and fills its target".to_owned(),
         _ => "fills a rectangle".to_owned(),
     };
     format!("{}: {} into {target}, {width} x {height}", pass.name, what.trim_end())

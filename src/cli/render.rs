@@ -6,8 +6,9 @@ use super::progress::Bars;
 use super::{Failure, failure, print_warnings, set_threads, table};
 use curitiba::environment::{Environment, peak_memory};
 use curitiba::pipeline::diagnostic::WarningGroup;
-use curitiba::pipeline::executor::{Fallback, Renderer, Row, Written};
+use curitiba::pipeline::executor::{AccumulatedPass, Fallback, Goal, RenderError, Renderer, Row, Saved, Written};
 use curitiba::pipeline::files::{check_outputs, record_files_read};
+use curitiba::pipeline::image::count_non_finite;
 use curitiba::pipeline::plan::{Decision, mebibytes};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -48,7 +49,12 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         frame.map_err(|error| Failure::of_rendering(error, may_fall_back))?;
         inspector.print_pixel()?;
     }
-    let saved = renderer.render_and_save(&output, &mut inspector);
+    let accumulation = args.accumulate.map(|goal| accumulate(&mut renderer, goal, &mut inspector)).transpose();
+    let accumulation = accumulation.map_err(|error| Failure::of_rendering(error, may_fall_back))?.unwrap_or_default();
+    let saved = match args.accumulate {
+        Some(_) => save(&mut renderer, &output, &mut inspector),
+        None => renderer.render_and_save(&output, &mut inspector),
+    };
     let saved = saved.map_err(|error| Failure::of_rendering(error, may_fall_back))?;
     inspector.print_pixel()?;
     let (files, bad) = (saved.files, saved.not_finite);
@@ -65,9 +71,15 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         );
     }
     if args.json {
-        print_json(&renderer, args.frames, &files)?;
+        print_json(&renderer, args.frames, &accumulation, &files)?;
     } else {
         table::print(renderer.timeline(), args.frames);
+        for Accumulated { pass, samples, batches, error, largest } in &accumulation {
+            let error = error.zip(*largest).map_or("unknown after one batch".to_owned(), |(error, largest)| {
+                format!("{error:.6} (root mean square; largest {largest:.6})")
+            });
+            crate::say!("{pass}: {samples} samples in {batches} batches, standard error {error}");
+        }
         if let Some(peak) = peak_memory() {
             crate::say!("peak memory {}", mebibytes(peak));
         }
@@ -76,6 +88,52 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         }
     }
     inspector.verdict(args.json)
+}
+
+/// What was accumulated in a pass.
+#[derive(Serialize)]
+struct Accumulated {
+    pass: String,
+    /// Samples a point.
+    samples: u64,
+    batches: u32,
+    /// Root mean square of the pixels' standard errors; none after one batch.
+    error: Option<f64>,
+    /// The largest of them.
+    largest: Option<f64>,
+}
+
+/// Accumulates samples, and says where the goal was not reached and where there is nothing to accumulate.
+fn accumulate(renderer: &mut Renderer, goal: Goal, inspector: &mut Inspector) -> Result<Vec<Accumulated>, RenderError> {
+    let accumulation = renderer.accumulate(goal, inspector)?;
+    if accumulation.passes().is_empty() {
+        failure::print_warning("no pass takes samples: --accumulate renders the picture once");
+    }
+    if let Goal::Error(wanted) = goal
+        && accumulation.error() > wanted
+    {
+        let (error, samples) = (accumulation.error(), accumulation.samples());
+        failure::print_warning(&format!("a standard error of {error:.6} is left after {samples} samples, the most"));
+    }
+    let told = |pass: &AccumulatedPass| {
+        let errors = pass.standard_error();
+        let largest = errors.pixels.iter().flat_map(|pixel| &pixel[..3]).fold(0.0_f32, |a, b| a.max(*b));
+        let known = |value: f64| (pass.estimate().batches() > 1).then_some(value);
+        Accumulated {
+            pass: pass.name.clone(),
+            samples: pass.estimate().samples(),
+            batches: pass.estimate().batches(),
+            error: known(pass.error()),
+            largest: known(largest.into()),
+        }
+    };
+    Ok(accumulation.passes().iter().map(told).collect())
+}
+
+/// Writes what was accumulated.
+fn save(renderer: &mut Renderer, output: &Path, inspector: &mut Inspector) -> Result<Saved, RenderError> {
+    let not_finite = count_non_finite(&renderer.window_image().pixels);
+    Ok(Saved { files: renderer.save(output, inspector)?, not_finite })
 }
 
 /// The name of the project, scene file or folder, in this folder.
@@ -136,6 +194,7 @@ struct Report<'a> {
     raster: Engine,
     rays: Engine,
     fallbacks: &'a [Fallback],
+    accumulated: &'a [Accumulated],
     steps: Vec<Step<'a>>,
     decisions: &'a [Decision],
     warnings: Vec<String>,
@@ -157,7 +216,7 @@ struct Step<'a> {
     mrays_per_second: Option<f64>,
 }
 
-fn print_json(renderer: &Renderer, frames: u32, files: &[Written]) -> Result<(), Failure> {
+fn print_json(renderer: &Renderer, frames: u32, accumulated: &[Accumulated], files: &[Written]) -> Result<(), Failure> {
     let plan = renderer.plan();
     let engines = renderer.engines();
     let step = |row| Step { row, median_ms: Row::median_ms(row), mrays_per_second: Row::mrays_per_second(row) };
@@ -172,6 +231,7 @@ fn print_json(renderer: &Renderer, frames: u32, files: &[Written]) -> Result<(),
         raster: Engine { name: engines.raster.name(), device: engines.raster.device() },
         rays: Engine { name: engines.rays.name(), device: engines.rays.device() },
         fallbacks: renderer.fallbacks(),
+        accumulated,
         steps: renderer.timeline().rows.iter().map(step).collect(),
         decisions: renderer.decisions(),
         warnings: renderer.warnings().groups().iter().map(WarningGroup::to_string).collect(),

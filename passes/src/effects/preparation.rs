@@ -28,7 +28,10 @@ impl Preparation {
         let samples = job.program.info().samples(&job.params);
         let sampler = match job.fidelity {
             _ if samples == 0 => None,
-            Fidelity::Corrected => Some(HemisphereSampler::new(job.params.sampler, samples)?),
+            Fidelity::Corrected => Some(HemisphereSampler::from(job.params.sampler, job.params.first, samples)?),
+            Fidelity::Thesis if job.params.first > 0 => {
+                return Err("strata are no sequence that could be continued".to_owned());
+            }
             Fidelity::Thesis => Some(HemisphereSampler::Strata { side: square_root(samples)? }),
         };
         let open_share = if samples == 0 { Vec::new() } else { open_shares(samples, job.params.intensity) };

@@ -33,12 +33,22 @@ impl HemisphereSampler {
     /// # Errors
     /// If strata are asked for and `samples` is not a square number; says what would be valid.
     pub fn new(sampler: Sampler, samples: u32) -> Result<Self, String> {
+        Self::from(sampler, 0, samples)
+    }
+
+    /// A sampler of the `samples` directions that follow the `first` ones of the sequence.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; strata, which are no sequence, have only a beginning; the sequence has 2^32 points.
+    pub fn from(sampler: Sampler, first: u32, samples: u32) -> Result<Self, String> {
         match sampler {
             Sampler::Sobol => {
-                let mut points: Vec<_> = (0..samples).map(owen_sobol::reversed_sobol).collect();
+                let end = first.checked_add(samples).ok_or("the sequence has 2^32 points")?;
+                let mut points: Vec<_> = (first..end).map(owen_sobol::reversed_sobol).collect();
                 points.sort_by_cached_key(|&point| cell(point));
                 Ok(Self::Sobol(points))
             }
+            Sampler::Strata if first > 0 => Err("strata are no sequence that could be continued".to_owned()),
             Sampler::Strata => Ok(Self::Strata { side: square_root(samples)? }),
         }
     }

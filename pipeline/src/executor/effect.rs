@@ -56,7 +56,7 @@ impl Renderer {
             shades: &materials.shades,
             glass: &materials.glass,
         };
-        let progress = Arc::new(Progress::default());
+        let progress = Arc::new(Progress::until(&self.cancellation));
         observer.begin(StepKind::Effect, name, &progress);
         let computed = self.engines.raster.effect(&job, &mut output, &progress);
         observer.end();

@@ -1,34 +1,44 @@
 //! The executor: carries out a plan with a rasteriser and a ray backend, and times every step.
 
+mod accumulate;
+mod cancel;
+mod change;
+mod dirty;
 mod effect;
+mod estimate;
 mod fallback;
 mod join;
 mod output;
 mod parts;
 mod prepare;
 mod quad;
+mod raster;
+mod rays;
 mod save;
 mod timeline;
 
+pub use accumulate::{AccumulatedPass, Accumulation, Goal, MAX_SAMPLES};
+pub use cancel::Cancellation;
+pub use change::{ChangeError, Pose};
+pub use estimate::Estimate;
 pub use fallback::{Fallback, Spare};
 pub use output::{Faults, Output, Range, Triangles};
 pub use save::{Saved, Written};
 pub use timeline::{Observer, Progress, Row, Silent, StepKind, Timeline, median};
 
-use crate::backend::{
-    Attachments, BackendError, GBuffer, RasterJob, Rasteriser, RayBackend, RayCounts, RayJob, Rect, Shade, Sun,
-};
+use crate::backend::{Attachments, BackendError, GBuffer, Rasteriser, RayBackend, Rect, Shade, Sun};
 use crate::diagnostic::Warnings;
 use crate::glass::Dielectric;
 use crate::image::{Image, PixelFormat};
 use crate::memory::{self, Refused};
-use crate::plan::{Decision, Plan, PlanError, PlannedPass, PlannedTarget, Work};
+use crate::plan::{Decision, Instead, Plan, PlanError, PlannedPass, PlannedTarget, Work};
 use crate::project::{ChannelRef, PassKind};
 use crate::scene::{RenderScene, SceneError};
 use fallback::of_frame;
+use rays::Traced;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// What does the work.
 pub struct Engines {
@@ -81,6 +91,9 @@ pub enum RenderError {
     /// A picture that is written while it is rendered.
     #[error(transparent)]
     Write(#[from] std::io::Error),
+    /// It was given up, as [`Renderer::cancellation`] asked; the passes that were done before stay.
+    #[error("cancelled")]
+    Cancelled,
     /// What the plan asks for is more than an engine can do.
     #[error(transparent)]
     Plan(#[from] PlanError),
@@ -96,7 +109,7 @@ struct LoadedScenes {
 }
 
 /// What a pass needs of the materials, by material index.
-#[derive(Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 struct PassMaterials {
     shades: Vec<Shade>,
     /// Those whose back faces a raster pass leaves out.
@@ -107,12 +120,11 @@ struct PassMaterials {
     dielectrics: Vec<Dielectric>,
 }
 
-/// How far a ray pass came.
-enum Traced {
-    /// It is done.
-    Done,
-    /// Another backend has taken over which reads host memory, where the G-buffer is not: the frame begins again.
-    NothingInHost,
+/// What was decided about scenes, and what was left out of them.
+#[derive(Debug, Clone, Default)]
+struct SceneNotes {
+    decisions: Vec<Decision>,
+    warnings: Warnings,
 }
 
 /// A plan with everything loaded and built, ready to render frames.
@@ -124,9 +136,13 @@ pub struct Renderer {
     materials: Vec<PassMaterials>,
     targets: Vec<GBuffer>,
     window: GBuffer,
+    /// What was decided and left out when the scenes were loaded.
+    scene_notes: SceneNotes,
     /// The scene sets that the rasteriser and the ray backend hold now.
     uploaded: Option<usize>,
     built: Option<usize>,
+    /// By material: what may let rays through, in the structure that is built.
+    built_filtered: Vec<bool>,
     /// The target whose G-buffer the rasteriser and the ray backend share.
     joined: Option<usize>,
     /// What its semaphore reaches when the last G-buffer is there.
@@ -135,6 +151,18 @@ pub struct Renderer {
     frame: u32,
     /// The part of the picture that the targets hold: an index of its list.
     part: usize,
+    /// By index of the pipeline: what each pass was given when it last ran, where its picture is still there.
+    ran: Vec<Option<dirty::Given>>,
+    /// Indices into the plan's passes: those that the last frame ran.
+    passes_run: Vec<usize>,
+    /// What was set since the last frame.
+    next: Option<Plan>,
+    /// What was set that no [`Settings`] hold, for when the project is read again.
+    edits: Vec<change::Edit>,
+    /// Whether files are to be read again.
+    stale: bool,
+    shows_everything: bool,
+    cancellation: Cancellation,
     timeline: Timeline,
     warnings: Warnings,
 }
@@ -147,17 +175,23 @@ impl Renderer {
     pub fn new(mut plan: Plan, engines: Engines, observer: &mut dyn Observer) -> Result<Self, RenderError> {
         let (raster, rays) = (&engines.raster, &engines.rays);
         plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))?;
-        let in_parts = plan.in_parts();
-        let largest = plan.parts.largest();
-        let target = |target: &PlannedTarget| {
-            let (width, height) = if in_parts { largest } else { (target.width, target.height) };
-            GBuffer::try_new(width, height, target.stored)
-        };
+        let sizes = change::buffer_sizes(&plan);
+        let target =
+            |(target, [width, height]): (&PlannedTarget, &[u32; 2])| GBuffer::try_new(*width, *height, target.stored);
         let mut renderer = Self {
             scenes: Vec::new(),
             materials: Vec::new(),
-            targets: plan.targets.iter().map(target).collect::<Result<_, _>>()?,
-            window: prepare::window(if in_parts { largest.into() } else { plan.window })?,
+            targets: plan.targets.iter().zip(&sizes.targets).map(target).collect::<Result<_, _>>()?,
+            window: prepare::window(sizes.window)?,
+            scene_notes: SceneNotes::default(),
+            built_filtered: Vec::new(),
+            ran: vec![None; plan.project.pipelines[plan.pipeline].passes.len()],
+            passes_run: Vec::new(),
+            next: None,
+            edits: Vec::new(),
+            stale: false,
+            shows_everything: false,
+            cancellation: Cancellation::new(),
             uploaded: None,
             built: None,
             joined: None,
@@ -177,7 +211,7 @@ impl Renderer {
         Ok(renderer)
     }
 
-    /// The plan, with the decisions that depend on the scene.
+    /// The plan of the last frame, with the decisions that depend on the scene. What was set since is not in it.
     #[must_use]
     pub fn plan(&self) -> &Plan {
         &self.plan
@@ -217,16 +251,53 @@ impl Renderer {
         self.scenes.iter().map(|loaded| &loaded.scene)
     }
 
-    /// Sets the seed of the random numbers of the frames that follow.
-    pub fn set_seed(&mut self, seed: u32) {
-        self.plan.settings.seed = seed;
+    /// Who may ask to give a frame up while it is rendered.
+    #[must_use]
+    pub fn cancellation(&self) -> Cancellation {
+        self.cancellation.clone()
     }
 
-    /// Renders a frame and returns the window's picture.
+    /// The passes that ran for the last frame, in order.
+    pub fn passes_run(&self) -> impl Iterator<Item = &str> {
+        self.passes_run.iter().map(|index| self.plan.pass(&self.plan.passes[*index]).name.as_str())
+    }
+
+    /// The picture with all that was set: runs the passes that were given something else since they last ran, and those that depend on
+    /// them. It equals, bit for bit, that of [`Self::frame`]. A picture that is rendered in bands is rendered as a whole.
+    ///
+    /// # Errors
+    /// As [`Self::frame`].
+    pub fn update(&mut self, observer: &mut dyn Observer) -> Result<Image, RenderError> {
+        self.settle(observer)?;
+        if self.plan.parts.list.len() > 1 {
+            return self.frame(observer);
+        }
+        self.refresh(observer)?;
+        Ok(self.picture(self.plan.parts.list[0].written)?)
+    }
+
+    /// [`Self::update`] without a copy of the picture.
+    ///
+    /// # Errors
+    /// As [`Self::frame`].
+    pub fn refresh(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        self.settle(observer)?;
+        if self.plan.parts.list.len() > 1 {
+            return self.draw_frame(observer);
+        }
+        self.begin_frame();
+        let run = self.outdated();
+        self.draw_part(0, run, observer)?;
+        self.end_frame();
+        Ok(())
+    }
+
+    /// Renders a frame, every pass of it, and returns the window's picture.
     ///
     /// # Errors
     /// If a backend fails and no other may stand in for it; names the pass and the frame. What was rendered before stays.
     pub fn frame(&mut self, observer: &mut dyn Observer) -> Result<Image, RenderError> {
+        self.settle(observer)?;
         let parts = self.plan.parts.clone();
         if let [part] = parts.list[..] {
             self.draw_frame(observer)?;
@@ -235,7 +306,7 @@ impl Renderer {
         let mut pixels = memory::with_capacity(parts.crop.width as usize * parts.crop.height as usize)?;
         self.begin_frame();
         for (index, part) in parts.list.iter().enumerate() {
-            self.draw_part(index, observer)?;
+            self.draw_part(index, self.all_passes(), observer)?;
             self.copy_rows(part.written, &mut pixels);
         }
         self.end_frame();
@@ -247,42 +318,87 @@ impl Renderer {
     /// # Errors
     /// As [`Self::frame`].
     pub fn draw_frame(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        self.settle(observer)?;
         self.begin_frame();
         for index in 0..self.plan.parts.list.len() {
-            self.draw_part(index, observer)?;
+            self.draw_part(index, self.all_passes(), observer)?;
         }
         self.end_frame();
         Ok(())
     }
 
-    /// Runs every pass for a part of the picture.
-    fn draw_part(&mut self, part: usize, observer: &mut dyn Observer) -> Result<(), RenderError> {
+    /// For frames that run every pass.
+    fn all_passes(&self) -> Vec<bool> {
+        vec![true; self.plan.passes.len()]
+    }
+
+    /// Runs passes for a part of the picture: those that `run` says, by index of the plan.
+    fn draw_part(&mut self, part: usize, mut run: Vec<bool>, observer: &mut dyn Observer) -> Result<(), RenderError> {
         self.place_targets(part)?;
-        let frame = Some(self.frame);
+        if part == 0 {
+            self.passes_run.clear();
+        }
         let mut index = 0;
         while index < self.plan.passes.len() {
-            let planned = self.plan.passes[index].clone();
-            let name = self.plan.pass(&planned).name.clone();
-            let result = match &planned.work {
-                Work::Raster { .. } => self.raster(index, &planned, &name, observer),
-                Work::Rays { scene_set, .. } => match self.rays(index, &planned, *scene_set, &name, observer)? {
-                    Traced::Done => Ok(()),
+            if run[index] {
+                match self.run_pass(index, observer)? {
+                    Traced::Done => self.note_run(index, part),
                     Traced::NothingInHost => {
+                        run.fill(true);
+                        self.passes_run.clear();
                         index = 0;
                         continue;
                     }
-                },
-                Work::Effect { .. } => self.effect(index, &planned, &name, observer),
-                Work::Quad { viewport } => {
-                    self.quad(&planned, &name, *viewport, observer);
-                    Ok(())
                 }
-            };
-            result.map_err(|error| RenderError::Pass { pass: name, frame, error })?;
-            self.show_outputs(&planned, observer);
+            }
             index += 1;
         }
         Ok(())
+    }
+
+    /// Notes what a pass that is done was given.
+    fn note_run(&mut self, index: usize, part: usize) {
+        if part == 0 {
+            self.passes_run.push(index);
+        }
+        // Of several parts only the last is there.
+        if self.plan.parts.list.len() == 1 {
+            self.ran[self.plan.passes[index].pass] = Some(self.given(index));
+        }
+    }
+
+    /// Runs the pass at an index of the plan.
+    fn run_pass(&mut self, index: usize, observer: &mut dyn Observer) -> Result<Traced, RenderError> {
+        self.check_cancelled()?;
+        let planned = self.plan.passes[index].clone();
+        let name = self.plan.pass(&planned).name.clone();
+        // What it leaves if it fails is nobody's picture.
+        self.ran[planned.pass] = None;
+        let frame = Some(self.frame);
+        let result = match &planned.work {
+            Work::Raster { .. } => self.raster(index, &planned, &name, observer),
+            Work::Rays { scene_set, .. } => match self.rays(index, &planned, *scene_set, &name, None, observer)? {
+                Traced::Done => Ok(()),
+                Traced::NothingInHost => return Ok(Traced::NothingInHost),
+            },
+            Work::Effect { .. } => self.effect(index, &planned, &name, observer),
+            Work::Off { instead } => {
+                self.switched_off(&planned, &name, *instead, observer);
+                Ok(())
+            }
+            Work::Quad { viewport } => {
+                self.quad(&planned, &name, *viewport, observer);
+                Ok(())
+            }
+        };
+        self.check_cancelled()?;
+        result.map_err(|error| RenderError::Pass { pass: name, frame, error })?;
+        self.show_outputs(&planned, observer);
+        Ok(Traced::Done)
+    }
+
+    fn check_cancelled(&self) -> Result<(), RenderError> {
+        if self.cancellation.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
     }
 
     /// The picture as the last frame left it, what is cut off left out; black before the first. Of one that is rendered in
@@ -299,194 +415,6 @@ impl Renderer {
     #[must_use]
     pub fn channel(&self, channel: ChannelRef) -> &[[f32; 4]] {
         channel_of(&self.targets[channel.target], channel.channel)
-    }
-
-    fn raster(
-        &mut self,
-        index: usize,
-        planned: &PlannedPass,
-        name: &str,
-        observer: &mut dyn Observer,
-    ) -> Result<(), BackendError> {
-        let Work::Raster { scene_set, view, viewport, clear_color, attachments, host, traced } = planned.work else {
-            return Ok(());
-        };
-        let pass = self.plan.pass(planned);
-        let PassKind::Raster(raster) = &pass.kind else { return Ok(()) };
-        let (program, target) = (raster.program, pass.target);
-        let sun = raster.light.and_then(|light| self.sun(light));
-        self.upload(scene_set, observer)?;
-        let mut buffer = std::mem::take(self.buffer(target));
-        let scene = Arc::clone(&self.scenes[scene_set].scene);
-        let PassMaterials { shades, culled, .. } = &self.materials[index];
-        let (shared, half) = (self.in_shared_memory(target, traced), self.half_floats(target));
-        let blocks = self.blocks(view, viewport, &buffer);
-        let job = RasterJob {
-            scene: &scene,
-            program,
-            view,
-            sun,
-            shades,
-            culled,
-            viewport,
-            clear_color,
-            attachments,
-            shared,
-            half,
-        };
-        if self.plan.block.is_some() {
-            let (host, raster) = (self.in_host(target, host, traced), &mut self.engines.raster);
-            observer.begin(StepKind::Raster, name, &Arc::new(Progress::default()));
-            let start = Instant::now();
-            let drawn = parts::draw_blocks(raster.as_mut(), &job, &blocks, host, &mut buffer);
-            let elapsed = start.elapsed();
-            observer.end();
-            *self.buffer(target) = buffer;
-            self.round_to_formats(target);
-            let (triangles, blocks) = (drawn?, blocks.len());
-            let engine = self.engines.raster.name();
-            self.timeline.record(StepKind::Raster, name, elapsed).note =
-                format!("{triangles} triangles on {engine}, in {blocks} blocks");
-            return Ok(());
-        }
-        let progress = Arc::new(Progress::default());
-        observer.begin(StepKind::Raster, name, &progress);
-        let start = Instant::now();
-        let drawn = self.engines.raster.draw(&job, &mut buffer);
-        let elapsed = start.elapsed();
-        observer.end();
-        let handed = drawn.as_ref().ok().and_then(|stats| stats.shared);
-        let mut result = drawn.map(|stats| {
-            let joining = handed.map_or(Duration::ZERO, |handed| handed.host);
-            let row = self.timeline.record(StepKind::Raster, name, elapsed.saturating_sub(joining));
-            row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
-            row.note = format!("{} triangles on {}", stats.triangles, self.engines.raster.name());
-        });
-        let host = self.in_host(target, host, traced);
-        if result.is_ok() && self.engines.raster.needs_read_back() && host != Attachments::default() {
-            let start = Instant::now();
-            result = self.engines.raster.read_back(&job, host, &mut buffer);
-            self.timeline.record(StepKind::ReadBack, name, start.elapsed());
-        }
-        if let Some(handed) = handed {
-            self.record_hand_over(name, handed);
-        }
-        *self.buffer(target) = buffer;
-        self.round_to_formats(target);
-        result
-    }
-
-    /// Builds what a ray pass needs and runs it, with another backend where one fails and another is allowed.
-    fn rays(
-        &mut self,
-        index: usize,
-        planned: &PlannedPass,
-        scene_set: usize,
-        name: &str,
-        observer: &mut dyn Observer,
-    ) -> Result<Traced, RenderError> {
-        let joined = self.joined;
-        loop {
-            self.build_or_stand_in(scene_set, name, observer)?;
-            if self.joined != joined {
-                return Ok(Traced::NothingInHost);
-            }
-            match self.trace(index, planned, name, observer) {
-                Ok(()) => return Ok(Traced::Done),
-                Err(error) => self.stand_in(name, error, observer)?,
-            }
-        }
-    }
-
-    fn trace(
-        &mut self,
-        index: usize,
-        planned: &PlannedPass,
-        name: &str,
-        observer: &mut dyn Observer,
-    ) -> Result<(), BackendError> {
-        let Work::Rays { scene_set, view, params, beyond, reads_triangle, resident } = planned.work else {
-            return Ok(());
-        };
-        let pass = self.plan.pass(planned);
-        let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
-        let ray = ray.clone();
-        let in_host = !self.is_joined(resident);
-        let buffer = std::mem::take(&mut self.targets[target]);
-        let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
-        let targets = &self.targets;
-        let read = |channel: Option<ChannelRef>, name: &str| match channel {
-            Some(channel) if in_host && ray.program.info().buffers.contains(&name) => {
-                channel_of(&targets[channel.target], channel.channel)
-            }
-            _ => &[],
-        };
-        let triangle = match ray.position {
-            Some(position) if in_host && reads_triangle => targets[position.target].triangle.as_slice(),
-            _ => &[],
-        };
-        let materials = &self.materials[index];
-        let scene = Arc::clone(&self.scenes[scene_set].scene);
-        let job = RayJob {
-            scene: &scene,
-            program: ray.program,
-            params,
-            fidelity: self.plan.settings.fidelity,
-            seed: self.plan.settings.seed,
-            eye: view.eye,
-            sun: ray.light.and_then(|light| self.sun(light)),
-            origin: buffer.origin,
-            width: output.width,
-            height: output.height,
-            position: read(ray.position, "pos_buffer"),
-            normal: read(ray.normal, "norm_buffer"),
-            color: read(ray.color, "color_buffer"),
-            triangle,
-            shared: (!in_host).then_some(self.handed_over),
-            beyond,
-            dielectrics: &materials.dielectrics,
-            shades: &materials.shades,
-            glass: &materials.glass,
-            shadow_glass: &materials.shadow_glass,
-        };
-        let progress = Arc::new(Progress::default());
-        observer.begin(StepKind::Rays, name, &progress);
-        let start = Instant::now();
-        let traced = self.engines.rays.run(&job, &mut output, &progress);
-        let elapsed = start.elapsed();
-        observer.end();
-        if traced.is_ok() && in_host {
-            observer.traced(name, &job, &output);
-        }
-        self.targets[target] = GBuffer { color: output.pixels, ..buffer };
-        self.round_to_formats(Some(target));
-        let stats = traced?;
-        if let Some(upload) = stats.upload {
-            let from = if in_host { "copied from the host" } else { "copied from GPU to GPU" };
-            self.timeline.record(StepKind::Join, name, upload).note = from.to_owned();
-        }
-        let copies = stats.upload.unwrap_or_default() + stats.read_back.unwrap_or_default();
-        // What the backend holds is one number for all of its passes: it stands in the row of the last.
-        self.timeline.rows.iter_mut().filter(|row| row.kind == StepKind::Rays).for_each(|row| row.bytes = 0);
-        let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
-        row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
-        let mut rays = stats.rays;
-        if self.part > 0 {
-            rays += row.rays.unwrap_or_default();
-        }
-        row.rays = Some(rays);
-        row.bytes = stats.held_bytes;
-        row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(rays));
-        // Times of two backends stand in one row.
-        for fallback in &self.engines.fallbacks {
-            if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
-                row.note += &format!("; before frame {frame} on {}", fallback.failed);
-            }
-        }
-        if let Some(read_back) = stats.read_back {
-            self.timeline.record(StepKind::ReadBack, name, read_back);
-        }
-        Ok(())
     }
 
     fn quad(&mut self, planned: &PlannedPass, name: &str, viewport: Rect, observer: &mut dyn Observer) {
@@ -511,6 +439,23 @@ impl Renderer {
         let elapsed = start.elapsed();
         observer.end();
         self.timeline.record(StepKind::Quad, name, elapsed);
+    }
+
+    /// Writes what a pass that is switched off leaves in the place of its picture.
+    fn switched_off(&mut self, planned: &PlannedPass, name: &str, instead: Instead, observer: &mut dyn Observer) {
+        let target = self.plan.pass(planned).target;
+        observer.begin(StepKind::Quad, name, &Arc::new(Progress::default()));
+        let start = Instant::now();
+        let mut buffer = std::mem::take(self.buffer(target));
+        match instead {
+            Instead::Fill(value) => buffer.color.fill(value),
+            Instead::Copy(read) => buffer.color.copy_from_slice(channel_of(&self.targets[read.target], read.channel)),
+        }
+        *self.buffer(target) = buffer;
+        self.round_to_formats(target);
+        let elapsed = start.elapsed();
+        observer.end();
+        self.timeline.record(StepKind::Quad, name, elapsed).note = "switched off".to_owned();
     }
 
     fn buffer(&mut self, target: Option<usize>) -> &mut GBuffer {
@@ -549,19 +494,4 @@ fn channel_of(buffer: &GBuffer, channel: usize) -> &[[f32; 4]] {
         1 => &buffer.position,
         _ => &buffer.normal,
     }
-}
-
-/// `: 12 shadow, 3 reflected`, the kinds that were traced.
-fn by_kind(rays: RayCounts) -> String {
-    let kinds = [
-        (rays.shadow, "shadow"),
-        (rays.occlusion, "occlusion"),
-        (rays.reflected, "reflected"),
-        (rays.refracted, "refracted"),
-        (rays.certain, "occlusion certain without"),
-        (rays.lost, "lost in glass"),
-    ];
-    let traced: Vec<String> =
-        kinds.iter().filter(|(count, _)| *count > 0).map(|(count, kind)| format!("{count} {kind}")).collect();
-    if traced.is_empty() { String::new() } else { format!(": {}", traced.join(", ")) }
 }

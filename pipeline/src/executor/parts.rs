@@ -186,7 +186,7 @@ impl Rows for PartRows<'_> {
                     break;
                 }
                 let start = Instant::now();
-                let drawn = self.renderer.draw_part(self.next, self.observer);
+                let drawn = self.renderer.draw_part(self.next, self.renderer.all_passes(), self.observer);
                 self.told.took += start.elapsed();
                 if let Err(error) = drawn {
                     let message = error.to_string();

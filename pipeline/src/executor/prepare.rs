@@ -1,6 +1,6 @@
 //! Loading scenes, resolving materials, and handing both to the backends.
 
-use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, StepKind};
+use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, SceneNotes, StepKind};
 use crate::backend::{Attachments, BackendError, GBuffer, Glow, Shade};
 use crate::color::ColorSpace;
 use crate::glass::{self, Decided, Dielectric, GlassShadow, Shape};
@@ -24,11 +24,7 @@ impl Renderer {
     /// Loads every scene set, resolves what each pass sees of its materials, uploads and builds for the first pass of
     /// each kind.
     pub(super) fn prepare(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
-        for set in self.plan.scene_sets.clone() {
-            let mut scene = self.load(&set, observer)?;
-            let dielectrics = self.decide_glass(self.scenes.len(), &mut scene);
-            self.scenes.push(LoadedScenes { scene: Arc::new(scene), dielectrics, structure: false });
-        }
+        self.load_scenes(observer)?;
         for index in 0..self.plan.passes.len() {
             self.resolve_materials(index);
         }
@@ -53,6 +49,21 @@ impl Renderer {
             self.build_or_stand_in(set, &pass, observer)?;
         }
         self.join_engines();
+        Ok(())
+    }
+
+    /// Loads every scene set, and keeps what was decided and left out.
+    pub(super) fn load_scenes(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        let before = std::mem::take(&mut self.warnings);
+        let decided = self.plan.decisions.len();
+        for set in self.plan.scene_sets.clone() {
+            let mut scene = self.load(&set, observer)?;
+            let dielectrics = self.decide_glass(self.scenes.len(), &mut scene);
+            self.scenes.push(LoadedScenes { scene: Arc::new(scene), dielectrics, structure: false });
+        }
+        let warnings = std::mem::replace(&mut self.warnings, before);
+        self.warnings.append(warnings.clone());
+        self.scene_notes = SceneNotes { decisions: self.plan.decisions[decided..].to_vec(), warnings };
         Ok(())
     }
 
@@ -119,7 +130,7 @@ impl Renderer {
         Ok(whole.unwrap_or_default())
     }
 
-    fn resolve_materials(&mut self, index: usize) {
+    pub(super) fn resolve_materials(&mut self, index: usize) {
         let planned = self.plan.passes[index].clone();
         let pass = self.plan.pass(&planned);
         let corrected = self.plan.settings.fidelity == Fidelity::Corrected;
@@ -238,11 +249,12 @@ impl Renderer {
         row.bytes = stats.bytes;
         row.note = format!("{} nodes, {}", stats.nodes, mebibytes(stats.bytes));
         self.built = Some(set);
+        self.built_filtered = filtered;
         Ok(())
     }
 
     /// By material: whether a ray pass may let a ray through a triangle of it.
-    fn filtered_materials(&self, set: usize) -> Vec<bool> {
+    pub(super) fn filtered_materials(&self, set: usize) -> Vec<bool> {
         let mut filtered = vec![false; self.scenes[set].scene.materials.len()];
         for (planned, materials) in self.plan.passes.iter().zip(&self.materials) {
             if matches!(planned.work, Work::Rays { scene_set, .. } if scene_set == set) {

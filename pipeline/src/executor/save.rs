@@ -155,6 +155,7 @@ impl Renderer {
     /// # Errors
     /// As [`Self::frame`] and [`Self::save`].
     pub fn render_and_save(&mut self, path: &Path, observer: &mut dyn Observer) -> Result<Saved, RenderError> {
+        self.settle(observer)?;
         if self.plan.parts.list.len() == 1 {
             self.draw_frame(observer)?;
             let not_finite = count_non_finite(&self.window.color);

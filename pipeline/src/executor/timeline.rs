@@ -1,6 +1,6 @@
 //! The one definition of time: every step's host time with synchronisation, and the device's own clock where it has one.
 
-use super::{Fallback, Output, Triangles};
+use super::{Cancellation, Fallback, Output, Triangles};
 use crate::backend::{RayCounts, RayJob};
 use crate::image::Image;
 use serde::{Deserialize, Serialize};
@@ -167,9 +167,22 @@ impl Timeline {
 pub struct Progress {
     done: AtomicU64,
     total: AtomicU64,
+    cancellation: Cancellation,
 }
 
 impl Progress {
+    /// That of a step which may be given up: engines ask [`Self::is_cancelled`] between tiles.
+    #[must_use]
+    pub fn until(cancellation: &Cancellation) -> Self {
+        Self { cancellation: cancellation.clone(), ..Self::default() }
+    }
+
+    /// Whether the step is to be given up: what it writes from now on is thrown away.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.cancellation.is_cancelled()
+    }
+
     /// Starts counting to `total`.
     pub fn start(&self, total: u64) {
         self.done.store(0, Ordering::Relaxed);

@@ -78,7 +78,8 @@ impl Plan {
     /// The pass that wrote the positions that an effect reads.
     fn source<'a>(&self, earlier: &'a [Pass], pass: &Pass, effect: &EffectPass) -> Result<Source<'a>, PlanError> {
         let target = effect.position.map(|position| position.target);
-        let writer = earlier.iter().enumerate().rev().find(|(_, earlier)| earlier.target == target);
+        let mut writers = earlier.iter().enumerate().rev().filter(|(_, earlier)| !self.is_off(earlier));
+        let writer = writers.find(|(_, earlier)| earlier.target == target);
         match (writer, effect.position) {
             (
                 Some((index, pass @ Pass { kind: PassKind::Raster(raster), .. })),
@@ -94,6 +95,10 @@ impl Plan {
     /// Whether these channels, which a pass reads, are what the raster pass `source` drew, as it drew them: in floats and
     /// with nothing drawn or written since.
     fn is_resident(&self, passes: &[Pass], index: usize, channels: &[ChannelRef], source: usize) -> bool {
+        // Which pass drew last is another question where some draw nothing.
+        if passes.iter().any(|pass| matches!(pass.kind, PassKind::Raster(_)) && self.is_off(pass)) {
+            return false;
+        }
         let (between, source) = (&passes[source + 1..index], &passes[source]);
         let undisturbed =
             between.iter().all(|pass| !matches!(pass.kind, PassKind::Raster(_)) && pass.target != source.target);

@@ -1,7 +1,8 @@
 //! Which passes run and what each writes: a walk from the last pass to the first that keeps what is wanted.
 
+use super::off::instead;
 use super::settings::Constants;
-use super::{Decision, Plan, PlanError, PlannedPass, Work, rectangle, view};
+use super::{Decision, Instead, Plan, PlanError, PlannedPass, Work, rectangle, view};
 use crate::backend::{Attachments, Rect};
 use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
@@ -40,6 +41,12 @@ impl Plan {
         let mut wanted = Wanted { channels: shown.clone(), host: shown, ..Wanted::default() };
         let passes = self.project.pipelines[self.pipeline].passes.clone();
         for (index, pass) in passes.iter().enumerate().rev() {
+            let off = self.is_off(pass);
+            if off && matches!(pass.kind, PassKind::Raster(_) | PassKind::Quad(_)) {
+                let why = "it is switched off, and leaves its target as it is";
+                self.decide(format!("pass `{}`", pass.name), false, why.into());
+                continue;
+            }
             let live = attachments(pass, &wanted.channels, &wanted.triangles);
             let host = attachments(pass, &wanted.host, &wanted.host_triangles);
             let traced = attachments(pass, &wanted.traced, &wanted.traced_triangles);
@@ -55,6 +62,7 @@ impl Plan {
                 wanted.satisfied_by(pass);
             }
             let work = match &pass.kind {
+                PassKind::Ray(_) | PassKind::Effect(_) if off => self.off_work(pass, &mut wanted),
                 PassKind::Raster(raster) => {
                     self.explain_attachments(pass, live);
                     Work::Raster {
@@ -96,6 +104,20 @@ impl Plan {
         self.passes.reverse();
         self.decisions.reverse();
         Ok(())
+    }
+
+    /// What a pass does that is switched off.
+    fn off_work(&mut self, pass: &Pass, wanted: &mut Wanted) -> Work {
+        let instead = instead(pass).expect("it writes something else");
+        let why = match instead {
+            Instead::Copy(channel) => {
+                wanted.read_in_host(vec![channel]);
+                "it is switched off: the colour that it reads is shown through"
+            }
+            Instead::Fill(_) => "it is switched off: nothing is in the way of the light",
+        };
+        self.decide(format!("pass `{}`", pass.name), false, why.into());
+        Work::Off { instead }
     }
 
     /// What thesis fidelity leaves of a pass's parameters: its glass is the report's.
@@ -155,7 +177,8 @@ impl Plan {
     /// Triangle ids mean nothing in another scene than the one that was drawn.
     fn check_same_scenes(&self, earlier: &[Pass], pass: &Pass, ray: &RayPass, work: &Work) -> Result<(), PlanError> {
         let (Work::Rays { reads_triangle: true, .. }, Some(position)) = (work, ray.position) else { return Ok(()) };
-        let drawn = earlier.iter().rev().find(|earlier| earlier.target == Some(position.target));
+        let mut drawing = earlier.iter().rev().filter(|earlier| !self.is_off(earlier));
+        let drawn = drawing.find(|earlier| earlier.target == Some(position.target));
         match drawn {
             Some(Pass { kind: PassKind::Raster(raster), name, .. }) if raster.scenes != ray.scenes => {
                 Err(PlanError::new(

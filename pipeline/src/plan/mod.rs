@@ -3,11 +3,15 @@
 //! A channel is written only if a later pass reads it or it is shown; a pass runs only if something it writes is
 //! wanted. [`Plan::decisions`] holds every choice with its reason, and `curitiba plan` prints them.
 
+mod access;
 mod effect;
 mod liveness;
+mod off;
 mod parts;
 mod settings;
 
+pub use access::{Access, Slot, TRIANGLES};
+pub use off::Instead;
 pub use parts::{ALIGNMENT, BLOCK, Part, Parts};
 pub use settings::{PlanError, Settings};
 
@@ -69,6 +73,8 @@ pub struct Plan {
     pub decisions: Vec<Decision>,
     /// Choices that are carried out, and may not be meant.
     pub warnings: Warnings,
+    /// The project as it was given, before the settings changed formats of it: what another plan is made of.
+    pub declared: Project,
 }
 
 /// A render target as it is allocated.
@@ -92,7 +98,7 @@ pub struct PlannedPass {
 }
 
 /// What a planned pass does.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Work {
     /// Draws triangles.
     Raster {
@@ -142,6 +148,11 @@ pub enum Work {
         /// Whether its G-buffer is what was drawn last, so that a rasteriser may read its own copy.
         resident: bool,
     },
+    /// The pass is switched off: fills its target.
+    Off {
+        /// What it writes.
+        instead: Instead,
+    },
     /// Fills a rectangle.
     Quad {
         /// Where in the target.
@@ -155,6 +166,7 @@ impl Plan {
     /// If the settings name something that the project lacks, or what they ask for is too large.
     pub fn new(mut project: Project, settings: Settings) -> Result<Self, PlanError> {
         let name_error = |message: String| PlanError { message, help: None };
+        let declared = project.clone();
         let pipeline = project.pipeline(settings.pipeline.as_deref()).map_err(name_error)?;
         let camera = settings.camera.as_deref().map(|name| project.camera(name)).transpose().map_err(name_error)?;
         let window = settings.size.unwrap_or(project.window);
@@ -170,6 +182,7 @@ impl Plan {
             check_size(&format!("render target `{}`", target.name), size)?;
             targets.push(PlannedTarget { width: size[0], height: size[1], stored: Attachments::default() });
         }
+        off::check_names(&project, pipeline, &settings.off)?;
         set_formats(&mut project, pipeline, &settings)?;
         let display = display(&project, &settings)?;
         let widened = match display.space {
@@ -193,8 +206,12 @@ impl Plan {
             shown,
             decisions: Vec::new(),
             warnings: Warnings::default(),
+            declared,
         };
         plan.choose_passes(camera, &constants)?;
+        if !plan.settings.off.is_empty() {
+            plan.check_switched_off()?;
+        }
         plan.decide_needs();
         plan.explain_color(&widened);
         plan.choose_parts()?;
@@ -288,7 +305,7 @@ impl Plan {
                         hits.push(self.pass(planned).name.clone());
                     }
                 }
-                Work::Quad { .. } => {}
+                Work::Off { .. } | Work::Quad { .. } => {}
             }
         }
         self.needs = Needs { normals: lit || !hits.is_empty(), textures: !colored.is_empty() || !hits.is_empty() };

@@ -1,7 +1,7 @@
 //! What the user asks for beyond the project file, checked against it.
 
-use super::MAX_SIDE;
 use super::liveness::channels_written;
+use super::{MAX_SIDE, Plan};
 use crate::backend::Rect;
 use crate::color::{ColorSpace, Display, Tone};
 use crate::diagnostic::valid_names;
@@ -35,6 +35,9 @@ pub struct Settings {
     /// Set from outside: parameters of ray and effect passes, `pass.name=value`, and formats of channels of render targets,
     /// `texture.format=RGBA16F`.
     pub set: Vec<String>,
+    /// Names of passes that are switched off. A ray or effect pass then writes what it would leave as it is: the colour that it
+    /// reads, or of a share of light 1. A raster or quad pass leaves its target as it is.
+    pub off: Vec<String>,
     /// Most bytes that the process may hold.
     pub max_memory: u64,
     /// How a project is made where scene files are named instead of one.
@@ -68,6 +71,7 @@ impl Default for Settings {
             seed: 0,
             show: Vec::new(),
             set: Vec::new(),
+            off: Vec::new(),
             max_memory: 8 << 30,
             scene: SceneOptions::default(),
             crop: None,
@@ -268,6 +272,16 @@ fn find_written(writable: &[(ChannelRef, String)], name: &str, extra: Option<&st
             let help = valid_names(name, names.iter().map(String::as_str));
             Err(PlanError::new(format!("no pass of this pipeline writes a texture `{name}`"), help))
         }
+    }
+}
+
+impl Plan {
+    /// The channel of a render target that a name of [`Settings::show`] stands for: its own name, or `library::channel`.
+    ///
+    /// # Errors
+    /// What passes write, and the nearest name, if no pass of the pipeline writes it.
+    pub fn channel_named(&self, name: &str) -> Result<ChannelRef, PlanError> {
+        find_written(&written_channels(&self.project, self.pipeline), name, None)
     }
 }
 

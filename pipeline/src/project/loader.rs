@@ -113,6 +113,7 @@ impl Loader {
         let (pipelines, default_pipeline) = self.pipelines(&root);
         Some(Project {
             path: path.to_owned(),
+            source: path.to_owned(),
             name: name?,
             window: window?,
             color: color?,

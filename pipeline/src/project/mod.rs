@@ -30,6 +30,7 @@ mod assets;
 mod cameras;
 mod dom;
 mod draw;
+mod edit;
 mod effect;
 mod file;
 mod from_scene;
@@ -46,6 +47,7 @@ mod source;
 mod values;
 mod write;
 
+pub use edit::Pose;
 pub use from_scene::{Effects, FromSceneError, SceneOptions, SceneProjects, Up};
 pub use source::{SCENE_EXTENSIONS, SourceError, names_scenes, open, open_scenes, scene_files};
 pub use write::WriteError;
@@ -59,12 +61,15 @@ use crate::scene::{self, BuildOptions, LoadOptions, LoadProgress, Placement, Sce
 use glam::{Vec3, Vec4};
 use report::{Found, Names, shown, suggest};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A project whose references are resolved: every index below is valid.
 #[derive(Debug, Clone)]
 pub struct Project {
     /// The file it was read from; the first scene file where it was made from scenes.
     pub path: PathBuf,
+    /// What was named to open it: the project file, a scene file, or a folder of them.
+    pub source: PathBuf,
     /// Its name.
     pub name: String,
     /// Window size, pixels: what a pass without a render target draws into.
@@ -139,6 +144,8 @@ pub struct SceneDecl {
     pub name: String,
     /// Files, resolved against the project's folder; they may not exist (the loader says so).
     pub files: Vec<SceneFile>,
+    /// A scene that was made in memory, in the place of files.
+    pub memory: Option<Arc<Scene>>,
     /// `<geometry>` primitives.
     pub shapes: Vec<Shape>,
     /// What places all of it in the world: `<TRANSLATE>`, `<ROTATE>`, `<SCALE>`.
@@ -156,7 +163,10 @@ impl SceneDecl {
     /// As [`scene::load`]; primitives that need more memory than allowed.
     pub fn load(&self, options: &LoadOptions, progress: &dyn Fn(LoadProgress<'_>)) -> Result<Scene, SceneError> {
         let files: Vec<PathBuf> = self.files.iter().map(|file| file.path.clone()).collect();
-        let mut scene = scene::load(&files, options, progress)?;
+        let mut scene = match &self.memory {
+            Some(scene) => Scene::clone(scene),
+            None => scene::load(&files, options, progress)?,
+        };
         let named = self.files.first().map_or(Path::new(&self.name), |file| &file.path);
         shapes::add(&mut scene, &self.shapes, named, options.max_bytes)?;
         Ok(scene)

@@ -55,7 +55,7 @@ impl Loader {
         if let Some(name) = self.required(element, "name") {
             let item = place.filter(|_| whole).map(|place| {
                 let name = name.text.clone();
-                SceneDecl { name, files, shapes, place, swap_yz, unitize }
+                SceneDecl { name, files, memory: None, shapes, place, swap_yz, unitize }
             });
             self.scenes.add(&mut self.report, name, item);
         }

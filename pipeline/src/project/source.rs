@@ -76,7 +76,10 @@ pub fn open(
             }
             Ok(loader::load(path)?)
         }
-        Some(files) => Ok(scene_projects(path, files, options, window, max_bytes)?.project()),
+        Some(files) => {
+            let project = scene_projects(path, files, options, window, max_bytes)?.project();
+            Ok(Project { source: path.to_owned(), ..project })
+        }
     }
 }
 

@@ -15,7 +15,7 @@ fn attribute_names(element: &Element) -> impl Iterator<Item = &str> {
 
 /// The vector at length 1; `None` if it has no direction. A vector whose length is 1 but for the rounding of its components stays as
 /// it is, so that a direction that is written and read again keeps its bits.
-fn unit(vector: Vec3) -> Option<Vec3> {
+pub(super) fn unit(vector: Vec3) -> Option<Vec3> {
     // In f64: the length of a large finite vector overflows f32.
     let precise = vector.as_dvec3();
     // Components of a unit vector are rounded by at most 2^-25 each, so its length by at most sqrt(3) 2^-25.

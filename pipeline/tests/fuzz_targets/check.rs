@@ -318,6 +318,7 @@ fn plan(plan: &Plan) {
                 (Some(view), None, Some(*scene_set))
             }
             Work::Quad { viewport } => (None, Some(viewport), None),
+            Work::Off { .. } => (None, None, None),
         };
         if let Some(rect) = viewport {
             assert!(rect.x + rect.width <= width && rect.y + rect.height <= height, "{}: {rect:?}", declared.name);

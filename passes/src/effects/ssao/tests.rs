@@ -19,6 +19,7 @@ const DEFAULTS: RayParams = RayParams {
     glass: GlassRule::Pane,
     background: Background::Black,
     shadow: GlassShadow::Report,
+    first: 0,
 };
 
 fn occlusion(shot: &Shot<'_>, fidelity: Fidelity, params: RayParams) -> (Vec<f32>, RayCounts) {

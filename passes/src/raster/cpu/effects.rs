@@ -252,6 +252,9 @@ fn each_pixel(output: &mut Image, progress: &Progress, pixel: impl Fn(u32, u32, 
     let width = output.width as usize;
     if width > 0 {
         output.pixels.par_chunks_mut(width * BLOCK).enumerate().with_max_len(1).for_each(|(band, pixels)| {
+            if progress.is_cancelled() {
+                return;
+            }
             let first_row = band * BLOCK;
             for left in (0..width).step_by(BLOCK) {
                 let right = (left + BLOCK).min(width);

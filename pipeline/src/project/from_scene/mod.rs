@@ -27,6 +27,7 @@ use crate::scene::{self, LoadOptions, Needs, Object, Placement, Scene, SceneErro
 use glam::{DVec3, Vec3};
 use passes::{Common, Step};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use view::{Extent, two_digits};
 
 /// Window of a project unless another is asked for, pixels.
@@ -71,16 +72,44 @@ impl SceneProjects {
         let needs = Needs { normals: false, textures: false };
         let mut scene = scene::load(files, &LoadOptions { needs, max_bytes }, &|_| {})?;
         turn(&mut scene, options.up);
+        Self::of(&scene, files, options, window)
+    }
+
+    /// The same of a scene that was made in memory. Its project cannot be written, nor read again.
+    ///
+    /// # Errors
+    /// A scene without a triangle; one with an index that is out of range, or with another number of normals or texture coordinates than
+    /// positions; or options that do not fit it.
+    pub fn in_memory(scene: Scene, options: &SceneOptions, window: Option<[u32; 2]>) -> Result<Self, FromSceneError> {
+        check(&scene).map_err(FromSceneError::Option)?;
+        let mut projects = match options.up {
+            Up::Y => Self::of(&scene, &[], options, window)?,
+            Up::Z => {
+                let mut turned = scene.clone();
+                turn(&mut turned, options.up);
+                Self::of(&turned, &[], options, window)?
+            }
+        };
+        projects.base.scenes[0].memory = Some(Arc::new(scene));
+        Ok(projects)
+    }
+
+    fn of(
+        scene: &Scene,
+        files: &[PathBuf],
+        options: &SceneOptions,
+        window: Option<[u32; 2]>,
+    ) -> Result<Self, FromSceneError> {
         let name = name_of(files);
-        let extent = extent(&scene).ok_or_else(|| {
+        let extent = extent(scene).ok_or_else(|| {
             let first = files.first().map_or(Path::new(""), PathBuf::as_path);
             SceneError::file(first, "the scene has no triangle: there is nothing to look at")
         })?;
         let window = window.unwrap_or(WINDOW);
         let mut notes = Notes::default();
         notes.add(format!("a project made from {}; `curitiba scene … --project FILE.xml` writes it", listed(files)));
-        let focus = focus(&scene, extent);
-        let cameras = cameras(&scene, options, (extent, focus), window, &mut notes)?;
+        let focus = focus(scene, extent);
+        let cameras = cameras(scene, options, (extent, focus), window, &mut notes)?;
         let sun = view::sun(options, scene.lights.first(), &cameras[0]);
         if options.sun.is_none() {
             notes.add(match scene.lights.first() {
@@ -88,7 +117,7 @@ impl SceneProjects {
                 None => "sun: behind the viewer's left shoulder; `--sun X,Y,Z` puts it elsewhere".to_owned(),
             });
         }
-        let glass = glass(&scene);
+        let glass = glass(scene);
         let effects = options.effects.unwrap_or(Effects { shadows: true, occlusion: true, glass: !glass.is_empty() });
         notes.add(effects_in_words(effects, &glass, options));
         let radius = two_digits(focus.diagonal() * RADIUS);
@@ -99,12 +128,14 @@ impl SceneProjects {
         }
         let base = Project {
             path: files.first().cloned().unwrap_or_default(),
+            source: files.first().cloned().unwrap_or_default(),
             name: name.clone(),
             window,
             color: ColorSpace::Linear,
             scenes: vec![SceneDecl {
                 name: "MainScene".to_owned(),
                 files: files.iter().map(|path| SceneFile { path: path.clone(), place: place(path) }).collect(),
+                memory: None,
                 shapes: Vec::new(),
                 place: Placement::default(),
                 swap_yz: options.up == Up::Z,
@@ -167,6 +198,38 @@ impl SceneProjects {
     }
 }
 
+/// What is wrong with a scene that no loader made.
+fn check(scene: &Scene) -> Result<(), String> {
+    for (index, object) in scene.objects.iter().enumerate() {
+        if object.mesh as usize >= scene.meshes.len() {
+            return Err(format!("object {index} names mesh {}; there are {}", object.mesh, scene.meshes.len()));
+        }
+    }
+    for (index, mesh) in scene.meshes.iter().enumerate() {
+        let count = mesh.positions.len();
+        for (what, found) in [("normals", mesh.normals.len()), ("texture coordinates", mesh.texcoords.len())] {
+            if found != 0 && found != count {
+                return Err(format!("mesh {index} has {found} {what} for {count} positions; valid: as many, or none"));
+            }
+        }
+        for group in &mesh.groups {
+            if group.material as usize >= scene.materials.len() {
+                let materials = scene.materials.len();
+                return Err(format!("mesh {index} names material {}; there are {materials}", group.material));
+            }
+            if let Some(corner) = group.triangles.iter().flatten().find(|corner| **corner as usize >= count) {
+                return Err(format!("mesh {index} has a triangle with corner {corner}; there are {count} positions"));
+            }
+        }
+    }
+    let texture = |material: &scene::Material| material.texture.max(material.emission_texture);
+    match scene.materials.iter().find(|material| texture(material).is_some_and(|t| t as usize >= scene.textures.len()))
+    {
+        Some(material) => Err(format!("material `{}` names a texture that is not there", material.name)),
+        None => Ok(()),
+    }
+}
+
 /// Notes without a place.
 #[derive(Default)]
 struct Notes(Problems);
@@ -184,6 +247,7 @@ fn place(path: &Path) -> String {
 fn listed(files: &[PathBuf]) -> String {
     match files {
         [only] => only.display().to_string(),
+        [] => "a scene in memory".to_owned(),
         _ => format!("{} scene files, {} and others", files.len(), files.first().map_or(String::new(), |p| place(p))),
     }
 }

@@ -1,0 +1,394 @@
+//! Pictures that get better: ray passes that take samples take more of the same sequence, batch after batch.
+//!
+//! Owen-scrambled Sobol points are a sequence: the first 64 are the first 4, the next 4, and so on. So 16 batches of 4 samples, each
+//! of which begins where the one before ended, take the very rays of 64 samples at once; new seeds for each batch would lose what the
+//! sequence is good for (an error that falls like n^-0.75 and not like n^-0.5).
+//!
+//! Where a pass writes a share of light, its batches are traced with the exponent 1 and the exponent is put on their mean: the mean of
+//! powers is not the power of the mean. With batches of 2^k samples the result is that of all samples at once, bit for bit; batches of
+//! other numbers round each share once (at most 2^-24 of it). A program that mixes shares into colours can be accumulated with
+//! `intensity=1` only, where colours are linear in the shares; rounding of the batches leaves it a few 2^-24 off.
+
+use super::{Estimate, Observer, RenderError, Renderer, dirty::spread, rays::Traced};
+use crate::image::Image;
+use crate::plan::{Access, Plan, PlanError, PlannedPass, Work};
+use crate::programs::{Fidelity, RayParams, Sampler, Writes};
+use crate::project::PassKind;
+use std::time::{Duration, Instant};
+
+/// Most samples a point that are accumulated.
+pub const MAX_SAMPLES: u32 = 1 << 24;
+
+/// Samples a batch where their number is not known before: 16 rays cost little more a ray than many do.
+const BATCH: u32 = 16;
+
+/// When to stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Goal {
+    /// After so many samples a point, 1 to [`MAX_SAMPLES`].
+    Samples(u32),
+    /// With the first batch that ends after so long, but not before the second.
+    Time(Duration),
+    /// When the root mean square of the pixels' standard errors is at most this, in every pass; after [`MAX_SAMPLES`] anyway.
+    Error(f64),
+}
+
+impl std::str::FromStr for Goal {
+    type Err = String;
+
+    /// `64` samples, `2s` or `500ms`, or an error such as `0.002`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || {
+            format!(
+                "`{text}` is no goal; valid: a number of samples (64, up to {MAX_SAMPLES}), a time (2s, 500ms), or a standard error \
+                 below 1 with a point (0.002)"
+            )
+        };
+        let number = |text: &str| text.parse::<f64>().ok().filter(|value| value.is_finite() && *value > 0.0);
+        if let Some(time) = text
+            .strip_suffix("ms")
+            .map(|ms| number(ms).map(|ms| ms / 1e3))
+            .or_else(|| text.strip_suffix('s').map(number))
+        {
+            let time = time.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+            return time.map(Self::Time).ok_or_else(wrong);
+        }
+        if text.contains('.') || text.contains(['e', 'E']) {
+            return number(text).filter(|error| *error < 1.0).map(Self::Error).ok_or_else(wrong);
+        }
+        text.parse().ok().filter(|samples| (1..=MAX_SAMPLES).contains(samples)).map(Self::Samples).ok_or_else(wrong)
+    }
+}
+
+/// A ray pass whose samples are accumulated.
+#[derive(Debug, Clone)]
+pub struct AccumulatedPass {
+    /// Its name.
+    pub name: String,
+    /// Its index in the plan.
+    index: usize,
+    params: RayParams,
+    writes: Writes,
+    estimate: Estimate,
+}
+
+impl AccumulatedPass {
+    /// What is known of its picture.
+    #[must_use]
+    pub fn estimate(&self) -> &Estimate {
+        &self.estimate
+    }
+
+    /// The exponent that is put on the mean.
+    fn exponent(&self) -> f32 {
+        match self.writes {
+            Writes::Share => self.params.intensity,
+            Writes::Color => 1.0,
+        }
+    }
+
+    /// Its picture, not yet rounded to the format of its target.
+    #[must_use]
+    pub fn picture(&self) -> Image {
+        let [width, height] = self.estimate.size();
+        Image { width, height, pixels: self.estimate.mean(self.exponent()) }
+    }
+
+    /// By pixel, the standard error of [`Self::picture`], from the scatter of its batches: `sqrt(M2 / ((batches - 1) samples))`. NaN
+    /// before the second batch.
+    ///
+    /// That is the error of batches which have nothing to do with each other. Batches of one Sobol sequence have: they fill each
+    /// other's gaps. So where the surroundings are smooth, the picture is better than this says, the more the more samples; it is an upper
+    /// estimate on average, and no bound for a single pixel.
+    #[must_use]
+    pub fn standard_error(&self) -> Image {
+        let [width, height] = self.estimate.size();
+        Image { width, height, pixels: self.estimate.standard_error(self.exponent()) }
+    }
+
+    /// The root mean square over all pixels, red, green and blue of [`Self::standard_error`]; NaN before the second batch.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        let errors = self.estimate.standard_error(self.exponent());
+        let squares = errors.iter().flat_map(|pixel| &pixel[..3]).map(|error| f64::from(*error).powi(2));
+        (squares.sum::<f64>() / (3 * errors.len()).max(1) as f64).sqrt()
+    }
+}
+
+/// Samples that were accumulated, for the frame as it was set when they began.
+#[derive(Debug, Clone)]
+pub struct Accumulation {
+    passes: Vec<AccumulatedPass>,
+    /// Passes behind them, by index of the plan.
+    behind: Vec<bool>,
+}
+
+impl Accumulation {
+    /// The passes whose samples are accumulated; none if no pass of the plan takes samples.
+    #[must_use]
+    pub fn passes(&self) -> &[AccumulatedPass] {
+        &self.passes
+    }
+
+    /// Samples a point so far; 0 where no pass takes any.
+    #[must_use]
+    pub fn samples(&self) -> u64 {
+        self.passes.first().map_or(0, |pass| pass.estimate.samples())
+    }
+
+    /// The largest of the passes' errors ([`AccumulatedPass::error`]); 0 where there is none, NaN before the second batch.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        self.passes.iter().map(AccumulatedPass::error).fold(0.0, |a, b| if a.is_nan() || a > b { a } else { b })
+    }
+
+    /// Takes so many more samples a point, in one batch, in every pass that takes samples.
+    ///
+    /// # Errors
+    /// As [`Renderer::frame`]; if there would be more than [`MAX_SAMPLES`]. After an error the accumulation is not to be used.
+    ///
+    /// # Panics
+    /// If it is of another renderer, or something was set since it began.
+    pub fn add(
+        &mut self,
+        renderer: &mut Renderer,
+        samples: u32,
+        observer: &mut dyn Observer,
+    ) -> Result<(), RenderError> {
+        assert!(renderer.next.is_none(), "an accumulation is of the frame as it was set when it began");
+        if self.samples() + u64::from(samples) > u64::from(MAX_SAMPLES) || samples == 0 {
+            let message = format!("{samples} more samples than {}", self.samples());
+            return Err(PlanError { message, help: Some(format!("valid: 1 to {MAX_SAMPLES} in all")) }.into());
+        }
+        for pass in &mut self.passes {
+            renderer.trace_batch(pass, samples, observer)?;
+        }
+        Ok(())
+    }
+
+    /// Writes what was accumulated into the targets, and runs the passes behind: what the window then shows.
+    ///
+    /// # Errors
+    /// As [`Renderer::frame`].
+    ///
+    /// # Panics
+    /// As [`Self::add`].
+    pub fn show(&self, renderer: &mut Renderer, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        assert!(renderer.next.is_none(), "an accumulation is of the frame as it was set when it began");
+        for pass in &self.passes {
+            let planned = &renderer.plan.passes[pass.index];
+            let target = renderer.plan.pass(planned).target;
+            if pass.estimate.samples() > 0 {
+                renderer.buffer(target).color = pass.picture().pixels;
+                renderer.round_to_formats(target);
+            }
+        }
+        renderer.draw_part(0, self.behind.clone(), observer)
+    }
+}
+
+impl Renderer {
+    /// Gets ready to accumulate: runs what has to run before the first pass that takes samples.
+    ///
+    /// # Errors
+    /// As [`Self::frame`]; where samples cannot be accumulated: strata, which are no sequence, and so thesis fidelity; colours with an
+    /// exponent (`final` with an `intensity` other than 1); a pass that reads what another one accumulates; pictures in bands.
+    pub fn accumulation(&mut self, observer: &mut dyn Observer) -> Result<Accumulation, RenderError> {
+        self.settle(observer)?;
+        if self.plan.parts.list.len() > 1 {
+            let message = "samples are accumulated over a whole picture, and this one is rendered in bands".to_owned();
+            return Err(PlanError { message, help: Some("raise --max-memory, or leave --bands out".to_owned()) }.into());
+        }
+        let mut passes = Vec::new();
+        for (index, planned) in self.plan.passes.iter().enumerate() {
+            let Some((params, writes)) = accumulates(&self.plan, planned)? else { continue };
+            let pass = self.plan.pass(planned);
+            let Some(target) = pass.target else { continue };
+            let (width, height) = (self.targets[target].width, self.targets[target].height);
+            let channels = if writes == Writes::Share { 1 } else { 4 };
+            let estimate = Estimate::new(width, height, channels)?;
+            passes.push(AccumulatedPass { name: pass.name.clone(), index, params, writes, estimate });
+        }
+        let accesses: Vec<Access> = self.plan.passes.iter().map(|planned| self.plan.access(planned)).collect();
+        let mut behind = vec![false; accesses.len()];
+        passes.iter().for_each(|pass| behind[pass.index] = true);
+        spread(&accesses, &mut behind);
+        self.check_separate(&passes, &accesses, &behind)?;
+        passes.iter().for_each(|pass| behind[pass.index] = false);
+        let accumulation = Accumulation { passes, behind };
+        self.begin_frame();
+        self.run_before(&accumulation.passes, &accumulation.behind, observer)?;
+        self.end_frame();
+        Ok(accumulation)
+    }
+
+    /// Accumulates until the goal is reached, and shows the result: [`Self::window_image`], [`Self::save`]. The table of times has one row
+    /// a pass, with what all batches took together. Passes that take no samples are rendered once.
+    ///
+    /// # Errors
+    /// As [`Self::accumulation`].
+    pub fn accumulate(&mut self, goal: Goal, observer: &mut dyn Observer) -> Result<Accumulation, RenderError> {
+        let start = Instant::now();
+        self.settle(observer)?;
+        self.timeline.begin_parts();
+        let mut accumulation = self.accumulation(observer)?;
+        while let Some(samples) = batch(goal, &accumulation, start.elapsed()) {
+            accumulation.add(self, samples, observer)?;
+        }
+        accumulation.show(self, observer)?;
+        self.timeline.end_parts();
+        Ok(accumulation)
+    }
+
+    /// What one pass accumulates must be nobody else's input that takes samples, and its own must stay where it is.
+    fn check_separate(
+        &self,
+        passes: &[AccumulatedPass],
+        accesses: &[Access],
+        behind: &[bool],
+    ) -> Result<(), PlanError> {
+        let first = passes.first().map_or(0, |pass| pass.index);
+        let refused = |pass: &str, why: &str| {
+            let help = "render with samples=N of each pass instead".to_owned();
+            Err(PlanError {
+                message: format!("samples of pass `{pass}` cannot be accumulated: {why}"),
+                help: Some(help),
+            })
+        };
+        if behind[..first].contains(&true) {
+            return refused(&passes[0].name, "a later pass writes over what it reads");
+        }
+        for pass in passes {
+            let mut alone = vec![false; accesses.len()];
+            alone[pass.index] = true;
+            spread(accesses, &mut alone);
+            if let Some(other) = passes.iter().find(|other| other.index != pass.index && alone[other.index]) {
+                return refused(&other.name, &format!("it depends on pass `{}`, which takes samples, too", pass.name));
+            }
+        }
+        Ok(())
+    }
+
+    /// Runs what is outdated and neither accumulates nor depends on what does.
+    fn run_before(
+        &mut self,
+        passes: &[AccumulatedPass],
+        behind: &[bool],
+        observer: &mut dyn Observer,
+    ) -> Result<(), RenderError> {
+        let mut run = self.outdated();
+        for (index, run) in run.iter_mut().enumerate() {
+            *run &= !behind[index] && passes.iter().all(|pass| pass.index != index);
+        }
+        self.draw_part(0, run, observer)
+    }
+
+    /// Takes one batch of samples in one pass.
+    fn trace_batch(
+        &mut self,
+        pass: &mut AccumulatedPass,
+        samples: u32,
+        observer: &mut dyn Observer,
+    ) -> Result<(), RenderError> {
+        let mut planned = self.plan.passes[pass.index].clone();
+        let Work::Rays { params, scene_set, .. } = &mut planned.work else { unreachable!("a ray pass was chosen") };
+        let scene_set = *scene_set;
+        *params = RayParams { samples, first: pass.estimate.samples() as u32, ..pass.params };
+        if pass.writes == Writes::Share {
+            params.intensity = 1.0;
+        }
+        // Its target no longer holds what an ordinary frame left.
+        self.ran[planned.pass] = None;
+        self.check_cancelled()?;
+        let traced =
+            self.rays(pass.index, &planned, scene_set, &pass.name, Some((&mut pass.estimate, samples)), observer);
+        self.check_cancelled()?;
+        match traced? {
+            Traced::Done => Ok(()),
+            Traced::NothingInHost => {
+                let error = crate::backend::BackendError::Device {
+                    backend: self.engines.rays.name(),
+                    message: "it took over in the middle of an accumulation, and the G-buffer is not in host memory; begin again"
+                        .to_owned(),
+                };
+                self.ran.fill(None);
+                Err(RenderError::Pass { pass: pass.name.clone(), frame: Some(self.frame), error })
+            }
+        }
+    }
+}
+
+/// Samples of the next batch; `None` when the goal is reached.
+fn batch(goal: Goal, accumulation: &Accumulation, elapsed: Duration) -> Option<u32> {
+    let done = accumulation.samples() as u32;
+    if accumulation.passes.is_empty() || done >= MAX_SAMPLES {
+        return None;
+    }
+    let batches = accumulation.passes[0].estimate.batches();
+    match goal {
+        // Powers of two, so that each batch is a good set of points by itself; about sixteen of them, for the scatter.
+        Goal::Samples(samples) if done < samples => {
+            Some((1 << (samples / 16).max(1).ilog2().min(6)).min(samples - done))
+        }
+        Goal::Time(time) if batches < 2 || elapsed < time => Some(BATCH),
+        Goal::Error(error) if batches < 4 || accumulation.error() > error => Some(BATCH),
+        _ => None,
+    }
+}
+
+/// What of a pass is accumulated, by the tables of programs and parameters: `None` if it takes no samples.
+fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, Writes)>, PlanError> {
+    let pass = plan.pass(planned);
+    let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &pass.kind) else { return Ok(None) };
+    let info = ray.program.info();
+    if info.samples(params) == 0 {
+        return Ok(None);
+    }
+    let refused = |why: String, help: String| {
+        Err(PlanError {
+            message: format!("samples of pass `{}` cannot be accumulated: {why}", pass.name),
+            help: Some(help),
+        })
+    };
+    if plan.settings.fidelity == Fidelity::Thesis {
+        return refused(
+            "in thesis fidelity they lie in strata, which are no sequence".to_owned(),
+            "use --fidelity corrected".to_owned(),
+        );
+    }
+    if params.sampler == Sampler::Strata {
+        let help = format!("use --set {}.sampler=sobol", pass.name);
+        return refused("they lie in strata, which are no sequence".to_owned(), help);
+    }
+    if info.writes == Writes::Color && params.intensity != 1.0 {
+        let why = format!(
+            "`{}` puts the exponent intensity={} on shares before it mixes them, and a mean of powers is not the power of the mean",
+            info.stem, params.intensity
+        );
+        let name = &pass.name;
+        return refused(why, format!("use --set {name}.intensity=1, or all samples at once: --set {name}.samples=N"));
+    }
+    Ok(Some((*params, info.writes)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn goals_are_told_apart_by_how_they_are_written() {
+        for (text, goal) in [
+            ("64", Goal::Samples(64)),
+            ("2s", Goal::Time(Duration::from_secs(2))),
+            ("0.5s", Goal::Time(Duration::from_millis(500))),
+            ("500ms", Goal::Time(Duration::from_millis(500))),
+            ("0.002", Goal::Error(0.002)),
+            ("2e-3", Goal::Error(0.002)),
+        ] {
+            assert_eq!(text.parse(), Ok(goal));
+        }
+        for text in ["", "0", "-1", "1.5", "s", "-2s", "nan", "infs", "1e40s", "0.0", "16777217", "64 samples"] {
+            assert!(text.parse::<Goal>().is_err_and(|error| error.contains("500ms")), "{text}");
+        }
+    }
+}

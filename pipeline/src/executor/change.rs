@@ -1,0 +1,408 @@
+//! Setting what a renderer renders: cameras, lights, size, parameters, passes, files.
+//!
+//! A setter makes another plan and checks it; the renderer takes it up when the next frame begins. Which passes then have to run
+//! again is not written down anywhere: each pass is compared with what it was given when it last ran ([`super::dirty`]).
+
+use super::output::read_back_everything;
+use super::{Observer, RenderError, Renderer, prepare};
+use crate::backend::{Attachments, GBuffer, NO_TRIANGLE};
+use crate::memory::Refused;
+use crate::plan::{Plan, PlanError, PlannedTarget, Settings, Work};
+pub use crate::project::Pose;
+use crate::project::{Project, SourceError, names_scenes};
+use glam::Vec3;
+
+/// Why something cannot be set. The renderer goes on with what it had.
+#[derive(Debug, thiserror::Error)]
+pub enum ChangeError {
+    /// The project does not have it, or it is too large.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The project or its scenes cannot be read again.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+}
+
+impl ChangeError {
+    fn new(message: String) -> Self {
+        Self::Plan(PlanError { message, help: None })
+    }
+}
+
+/// What was set that is in the project and in no settings.
+#[derive(Debug, Clone)]
+pub(super) enum Edit {
+    Pose(String, Pose),
+    Light(String, Vec3, Vec3),
+}
+
+impl Edit {
+    fn apply(&self, project: &mut Project) -> Result<(), ChangeError> {
+        let result = match self {
+            Self::Pose(camera, pose) => project.set_pose(camera, *pose),
+            Self::Light(light, direction, color) => project.set_light(light, *direction, *color),
+        };
+        result.map_err(ChangeError::new)
+    }
+
+    /// Whether it replaces another.
+    fn replaces(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Pose(name, _), Self::Pose(other, _)) | (Self::Light(name, ..), Self::Light(other, ..)) => {
+                name.eq_ignore_ascii_case(other)
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Sizes of the buffers of a plan.
+pub(super) struct Sizes {
+    pub targets: Vec<[u32; 2]>,
+    pub window: [u32; 2],
+}
+
+/// How large the buffers are that a plan needs: those of a part where the picture is rendered in parts.
+pub(super) fn buffer_sizes(plan: &Plan) -> Sizes {
+    if plan.in_parts() {
+        let largest = plan.parts.largest().into();
+        return Sizes { targets: vec![largest; plan.targets.len()], window: largest };
+    }
+    let targets = plan.targets.iter().map(|target| [target.width, target.height]).collect();
+    Sizes { targets, window: plan.window }
+}
+
+/// What a renderer had before it takes up another plan.
+struct Before {
+    plan: Plan,
+    scenes: Vec<super::LoadedScenes>,
+    structures: Vec<bool>,
+    materials: Vec<super::PassMaterials>,
+    warnings: crate::diagnostic::Warnings,
+    notes: super::SceneNotes,
+}
+
+/// Setters. Each is checked at once and takes effect with the next frame; [`Renderer::update`] then runs only the passes that depend on
+/// it. What a renderer shows after a setter equals, bit for bit, what a renderer shows that was opened with it.
+impl Renderer {
+    /// The plan of the next frame, where something was set.
+    fn upcoming(&self) -> &Plan {
+        self.next.as_ref().unwrap_or(&self.plan)
+    }
+
+    /// What the next frame is rendered by.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.upcoming().settings
+    }
+
+    /// The project of the next frame, with what was set of its cameras and lights.
+    #[must_use]
+    #[expect(clippy::misnamed_getters, reason = "a plan's own `project` has the settings in it")]
+    pub fn project(&self) -> &Project {
+        &self.upcoming().declared
+    }
+
+    fn propose(&mut self, project: Project, settings: Settings) -> Result<(), ChangeError> {
+        let mut plan = Plan::new(project, settings)?;
+        let (raster, rays) = (&self.engines.raster, &self.engines.rays);
+        plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))?;
+        if self.shows_everything {
+            read_back_everything(&mut plan);
+        }
+        self.next = Some(plan);
+        Ok(())
+    }
+
+    fn set(&mut self, change: impl FnOnce(&mut Settings)) -> Result<(), ChangeError> {
+        let mut settings = self.settings().clone();
+        change(&mut settings);
+        self.propose(self.project().clone(), settings)
+    }
+
+    fn edit(&mut self, edit: Edit) -> Result<(), ChangeError> {
+        let mut project = self.project().clone();
+        edit.apply(&mut project)?;
+        self.propose(project, self.settings().clone())?;
+        self.edits.retain(|other| !edit.replaces(other));
+        self.edits.push(edit);
+        Ok(())
+    }
+
+    /// Reads the project again, with what was set of it.
+    fn reopened(&self, settings: &Settings) -> Result<Project, ChangeError> {
+        let mut project = settings.open(&self.project().source)?;
+        self.edits.iter().try_for_each(|edit| edit.apply(&mut project))?;
+        Ok(project)
+    }
+
+    /// Lets every pass have the camera of this name; each its own, if `None`.
+    ///
+    /// # Errors
+    /// If the project has no such camera.
+    pub fn set_camera(&mut self, name: Option<&str>) -> Result<(), ChangeError> {
+        self.set(|settings| settings.camera = name.map(str::to_owned))
+    }
+
+    /// Moves a camera of the project.
+    ///
+    /// # Errors
+    /// If the project has no such camera, or the pose shows nothing.
+    pub fn set_pose(&mut self, camera: &str, pose: Pose) -> Result<(), ChangeError> {
+        self.edit(Edit::Pose(camera.to_owned(), pose))
+    }
+
+    /// Lets a light of the project shine in a direction, in which it travels, with a linear colour.
+    ///
+    /// # Errors
+    /// If the project has no such light, or these are not finite.
+    pub fn set_light(&mut self, light: &str, direction: Vec3, color: Vec3) -> Result<(), ChangeError> {
+        self.edit(Edit::Light(light.to_owned(), direction, color))
+    }
+
+    /// Sets the size of the window, pixels; render targets scale with it. A project that was made from scene files is made again.
+    ///
+    /// # Errors
+    /// If a side is not 1 to [`MAX_SIDE`](crate::plan::MAX_SIDE), or the targets take more memory than allowed.
+    pub fn set_size(&mut self, size: [u32; 2]) -> Result<(), ChangeError> {
+        let settings = Settings { size: Some(size), ..self.settings().clone() };
+        // Where the camera of such a project stands depends on the shape of the window.
+        let project = match names_scenes(&self.project().source) {
+            true => self.reopened(&settings)?,
+            false => self.project().clone(),
+        };
+        self.propose(project, settings)
+    }
+
+    /// Sets a parameter of a ray or effect pass, as `--set PASS.NAME=VALUE` does; with a texture and `format` that of a channel.
+    ///
+    /// # Errors
+    /// If there is no such pass or parameter, or the value is not valid.
+    pub fn set_parameter(&mut self, pass: &str, name: &str, value: &str) -> Result<(), ChangeError> {
+        let key = format!("{pass}.{name}=");
+        self.set(|settings| {
+            settings.set.retain(|assignment| !assignment.starts_with(&key));
+            settings.set.push(format!("{key}{value}"));
+        })
+    }
+
+    /// Keeps these channels of render targets for inspection, by their own or full names; `all` keeps every one. [`Self::channel`] reads
+    /// them after the next frame.
+    ///
+    /// # Errors
+    /// If no pass writes one of them.
+    pub fn set_shown(&mut self, channels: &[String]) -> Result<(), ChangeError> {
+        self.set(|settings| settings.show = channels.to_vec())
+    }
+
+    /// Switches a pass off, or on again. What a pass writes that is off: [`Settings::off`].
+    ///
+    /// # Errors
+    /// If there is no such pass, or another pass reads what nothing writes any more.
+    pub fn set_enabled(&mut self, pass: &str, enabled: bool) -> Result<(), ChangeError> {
+        self.set(|settings| {
+            settings.off.retain(|name| name != pass);
+            if !enabled {
+                settings.off.push(pass.to_owned());
+            }
+        })
+    }
+
+    /// Sets the seed of the random numbers of the frames that follow.
+    pub fn set_seed(&mut self, seed: u32) {
+        self.plan.settings.seed = seed;
+        if let Some(next) = &mut self.next {
+            next.settings.seed = seed;
+        }
+    }
+
+    /// Reads the project and its scenes again with the next frame, and keeps what was set. Where they cannot be read then, that frame
+    /// fails, and those that follow show what was there before.
+    ///
+    /// # Errors
+    /// If the project cannot be read, or lacks what was set.
+    pub fn reload(&mut self) -> Result<(), ChangeError> {
+        let settings = self.settings().clone();
+        self.propose(self.reopened(&settings)?, settings)?;
+        self.stale = true;
+        Ok(())
+    }
+
+    /// Takes up what was set since the last frame.
+    pub(super) fn settle(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        let Some(next) = self.next.take() else { return Ok(()) };
+        let keeps = !std::mem::take(&mut self.stale) && self.scenes_serve(&next);
+        let mut before = Before {
+            plan: std::mem::replace(&mut self.plan, next),
+            scenes: Vec::new(),
+            structures: self.scenes.iter().map(|loaded| loaded.structure).collect(),
+            materials: std::mem::take(&mut self.materials),
+            warnings: std::mem::take(&mut self.warnings),
+            notes: self.scene_notes.clone(),
+        };
+        if !keeps {
+            before.scenes = std::mem::take(&mut self.scenes);
+        }
+        match self.take_up(&before, keeps, observer) {
+            Ok(()) => Ok(()),
+            Err(error) => {
+                if !keeps {
+                    self.scenes = before.scenes;
+                    (self.uploaded, self.built) = (None, None);
+                }
+                for (loaded, structure) in self.scenes.iter_mut().zip(before.structures) {
+                    loaded.structure = structure;
+                }
+                (self.plan, self.materials, self.warnings) = (before.plan, before.materials, before.warnings);
+                self.scene_notes = before.notes;
+                Err(error)
+            }
+        }
+    }
+
+    /// Whether the scenes that are loaded are those of another plan.
+    fn scenes_serve(&self, next: &Plan) -> bool {
+        let now = &self.plan;
+        let asks = |plan: &Plan| -> Vec<usize> {
+            let passes = plan.passes.iter().filter(|planned| plan.asks_materials(planned));
+            let mut sets: Vec<usize> = passes
+                .filter_map(|planned| match planned.work {
+                    Work::Rays { scene_set, .. } => Some(scene_set),
+                    _ => None,
+                })
+                .collect();
+            sets.sort_unstable();
+            sets.dedup();
+            sets
+        };
+        // What is left of --max-memory when scenes are loaded does not change what they are.
+        now.scene_sets == next.scene_sets && now.needs == next.needs && asks(now) == asks(next)
+    }
+
+    /// Everything that may fail comes first.
+    fn take_up(&mut self, before: &Before, keeps: bool, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        self.warnings = self.plan.warnings.clone();
+        if keeps {
+            self.plan.decisions.extend(self.scene_notes.decisions.iter().cloned());
+            self.warnings.append(self.scene_notes.warnings.clone());
+            self.scenes.iter_mut().for_each(|loaded| loaded.structure = false);
+        } else {
+            self.load_scenes(observer)?;
+            (self.uploaded, self.built) = (None, None);
+        }
+        for index in 0..self.plan.passes.len() {
+            self.resolve_materials(index);
+        }
+        if let Some((pass, error)) = self.unsupported() {
+            self.stand_in(&pass, error, observer)?;
+        }
+        let (targets, window) = self.new_buffers(&before.plan, keeps)?;
+        let built_otherwise =
+            |set: usize| self.scenes[set].structure && self.filtered_materials(set) != self.built_filtered;
+        if self.built.is_some_and(built_otherwise) {
+            self.built = None;
+        }
+        let passes = self.plan.project.pipelines[self.plan.pipeline].passes.len();
+        if !keeps || self.ran.len() != passes {
+            self.ran = vec![None; passes];
+        }
+        self.part = 0;
+        for (target, buffer) in targets.into_iter().enumerate() {
+            if let Some(buffer) = buffer {
+                self.targets[target] = buffer;
+                self.forget_writers(Some(target));
+            }
+        }
+        self.targets.truncate(self.plan.targets.len());
+        if let Some(window) = window {
+            self.window = window;
+            self.forget_writers(None);
+        }
+        self.clear_what_nobody_writes();
+        self.join_again(&before.plan);
+        Ok(())
+    }
+
+    /// Buffers in the place of those that are too small or lack a channel, by target, and that of the window.
+    fn new_buffers(&self, before: &Plan, keeps: bool) -> Result<(Vec<Option<GBuffer>>, Option<GBuffer>), Refused> {
+        let (had, needed) = (buffer_sizes(before), buffer_sizes(&self.plan));
+        let several = |plan: &Plan| plan.parts.list.len() > 1;
+        // Of other scenes nothing is kept; buffers of bands have been cut to the last one's size.
+        let all = !keeps || several(before) || several(&self.plan) || before.in_parts() != self.plan.in_parts();
+        let target = |(index, (planned, size)): (usize, (&PlannedTarget, &[u32; 2]))| {
+            let serves = !all
+                && had.targets.get(index) == Some(size)
+                && self.targets.get(index).is_some_and(|held| stored(held).union(planned.stored) == stored(held));
+            if serves { Ok(None) } else { GBuffer::try_new(size[0], size[1], planned.stored).map(Some) }
+        };
+        let targets =
+            self.plan.targets.iter().zip(&needed.targets).enumerate().map(target).collect::<Result<_, _>>()?;
+        let window = if all || had.window != needed.window { Some(prepare::window(needed.window)?) } else { None };
+        Ok((targets, window))
+    }
+
+    /// What passes wrote to a target (`None` for the window) is not there any more.
+    fn forget_writers(&mut self, target: Option<usize>) {
+        let passes = &self.plan.project.pipelines[self.plan.pipeline].passes;
+        for (ran, _) in self.ran.iter_mut().zip(passes).filter(|(_, pass)| pass.target == target) {
+            *ran = None;
+        }
+    }
+
+    /// A target that other passes go on to write must not keep what a pass wrote that runs no more; nor must the window.
+    fn clear_what_nobody_writes(&mut self) {
+        let passes = &self.plan.project.pipelines[self.plan.pipeline].passes;
+        let runs = |index: usize| self.plan.passes.iter().any(|planned| planned.pass == index);
+        let shared = |target: Option<usize>| {
+            target.is_none() || self.plan.passes.iter().any(|planned| self.plan.pass(planned).target == target)
+        };
+        let gone = passes.iter().enumerate().filter(|(index, _)| self.ran[*index].is_some() && !runs(*index));
+        let mut cleared: Vec<Option<usize>> = gone.map(|(_, pass)| pass.target).filter(|t| shared(*t)).collect();
+        cleared.dedup();
+        for target in cleared {
+            let buffer = self.buffer(target);
+            buffer.color.fill(if target.is_none() { [0.0, 0.0, 0.0, 1.0] } else { [0.0; 4] });
+            buffer.position.fill([0.0; 4]);
+            buffer.normal.fill([0.0; 4]);
+            buffer.triangle.fill(NO_TRIANGLE);
+            self.forget_writers(target);
+        }
+    }
+
+    /// Lets the engines share the G-buffer of this plan, where that is another than the one before.
+    fn join_again(&mut self, before: &Plan) {
+        if shared_gbuffer(before) == shared_gbuffer(&self.plan) {
+            return;
+        }
+        let joined = self.joined.take();
+        self.join_engines();
+        if joined.is_some() || self.joined.is_some() {
+            self.ran.fill(None);
+        }
+    }
+}
+
+/// What a G-buffer holds.
+fn stored(buffer: &GBuffer) -> Attachments {
+    Attachments {
+        color: !buffer.color.is_empty(),
+        position: !buffer.position.is_empty(),
+        normal: !buffer.normal.is_empty(),
+        triangle: !buffer.triangle.is_empty(),
+    }
+}
+
+/// The G-buffer that engines may share: its target, its size, what raster passes write there for ray passes.
+fn shared_gbuffer(plan: &Plan) -> Option<(usize, [u32; 2], Vec<Attachments>, bool)> {
+    let resident = |work: &Work| match work {
+        Work::Rays { resident, .. } => *resident,
+        _ => None,
+    };
+    let target = plan.passes.iter().find_map(|planned| resident(&planned.work))?;
+    let drawn = plan.passes.iter().filter(|planned| plan.pass(planned).target == Some(target));
+    let traced = drawn.filter_map(|planned| match planned.work {
+        Work::Raster { traced, .. } => Some(traced),
+        _ => None,
+    });
+    Some((target, plan.target_size(Some(target)), traced.collect(), plan.in_parts() || plan.block.is_some()))
+}

@@ -1,0 +1,85 @@
+//! Raster passes.
+
+use super::{Observer, PassMaterials, Progress, Renderer, StepKind, parts};
+use crate::backend::{Attachments, BackendError, RasterJob};
+use crate::plan::{PlannedPass, Work};
+use crate::project::PassKind;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+impl Renderer {
+    pub(super) fn raster(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        name: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<(), BackendError> {
+        let Work::Raster { scene_set, view, viewport, clear_color, attachments, host, traced } = planned.work else {
+            return Ok(());
+        };
+        let pass = self.plan.pass(planned);
+        let PassKind::Raster(raster) = &pass.kind else { return Ok(()) };
+        let (program, target) = (raster.program, pass.target);
+        let sun = raster.light.and_then(|light| self.sun(light));
+        self.upload(scene_set, observer)?;
+        let mut buffer = std::mem::take(self.buffer(target));
+        let scene = Arc::clone(&self.scenes[scene_set].scene);
+        let PassMaterials { shades, culled, .. } = &self.materials[index];
+        let (shared, half) = (self.in_shared_memory(target, traced), self.half_floats(target));
+        let blocks = self.blocks(view, viewport, &buffer);
+        let job = RasterJob {
+            scene: &scene,
+            program,
+            view,
+            sun,
+            shades,
+            culled,
+            viewport,
+            clear_color,
+            attachments,
+            shared,
+            half,
+        };
+        if self.plan.block.is_some() {
+            let (host, raster) = (self.in_host(target, host, traced), &mut self.engines.raster);
+            observer.begin(StepKind::Raster, name, &Arc::new(Progress::default()));
+            let start = Instant::now();
+            let drawn = parts::draw_blocks(raster.as_mut(), &job, &blocks, host, &mut buffer);
+            let elapsed = start.elapsed();
+            observer.end();
+            *self.buffer(target) = buffer;
+            self.round_to_formats(target);
+            let (triangles, blocks) = (drawn?, blocks.len());
+            let engine = self.engines.raster.name();
+            self.timeline.record(StepKind::Raster, name, elapsed).note =
+                format!("{triangles} triangles on {engine}, in {blocks} blocks");
+            return Ok(());
+        }
+        let progress = Arc::new(Progress::default());
+        observer.begin(StepKind::Raster, name, &progress);
+        let start = Instant::now();
+        let drawn = self.engines.raster.draw(&job, &mut buffer);
+        let elapsed = start.elapsed();
+        observer.end();
+        let handed = drawn.as_ref().ok().and_then(|stats| stats.shared);
+        let mut result = drawn.map(|stats| {
+            let joining = handed.map_or(Duration::ZERO, |handed| handed.host);
+            let row = self.timeline.record(StepKind::Raster, name, elapsed.saturating_sub(joining));
+            row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
+            row.note = format!("{} triangles on {}", stats.triangles, self.engines.raster.name());
+        });
+        let host = self.in_host(target, host, traced);
+        if result.is_ok() && self.engines.raster.needs_read_back() && host != Attachments::default() {
+            let start = Instant::now();
+            result = self.engines.raster.read_back(&job, host, &mut buffer);
+            self.timeline.record(StepKind::ReadBack, name, start.elapsed());
+        }
+        if let Some(handed) = handed {
+            self.record_hand_over(name, handed);
+        }
+        *self.buffer(target) = buffer;
+        self.round_to_formats(target);
+        result
+    }
+}

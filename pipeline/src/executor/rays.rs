@@ -1,0 +1,158 @@
+//! Ray passes: building what they need, and running them.
+
+use super::{Estimate, Observer, Progress, RenderError, Renderer, StepKind, channel_of};
+use crate::backend::{BackendError, GBuffer, RayCounts, RayJob};
+use crate::image::Image;
+use crate::plan::{PlannedPass, Work};
+use crate::project::{ChannelRef, PassKind};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// What a batch of so many samples is added to, before it is rounded to the format of its target.
+pub(super) type Batch<'a> = Option<(&'a mut Estimate, u32)>;
+
+/// How far a ray pass came.
+pub(super) enum Traced {
+    /// It is done.
+    Done,
+    /// Another backend has taken over which reads host memory, where the G-buffer is not: the frame begins again.
+    NothingInHost,
+}
+
+impl Renderer {
+    /// Builds what a ray pass needs and runs it, with another backend where one fails and another is allowed.
+    pub(super) fn rays(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        scene_set: usize,
+        name: &str,
+        mut batch: Batch<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<Traced, RenderError> {
+        let joined = self.joined;
+        loop {
+            self.build_or_stand_in(scene_set, name, observer)?;
+            if self.joined != joined {
+                return Ok(Traced::NothingInHost);
+            }
+            match self.trace(index, planned, name, &mut batch, observer) {
+                Ok(()) => return Ok(Traced::Done),
+                Err(_) if self.cancellation.is_cancelled() => return Err(RenderError::Cancelled),
+                Err(error) => self.stand_in(name, error, observer)?,
+            }
+        }
+    }
+
+    pub(super) fn trace(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        name: &str,
+        batch: &mut Batch<'_>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), BackendError> {
+        let Work::Rays { scene_set, view, params, beyond, reads_triangle, resident } = planned.work else {
+            return Ok(());
+        };
+        let pass = self.plan.pass(planned);
+        let (PassKind::Ray(ray), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
+        let ray = ray.clone();
+        let in_host = !self.is_joined(resident);
+        let buffer = std::mem::take(&mut self.targets[target]);
+        let mut output = Image { width: buffer.width, height: buffer.height, pixels: buffer.color };
+        let targets = &self.targets;
+        let read = |channel: Option<ChannelRef>, name: &str| match channel {
+            Some(channel) if in_host && ray.program.info().buffers.contains(&name) => {
+                channel_of(&targets[channel.target], channel.channel)
+            }
+            _ => &[],
+        };
+        let triangle = match ray.position {
+            Some(position) if in_host && reads_triangle => targets[position.target].triangle.as_slice(),
+            _ => &[],
+        };
+        let materials = &self.materials[index];
+        let scene = Arc::clone(&self.scenes[scene_set].scene);
+        let job = RayJob {
+            scene: &scene,
+            program: ray.program,
+            params,
+            fidelity: self.plan.settings.fidelity,
+            seed: self.plan.settings.seed,
+            eye: view.eye,
+            sun: ray.light.and_then(|light| self.sun(light)),
+            origin: buffer.origin,
+            width: output.width,
+            height: output.height,
+            position: read(ray.position, "pos_buffer"),
+            normal: read(ray.normal, "norm_buffer"),
+            color: read(ray.color, "color_buffer"),
+            triangle,
+            shared: (!in_host).then_some(self.handed_over),
+            beyond,
+            dielectrics: &materials.dielectrics,
+            shades: &materials.shades,
+            glass: &materials.glass,
+            shadow_glass: &materials.shadow_glass,
+        };
+        let progress = Arc::new(Progress::until(&self.cancellation));
+        observer.begin(StepKind::Rays, name, &progress);
+        let start = Instant::now();
+        let traced = self.engines.rays.run(&job, &mut output, &progress);
+        let elapsed = start.elapsed();
+        observer.end();
+        if traced.is_ok() && in_host {
+            observer.traced(name, &job, &output);
+        }
+        let mut sums = self.part > 0;
+        if let (Ok(_), Some((estimate, samples)), false) = (&traced, batch, self.cancellation.is_cancelled()) {
+            sums |= estimate.batches() > 0;
+            estimate.add(&output.pixels, *samples);
+        }
+        self.targets[target] = GBuffer { color: output.pixels, ..buffer };
+        self.round_to_formats(Some(target));
+        let stats = traced?;
+        if let Some(upload) = stats.upload {
+            let from = if in_host { "copied from the host" } else { "copied from GPU to GPU" };
+            self.timeline.record(StepKind::Join, name, upload).note = from.to_owned();
+        }
+        let copies = stats.upload.unwrap_or_default() + stats.read_back.unwrap_or_default();
+        // What the backend holds is one number for all of its passes: it stands in the row of the last.
+        self.timeline.rows.iter_mut().filter(|row| row.kind == StepKind::Rays).for_each(|row| row.bytes = 0);
+        let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
+        row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
+        let mut rays = stats.rays;
+        if sums {
+            rays += row.rays.unwrap_or_default();
+        }
+        row.rays = Some(rays);
+        row.bytes = stats.held_bytes;
+        row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(rays));
+        // Times of two backends stand in one row.
+        for fallback in &self.engines.fallbacks {
+            if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
+                row.note += &format!("; before frame {frame} on {}", fallback.failed);
+            }
+        }
+        if let Some(read_back) = stats.read_back {
+            self.timeline.record(StepKind::ReadBack, name, read_back);
+        }
+        Ok(())
+    }
+}
+
+/// `: 12 shadow, 3 reflected`, the kinds that were traced.
+fn by_kind(rays: RayCounts) -> String {
+    let kinds = [
+        (rays.shadow, "shadow"),
+        (rays.occlusion, "occlusion"),
+        (rays.reflected, "reflected"),
+        (rays.refracted, "refracted"),
+        (rays.certain, "occlusion certain without"),
+        (rays.lost, "lost in glass"),
+    ];
+    let traced: Vec<String> =
+        kinds.iter().filter(|(count, _)| *count > 0).map(|(count, kind)| format!("{count} {kind}")).collect();
+    if traced.is_empty() { String::new() } else { format!(": {}", traced.join(", ")) }
+}

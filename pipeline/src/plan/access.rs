@@ -1,0 +1,92 @@
+//! What passes read and write: what depends on what.
+
+use super::{Instead, Plan, PlanError, PlannedPass, Work};
+use crate::project::{ChannelRef, PassKind, QuadSource};
+
+/// A place that passes read and write: a render target (`None` for the window), and its channel; [`TRIANGLES`] for the triangle ids.
+pub type Slot = (Option<usize>, usize);
+
+/// The place of the triangle ids in a [`Slot`].
+pub const TRIANGLES: usize = 3;
+
+/// The places that a planned pass reads and writes.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Access {
+    /// Read.
+    pub reads: Vec<Slot>,
+    /// Written, in whole or in part.
+    pub writes: Vec<Slot>,
+}
+
+impl Plan {
+    /// What a planned pass reads and writes.
+    #[must_use]
+    pub fn access(&self, planned: &PlannedPass) -> Access {
+        let pass = self.pass(planned);
+        let slot = |channel: ChannelRef| (Some(channel.target), channel.channel);
+        let ids = |reads: bool, position: Option<ChannelRef>| {
+            position.filter(|_| reads).map(|position| (Some(position.target), TRIANGLES))
+        };
+        let named = |buffers: &[&str], channels: [Option<ChannelRef>; 3]| -> Vec<Slot> {
+            let names = ["pos_buffer", "norm_buffer", "color_buffer"].into_iter().zip(channels);
+            names.filter(|(name, _)| buffers.contains(name)).filter_map(|(_, channel)| channel.map(slot)).collect()
+        };
+        let reads = match (&planned.work, &pass.kind) {
+            (Work::Rays { reads_triangle, .. }, PassKind::Ray(ray)) => {
+                let mut reads = named(ray.program.info().buffers, [ray.position, ray.normal, ray.color]);
+                reads.extend(ids(*reads_triangle, ray.position));
+                reads
+            }
+            (Work::Effect { reads_triangle, .. }, PassKind::Effect(effect)) => {
+                let mut reads = named(effect.program.info().buffers, [effect.position, effect.normal, effect.color]);
+                reads.extend(ids(*reads_triangle, effect.position));
+                reads
+            }
+            (Work::Off { instead: Instead::Copy(channel) }, _) => vec![slot(*channel)],
+            (Work::Quad { .. }, PassKind::Quad(quad)) => match quad.source {
+                QuadSource::Show(shown) => vec![slot(shown)],
+                QuadSource::Combine { color, factor } => vec![slot(color), slot(factor)],
+            },
+            _ => Vec::new(),
+        };
+        let writes = match (&planned.work, pass.target) {
+            (Work::Raster { .. }, Some(_)) => (0..=TRIANGLES).map(|channel| (pass.target, channel)).collect(),
+            _ => vec![(pass.target, 0)],
+        };
+        Access { reads, writes }
+    }
+
+    /// What passes read has to be written also where other passes are switched off.
+    pub(super) fn check_switched_off(&self) -> Result<(), PlanError> {
+        let mut written: Vec<Slot> = Vec::new();
+        for planned in &self.passes {
+            let access = self.access(planned);
+            let missing = access.reads.iter().find(|slot| !written.contains(slot) && self.may_miss(planned, **slot));
+            if let Some((Some(target), channel)) = missing {
+                let target = &self.project.targets[*target];
+                let what = target.channels.get(*channel).map_or("the triangle ids", |channel| &channel.name);
+                let (reader, library, off) =
+                    (&self.pass(planned).name, &target.library, self.settings.off.join("`, `"));
+                return Err(PlanError::new(
+                    format!(
+                        "pass `{reader}` reads `{library}::{what}`, which nothing writes with `{off}` switched off"
+                    ),
+                    format!("switch `{reader}` off as well, or leave on what writes `{library}::{what}`"),
+                ));
+            }
+            written.extend(access.writes);
+        }
+        Ok(())
+    }
+
+    /// Whether a pass really needs a place that it may read: one that traces nothing needs no surfaces.
+    fn may_miss(&self, planned: &PlannedPass, slot: Slot) -> bool {
+        match (&planned.work, &self.pass(planned).kind) {
+            (Work::Rays { params, .. }, PassKind::Ray(ray)) => {
+                ray.program.can_trace(params)
+                    || ray.color.is_some_and(|color| slot == (Some(color.target), color.channel))
+            }
+            _ => true,
+        }
+    }
+}

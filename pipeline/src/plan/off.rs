@@ -1,0 +1,55 @@
+//! Passes that are switched off.
+
+use super::{Plan, PlanError};
+use crate::diagnostic::valid_names;
+use crate::programs::Writes;
+use crate::project::{ChannelRef, Pass, PassKind, Project};
+use crate::raster_effects::EffectProgram;
+
+/// What a ray or effect pass that is switched off writes in the place of its picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Instead {
+    /// The colour that it would have read: what it adds is left out.
+    Copy(ChannelRef),
+    /// One value everywhere: of shares of light 1, as where nothing is in the way.
+    Fill([f32; 4]),
+}
+
+/// Says which names in [`Settings::off`](super::Settings::off) are no passes.
+pub(super) fn check_names(project: &Project, pipeline: usize, off: &[String]) -> Result<(), PlanError> {
+    let passes = &project.pipelines[pipeline].passes;
+    match off.iter().find(|name| passes.iter().all(|pass| pass.name != **name)) {
+        None => Ok(()),
+        Some(name) => Err(PlanError::new(
+            format!("there is no pass `{name}` that could be switched off"),
+            valid_names(name, passes.iter().map(|pass| pass.name.as_str())),
+        )),
+    }
+}
+
+impl Plan {
+    /// Whether a pass is switched off.
+    pub(super) fn is_off(&self, pass: &Pass) -> bool {
+        self.settings.off.contains(&pass.name)
+    }
+}
+
+/// What a pass writes when it is switched off; `None` for raster and quad passes, which then leave their targets as they are.
+pub(super) fn instead(pass: &Pass) -> Option<Instead> {
+    const OPEN: Instead = Instead::Fill([1.0; 4]);
+    match &pass.kind {
+        PassKind::Ray(ray) => Some(match (ray.program.info().writes, ray.color) {
+            (Writes::Color, Some(color)) => Instead::Copy(color),
+            (Writes::Color, None) => Instead::Fill([0.0, 0.0, 0.0, 1.0]),
+            (Writes::Share, _) => OPEN,
+        }),
+        PassKind::Effect(effect) => Some(match (effect.program, effect.color) {
+            (EffectProgram::CubeReflection | EffectProgram::CubeRefraction, Some(color)) => Instead::Copy(color),
+            (EffectProgram::CubeReflection | EffectProgram::CubeRefraction, None) => {
+                Instead::Fill([0.0, 0.0, 0.0, 1.0])
+            }
+            (EffectProgram::ShadowMap | EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion, _) => OPEN,
+        }),
+        PassKind::Raster(_) | PassKind::Quad(_) => None,
+    }
+}

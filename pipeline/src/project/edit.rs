@@ -1,0 +1,85 @@
+//! Changing cameras and lights of a project that was read.
+
+use super::values::unit;
+use super::{Light, Project, find};
+use glam::Vec3;
+
+/// Below this sine of the angle between view and up the picture's horizontal axis is rounding noise.
+const LEAST_SINE: f32 = 1e-4;
+
+/// Where a camera stands and what it looks at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Position, world.
+    pub position: Vec3,
+    /// Viewing direction, of any length but 0.
+    pub direction: Vec3,
+    /// Up vector, of any length but 0, not parallel to [`Self::direction`].
+    pub up: Vec3,
+    /// Vertical field of view, radians, in (0, π). Means nothing to a camera without perspective.
+    pub fov_y: f32,
+}
+
+impl Project {
+    /// Where the camera of this name stands.
+    ///
+    /// # Errors
+    /// What would be valid, and the nearest name.
+    pub fn pose(&self, camera: &str) -> Result<Pose, String> {
+        let camera = &self.cameras[self.camera(camera)?];
+        Ok(Pose { position: camera.position, direction: camera.direction, up: camera.up, fov_y: camera.fov_y })
+    }
+
+    /// Moves a camera, as if its file had said so.
+    ///
+    /// # Errors
+    /// If there is no such camera, or the pose shows nothing; the project is then as it was.
+    pub fn set_pose(&mut self, camera: &str, pose: Pose) -> Result<(), String> {
+        let index = self.camera(camera)?;
+        let name = &self.cameras[index].name;
+        let wrong = |what: &str, valid: &str| format!("camera `{name}`: {what}; valid: {valid}");
+        if !pose.position.is_finite() {
+            return Err(wrong("its position is not finite", "three finite numbers"));
+        }
+        let [Some(direction), Some(up)] = [pose.direction, pose.up].map(|v| unit(v).filter(|unit| unit.is_finite()))
+        else {
+            return Err(wrong("its view or its up vector has no direction", "finite vectors whose length is not 0"));
+        };
+        if direction.cross(up).length() < LEAST_SINE {
+            return Err(wrong("its up vector is parallel to its view", "another up vector"));
+        }
+        if !(pose.fov_y > 0.0 && pose.fov_y < std::f32::consts::PI) {
+            return Err(wrong(&format!("a field of view of {} radians", pose.fov_y), "above 0 and below π, vertical"));
+        }
+        let camera = &mut self.cameras[index];
+        (camera.position, camera.direction, camera.up, camera.fov_y) = (pose.position, direction, up, pose.fov_y);
+        Ok(())
+    }
+
+    /// Index of a light by its name, in any letters' case.
+    ///
+    /// # Errors
+    /// What would be valid, and the nearest name.
+    pub fn light(&self, name: &str) -> Result<usize, String> {
+        find("light", name, self.lights.iter().map(|light| light.name.as_str()))
+    }
+
+    /// Lets a light shine in a direction (in which it travels, of any length but 0) with a colour (linear), as if its file had said so.
+    ///
+    /// # Errors
+    /// If there is no such light, or these are not finite; the project is then as it was.
+    pub fn set_light(&mut self, light: &str, direction: Vec3, color: Vec3) -> Result<(), String> {
+        let index = self.light(light)?;
+        let Light { name, .. } = &self.lights[index];
+        let Some(direction) = unit(direction).filter(|unit| unit.is_finite()) else {
+            return Err(format!(
+                "light `{name}`: {direction} is no direction; valid: a finite vector whose length is not 0"
+            ));
+        };
+        if !color.is_finite() {
+            return Err(format!("light `{name}`: {color} is no colour; valid: three finite numbers"));
+        }
+        (self.lights[index].direction, self.lights[index].color) = (Some(direction), color);
+        Ok(())
+    }
+}

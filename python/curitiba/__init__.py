@@ -1,0 +1,15 @@
+"""Curitiba: rasterisation and ray tracing in one deferred pipeline, for notebooks and scripts.
+
+>>> import curitiba
+>>> renderer = curitiba.open("xml_projects/SceneFinal.xml", size=(512, 512))
+>>> picture = renderer.render()                    # (512, 512, 4) float32, linear
+>>> renderer.set_parameter("pass2", "samples", 16)
+>>> picture = renderer.render()                    # runs the ray pass again, not the G-buffer
+
+Every function that may take long releases the interpreter and can be interrupted with Ctrl-C. Lengths are in scene units, colours are
+linear, rows of pictures count from the top.
+"""
+
+from ._native import CuritibaError, Renderer, Tracer, compare, open, visibility
+
+__all__ = ["CuritibaError", "Renderer", "Tracer", "compare", "open", "visibility"]

@@ -1,0 +1,243 @@
+from os import PathLike
+from typing import Any, Literal, Mapping, Sequence, TypedDict, final
+
+import numpy as np
+import numpy.typing as npt
+
+Vector = Sequence[float]
+Picture = npt.NDArray[np.float32]
+"""(height, width, 4), float32: red, green, blue, alpha; linear; the top row first."""
+
+class CuritibaError(RuntimeError):
+    """What could not be done: what, where, what would be valid, and what to do."""
+
+class Pass(TypedDict):
+    name: str
+    kind: Literal["raster", "rays", "effect", "quad", "off"]
+    program: str | None
+    parameters: dict[str, str]
+
+class Timing(TypedDict):
+    step: str
+    """load, build, upload, raster, maps, effect, read-back, join, rays, quad or write"""
+    name: str
+    """The pass, the scene or the file."""
+    per_frame: bool
+    host_ms: float
+    """Median of all runs, milliseconds on the host with synchronisation."""
+    device_ms: float | None
+    """Median of all runs by the device's own clock, milliseconds; None where it has none."""
+    runs: int
+    rays: int | None
+    """Rays of one run."""
+    mrays_per_second: float | None
+    bytes: int
+    note: str
+
+class AccumulatedPass(TypedDict):
+    # The keys are "pass", "batches", "error" and "standard_error"; `pass` is a word of the language.
+    batches: int
+    error: float
+    standard_error: Picture
+
+class Accumulated(TypedDict):
+    image: Picture
+    samples: int
+    error: float
+    passes: list[AccumulatedPass]
+
+class Hits(TypedDict):
+    t: npt.NDArray[np.float32]
+    """(n,): distance in lengths of the direction; infinite where nothing is hit."""
+    triangle: npt.NDArray[np.int32]
+    """(n,): row of `indices`; -1 where nothing is hit."""
+    uv: npt.NDArray[np.float32]
+    """(n, 2): barycentric coordinates of the corners 1 and 2; NaN where nothing is hit."""
+
+@final
+class Renderer:
+    """A project or scene, ready to be rendered; made by `open`.
+
+    Setters are checked at once and take effect with the next picture. `render` then runs only the passes that depend on them; its
+    picture equals, bit for bit, that of a renderer that was opened with these settings.
+    """
+
+    def render(self) -> Picture:
+        """The picture (height, width, 4) with all that was set. The array owns the renderer's memory: nothing is copied for Python."""
+
+    def frame(self) -> Picture:
+        """The same picture, with every pass run again: for measurements."""
+
+    def target(self, name: str) -> Picture:
+        """A channel of a render target (height, width, 4), such as "pos" or "Deferred Render Targets::norm": a copy.
+
+        Positions are in scene units with the light's cosine in the fourth channel; normals have unit length and 0 there. The first call for
+        a channel that no pass reads draws the G-buffer again.
+        """
+
+    def accumulate(self, goal: int | float | str) -> Accumulated:
+        """Takes more and more samples of the same sequence in the passes that take any.
+
+        `goal`: an int for samples a point, "2s" or "500ms" for a time, a float below 1 for a standard error. "image" is the picture,
+        "error" the root mean square of the pixels' standard errors (an upper estimate: see docs/library.md), "passes" has both by pass, with
+        the standard error by pixel.
+        """
+
+    def set_camera(self, name: str | None = None) -> None:
+        """Lets every pass have this camera; each its own, if None."""
+
+    def set_pose(
+        self,
+        camera: str,
+        *,
+        position: Vector | None = None,
+        direction: Vector | None = None,
+        look_at: Vector | None = None,
+        up: Vector | None = None,
+        fov: float | None = None,
+    ) -> None:
+        """Moves a camera; what is not given stays. Scene units; `fov` is vertical, in degrees."""
+
+    def set_light(self, light: str, direction: Vector, color: Vector) -> None:
+        """Lets a light shine in the direction in which it travels, with a linear colour (red, green, blue)."""
+
+    def set_size(self, width: int, height: int) -> None:
+        """Sets the size of the window, pixels; render targets scale with it."""
+
+    def set_parameter(self, pass_name: str, name: str, value: object) -> None:
+        """Sets a parameter of a ray or effect pass, as `--set PASS.NAME=VALUE`; `curitiba list` names them."""
+
+    def set_enabled(self, pass_name: str, enabled: bool) -> None:
+        """Switches a pass off or on. Off, a ray or effect pass lets the colour through that it reads, or writes a share of light of 1."""
+
+    def set_seed(self, seed: int) -> None:
+        """Sets the seed of the random numbers, 0 to 2^32 - 1."""
+
+    def reload(self) -> None:
+        """Reads the project and its scenes again with the next picture, and keeps what was set."""
+
+    def timings(self, *, as_frame: bool = False) -> list[Timing]:
+        """Every step so far; as a pandas.DataFrame with `as_frame=True`, which needs pandas."""
+
+    def forget_timings(self) -> None:
+        """Forgets the times of the frames so far: what follows a warm-up is measured by itself."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the next picture, pixels."""
+
+    @property
+    def cameras(self) -> list[str]: ...
+    @property
+    def lights(self) -> list[str]: ...
+    @property
+    def passes(self) -> list[Pass]:
+        """The passes of the last picture, in order, with their parameters."""
+
+    @property
+    def passes_run(self) -> list[str]:
+        """Names of the passes that ran for the last picture."""
+
+    @property
+    def engines(self) -> tuple[str, str]:
+        """What draws and what traces rays, such as ("cpu", "cpu")."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What was left out or replaced, and ray backends that failed."""
+
+def open(
+    path: str | PathLike[str],
+    *,
+    size: tuple[int, int] | None = None,
+    camera: str | None = None,
+    pipeline: str | None = None,
+    backend: Literal["auto", "cpu", "wgpu", "cuda", "optix"] = "auto",
+    raster: Literal["auto", "cpu", "wgpu"] = "auto",
+    fidelity: Literal["corrected", "thesis"] = "corrected",
+    seed: int = 0,
+    parameters: Mapping[str, Any] | None = None,
+    off: Sequence[str] = ...,
+    max_memory: int = ...,
+    effects: str | None = None,
+    look_from: Vector | None = None,
+    look_at: Vector | None = None,
+    fov: float | None = None,
+    sun: Vector | None = None,
+    background: Vector | None = None,
+) -> Renderer:
+    """Opens a project file, a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml) or a folder of scenes.
+
+    `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
+    switched off; `max_memory` is in bytes. The last six are for scene files: `effects` such as "shadows+ao", positions in scene units, `fov`
+    in degrees, `sun` the direction in which it stands, `background` linear from 0 to 1.
+    """
+
+def compare(
+    test: npt.ArrayLike,
+    reference: npt.ArrayLike,
+    *,
+    outlier_threshold: float = ...,
+    pixels_per_degree: float = ...,
+) -> dict[str, float]:
+    """Judges a picture by a reference, both (height, width, 3 or 4), linear: the metrics of `curitiba compare` by name.
+
+    rmse, relmse, max, psnr (decibels), ssim, flip, energy, outliers; and pixels, the number compared.
+    """
+
+@final
+class Tracer:
+    """Triangles that rays can be asked about: `positions` (n, 3) float32 in scene units, `indices` (m, 3) of corners.
+
+    Watertight; both sides of a triangle are hit; results do not depend on the number of threads.
+    """
+
+    def __init__(self, positions: npt.ArrayLike, indices: npt.ArrayLike) -> None: ...
+    def __len__(self) -> int:
+        """Triangles."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the tree."""
+
+    def closest(
+        self,
+        origins: npt.ArrayLike,
+        directions: npt.ArrayLike,
+        *,
+        t_min: float | npt.ArrayLike = ...,
+        t_max: float | npt.ArrayLike = ...,
+    ) -> Hits:
+        """The nearest hit of each ray with t_min < t < t_max.
+
+        `origins` (n, 3) or (1, 3) for all, `directions` (n, 3) of unit length (distances count in their lengths), both float32; others are
+        converted, which copies them. `t_min` and `t_max` are numbers or (n,); 0 and infinity where they are not given.
+        """
+
+    def occluded(
+        self,
+        origins: npt.ArrayLike,
+        directions: npt.ArrayLike,
+        *,
+        t_min: float | npt.ArrayLike = ...,
+        t_max: float | npt.ArrayLike = ...,
+    ) -> npt.NDArray[np.bool_]:
+        """(n,): whether anything lies on each ray. Arguments as `closest`."""
+
+def visibility(
+    positions: npt.ArrayLike,
+    triangles: npt.ArrayLike,
+    pairs: npt.ArrayLike,
+    *,
+    samples: int | None = None,
+    error: float | None = None,
+    facing: Literal["skip", "zero"] = "skip",
+    form_factors: bool = False,
+    seed: int = 0,
+) -> dict[str, Any]:
+    """How much pairs of triangles see of each other: `positions` (n, 3), `triangles` (m, 3), `pairs` (k, 2) of triangles.
+
+    "visibility" (k,) is the share of open segments between them (NaN where no segment leaves the front of both), "error" (k,) its standard
+    error, 0 where it is exact, "class" says how it was found, "samples" (k,) counts segments; with `form_factors` also "form_factors" and
+    "form_factor_errors", both (k, 2): there and back. `samples` (a multiple of 8) or `error` set the effort; 64 samples otherwise.
+    """

@@ -1,0 +1,406 @@
+//! A renderer on a thread of its own: engines belong to the thread that made them.
+
+use crate::work::wait;
+use crate::{arrays, failed, invalid};
+use curitiba::pipeline::backend::RayCounts;
+use curitiba::pipeline::diagnostic::valid_names;
+use curitiba::pipeline::executor::{self, Cancellation, ChangeError, Goal, RenderError, Row, Silent};
+use curitiba::pipeline::image::Image;
+use curitiba::pipeline::plan::{Settings, Work};
+use curitiba::pipeline::programs::Fidelity;
+use curitiba::pipeline::project::{PassKind, Pose, SceneOptions};
+use curitiba::{BackendChoice, Choice, RasterChoice};
+use glam::Vec3;
+use numpy::PyArray3;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::path::PathBuf;
+use std::sync::mpsc::{Sender, channel};
+
+type Job = Box<dyn FnOnce(&mut executor::Renderer) + Send>;
+
+/// A project or scene, ready to be rendered.
+#[pyclass(frozen, module = "curitiba")]
+pub struct Renderer {
+    jobs: Sender<Job>,
+    stop: Cancellation,
+}
+
+/// The one of some names, or what is valid.
+fn named<T: Copy>(what: &str, value: &str, valid: &[(&str, T)]) -> PyResult<T> {
+    valid.iter().find(|(name, _)| *name == value).map(|(_, choice)| *choice).ok_or_else(|| {
+        invalid(format!("`{what}` is `{value}`; {}", valid_names(value, valid.iter().map(|(name, _)| *name))))
+    })
+}
+
+/// What a parameter is given as: text, a number or a truth value.
+fn text(value: &Bound<'_, PyAny>) -> PyResult<String> {
+    Ok(value.str()?.to_cow()?.into_owned())
+}
+
+/// Numbers as the command line has them.
+fn written(values: &[f32]) -> String {
+    values.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
+}
+
+#[derive(FromPyObject)]
+struct SceneArguments {
+    effects: Option<String>,
+    look_from: Option<[f32; 3]>,
+    look_at: Option<[f32; 3]>,
+    fov: Option<f32>,
+    sun: Option<[f32; 3]>,
+    background: Option<[f32; 3]>,
+}
+
+impl SceneArguments {
+    fn options(&self) -> PyResult<SceneOptions> {
+        let vector = |value: &Option<[f32; 3]>, parse: fn(&str) -> Result<Vec3, String>| {
+            value.as_ref().map(|value| parse(&written(value)).map_err(invalid)).transpose()
+        };
+        Ok(SceneOptions {
+            effects: self.effects.as_ref().map(|effects| effects.parse().map_err(invalid)).transpose()?,
+            look_from: vector(&self.look_from, SceneOptions::parse_vector)?,
+            look_at: vector(&self.look_at, SceneOptions::parse_vector)?,
+            fov: self.fov.map(|fov| SceneOptions::parse_fov(&fov.to_string()).map_err(invalid)).transpose()?,
+            sun: vector(&self.sun, SceneOptions::parse_direction)?,
+            background: vector(&self.background, SceneOptions::parse_color)?,
+            ..SceneOptions::default()
+        })
+    }
+}
+
+/// Opens a project file, a scene file, or a folder of scenes.
+#[pyfunction]
+#[pyo3(signature = (
+    path, *, size = None, camera = None, pipeline = None, backend = "auto", raster = "auto", fidelity = "corrected", seed = 0,
+    parameters = None, off = vec![], max_memory = 8 << 30, effects = None, look_from = None, look_at = None, fov = None,
+    sun = None, background = None
+))]
+#[expect(clippy::too_many_arguments, reason = "they have names in Python")]
+pub fn open(
+    py: Python<'_>,
+    path: PathBuf,
+    size: Option<[u32; 2]>,
+    camera: Option<String>,
+    pipeline: Option<String>,
+    backend: &str,
+    raster: &str,
+    fidelity: &str,
+    seed: u32,
+    parameters: Option<&Bound<'_, PyDict>>,
+    off: Vec<String>,
+    max_memory: u64,
+    effects: Option<String>,
+    look_from: Option<[f32; 3]>,
+    look_at: Option<[f32; 3]>,
+    fov: Option<f32>,
+    sun: Option<[f32; 3]>,
+    background: Option<[f32; 3]>,
+) -> PyResult<Renderer> {
+    let mut set = Vec::new();
+    for (key, value) in parameters.into_iter().flat_map(|parameters| parameters.iter()) {
+        set.push(format!("{}={}", text(&key)?, text(&value)?));
+    }
+    let fidelity = named("fidelity", fidelity, &[("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)])?;
+    let scene = SceneArguments { effects, look_from, look_at, fov, sun, background }.options()?;
+    let settings =
+        Settings { pipeline, camera, size, fidelity, seed, set, off, max_memory, scene, ..Settings::default() };
+    let choice = Choice {
+        raster: named("raster", raster, &RasterChoice::NAMES)?,
+        backend: named("backend", backend, &BackendChoice::NAMES)?,
+        ..Choice::default()
+    };
+    let (jobs, work) = channel::<Job>();
+    let (send, opened) = channel();
+    let thread = std::thread::Builder::new().name("curitiba".to_owned());
+    thread
+        .spawn(move || {
+            let mut renderer = match curitiba::open(&path, settings, choice, &mut Silent) {
+                Ok(renderer) => renderer,
+                Err(error) => {
+                    let _ = send.send(Err(error.to_string()));
+                    return;
+                }
+            };
+            let told = send.send(Ok(renderer.cancellation()));
+            drop(send);
+            if told.is_ok() {
+                work.into_iter().for_each(|job| job(&mut renderer));
+            }
+        })
+        .map_err(failed)?;
+    let opened = wait(py, &Cancellation::new(), opened)?.ok_or_else(fault)?;
+    Ok(Renderer { jobs, stop: opened.map_err(failed)? })
+}
+
+fn fault() -> PyErr {
+    failed("the renderer ended by a fault of the program; please report it")
+}
+
+impl Renderer {
+    /// Lets the renderer's thread do something, and waits for it.
+    fn call<T: Send + 'static>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut executor::Renderer) -> T + Send + 'static,
+    ) -> PyResult<T> {
+        let (send, receive) = channel();
+        let job: Job = Box::new(move |renderer| {
+            // Nobody listens after an interrupt.
+            let _ = send.send(work(renderer));
+        });
+        self.jobs.send(job).map_err(|_| fault())?;
+        wait(py, &self.stop, receive)?.ok_or_else(fault)
+    }
+
+    fn set(
+        &self,
+        py: Python<'_>,
+        set: impl FnOnce(&mut executor::Renderer) -> Result<(), ChangeError> + Send + 'static,
+    ) -> PyResult<()> {
+        self.call(py, |renderer| set(renderer).map_err(|error| error.to_string()))?.map_err(invalid)
+    }
+
+    fn picture<'py>(
+        &self,
+        py: Python<'py>,
+        render: impl FnOnce(&mut executor::Renderer) -> Result<Image, RenderError> + Send + 'static,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let rendered = self.call(py, |renderer| render(renderer).map_err(|error| error.to_string()))?;
+        arrays::picture(py, rendered.map_err(failed)?)
+    }
+}
+
+/// A pass as Python sees it: name, kind, program, parameters.
+type PassFacts = (String, &'static str, Option<&'static str>, Vec<(&'static str, String)>);
+
+#[pymethods]
+impl Renderer {
+    fn render<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        self.picture(py, |renderer| renderer.update(&mut Silent))
+    }
+
+    fn frame<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        self.picture(py, |renderer| renderer.frame(&mut Silent))
+    }
+
+    fn target<'py>(&self, py: Python<'py>, name: String) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let read = self.call(py, move |renderer| -> Result<Image, String> {
+            let mut shown = renderer.settings().show.clone();
+            if !shown.contains(&name) {
+                shown.push(name.clone());
+                renderer.set_shown(&shown).map_err(|error| error.to_string())?;
+            }
+            renderer.refresh(&mut Silent).map_err(|error| error.to_string())?;
+            let channel = renderer.plan().channel_named(&name).map_err(|error| error.to_string())?;
+            let [width, height] = renderer.plan().target_size(Some(channel.target));
+            Ok(Image { width, height, pixels: renderer.channel(channel).to_vec() })
+        })?;
+        arrays::picture(py, read.map_err(failed)?)
+    }
+
+    fn accumulate<'py>(&self, py: Python<'py>, goal: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
+        // A float is an error also where it has no point as text.
+        let goal = match goal.extract::<f64>() {
+            Ok(error) if goal.is_instance_of::<pyo3::types::PyFloat>() => format!("{error:e}"),
+            _ => text(goal)?,
+        };
+        let goal: Goal = goal.parse().map_err(invalid)?;
+        let done = self.call(py, move |renderer| {
+            let accumulation = renderer.accumulate(goal, &mut Silent).map_err(|error| error.to_string())?;
+            let passes: Vec<_> = accumulation
+                .passes()
+                .iter()
+                .map(|pass| (pass.name.clone(), pass.estimate().batches(), pass.error(), pass.standard_error()))
+                .collect();
+            Ok::<_, String>((accumulation.samples(), accumulation.error(), passes, renderer.window_image()))
+        })?;
+        let (samples, error, passes, image) = done.map_err(failed)?;
+        let found = PyDict::new(py);
+        found.set_item("image", arrays::picture(py, image)?)?;
+        found.set_item("samples", samples)?;
+        found.set_item("error", error)?;
+        let list = PyList::empty(py);
+        for (name, batches, error, standard_error) in passes {
+            let pass = PyDict::new(py);
+            pass.set_item("pass", name)?;
+            pass.set_item("batches", batches)?;
+            pass.set_item("error", error)?;
+            pass.set_item("standard_error", arrays::picture(py, standard_error)?)?;
+            list.append(pass)?;
+        }
+        found.set_item("passes", list)?;
+        Ok(found)
+    }
+
+    #[pyo3(signature = (name = None))]
+    fn set_camera(&self, py: Python<'_>, name: Option<String>) -> PyResult<()> {
+        self.set(py, move |renderer| renderer.set_camera(name.as_deref()))
+    }
+
+    #[pyo3(signature = (camera, *, position = None, direction = None, look_at = None, up = None, fov = None))]
+    #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
+    fn set_pose(
+        &self,
+        py: Python<'_>,
+        camera: String,
+        position: Option<[f32; 3]>,
+        direction: Option<[f32; 3]>,
+        look_at: Option<[f32; 3]>,
+        up: Option<[f32; 3]>,
+        fov: Option<f32>,
+    ) -> PyResult<()> {
+        if direction.is_some() && look_at.is_some() {
+            return Err(invalid("`direction` and `look_at` are both given; valid: one of them"));
+        }
+        let name = camera.clone();
+        let now = self.call(py, move |renderer| renderer.project().pose(&name))?.map_err(invalid)?;
+        let position = position.map_or(now.position, Vec3::from_array);
+        let towards = look_at.map(|point| Vec3::from_array(point) - position);
+        let pose = Pose {
+            position,
+            direction: towards.or(direction.map(Vec3::from_array)).unwrap_or(now.direction),
+            up: up.map_or(now.up, Vec3::from_array),
+            fov_y: fov.map_or(now.fov_y, f32::to_radians),
+        };
+        self.set(py, move |renderer| renderer.set_pose(&camera, pose))
+    }
+
+    fn set_light(&self, py: Python<'_>, light: String, direction: [f32; 3], color: [f32; 3]) -> PyResult<()> {
+        self.set(py, move |renderer| renderer.set_light(&light, direction.into(), color.into()))
+    }
+
+    fn set_size(&self, py: Python<'_>, width: u32, height: u32) -> PyResult<()> {
+        self.set(py, move |renderer| renderer.set_size([width, height]))
+    }
+
+    fn set_parameter(&self, py: Python<'_>, pass_name: String, name: String, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        let value = text(value)?;
+        self.set(py, move |renderer| renderer.set_parameter(&pass_name, &name, &value))
+    }
+
+    fn set_enabled(&self, py: Python<'_>, pass_name: String, enabled: bool) -> PyResult<()> {
+        self.set(py, move |renderer| renderer.set_enabled(&pass_name, enabled))
+    }
+
+    fn set_seed(&self, py: Python<'_>, seed: u32) -> PyResult<()> {
+        self.call(py, move |renderer| renderer.set_seed(seed))
+    }
+
+    fn reload(&self, py: Python<'_>) -> PyResult<()> {
+        self.set(py, executor::Renderer::reload)
+    }
+
+    #[pyo3(signature = (*, as_frame = false))]
+    fn timings<'py>(&self, py: Python<'py>, as_frame: bool) -> PyResult<Bound<'py, PyAny>> {
+        let rows = self.call(py, |renderer| renderer.timeline().rows.clone())?;
+        let list = PyList::empty(py);
+        for row in &rows {
+            list.append(timing(py, row)?)?;
+        }
+        if !as_frame {
+            return Ok(list.into_any());
+        }
+        py.import("pandas")?.call_method1("DataFrame", (list,))
+    }
+
+    fn forget_timings(&self, py: Python<'_>) -> PyResult<()> {
+        self.call(py, executor::Renderer::forget_frames)
+    }
+
+    #[getter]
+    fn size(&self, py: Python<'_>) -> PyResult<(u32, u32)> {
+        self.call(py, |renderer| {
+            let [width, height] = renderer.settings().size.unwrap_or(renderer.project().window);
+            (width, height)
+        })
+    }
+
+    #[getter]
+    fn cameras(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.call(py, |renderer| renderer.project().cameras.iter().map(|camera| camera.name.clone()).collect())
+    }
+
+    #[getter]
+    fn lights(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.call(py, |renderer| renderer.project().lights.iter().map(|light| light.name.clone()).collect())
+    }
+
+    #[getter]
+    fn passes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let facts = self.call(py, |renderer| {
+            let plan = renderer.plan();
+            let facts = |planned: &curitiba::pipeline::plan::PlannedPass| -> PassFacts {
+                let pass = plan.pass(planned);
+                let (kind, program, parameters) = match (&pass.kind, &planned.work) {
+                    (PassKind::Ray(ray), Work::Rays { params, .. }) => {
+                        let info = ray.program.info();
+                        ("rays", Some(info.stem), info.params.iter().map(|name| (*name, params.get(name))).collect())
+                    }
+                    (PassKind::Effect(effect), Work::Effect { params, .. }) => {
+                        let info = effect.program.info();
+                        ("effect", Some(info.name), info.params.iter().map(|name| (*name, params.get(name))).collect())
+                    }
+                    (PassKind::Raster(_), _) => ("raster", None, Vec::new()),
+                    (PassKind::Quad(_), _) => ("quad", None, Vec::new()),
+                    _ => ("off", None, Vec::new()),
+                };
+                (pass.name.clone(), kind, program, parameters)
+            };
+            plan.passes.iter().map(facts).collect::<Vec<_>>()
+        })?;
+        let list = PyList::empty(py);
+        for (name, kind, program, parameters) in facts {
+            let pass = PyDict::new(py);
+            pass.set_item("name", name)?;
+            pass.set_item("kind", kind)?;
+            pass.set_item("program", program)?;
+            let values = PyDict::new(py);
+            for (name, value) in parameters {
+                values.set_item(name, value)?;
+            }
+            pass.set_item("parameters", values)?;
+            list.append(pass)?;
+        }
+        Ok(list)
+    }
+
+    #[getter]
+    fn passes_run(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.call(py, |renderer| renderer.passes_run().map(str::to_owned).collect())
+    }
+
+    #[getter]
+    fn engines(&self, py: Python<'_>) -> PyResult<(String, String)> {
+        self.call(py, |renderer| {
+            let engines = renderer.engines();
+            (engines.raster.name().to_owned(), engines.rays.name().to_owned())
+        })
+    }
+
+    #[getter]
+    fn warnings(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.call(py, |renderer| {
+            let groups = renderer.warnings().groups().iter().map(ToString::to_string);
+            groups.chain(renderer.fallbacks().iter().map(ToString::to_string)).collect()
+        })
+    }
+}
+
+/// A row of the table of times.
+fn timing<'py>(py: Python<'py>, row: &Row) -> PyResult<Bound<'py, PyDict>> {
+    let facts = PyDict::new(py);
+    let device = (!row.device_ms.is_empty()).then(|| executor::median(&row.device_ms));
+    facts.set_item("step", row.kind.name())?;
+    facts.set_item("name", &row.name)?;
+    facts.set_item("per_frame", row.kind.per_frame())?;
+    facts.set_item("host_ms", row.median_ms())?;
+    facts.set_item("device_ms", device)?;
+    facts.set_item("runs", row.host_ms.len())?;
+    facts.set_item("rays", row.rays.map(RayCounts::total))?;
+    facts.set_item("mrays_per_second", row.mrays_per_second())?;
+    facts.set_item("bytes", row.bytes)?;
+    facts.set_item("note", &row.note)?;
+    Ok(facts)
+}

@@ -1,0 +1,311 @@
+"""The wheel, as it is installed."""
+
+import ast
+import inspect
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import curitiba
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PROJECTS = ROOT / "xml_projects"
+SMALL = {"size": (112, 80), "backend": "cpu", "raster": "cpu"}
+
+
+def opened(name, **settings):
+    return curitiba.open(PROJECTS / f"{name}.xml", **{**SMALL, **settings})
+
+
+def test_it_is_the_wheel():
+    assert "site-packages" in curitiba.__file__
+    assert pathlib.Path(curitiba.__file__).with_name("py.typed").exists()
+
+
+def parameters(function):
+    names = [argument.arg for argument in (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)]
+    return [name for name in names if name != "self"]
+
+
+def test_the_stubs_have_the_names_and_parameters_of_the_module():
+    native = curitiba._native
+    stub = ast.parse(pathlib.Path(native.__file__).with_name("_native.pyi").read_text())
+    classes = {node.name: node for node in stub.body if isinstance(node, ast.ClassDef)}
+    functions = {node.name: node for node in stub.body if isinstance(node, ast.FunctionDef)}
+    public = {name for name in dir(native) if not name.startswith("_")}
+    assert public == set(curitiba.__all__) == {*functions, "Renderer", "Tracer", "CuritibaError"}
+    for name, function in functions.items():
+        assert parameters(function) == list(inspect.signature(getattr(native, name)).parameters), name
+    for name in ("Renderer", "Tracer"):
+        of_stub = {node.name: node for node in classes[name].body if isinstance(node, ast.FunctionDef)}
+        of_class = {member for member in vars(getattr(native, name)) if not member.startswith("__") or member == "__len__"}
+        assert of_class == set(of_stub) - {"__init__"}, name
+        for member in of_class - {"__len__"}:
+            real = getattr(getattr(native, name), member)
+            if callable(real):
+                found = [p for p in inspect.signature(real).parameters if p != "self"]
+                assert parameters(of_stub[member]) == found, member
+
+
+def test_a_picture_is_an_array_that_owns_its_memory():
+    renderer = opened("SceneShadows")
+    picture = renderer.render()
+    assert picture.shape == (80, 112, 4) and picture.dtype == np.float32
+    assert picture.flags.c_contiguous and picture.flags.writeable and np.isfinite(picture).all()
+    assert len(np.unique(picture.reshape(-1, 4), axis=0)) > 100
+    kept = picture.copy()
+    picture[:] = 0
+    assert (renderer.render() == kept).all(), "the renderer has its own picture"
+    assert renderer.engines == ("cpu", "cpu") and renderer.size == (112, 80)
+    assert renderer.cameras == ["MainCamera", "Vidro"] and renderer.lights == ["Sun"]
+
+
+def test_setters_equal_a_renderer_that_was_opened_so():
+    renderer = opened("SceneSSAO", parameters={"pass2.samples": 4})
+    renderer.render()
+    assert renderer.passes_run == ["pass1", "pass2", "pass5"]
+    renderer.set_parameter("pass2", "radius", 2.5)
+    changed = renderer.render()
+    assert renderer.passes_run == ["pass2", "pass5"], "the G-buffer stays"
+    assert (changed == opened("SceneSSAO", parameters={"pass2.samples": 4, "pass2.radius": 2.5}).render()).all()
+    renderer.set_camera("Vidro")
+    renderer.set_size(61, 43)
+    expected = opened("SceneSSAO", parameters={"pass2.samples": 4, "pass2.radius": 2.5}, camera="Vidro", size=(61, 43))
+    assert (renderer.render() == expected.render()).all()
+    assert renderer.passes[1]["parameters"]["radius"] == "2.5" and renderer.passes[1]["program"] == "ssao"
+    renderer.set_enabled("pass2", False)
+    plain = opened("SceneNoEffects", camera="Vidro", size=(61, 43)).render()
+    assert (renderer.render() == plain).all()
+    assert [facts["kind"] for facts in renderer.passes] == ["raster", "off", "quad"]
+    renderer.set_enabled("pass2", True)
+    renderer.set_seed(3)
+    renderer.set_light("Sun", (-0.5, -1, 0.25), (1, 1, 1))
+    renderer.set_camera()
+    renderer.set_pose("MainCamera", position=(0, 5, -30), look_at=(0, 0, 0), fov=50)
+    renderer.reload()
+    assert (renderer.render() == renderer.frame()).all()
+
+
+def test_targets_are_what_passes_read():
+    renderer = opened("SceneFinal", parameters={"pass2.samples": 4})
+    before = renderer.render()
+    position, normal = renderer.target("pos"), renderer.target("Deferred Render Targets::norm")
+    seen = np.any(normal[..., :3] != 0, axis=-1)
+    assert position.shape == normal.shape == (80, 112, 4) and 0.3 < seen.mean() <= 1
+    assert np.allclose(np.linalg.norm(normal[seen][:, :3], axis=1), 1, atol=1e-2)
+    assert (renderer.render() == before).all()
+    with pytest.raises(curitiba.CuritibaError, match="did you mean `norm`"):
+        renderer.target("nrm")
+
+
+def test_timings_are_rows():
+    renderer = opened("SceneShadows")
+    renderer.render()
+    rows = renderer.timings()
+    rays = [row for row in rows if row["step"] == "rays"]
+    assert len(rays) == 1 and rays[0]["name"] == "pass2" and rays[0]["rays"] > 0 and rays[0]["host_ms"] > 0
+    assert json.loads(json.dumps(rows)) == rows
+    frame = pytest.importorskip("pandas") and renderer.timings(as_frame=True)
+    assert list(frame["step"]) == [row["step"] for row in rows]
+    renderer.forget_timings()
+    assert not any(row["per_frame"] for row in renderer.timings())
+
+
+def test_accumulated_samples_are_those_of_one_frame():
+    renderer = opened("SceneSSAO", parameters={"pass2.samples": 4})
+    found = renderer.accumulate(64)
+    expected = opened("SceneSSAO", parameters={"pass2.samples": 64}).render()
+    assert (found["image"] == expected).all() and found["samples"] == 64
+    assert 0 < found["error"] < 0.1 and found["passes"][0]["pass"] == "pass2"
+    assert found["passes"][0]["standard_error"].shape == (80, 112, 4)
+    assert renderer.accumulate(0.05)["error"] <= 0.05
+    assert renderer.accumulate("1ms")["samples"] >= 32
+    with pytest.raises(ValueError, match="500ms"):
+        renderer.accumulate("for ever")
+
+
+def test_errors_say_what_is_valid():
+    with pytest.raises(curitiba.CuritibaError, match="nowhere.xml"):
+        curitiba.open("nowhere.xml")
+    with pytest.raises(ValueError, match="did you mean `cpu`"):
+        opened("SceneShadows", backend="cpx")
+    renderer = opened("SceneShadows")
+    before = renderer.render()
+    for wrong in (
+        lambda: renderer.set_camera("Vidra"),
+        lambda: renderer.set_parameter("pass2", "samples", 4),
+        lambda: renderer.set_size(0, 4),
+        lambda: renderer.set_enabled("pass1", False),
+        lambda: renderer.set_light("Sun", (0, 0, 0), (1, 1, 1)),
+    ):
+        with pytest.raises(ValueError):
+            wrong()
+    assert (renderer.render() == before).all()
+
+
+def test_pictures_are_compared():
+    reference = np.full((32, 40, 4), 0.5, np.float32)
+    test = reference.copy()
+    test[..., :3] += 0.25
+    found = curitiba.compare(test, reference)
+    assert found["rmse"] == pytest.approx(0.25) and found["max"] == pytest.approx(0.25) and found["energy"] == pytest.approx(1.5)
+    assert found["psnr"] == pytest.approx(20 * np.log10(4)) and found["outliers"] == 1 and found["pixels"] == 32 * 40
+    same = curitiba.compare(reference[..., :3], reference.astype(np.float64))
+    assert same["rmse"] == 0 and same["flip"] == 0 and same["ssim"] == 1
+    with pytest.raises(curitiba.CuritibaError, match="one size"):
+        curitiba.compare(test[1:], reference)
+    with pytest.raises(ValueError, match="height, width, 3"):
+        curitiba.compare(test[..., 0], reference)
+
+
+def cube():
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners, np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
+
+
+def slabs(origins, directions):
+    """Where rays enter or leave the unit cube, in f64."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near, far = (0 - origins) / directions, (1 - origins) / directions
+    low, high = np.minimum(near, far).max(1), np.maximum(near, far).min(1)
+    return np.where((low < high) & (high > 0), np.where(low > 0, low, high), np.inf)
+
+
+def test_rays_hit_a_cube_where_slabs_say():
+    random = np.random.default_rng(5)
+    tracer = curitiba.Tracer(*cube())
+    assert len(tracer) == 12 and tracer.nbytes > 0
+    origins = random.uniform(-2, 3, (20_000, 3)).astype(np.float32)
+    directions = random.normal(size=(20_000, 3))
+    directions = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
+    expected = slabs(origins.astype(np.float64), directions.astype(np.float64))
+    hits = tracer.closest(origins, directions)
+    assert hits["t"].dtype == np.float32 and hits["triangle"].dtype == np.int32 and hits["uv"].shape == (20_000, 2)
+    hit = np.isfinite(hits["t"])
+    # A ray that meets the cube within rounding of an edge may be told either way.
+    assert np.count_nonzero(hit != np.isfinite(expected)) <= 2 and 0.05 < hit.mean() < 0.9
+    both = hit & np.isfinite(expected)
+    assert np.allclose(hits["t"][both], expected[both], rtol=1e-4, atol=1e-5)
+    assert (hits["triangle"][~hit] == -1).all() and np.isnan(hits["uv"][~hit]).all()
+    corners, triangles = cube()
+    a, b, c = (corners[triangles[hits["triangle"][hit]][:, i]].astype(np.float64) for i in range(3))
+    u, v = (hits["uv"][hit][:, i, None].astype(np.float64) for i in range(2))
+    points = origins[hit] + hits["t"][hit][:, None].astype(np.float64) * directions[hit]
+    assert np.abs((1 - u - v) * a + u * b + v * c - points).max() < 1e-4
+    assert (tracer.occluded(origins, directions) == hit).all()
+    # Limits, of one ray or of all; one origin for all; float64 and lists are converted.
+    short = tracer.occluded(origins, directions, t_max=np.where(hit, hits["t"] * 0.999, 1))
+    assert not short[np.isfinite(expected)].any()
+    middle = tracer.closest([[0.5, 0.5, 0.5]], directions.astype(np.float64), t_min=0.25, t_max=10)
+    assert np.isfinite(middle["t"]).all()
+    assert not tracer.occluded([[0.5, 0.5, 0.5]], directions, t_max=0.49).any()
+
+
+def test_wrong_arrays_are_refused():
+    corners, triangles = cube()
+    for wrong, message in (
+        (lambda: curitiba.Tracer(corners[:, :2], triangles), r"valid: \(n, 3\)"),
+        (lambda: curitiba.Tracer(corners, triangles + 1), "names 8; there are 8 positions"),
+        (lambda: curitiba.Tracer(corners, triangles - 1), "names -1"),
+        (lambda: curitiba.Tracer(corners, triangles).closest(corners, corners[:3]), "8 origins for 3 directions"),
+        (lambda: curitiba.Tracer(corners, triangles).occluded(corners, corners, t_max=[1, 2]), r"\(8,\)"),
+        (lambda: curitiba.visibility(corners, triangles, [[0, 12]]), "names 12; there are 12 triangles"),
+        (lambda: curitiba.visibility(corners, triangles, [[0, 1]], samples=9), "multiple of 8"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            wrong()
+    assert curitiba.Tracer(np.zeros((0, 3)), np.zeros((0, 3), int)).closest([[0, 0, 0]], [[0, 0, 1]])["triangle"][0] == -1
+
+
+def test_triangles_that_face_each_other_are_seen_and_a_wall_hides():
+    # Two parallel triangles that look at each other, and a wall between them.
+    near = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    far = [[0, 0, 2], [0, 1, 2], [1, 0, 2]]
+    wall = [[-9, -9, 1], [9, -9, 1], [0, 19, 1]]
+    triangles = np.arange(9).reshape(3, 3)
+    pairs = [[0, 1], [1, 0]]
+    open_ = curitiba.visibility(np.array(near + far, np.float32), triangles[:2], pairs, form_factors=True)
+    assert open_["visibility"].tolist() == [1, 1] and open_["class"] == ["open", "open"] and open_["error"].tolist() == [0, 0]
+    # Independent: the double integral over both triangles by midpoints.
+    n = 24
+    s, t = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(n) + 0.5) / n)
+    u, v = 1 - np.sqrt(s.ravel()), t.ravel() * np.sqrt(s.ravel())
+    d2 = (u[:, None] - u[None]) ** 2 + (v[:, None] - v[None]) ** 2 + 4
+    assert open_["form_factors"][0, 0] == pytest.approx(0.5 * (4 / d2 / (np.pi * d2)).mean(), rel=2e-3)
+    hidden = curitiba.visibility(np.array(near + far + wall, np.float32), triangles, pairs, samples=256)
+    assert hidden["visibility"].tolist() == [0, 0]
+
+
+def test_other_threads_go_on_while_it_renders():
+    renderer = opened("SceneSSAO", size=(512, 512), parameters={"pass2.samples": 1024, "pass2.radius": 3})
+    counted, done = [0], threading.Event()
+
+    def count():
+        while not done.is_set():
+            counted[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    before = counted[0]
+    renderer.render()
+    meanwhile = counted[0] - before
+    done.set()
+    thread.join()
+    assert meanwhile > 20, "the interpreter was held"
+
+
+INTERRUPTED = """
+import curitiba, numpy as np, sys
+renderer = curitiba.open(sys.argv[1], size=(1024, 1024), backend="cpu", raster="cpu", parameters={"pass2.samples": 65536, "pass2.radius": 5})
+print("begun", flush=True)
+try:
+    renderer.render()
+    print("rendered", flush=True)
+except KeyboardInterrupt:
+    renderer.set_parameter("pass2", "samples", 1)
+    print("interrupted", renderer.render().shape, flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are sent as on Unix")
+def test_ctrl_c_ends_a_long_frame_and_the_renderer_goes_on():
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, str(PROJECTS / "SceneSSAO.xml")],
+        stdout=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert process.stdout.readline() == "begun\n"
+    time.sleep(1)
+    process.send_signal(signal.SIGINT)
+    # It would take minutes otherwise.
+    assert process.communicate(timeout=60)[0] == "interrupted (1024, 1024, 4)\n"
+
+
+def test_the_notebook_runs_and_makes_its_figure(tmp_path, monkeypatch):
+    notebook = json.loads((ROOT / "python" / "examples" / "raster_or_rays.ipynb").read_text())
+    assert notebook["nbformat"] == 4
+    monkeypatch.setenv("CURITIBA_PROJECTS", str(PROJECTS))
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setenv("CURITIBA_SIZE", "96")
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "__main__"}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), "raster_or_rays.ipynb", "exec"), names)
+    assert (tmp_path / "raster_or_rays.png").stat().st_size > 10_000
+    rows = names["rows"]
+    occlusion = [row for row in rows if row["program"] == "ssao"]
+    # More samples come nearer to the reference.
+    assert len(occlusion) >= 4 and occlusion[-1]["rmse"] < 0.5 * occlusion[0]["rmse"]
+    assert any(row["kind"] == "raster" for row in rows)
