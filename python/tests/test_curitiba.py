@@ -246,7 +246,7 @@ def test_triangles_that_face_each_other_are_seen_and_a_wall_hides():
 
 
 def test_other_threads_go_on_while_it_renders():
-    renderer = opened("SceneSSAO", size=(512, 512), parameters={"pass2.samples": 1024, "pass2.radius": 3})
+    renderer = opened("SceneSSAO", size=(256, 256), parameters={"pass2.samples": 256, "pass2.radius": 2})
     counted, done = [0], threading.Event()
 
     def count():
