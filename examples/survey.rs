@@ -106,8 +106,11 @@ fn outcome(file: &Path, arguments: &Arguments) -> Outcome {
         .and_then(|mut renderer| renderer.frame(&mut Silent).map_err(OpenError::from));
     match rendered {
         Ok(picture) => {
-            let blank = picture.pixels.iter().all(|pixel| *pixel == picture.pixels[0]);
-            if blank { Outcome::Blank } else { Outcome::Renders }
+            if picture.is_blank() {
+                Outcome::Blank
+            } else {
+                Outcome::Renders
+            }
         }
         Err(OpenError::Project(problems)) => {
             let errors: Vec<_> = problems.0.iter().filter(|problem| problem.severity == Severity::Error).collect();

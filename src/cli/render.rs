@@ -8,7 +8,6 @@ use curitiba::environment::{Environment, peak_memory};
 use curitiba::pipeline::diagnostic::WarningGroup;
 use curitiba::pipeline::executor::{AccumulatedPass, Fallback, Goal, RenderError, Renderer, Row, Saved, Written};
 use curitiba::pipeline::files::{check_outputs, record_files_read};
-use curitiba::pipeline::image::count_non_finite;
 use curitiba::pipeline::plan::{Decision, mebibytes};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -132,8 +131,9 @@ fn accumulate(renderer: &mut Renderer, goal: Goal, inspector: &mut Inspector) ->
 
 /// Writes what was accumulated.
 fn save(renderer: &mut Renderer, output: &Path, inspector: &mut Inspector) -> Result<Saved, RenderError> {
-    let not_finite = count_non_finite(&renderer.window_image().pixels);
-    Ok(Saved { files: renderer.save(output, inspector)?, not_finite })
+    let picture = renderer.window_image();
+    let (not_finite, is_blank) = (picture.count_non_finite(), picture.is_blank());
+    Ok(Saved { files: renderer.save(output, inspector)?, not_finite, is_blank })
 }
 
 /// The name of the project, scene file or folder, in this folder.

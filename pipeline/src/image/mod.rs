@@ -133,6 +133,14 @@ impl Image {
         })
     }
 
+    /// Whether all pixels have one colour; alpha does not count.
+    #[must_use]
+    pub fn is_blank(&self) -> bool {
+        let mut colors = Colors::default();
+        colors.see(&self.pixels);
+        colors.is_one()
+    }
+
     /// How many pixels hold a value that is not finite.
     #[must_use]
     pub fn count_non_finite(&self) -> usize {
