@@ -184,7 +184,7 @@ def test_rays_hit_a_cube_where_slabs_say():
     random = np.random.default_rng(5)
     tracer = curitiba.Tracer(*cube())
     assert len(tracer) == 12 and tracer.nbytes > 0
-    origins = random.uniform(-2, 3, (20_000, 3)).astype(np.float32)
+    origins = random.uniform(-1, 2, (20_000, 3)).astype(np.float32)
     directions = random.normal(size=(20_000, 3))
     directions = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
     expected = slabs(origins.astype(np.float64), directions.astype(np.float64))
@@ -266,7 +266,7 @@ def test_other_threads_go_on_while_it_renders():
 
 INTERRUPTED = """
 import curitiba, numpy as np, sys
-renderer = curitiba.open(sys.argv[1], size=(1024, 1024), backend="cpu", raster="cpu", parameters={"pass2.samples": 65536, "pass2.radius": 5})
+renderer = curitiba.open(sys.argv[1], size=(1024, 1024), backend="cpu", raster="cpu", parameters={"pass2.samples": 512, "pass2.radius": 2})
 print("begun", flush=True)
 try:
     renderer.render()
