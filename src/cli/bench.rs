@@ -110,6 +110,7 @@ fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice
                     Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }
                 })
                 .map_err(|error| error.to_string()),
+            EngineArg::WgpuRays => traced_by(choice.traced_by(BackendChoice::Wgpu), file),
             EngineArg::Cuda => traced_by(choice.traced_by(BackendChoice::Cuda), file),
             EngineArg::Optix => traced_by(choice.traced_by(BackendChoice::Optix), file),
         };

@@ -115,6 +115,8 @@ pub enum EngineArg {
     Cpu,
     /// Rasteriser on the GPU, rays on the processor
     Wgpu,
+    /// Rays on any GPU through wgpu
+    WgpuRays,
     /// NVIDIA GPUs through CUDA
     Cuda,
     /// NVIDIA GPUs through OptiX
@@ -127,6 +129,7 @@ impl EngineArg {
         match self {
             Self::Cpu => "cpu",
             Self::Wgpu => "wgpu",
+            Self::WgpuRays => "wgpu-rays",
             Self::Cuda => "cuda",
             Self::Optix => "optix",
         }

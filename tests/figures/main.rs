@@ -12,7 +12,8 @@
 //! |---|---|---|
 //! | `machine` | any command that writes an environment | a sentence: processor, threads, devices, commit, date, command |
 //! | `frames` | `curitiba bench` | a row for each case: milliseconds of raster, ray pass and frame, and the error |
-//! | `backends` | `curitiba bench --compare` | a row for each case: milliseconds of the ray pass on each backend |
+//! | `cases` | the same, several files | a row for each case: the frame and the error in each file, and the 2014 report's frame |
+//! | `backends` | `examples/conformance`, several files | a row for each ray pass: milliseconds on the device of each backend |
 //! | `threads` | `curitiba bench --sweep-threads` | a row for each step: milliseconds on each number of threads, and the speed-up |
 //! | `rays` | the bench beside Embree, several files | a row for each scene: rays a second, and ratios |
 //! | `passes`, `builds` | the same | whole ray passes, and building, beside Embree's |
@@ -152,7 +153,7 @@ fn a_wrong_marker_or_figure_is_found() {
         ("<!-- figures: machine -->\n", "a kind and a file are wanted"),
         ("<!-- figures: machine none.json -->\n", "none.json"),
         ("<!-- figures: tables epyc_table2.json -->\n", "there is no kind `tables`"),
-        ("<!-- figures: machine xeon16_threads.json -->\n", "measure it again in a clean checkout"),
+        ("<!-- figures: machine xeon16_load.json -->\n", "measure it again in a clean checkout"),
         ("<!-- figures: frames epyc_table2.json view=Nowhere -->\n", "no row"),
         ("<!-- figures: machine epyc_table2.json\n", "does not end with -->"),
     ];

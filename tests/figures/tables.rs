@@ -15,12 +15,15 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
     match kind {
         "machine" => Ok(machine(one()?)),
         "frames" => frames(one()?, options),
-        "backends" => backends(one()?, options),
+        "cases" => cases(files, options),
+        "backends" => backends(files, options),
         "threads" => threads(one()?, options),
         "rays" => rays(files),
         "passes" => passes(files),
         "builds" => builds(files),
-        _ => Err(format!("there is no kind `{kind}`; valid: machine, frames, backends, threads, rays, passes, builds")),
+        _ => Err(format!(
+            "there is no kind `{kind}`; valid: machine, frames, cases, backends, threads, rays, passes, builds"
+        )),
     }
 }
 
@@ -57,7 +60,9 @@ fn date(seconds: u64) -> String {
 
 fn machine(file: &Value) -> String {
     let environment = &file["environment"];
-    let devices: Vec<&str> = environment["gpu"].as_array().into_iter().flatten().map(text).collect();
+    let mut devices: Vec<&str> = environment["gpu"].as_array().into_iter().flatten().map(text).collect();
+    // Some commands list a name and a description of each.
+    devices.extend(file["devices"].as_array().into_iter().flatten().map(|device| text(&device[1])));
     let mut out = format!("{}, {} threads", text(&environment["cpu"]), environment["threads"]);
     for device in devices {
         let _ = write!(out, "; {device}");
@@ -72,7 +77,10 @@ fn machine(file: &Value) -> String {
         let rounds = file["rounds"].as_u64().map_or(String::new(), |rounds| format!(" of each of {rounds} rounds"));
         let _ = write!(out, "; medians of {frames} frames{rounds}");
     }
-    format!("{out}; `{}`.\n", text(&file["command"]))
+    if let Some(command) = file["command"].as_str() {
+        let _ = write!(out, "; `{command}`");
+    }
+    out + ".\n"
 }
 
 /// The rows of a bench that are of a view, and of labels where they are named (in their order).
@@ -93,13 +101,10 @@ fn rows<'f>(file: &'f Value, options: &Options) -> Result<Vec<&'f Value>, String
     if rows.is_empty() { Err("no row is of that view".to_owned()) } else { Ok(rows) }
 }
 
-/// Median milliseconds of the steps of a kind, together; of the device where that was measured.
-fn step(row: &Value, kind: &str, on_device: bool) -> Option<f64> {
+/// Median milliseconds of the steps of a kind, together.
+fn step(row: &Value, kind: &str) -> Option<f64> {
     let steps = row["steps"].as_array()?.iter().filter(|step| text(&step["kind"]) == kind);
-    let time = |step: &Value| {
-        let device = step["device"]["median"].as_f64().filter(|_| on_device);
-        device.or(step["host"]["median"].as_f64())
-    };
+    let time = |step: &Value| step["host"]["median"].as_f64();
     steps.map(time).reduce(|a, b| Some(a? + b?)).flatten()
 }
 
@@ -117,38 +122,78 @@ fn frames(file: &Value, options: &Options) -> Result<String, String> {
     out.push_str("---|---|---|---|\n");
     for row in rows {
         let view = if several { format!(" {} |", text(&row["view"])) } else { String::new() };
-        let [raster, rays, frame] =
-            [step(row, "raster", false), step(row, "rays", false), row["frame"]["median"].as_f64()].map(cell);
+        let [raster, rays, frame] = [step(row, "raster"), step(row, "rays"), row["frame"]["median"].as_f64()].map(cell);
         let error = cell(row["error"]["against"]["comparison"]["rmse"].as_f64());
         let _ = writeln!(out, "| {} |{view} {raster} | {rays} | {frame} | {error} |", text(&row["label"]));
     }
     Ok(out)
 }
 
-/// The ray pass on each backend, of the device where it is one, and the whole frame of the last column's backends.
-fn backends(file: &Value, options: &Options) -> Result<String, String> {
-    let rows = rows(file, options)?;
-    let name = |row: &Value| row["rays"]["name"].as_str().map(str::to_owned);
-    let mut names: Vec<String> = Vec::new();
-    for row in &rows {
-        names.extend(name(row).filter(|name| !names.contains(name)));
+/// The frame of each case in several files, and its error in each; beside them the 2014 report's frame where there is one. The option
+/// `names` says what the files are, with `/` between.
+fn cases(files: &[Value], options: &Options) -> Result<String, String> {
+    let names: Vec<&str> = options.get("names").ok_or("`names` is missing")?.split('/').map(str::trim).collect();
+    if names.len() != files.len() {
+        return Err(format!("{} names for {} files", names.len(), files.len()));
     }
-    let mut out = format!("| effects | view | {} |\n|---|---|{}\n", names.join(" | "), "---|".repeat(names.len()));
-    let mut written: Vec<(&str, &str)> = Vec::new();
-    for row in &rows {
-        let case = (text(&row["label"]), text(&row["view"]));
-        if written.contains(&case) || name(row).is_none() {
-            continue;
+    let tables = files.iter().map(|file| rows(file, options)).collect::<Result<Vec<_>, _>>()?;
+    let report = tables[0].iter().any(|row| row["thesis"]["frame_ms"].is_number());
+    let times = names.iter().map(|name| format!(" {name}, ms | error |")).collect::<String>();
+    let mut out = format!("| effects | view |{}{times}\n|---|---|", if report { " report, ms |" } else { "" });
+    let _ = writeln!(out, "{}", "---|".repeat(2 * names.len() + usize::from(report)));
+    for row in &tables[0] {
+        let _ = write!(out, "| {} | {} |", text(&row["label"]), text(&row["view"]));
+        if report {
+            let _ = write!(out, " {} |", cell(row["thesis"]["frame_ms"].as_f64()));
         }
-        written.push(case);
-        let of = |backend: &String| {
-            let found = rows
-                .iter()
-                .find(|row| (text(&row["label"]), text(&row["view"])) == case && name(row).as_ref() == Some(backend));
-            cell(found.and_then(|row| step(row, "rays", true)))
+        for table in &tables {
+            let same = |other: &&&Value| other["label"] == row["label"] && other["view"] == row["view"];
+            let found = table.iter().find(same);
+            let number = |value: Option<&Value>| cell(value.and_then(Value::as_f64));
+            let time = number(found.map(|row| &row["frame"]["median"]));
+            let error = number(found.map(|row| &row["error"]["against"]["comparison"]["rmse"]));
+            let _ = write!(out, " {time} | {error} |");
+        }
+        out.push('\n');
+    }
+    Ok(out)
+}
+
+/// The program and the camera of a record of `examples/conformance.rs`.
+fn case(record: &Value) -> (&str, &str) {
+    (text(&record["program"]), record["camera"].as_str().unwrap_or("its own"))
+}
+
+/// Milliseconds of each ray pass on the device, a column for each backend. What disagreed with the processor says so.
+fn backends(files: &[Value], options: &Options) -> Result<String, String> {
+    let fidelity = options.get("fidelity").map_or("corrected", String::as_str);
+    let all = files.iter().filter_map(|file| file["records"].as_array()).flatten();
+    let records: Vec<&Value> = all.filter(|record| text(&record["fidelity"]) == fidelity).collect();
+    let mut backends: Vec<&str> = Vec::new();
+    let mut cases: Vec<(&str, &str)> = Vec::new();
+    for record in &records {
+        let backend = text(&record["backend"]);
+        if !backends.contains(&backend) {
+            backends.push(backend);
+        }
+        if !cases.contains(&case(record)) {
+            cases.push(case(record));
+        }
+    }
+    if cases.is_empty() {
+        return Err("no row is of that fidelity".to_owned());
+    }
+    let mut out =
+        format!("| program | view | {} |\n|---|---|{}\n", backends.join(" | "), "---|".repeat(backends.len()));
+    for (program, camera) in cases {
+        let of = |backend: &&str| {
+            let same = |record: &&&Value| case(record) == (program, camera) && text(&record["backend"]) == *backend;
+            let Some(record) = records.iter().find(same) else { return String::new() };
+            let wrong = if record["within_limits"] == false { " (beyond the limits)" } else { "" };
+            cell(record["device_ms_median"].as_f64()) + wrong
         };
-        let cells: Vec<String> = names.iter().map(of).collect();
-        let _ = writeln!(out, "| {} | {} | {} |", case.0, case.1, cells.join(" | "));
+        let cells: Vec<String> = backends.iter().map(of).collect();
+        let _ = writeln!(out, "| {program} | {camera} | {} |", cells.join(" | "));
     }
     Ok(out)
 }

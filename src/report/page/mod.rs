@@ -219,7 +219,7 @@ fn in_short(data: &ReportData) -> Markup {
                 table {
                     thead {
                         tr {
-                            th.text scope="col" { "Effect" } th.text scope="col" { "Within RMSE " (error(data.within)) }
+                            th.text scope="col" { "Effect" } th.text scope="col" { "Verdict" }
                             th.text scope="col" { "Setting" } th scope="col" { "Frame, ms" } th scope="col" { "95 %" }
                             th.text scope="col" { "60 Hz" }
                             th scope="col" { "RMSE" } th scope="col" { "FLIP" } th scope="col" { "RMSE without it" }

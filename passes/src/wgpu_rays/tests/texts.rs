@@ -59,9 +59,9 @@ fn parameters_lie_where_the_host_writes_them() {
             $(assert_eq!(offset(stringify!($name)), std::mem::offset_of!(Params, $name), stringify!($name)); seen += 1;)*
         };
     }
-    same!("origin_x" origin, "unused_0" unused;
+    same!("origin_x" origin;
         eye zero to_light seed light_color samples scene_low strata scene_high depth width height first_tile end_tile tiles_across
         capacity root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
-        has_normals id_base radius index);
-    assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 2));
+        has_normals id_base radius index decoded_at unused);
+    assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 1));
 }
