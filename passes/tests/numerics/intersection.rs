@@ -1,6 +1,6 @@
 //! Meshes that rays slip through: needles, triangles far smaller than a pixel, copies, origins on the surface.
 
-use crate::trace_scenes::{Random, geometry, icosphere, ray};
+use crate::trace_scenes::{Random, geometry, icosphere, passes_ordinary_test, ray};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
@@ -10,22 +10,6 @@ const OPAQUE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted
 
 fn build(geometry: &Geometry) -> Bvh {
     Bvh::build(geometry, &[], Quality::Balanced)
-}
-
-/// The triangle test of Möller and Trumbore in `f32`, without a tree: the negative control of this file.
-fn ordinary_test(ray: &Ray, [a, b, c]: [Vec3; 3]) -> bool {
-    let (e1, e2) = (b - a, c - a);
-    let p = ray.direction.cross(e2);
-    let inverse = 1.0 / e1.dot(p);
-    let s = ray.origin - a;
-    let u = s.dot(p) * inverse;
-    let q = s.cross(e1);
-    let v = ray.direction.dot(q) * inverse;
-    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && e2.dot(q) * inverse > ray.t_min
-}
-
-fn passes_ordinary_test(mesh: &Geometry, ray: &Ray) -> bool {
-    !(0..mesh.triangles.len() as u32).any(|triangle| ordinary_test(ray, mesh.corners(triangle)))
 }
 
 /// A point on an edge of a mesh, or a vertex.

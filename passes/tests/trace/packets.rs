@@ -147,9 +147,15 @@ fn packets_show_every_transparent_hit_of_rays_that_nothing_stops() {
     let geometry = geometry(&[(1, soup(1500, 0.2, &mut random)), (0, soup(60, 0.2, &mut random))]);
     let packets = all_packets(&geometry);
     let bvh = Bvh::build(&geometry, &[false, true], Quality::Balanced);
+    let crossings = crossings_as_alone(&bvh, &packets);
+    assert!(crossings > 1000, "{crossings}");
+}
+
+/// Rays of packets that nothing stops are shown the transparent hits that each is shown alone; how many these are.
+pub fn crossings_as_alone(bvh: &Bvh, packets: &[Packet]) -> usize {
     let mut blocked = vec![0; packets.len()];
     let mut shown = vec![BTreeSet::new(); packets.len() * PACKET];
-    bvh.occluded_packets(&packets, &mut blocked, |ray, hit| {
+    bvh.occluded_packets(packets, &mut blocked, |ray, hit| {
         shown[ray].insert(bits(hit));
         false
     });
@@ -166,7 +172,7 @@ fn packets_show_every_transparent_hit_of_rays_that_nothing_stops() {
             crossings += alone.len();
         }
     }
-    assert!(crossings > 1000, "{crossings}");
+    crossings
 }
 
 #[test]

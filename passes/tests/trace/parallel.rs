@@ -1,11 +1,11 @@
 //! Rays of one direction, tile by tile, against the same rays one by one: where lists of triangles are shared, too long to be
 //! shared, or of no use.
 
-use crate::trace_scenes::{Random, SETS, accepts, bits, bounds, geometry, quads, soup, terrain};
+use super::packets::crossings_as_alone;
+use crate::trace_scenes::{Random, SETS, accepts, bounds, geometry, quads, soup, terrain};
 use curitiba_passes::trace::{Bvh, PACKET, Packet, Quality, Ray, SurfacePoint, Tracer};
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
-use std::collections::BTreeSet;
 
 /// Packets of a tile.
 const TILE: usize = 16;
@@ -140,24 +140,7 @@ fn rays_of_one_direction_are_shown_every_transparent_hit_where_nothing_stops_the
     let mut crossings = 0;
     for direction in directions() {
         for packets in tiles(&geometry, &bvh, direction, &mut random).chunks(TILE) {
-            let mut shown = vec![BTreeSet::new(); TILE * PACKET];
-            let mut blocked = [0; TILE];
-            bvh.occluded_packets(packets, &mut blocked, |ray, hit| {
-                shown[ray].insert(bits(hit));
-                false
-            });
-            for (index, packet) in packets.iter().enumerate() {
-                for lane in packet.lanes().filter(|lane| blocked[index] >> lane & 1 == 0) {
-                    let mut alone = BTreeSet::new();
-                    let stopped = bvh.occluded(&packet.ray(lane), |hit| {
-                        alone.insert(bits(hit));
-                        false
-                    });
-                    assert!(!stopped);
-                    assert_eq!(shown[index * PACKET + lane], alone);
-                    crossings += alone.len();
-                }
-            }
+            crossings += crossings_as_alone(&bvh, packets);
         }
     }
     assert!(crossings > 1000, "{crossings}");

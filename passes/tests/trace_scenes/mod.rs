@@ -170,6 +170,23 @@ pub fn icosphere(levels: u32, center: Vec3) -> Geometry {
     Geometry { positions, triangles, batches, ..Geometry::default() }
 }
 
+/// The triangle test of Möller and Trumbore in `f32`, without a tree: the negative control of what passes no gap.
+fn ordinary_test(ray: &Ray, [a, b, c]: [Vec3; 3]) -> bool {
+    let (e1, e2) = (b - a, c - a);
+    let p = ray.direction.cross(e2);
+    let inverse = 1.0 / e1.dot(p);
+    let s = ray.origin - a;
+    let u = s.dot(p) * inverse;
+    let q = s.cross(e1);
+    let v = ray.direction.dot(q) * inverse;
+    u >= 0.0 && v >= 0.0 && u + v <= 1.0 && e2.dot(q) * inverse > ray.t_min
+}
+
+/// Whether a ray meets no triangle of a mesh by that test.
+pub fn passes_ordinary_test(mesh: &Geometry, ray: &Ray) -> bool {
+    !(0..mesh.triangles.len() as u32).any(|triangle| ordinary_test(ray, mesh.corners(triangle)))
+}
+
 /// A ray without an end.
 pub fn ray(origin: Vec3, direction: Vec3) -> Ray {
     Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
