@@ -11,8 +11,7 @@
 //! | kind | makes of a file of | |
 //! |---|---|---|
 //! | `machine` | any command that writes an environment | a sentence: processor, threads, devices, commit, date, command |
-//! | `frames` | `curitiba bench` | a row for each case: milliseconds of raster, ray pass and frame, and the error |
-//! | `cases` | the same, several files | a row for each case: the frame and the error in each file, and the 2014 report's frame |
+//! | `cases` | `curitiba bench`, several files | a row for each case: the frame and the error in each file, and the 2014 report's frame |
 //! | `backends` | `examples/conformance`, several files | a row for each ray pass: milliseconds on the device of each backend |
 //! | `threads` | `curitiba bench --sweep-threads` | a row for each step: milliseconds on each number of threads, and the speed-up |
 //! | `rays` | the bench beside Embree, several files | a row for each scene: rays a second, and ratios |
@@ -154,7 +153,7 @@ fn a_wrong_marker_or_figure_is_found() {
         ("<!-- figures: machine none.json -->\n", "none.json"),
         ("<!-- figures: tables epyc_table2.json -->\n", "there is no kind `tables`"),
         ("<!-- figures: machine xeon16_load.json -->\n", "measure it again in a clean checkout"),
-        ("<!-- figures: frames epyc_table2.json view=Nowhere -->\n", "no row"),
+        ("<!-- figures: cases epyc_table2.json names=a; view=Nowhere -->\n", "no row"),
         ("<!-- figures: machine epyc_table2.json\n", "does not end with -->"),
     ];
     for (text, message) in wrong {

@@ -14,16 +14,13 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
     };
     match kind {
         "machine" => Ok(machine(one()?)),
-        "frames" => frames(one()?, options),
         "cases" => cases(files, options),
         "backends" => backends(files, options),
         "threads" => threads(one()?, options),
         "rays" => rays(files),
         "passes" => passes(files),
         "builds" => builds(files),
-        _ => Err(format!(
-            "there is no kind `{kind}`; valid: machine, frames, cases, backends, threads, rays, passes, builds"
-        )),
+        _ => Err(format!("there is no kind `{kind}`; valid: machine, cases, backends, threads, rays, passes, builds")),
     }
 }
 
@@ -101,32 +98,8 @@ fn rows<'f>(file: &'f Value, options: &Options) -> Result<Vec<&'f Value>, String
     if rows.is_empty() { Err("no row is of that view".to_owned()) } else { Ok(rows) }
 }
 
-/// Median milliseconds of the steps of a kind, together.
-fn step(row: &Value, kind: &str) -> Option<f64> {
-    let steps = row["steps"].as_array()?.iter().filter(|step| text(&step["kind"]) == kind);
-    let time = |step: &Value| step["host"]["median"].as_f64();
-    steps.map(time).reduce(|a, b| Some(a? + b?)).flatten()
-}
-
 fn cell(number: Option<f64>) -> String {
     number.map_or(String::new(), short)
-}
-
-fn frames(file: &Value, options: &Options) -> Result<String, String> {
-    let rows = rows(file, options)?;
-    let several = rows.iter().any(|row| row["view"] != rows[0]["view"]);
-    let mut out = String::from("| effects |");
-    out.push_str(if several { " view |" } else { "" });
-    out.push_str(" raster, ms | ray pass, ms | frame, ms | error (RMSE) |\n|---|");
-    out.push_str(if several { "---|" } else { "" });
-    out.push_str("---|---|---|---|\n");
-    for row in rows {
-        let view = if several { format!(" {} |", text(&row["view"])) } else { String::new() };
-        let [raster, rays, frame] = [step(row, "raster"), step(row, "rays"), row["frame"]["median"].as_f64()].map(cell);
-        let error = cell(row["error"]["against"]["comparison"]["rmse"].as_f64());
-        let _ = writeln!(out, "| {} |{view} {raster} | {rays} | {frame} | {error} |", text(&row["label"]));
-    }
-    Ok(out)
 }
 
 /// The frame of each case in several files, and its error in each; beside them the 2014 report's frame where there is one. The option
