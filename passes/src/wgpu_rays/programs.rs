@@ -120,7 +120,7 @@ fn texts(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>
             shadows.into_iter().chain([text!("shadow_list"), text!("list")]).collect()
         }
         Stage::Sum if program == RayProgram::DeferredShadows => {
-            shadows.into_iter().chain([text!("shadow_sum"), text!("sum")]).collect()
+            shadows.into_iter().chain([text!("shadow_sum"), text!("whole")]).collect()
         }
         Stage::List if is_final => {
             listed.into_iter().chain([text!("optics"), text!("glass"), text!("final_list"), text!("list")]).collect()
@@ -130,9 +130,9 @@ fn texts(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>
         Stage::Settle => fans.into_iter().chain([text!("cone"), text!("nearby"), text!("settle")]).collect(),
         Stage::Trace | Stage::TraceAll => fans.into_iter().chain([text!("trace")]).collect(),
         Stage::Sum if is_final => {
-            whole.iter().copied().chain([text!("points"), text!("final_sum"), text!("sum")]).collect()
+            whole.iter().copied().chain([text!("points"), text!("final_sum"), text!("whole")]).collect()
         }
-        Stage::Sum => vec![text!("points"), text!("ssao_sum"), text!("sum")],
+        Stage::Sum => vec![text!("points"), text!("ssao_sum"), text!("whole")],
     })
 }
 

@@ -1,7 +1,8 @@
 // The picture of `final`, from what is known of its points.
-fn picture_of(pixel: Pixel, slot: u32) -> vec4f {
+fn picture(pixel: Pixel) -> vec4f {
     let triangle = stored_triangle(pixel);
     if triangle == NO_TRIANGLE { return stored_color(pixel); }
+    let slot = slot_of(pixel);
     var point = slot;
     if is_glass(triangle) { point = next_of(slot); }
     if point == NO_ROOM { return corrected(pixel); }

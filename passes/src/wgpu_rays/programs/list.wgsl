@@ -4,7 +4,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
     let tile = params.first_tile + group.y * groups.x + group.x;
     if tile >= params.end_tile { return; }
     let pixel = Pixel(tile % params.tiles_across * TILE + local.x, tile / params.tiles_across * TILE + local.y);
-    let slot = slot_of(tile, TILE * local.y + local.x);
+    let slot = slot_of(pixel);
     if pixel.x >= params.width || pixel.y >= params.height {
         list_nothing(slot);
         return;

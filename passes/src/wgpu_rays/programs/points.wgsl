@@ -31,4 +31,7 @@ fn put_point(point: u32, surface: Surface, turned: bool, key: u32, weight: f32, 
 // The first word behind the counts of rays counts the points of a launch.
 const FOUND: u32 = 2u * RAY_COUNT_KINDS * RAY_COUNT_SLOTS;
 fn points_found() -> u32 { return min(atomicLoad(&ray_counts[FOUND]), params.capacity); }
-fn slot_of(tile: u32, place: u32) -> u32 { return (tile - params.first_tile) * TILE * TILE + place; }
+fn slot_of(pixel: Pixel) -> u32 {
+    let tile = pixel.y / TILE * params.tiles_across + pixel.x / TILE;
+    return (tile - params.first_tile) * TILE * TILE + pixel.y % TILE * TILE + pixel.x % TILE;
+}

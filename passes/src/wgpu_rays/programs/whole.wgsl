@@ -1,4 +1,4 @@
-// The picture of a program that one thread a pixel computes.
+// Writes what one thread computes for each pixel: a whole program, or the sum of what other kernels found.
 @compute @workgroup_size(TILE, TILE, 1)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: vec3u, @builtin(local_invocation_id) local: vec3u) {
     let tile = params.first_tile + group.y * groups.x + group.x;
