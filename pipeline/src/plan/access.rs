@@ -1,7 +1,7 @@
 //! What passes read and write: what depends on what.
 
-use super::{Instead, Plan, PlanError, PlannedPass, Work};
-use crate::project::{ChannelRef, PassKind, QuadSource};
+use super::{Instead, Plan, PlanError, PlannedPass, Work, effect, liveness};
+use crate::project::{ChannelRef, PassKind};
 
 /// A place that passes read and write: a render target (`None` for the window), and its channel; [`TRIANGLES`] for the triangle ids.
 pub type Slot = (Option<usize>, usize);
@@ -27,26 +27,16 @@ impl Plan {
         let ids = |reads: bool, position: Option<ChannelRef>| {
             position.filter(|_| reads).map(|position| (Some(position.target), TRIANGLES))
         };
-        let named = |buffers: &[&str], channels: [Option<ChannelRef>; 3]| -> Vec<Slot> {
-            let names = ["pos_buffer", "norm_buffer", "color_buffer"].into_iter().zip(channels);
-            names.filter(|(name, _)| buffers.contains(name)).filter_map(|(_, channel)| channel.map(slot)).collect()
-        };
         let reads = match (&planned.work, &pass.kind) {
-            (Work::Rays { reads_triangle, .. }, PassKind::Ray(ray)) => {
-                let mut reads = named(ray.program.info().buffers, [ray.position, ray.normal, ray.color]);
-                reads.extend(ids(*reads_triangle, ray.position));
-                reads
+            (Work::Rays { params, reads_triangle, .. }, PassKind::Ray(ray)) => {
+                let read = liveness::inputs(ray, params).into_iter().map(slot);
+                read.chain(ids(*reads_triangle, ray.position)).collect()
             }
-            (Work::Effect { reads_triangle, .. }, PassKind::Effect(effect)) => {
-                let mut reads = named(effect.program.info().buffers, [effect.position, effect.normal, effect.color]);
-                reads.extend(ids(*reads_triangle, effect.position));
-                reads
+            (Work::Effect { reads_triangle, .. }, PassKind::Effect(pass)) => {
+                effect::inputs(pass).map(slot).chain(ids(*reads_triangle, pass.position)).collect()
             }
             (Work::Off { instead: Instead::Copy(channel) }, _) => vec![slot(*channel)],
-            (Work::Quad { .. }, PassKind::Quad(quad)) => match quad.source {
-                QuadSource::Show(shown) => vec![slot(shown)],
-                QuadSource::Combine { color, factor } => vec![slot(color), slot(factor)],
-            },
+            (Work::Quad { .. }, PassKind::Quad(quad)) => liveness::sources(quad).into_iter().map(slot).collect(),
             _ => Vec::new(),
         };
         let writes = match (&planned.work, pass.target) {
@@ -61,7 +51,7 @@ impl Plan {
         let mut written: Vec<Slot> = Vec::new();
         for planned in &self.passes {
             let access = self.access(planned);
-            let missing = access.reads.iter().find(|slot| !written.contains(slot) && self.may_miss(planned, **slot));
+            let missing = access.reads.iter().find(|slot| !written.contains(slot));
             if let Some((Some(target), channel)) = missing {
                 let target = &self.project.targets[*target];
                 let what = target.channels.get(*channel).map_or("the triangle ids", |channel| &channel.name);
@@ -77,16 +67,5 @@ impl Plan {
             written.extend(access.writes);
         }
         Ok(())
-    }
-
-    /// Whether a pass really needs a place that it may read: one that traces nothing needs no surfaces.
-    fn may_miss(&self, planned: &PlannedPass, slot: Slot) -> bool {
-        match (&planned.work, &self.pass(planned).kind) {
-            (Work::Rays { params, .. }, PassKind::Ray(ray)) => {
-                ray.program.can_trace(params)
-                    || ray.color.is_some_and(|color| slot == (Some(color.target), color.channel))
-            }
-            _ => true,
-        }
     }
 }

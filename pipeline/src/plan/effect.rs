@@ -138,7 +138,7 @@ impl Plan {
 }
 
 /// The channels that an effect pass reads.
-fn inputs(effect: &EffectPass) -> impl Iterator<Item = ChannelRef> {
+pub(super) fn inputs(effect: &EffectPass) -> impl Iterator<Item = ChannelRef> {
     let buffers = [("pos_buffer", effect.position), ("norm_buffer", effect.normal), ("color_buffer", effect.color)];
     let info = effect.program.info();
     buffers.into_iter().filter(|(name, _)| info.buffers.contains(name)).filter_map(|(_, channel)| channel)

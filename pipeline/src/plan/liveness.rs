@@ -306,7 +306,7 @@ fn dead(pass: &Pass, live: Attachments, wanted: &Wanted) -> Option<&'static str>
 }
 
 /// The channels that a ray pass reads.
-fn inputs(ray: &RayPass, params: &RayParams) -> Vec<ChannelRef> {
+pub(super) fn inputs(ray: &RayPass, params: &RayParams) -> Vec<ChannelRef> {
     // A program that has nothing to trace writes what it finds in the colour, or a constant.
     let idle = ray.program.info().traces == Traces::Samples && !ray.program.can_trace(params);
     let buffers = [("pos_buffer", ray.position), ("norm_buffer", ray.normal), ("color_buffer", ray.color)];
@@ -315,7 +315,7 @@ fn inputs(ray: &RayPass, params: &RayParams) -> Vec<ChannelRef> {
 }
 
 /// The channels that a quad pass reads.
-fn sources(quad: &QuadPass) -> Vec<ChannelRef> {
+pub(super) fn sources(quad: &QuadPass) -> Vec<ChannelRef> {
     match quad.source {
         QuadSource::Show(channel) => vec![channel],
         QuadSource::Combine { color, factor } => vec![color, factor],

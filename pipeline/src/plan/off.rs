@@ -4,7 +4,6 @@ use super::{Plan, PlanError};
 use crate::diagnostic::valid_names;
 use crate::programs::Writes;
 use crate::project::{ChannelRef, Pass, PassKind, Project};
-use crate::raster_effects::EffectProgram;
 
 /// What a ray or effect pass that is switched off writes in the place of its picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,20 +35,14 @@ impl Plan {
 
 /// What a pass writes when it is switched off; `None` for raster and quad passes, which then leave their targets as they are.
 pub(super) fn instead(pass: &Pass) -> Option<Instead> {
-    const OPEN: Instead = Instead::Fill([1.0; 4]);
-    match &pass.kind {
-        PassKind::Ray(ray) => Some(match (ray.program.info().writes, ray.color) {
-            (Writes::Color, Some(color)) => Instead::Copy(color),
-            (Writes::Color, None) => Instead::Fill([0.0, 0.0, 0.0, 1.0]),
-            (Writes::Share, _) => OPEN,
-        }),
-        PassKind::Effect(effect) => Some(match (effect.program, effect.color) {
-            (EffectProgram::CubeReflection | EffectProgram::CubeRefraction, Some(color)) => Instead::Copy(color),
-            (EffectProgram::CubeReflection | EffectProgram::CubeRefraction, None) => {
-                Instead::Fill([0.0, 0.0, 0.0, 1.0])
-            }
-            (EffectProgram::ShadowMap | EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion, _) => OPEN,
-        }),
-        PassKind::Raster(_) | PassKind::Quad(_) => None,
-    }
+    let (program, color) = match &pass.kind {
+        PassKind::Ray(ray) => (ray.program, ray.color),
+        PassKind::Effect(effect) => (effect.program.info().counterpart, effect.color),
+        PassKind::Raster(_) | PassKind::Quad(_) => return None,
+    };
+    Some(match (program.info().writes, color) {
+        (Writes::Color, Some(color)) => Instead::Copy(color),
+        (Writes::Color, None) => Instead::Fill([0.0, 0.0, 0.0, 1.0]),
+        (Writes::Share, _) => Instead::Fill([1.0; 4]),
+    })
 }
