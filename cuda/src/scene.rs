@@ -6,7 +6,7 @@ use crate::layout::{
     WRAP_MIRROR, WRAP_REPEAT,
 };
 use curitiba_pipeline::backend::{BackendError, RayJob};
-use curitiba_pipeline::color::{ColorSpace, DECODED};
+use curitiba_pipeline::color::DECODED;
 use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Wrap;
@@ -38,7 +38,7 @@ impl SceneBuffers {
             materials: device.upload("the materials of triangles", &geometry.materials().collect::<Vec<_>>())?,
             textures: device.upload("texture sizes", &textures)?,
             texels: device.upload("textures", &texels)?,
-            decoded: device.upload("the codes of sRGB", if decodes(scene) { &DECODED[..] } else { &[] })?,
+            decoded: device.upload("the codes of sRGB", if scene.decodes_texels() { &DECODED[..] } else { &[] })?,
         })
     }
 
@@ -70,11 +70,6 @@ impl SceneBuffers {
             + self.texels.bytes()
             + self.decoded.bytes()
     }
-}
-
-/// Whether the colours of texels are decoded from sRGB: those of all textures of a scene, or of none.
-fn decodes(scene: &RenderScene) -> bool {
-    scene.textures.iter().any(|texture| texture.space == ColorSpace::Linear)
 }
 
 /// Level 0 of every texture: the only one that rays read.

@@ -1,9 +1,9 @@
 //! What a pass prepares from its job, once for all pixels and on every backend.
 
 use super::occlusion::open_shares;
-use crate::sampling::{HemisphereSampler, square_root};
+use crate::sampling::HemisphereSampler;
 use curitiba_pipeline::backend::RayJob;
-use curitiba_pipeline::programs::Fidelity;
+use curitiba_pipeline::programs::{Fidelity, Sampler};
 use glam::Vec3;
 
 /// What the pixels of a pass have in common, beside the scene.
@@ -26,14 +26,11 @@ impl Preparation {
     /// What is wrong with the number of samples, if the sampler cannot have that many.
     pub fn of(job: &RayJob<'_>) -> Result<Self, String> {
         let samples = job.program.info().samples(&job.params);
-        let sampler = match job.fidelity {
-            _ if samples == 0 => None,
-            Fidelity::Corrected => Some(HemisphereSampler::from(job.params.sampler, job.params.first, samples)?),
-            Fidelity::Thesis if job.params.first > 0 => {
-                return Err("strata are no sequence that could be continued".to_owned());
-            }
-            Fidelity::Thesis => Some(HemisphereSampler::Strata { side: square_root(samples)? }),
+        let kind = match job.fidelity {
+            Fidelity::Corrected => job.params.sampler,
+            Fidelity::Thesis => Sampler::Strata,
         };
+        let sampler = (samples > 0).then(|| HemisphereSampler::from(kind, job.params.first, samples)).transpose()?;
         let open_share = if samples == 0 { Vec::new() } else { open_shares(samples, job.params.intensity) };
         let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
         Ok(Self { sampler, open_share, to_light, light_color })

@@ -5,7 +5,7 @@ use crate::effects::Preparation;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
 use crate::sampling::HemisphereSampler;
 use curitiba_pipeline::backend::{RayJob, Shade};
-use curitiba_pipeline::color::{ColorSpace, DECODED};
+use curitiba_pipeline::color::DECODED;
 use curitiba_pipeline::programs::{Fidelity, Fresnel};
 
 /// The words of group 2, and where its parts begin.
@@ -37,7 +37,7 @@ impl Tables {
         let points_at = part(points.into_flattened());
         let bits = |number: f32| number.to_bits();
         // Never at the front, where the materials are.
-        let decoded_at = if decodes(job) { part(DECODED.map(f32::to_bits).into()) } else { 0 };
+        let decoded_at = if job.scene.decodes_texels() { part(DECODED.map(f32::to_bits).into()) } else { 0 };
         let open_share_at = part(open_share.into_iter().map(bits).collect());
         let through_glass = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count));
         let through_glass_at = part(through_glass.map(bits).collect());
@@ -66,11 +66,6 @@ impl Tables {
         };
         Ok(Self { words, params })
     }
-}
-
-/// Whether the colours of texels are decoded from sRGB: those of all textures of a scene, or of none.
-fn decodes(job: &RayJob<'_>) -> bool {
-    job.scene.textures.iter().any(|texture| texture.space == ColorSpace::Linear)
 }
 
 /// The first texel, width and height of each texture.

@@ -80,16 +80,17 @@ impl SceneProjects {
     /// # Errors
     /// A scene without a triangle; one with an index that is out of range, or with another number of normals or texture coordinates than
     /// positions; or options that do not fit it.
-    pub fn in_memory(scene: Scene, options: &SceneOptions, window: Option<[u32; 2]>) -> Result<Self, FromSceneError> {
+    pub fn in_memory(
+        mut scene: Scene,
+        options: &SceneOptions,
+        window: Option<[u32; 2]>,
+    ) -> Result<Self, FromSceneError> {
         check(&scene).map_err(FromSceneError::Option)?;
-        let mut projects = match options.up {
-            Up::Y => Self::of(&scene, &[], options, window)?,
-            Up::Z => {
-                let mut turned = scene.clone();
-                turn(&mut turned, options.up);
-                Self::of(&turned, &[], options, window)?
-            }
-        };
+        // What is looked at is turned; what is loaded is turned when it is built.
+        let standing = (scene.objects.clone(), scene.cameras.clone(), scene.lights.clone());
+        turn(&mut scene, options.up);
+        let mut projects = Self::of(&scene, &[], options, window)?;
+        (scene.objects, scene.cameras, scene.lights) = standing;
         projects.base.scenes[0].memory = Some(Arc::new(scene));
         Ok(projects)
     }

@@ -96,6 +96,14 @@ impl RenderScene {
     }
 }
 
+impl RenderScene {
+    /// Whether the colours of texels are decoded from sRGB when they are read: those of all textures of a scene, or of none.
+    #[must_use]
+    pub fn decodes_texels(&self) -> bool {
+        self.textures.iter().any(|texture| texture.space == ColorSpace::Linear)
+    }
+}
+
 /// Makes the colours of a material, which are display values, those of a space.
 fn to_space(material: &mut Material, space: ColorSpace) {
     let Material { diffuse, ambient, specular, emission, .. } = material;
