@@ -6,7 +6,7 @@ use super::progress::Bars;
 use super::{Failure, failure, print_warnings, set_threads, table};
 use curitiba::environment::{Environment, peak_memory};
 use curitiba::pipeline::diagnostic::WarningGroup;
-use curitiba::pipeline::executor::{AccumulatedPass, Fallback, Goal, RenderError, Renderer, Row, Saved, Written};
+use curitiba::pipeline::executor::{AccumulatedPass, Fallback, Goal, RenderError, Renderer, Row, Written};
 use curitiba::pipeline::files::{check_outputs, record_files_read};
 use curitiba::pipeline::plan::{Decision, mebibytes};
 use serde::Serialize;
@@ -51,7 +51,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let accumulation = args.accumulate.map(|goal| accumulate(&mut renderer, goal, &mut inspector)).transpose();
     let accumulation = accumulation.map_err(|error| Failure::of_rendering(error, may_fall_back))?.unwrap_or_default();
     let saved = match args.accumulate {
-        Some(_) => save(&mut renderer, &output, &mut inspector),
+        Some(_) => renderer.save_checked(&output, &mut inspector).map_err(RenderError::from),
         None => renderer.render_and_save(&output, &mut inspector),
     };
     let saved = saved.map_err(|error| Failure::of_rendering(error, may_fall_back))?;
@@ -127,13 +127,6 @@ fn accumulate(renderer: &mut Renderer, goal: Goal, inspector: &mut Inspector) ->
         }
     };
     Ok(accumulation.passes().iter().map(told).collect())
-}
-
-/// Writes what was accumulated.
-fn save(renderer: &mut Renderer, output: &Path, inspector: &mut Inspector) -> Result<Saved, RenderError> {
-    let picture = renderer.window_image();
-    let (not_finite, is_blank) = (picture.count_non_finite(), picture.is_blank());
-    Ok(Saved { files: renderer.save(output, inspector)?, not_finite, is_blank })
 }
 
 /// The name of the project, scene file or folder, in this folder.

@@ -149,6 +149,16 @@ impl Renderer {
         (held, pixels)
     }
 
+    /// Writes the picture of the last frame as [`Self::save`] does, and looks at it.
+    ///
+    /// # Errors
+    /// As [`Self::save`].
+    pub fn save_checked(&mut self, path: &Path, observer: &mut dyn Observer) -> io::Result<Saved> {
+        let pixels = &self.window.color;
+        let (not_finite, is_blank) = (count_non_finite(pixels), Colors::of(pixels).is_one());
+        Ok(Saved { files: self.save(path, observer)?, not_finite, is_blank })
+    }
+
     /// Renders a frame and writes it as [`Self::save`] does. A picture that is rendered in bands is written band by band, and
     /// never there as a whole.
     ///
@@ -158,10 +168,7 @@ impl Renderer {
         self.settle(observer)?;
         if self.plan.parts.list.len() == 1 {
             self.draw_frame(observer)?;
-            let not_finite = count_non_finite(&self.window.color);
-            let mut colors = Colors::default();
-            colors.see(&self.window.color);
-            return Ok(Saved { files: self.save(path, observer)?, not_finite, is_blank: colors.is_one() });
+            return Ok(self.save_checked(path, observer)?);
         }
         let (exr, display) = (is_exr(path)?, self.plan.display);
         let name = path.display().to_string();

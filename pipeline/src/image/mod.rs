@@ -136,9 +136,7 @@ impl Image {
     /// Whether all pixels have one colour; alpha does not count.
     #[must_use]
     pub fn is_blank(&self) -> bool {
-        let mut colors = Colors::default();
-        colors.see(&self.pixels);
-        colors.is_one()
+        Colors::of(&self.pixels).is_one()
     }
 
     /// How many pixels hold a value that is not finite.
@@ -167,6 +165,13 @@ pub(crate) enum Colors {
 }
 
 impl Colors {
+    /// Of these pixels.
+    pub fn of(pixels: &[[f32; 4]]) -> Self {
+        let mut colors = Self::default();
+        colors.see(pixels);
+        colors
+    }
+
     /// Looks at more pixels.
     pub fn see(&mut self, pixels: &[[f32; 4]]) {
         for &[r, g, b, _] in pixels {
