@@ -1,7 +1,7 @@
 //! Comparing two pictures, or two ways to render a project.
 
 use crate::OpenError;
-use crate::pipeline::color::{ColorSpace, Display, decode};
+use crate::pipeline::color::{ColorSpace, Display, decode, decode_slope};
 use crate::pipeline::diagnostic::{Problems, WarningGroup};
 use crate::pipeline::executor::{Observer, Renderer, median};
 use crate::pipeline::image::{Image, ReadImageError, Variance, read_image};
@@ -201,11 +201,6 @@ fn in_space(mut side: Side, space: ColorSpace) -> Side {
         *pixel = [r, g, b, alpha];
     }
     side
-}
-
-/// The derivative of [`decode`].
-fn decode_slope(encoded: f32) -> f32 {
-    if encoded <= 0.040_45 { 1.0 / 12.92 } else { 2.4 / 1.055 * ((encoded + 0.055) / 1.055).powf(1.4) }
 }
 
 /// What was done to make the colours of both the same, if that is anything.

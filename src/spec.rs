@@ -128,7 +128,7 @@ impl Spec {
                     value.parse().map_err(|_| (true, format!("`{value}` is no number of GPUs"), help))?;
             }
             "fidelity" => self.settings.fidelity = named(key, value, &FIDELITIES)?,
-            "color" => self.settings.color = Some(named(key, value, &ColorSpace::NAMES)?),
+            "color" => self.settings.color = Some(named(key, value, ColorSpace::NAMED)?),
             "camera" => self.settings.camera = Some(value.to_owned()),
             "pipeline" => self.settings.pipeline = Some(value.to_owned()),
             "seed" => {

@@ -5,6 +5,9 @@
 //! [`backend`]; `curitiba-passes` implements them.
 #![forbid(unsafe_code)]
 
+#[macro_use]
+mod named;
+
 pub mod backend;
 pub mod color;
 pub mod diagnostic;

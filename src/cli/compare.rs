@@ -7,16 +7,16 @@ use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
 use curitiba::compare::{CompareError, Compared, Operand, Rendered, Side};
 use curitiba::environment::Environment;
-use curitiba::pipeline::color::{ColorSpace, Display, displayed, write_displayed};
+use curitiba::pipeline::color::{ColorSpace, Display, displayed};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::files::{self, check_outputs, record_files_read};
-use curitiba::pipeline::image::Image;
+use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::metrics::{
     Better, Comparison, EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, METRICS, Options, Verdict, ZTest, heat_map, strip,
 };
 use curitiba::spec::{SETTINGS, SpecError};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const HEADER: Style = Style::new().bold();
 const WITHIN: Style = AnsiColor::Green.on_default();
@@ -139,18 +139,19 @@ fn check(args: &CompareArgs, compared: &Compared) -> Result<Vec<Limit>, Failure>
 fn write_pictures(args: &CompareArgs, compared: &Compared) -> Result<Vec<PathBuf>, Failure> {
     let heat = heat_map(&compared.flip);
     let mut files = Vec::new();
-    let mut write = |path: &Option<PathBuf>, image: &dyn Fn() -> Image, display: Display| {
-        let Some(path) = path else { return Ok(()) };
-        write_displayed(path, &image(), display)
-            .map_err(|error| Failure::Work(format!("{}: {error}", path.display())))?;
-        files.push(path.clone());
+    let mut write = |path: &Path, image: &Image| {
+        write_png(path, image).map_err(|error| Failure::Work(format!("{}: {error}", path.display())))?;
+        files.push(path.to_owned());
         Ok::<(), Failure>(())
     };
-    write(&args.heat, &|| heat.clone(), Display::default())?;
-    // The heat map holds display values whatever the pictures do.
-    let shown = |side: &Side| displayed(&side.image, Display::of(compared.space));
-    let sides = || strip(&[&shown(&compared.test), &shown(&compared.reference), &heat]);
-    write(&args.strip, &sides, Display::default())?;
+    if let Some(path) = &args.heat {
+        write(path, &heat)?;
+    }
+    if let Some(path) = &args.strip {
+        // The heat map holds display values whatever the pictures do.
+        let shown = |side: &Side| displayed(&side.image, Display::of(compared.space)).map_err(Failure::work);
+        write(path, &strip(&[&shown(&compared.test)?, &shown(&compared.reference)?, &heat]))?;
+    }
     Ok(files)
 }
 

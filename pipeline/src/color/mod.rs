@@ -10,9 +10,12 @@
 
 mod transfer;
 
-pub use transfer::{DECODED, code, decode, encode};
+pub use transfer::{DECODED, code, decode, decode_slope, encode};
+pub(crate) use transfer::{decode_f64, encode_f64};
 
+use crate::diagnostic::valid_names;
 use crate::image::{Image, ImageRows, Rows, write_png_rows};
+use crate::memory::{self, Refused};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::fmt;
@@ -30,19 +33,9 @@ pub enum ColorSpace {
     Linear,
 }
 
+named!(ColorSpace, "report" => Report, "linear" => Linear);
+
 impl ColorSpace {
-    /// The spaces by their names.
-    pub const NAMES: [(&'static str, Self); 2] = [("report", Self::Report), ("linear", Self::Linear)];
-
-    /// Its name in project files and settings.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Report => "report",
-            Self::Linear => "linear",
-        }
-    }
-
     /// A colour that a file or an option gives as display values, as programs shade with it. Alpha is no colour.
     #[must_use]
     pub fn of_display(self, color: Vec4) -> Vec4 {
@@ -63,8 +56,7 @@ impl FromStr for ColorSpace {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::NAMES.iter().find(|(name, _)| *name == text).map(|(_, space)| *space);
-        found.ok_or_else(|| crate::diagnostic::valid_names(text, Self::NAMES.iter().map(|(name, _)| *name)))
+        Self::named(text).ok_or_else(|| valid_names(text, Self::NAMED.iter().map(|(name, _)| *name)))
     }
 }
 
@@ -80,21 +72,11 @@ pub enum Tone {
     Reinhard,
 }
 
-impl Tone {
-    /// The curves by their names.
-    pub const NAMES: [(&'static str, Self); 2] = [("none", Self::None), ("reinhard", Self::Reinhard)];
+named!(Tone, "none" => None, "reinhard" => Reinhard);
 
+impl Tone {
     /// The luminance that [`Self::Reinhard`] maps to 1.
     pub const WHITE: f32 = 4.0;
-
-    /// Its name in settings.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Reinhard => "reinhard",
-        }
-    }
 
     /// A colour after it, linear.
     fn apply(self, color: Vec3) -> Vec3 {
@@ -114,8 +96,7 @@ impl FromStr for Tone {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::NAMES.iter().find(|(name, _)| *name == text).map(|(_, tone)| *tone);
-        found.ok_or_else(|| crate::diagnostic::valid_names(text, Self::NAMES.iter().map(|(name, _)| *name)))
+        Self::named(text).ok_or_else(|| valid_names(text, Self::NAMED.iter().map(|(name, _)| *name)))
     }
 }
 
@@ -157,12 +138,11 @@ impl Display {
     /// What is displayed of a pixel, 0 to 1 and not rounded; NaN is 0, alpha stays.
     #[must_use]
     pub fn displayed(&self, pixel: [f32; 4]) -> [f32; 4] {
-        let [r, g, b, alpha] = pixel;
-        let [r, g, b] = match self.space {
-            ColorSpace::Report => [r, g, b].map(|value| value.clamp(0.0, 1.0)),
-            ColorSpace::Linear => self.linear(pixel).to_array().map(|value| encode(value.clamp(0.0, 1.0))),
+        let shown = match self.space {
+            ColorSpace::Report => Vec4::from(pixel).truncate().map(|value| value.clamp(0.0, 1.0)),
+            ColorSpace::Linear => self.linear(pixel).map(|value| encode(value.clamp(0.0, 1.0))),
         };
-        [r, g, b].map(|value| if value.is_nan() { 0.0 } else { value }).with_alpha(alpha)
+        shown.map(|value| if value.is_nan() { 0.0 } else { value }).extend(pixel[3]).into()
     }
 
     /// What of a pixel an encoder is given that multiplies by 255 and rounds: display values as they are, and of radiance the code divided by
@@ -172,21 +152,9 @@ impl Display {
         match self.space {
             ColorSpace::Report => pixel,
             ColorSpace::Linear => {
-                self.linear(pixel).to_array().map(|value| f32::from(code(value)) / 255.0).with_alpha(pixel[3])
+                self.linear(pixel).map(|value| f32::from(code(value)) / 255.0).extend(pixel[3]).into()
             }
         }
-    }
-}
-
-/// Three colours and an alpha.
-trait WithAlpha {
-    fn with_alpha(self, alpha: f32) -> [f32; 4];
-}
-
-impl WithAlpha for [f32; 3] {
-    fn with_alpha(self, alpha: f32) -> [f32; 4] {
-        let [r, g, b] = self;
-        [r, g, b, alpha]
     }
 }
 
@@ -222,10 +190,13 @@ impl Rows for DisplayRows<'_> {
 }
 
 /// What is displayed of a picture: [`Display::displayed`] of each pixel.
-#[must_use]
-pub fn displayed(image: &Image, display: Display) -> Image {
-    let pixels = image.pixels.par_iter().map(|pixel| display.displayed(*pixel)).collect();
-    Image { width: image.width, height: image.height, pixels }
+///
+/// # Errors
+/// If there is no memory for it.
+pub fn displayed(image: &Image, display: Display) -> Result<Image, Refused> {
+    let mut pixels = memory::with_capacity(image.pixels.len())?;
+    image.pixels.par_iter().map(|pixel| display.displayed(*pixel)).collect_into_vec(&mut pixels);
+    Ok(Image { width: image.width, height: image.height, pixels })
 }
 
 /// Writes a picture as an 8-bit PNG of what is displayed of it.
@@ -284,11 +255,11 @@ mod tests {
 
     #[test]
     fn names_are_read_as_they_are_written() {
-        for (name, space) in ColorSpace::NAMES {
-            assert_eq!((space.name(), name.parse()), (name, Ok(space)));
+        for (name, space) in ColorSpace::NAMED {
+            assert_eq!((space.name(), name.parse()), (*name, Ok(*space)));
         }
-        for (name, tone) in Tone::NAMES {
-            assert_eq!((tone.name(), name.parse()), (name, Ok(tone)));
+        for (name, tone) in Tone::NAMED {
+            assert_eq!((tone.name(), name.parse()), (*name, Ok(*tone)));
         }
         assert!("liner".parse::<ColorSpace>().expect_err("a typing error").contains("did you mean `linear`?"));
         assert!("aces".parse::<Tone>().is_err());

@@ -9,15 +9,29 @@ const KNEE: f64 = 0.040_45;
 /// The linear value of an encoded one. Odd beyond 0 would be another function: values below 0 stay on the line, those above 1 on the curve.
 #[must_use]
 pub fn decode(encoded: f32) -> f32 {
-    let encoded = f64::from(encoded);
-    (if encoded <= KNEE { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }) as f32
+    decode_f64(encoded.into()) as f32
+}
+
+/// [`decode`] in 64 bits.
+pub(crate) fn decode_f64(encoded: f64) -> f64 {
+    if encoded <= KNEE { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The derivative of [`decode`].
+#[must_use]
+pub fn decode_slope(encoded: f32) -> f32 {
+    if f64::from(encoded) <= KNEE { 1.0 / 12.92 } else { 2.4 / 1.055 * ((encoded + 0.055) / 1.055).powf(1.4) }
 }
 
 /// The encoded value of a linear one: the inverse of [`decode`].
 #[must_use]
 pub fn encode(linear: f32) -> f32 {
-    let linear = f64::from(linear);
-    (if linear <= KNEE / 12.92 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }) as f32
+    encode_f64(linear.into()) as f32
+}
+
+/// [`encode`] in 64 bits.
+pub(crate) fn encode_f64(linear: f64) -> f64 {
+    if linear <= KNEE / 12.92 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
 /// The 8-bit code of a linear value: the nearest to 255 times its encoded value, as if that were exact. Values beyond 0 to 1 are cut, NaN is 0.

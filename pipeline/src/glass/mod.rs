@@ -44,29 +44,6 @@ pub enum GlassShadow {
     Straight,
 }
 
-macro_rules! named {
-    ($kind:ty, $($name:literal => $value:ident),+) => {
-        impl $kind {
-            /// Each with the name that parameters give it.
-            pub const NAMED: &'static [(&'static str, Self)] = &[$(($name, Self::$value)),+];
-
-            /// Its name as a value of a parameter.
-            #[must_use]
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(Self::$value => $name),+
-                }
-            }
-
-            /// The one of this name.
-            #[must_use]
-            pub fn named(name: &str) -> Option<Self> {
-                Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, value)| *value)
-            }
-        }
-    };
-}
-
 named!(GlassRule, "pane" => Pane, "auto" => Auto);
 named!(Background, "black" => Black, "clear" => Clear);
 named!(GlassShadow, "report" => Report, "opaque" => Opaque, "straight" => Straight);

@@ -5,6 +5,7 @@
 
 use super::filter::{Kernel, Plane, bands};
 use super::{ErrorMap, MetricError, Options, check, displayed};
+use crate::color::{decode_f64, encode_f64};
 use crate::image::Image;
 use std::f64::consts::PI;
 
@@ -48,7 +49,7 @@ pub fn flip_map(test: &Image, reference: &Image, options: &Options<'_>) -> Resul
 /// CIE L*, 0 to 100, of a displayed colour taken as encoded in sRGB.
 #[must_use]
 pub fn perceived_lightness(color: [f32; 3]) -> f64 {
-    lab(color.map(|value| linear(displayed(value))))[0]
+    lab(color.map(|value| decode_f64(displayed(value))))[0]
 }
 
 /// Of pictures that were checked to be comparable.
@@ -123,7 +124,7 @@ impl Filters {
         let halo = self.sensitivity[0][0].0.radius().max(self.features[0].radius());
         let planes = Plane::stack(width, height, rows, halo, |index| {
             let pixel = &image.pixels[index];
-            opponent([0, 1, 2].map(|channel| linear(displayed(pixel[channel]))))
+            opponent([0, 1, 2].map(|channel| decode_f64(displayed(pixel[channel]))))
         });
         let sensed: [Vec<(Plane, &Kernel)>; 3] = std::array::from_fn(|channel| {
             let gaussians = self.sensitivity[channel].iter();
@@ -192,11 +193,6 @@ fn hunt([l, a, b]: [f64; 3]) -> [f64; 3] {
     [l, 0.01 * l * a, 0.01 * l * b]
 }
 
-/// Linear value of an sRGB-encoded one.
-fn linear(encoded: f64) -> f64 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-}
-
 fn multiply(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2])
 }
@@ -240,10 +236,7 @@ pub(super) fn displayed_of_lab([lightness, a, b]: [f64; 3]) -> [f64; 3] {
     let y = (lightness + 16.0) / 116.0;
     let white = multiply(&XYZ_FROM_RGB, [1.0; 3]);
     let relative = [y + a / 500.0, y, y - b / 200.0].map(inverse);
-    multiply(&RGB_FROM_XYZ, [0, 1, 2].map(|i| relative[i] * white[i])).map(|value| {
-        let value = value.clamp(0.0, 1.0);
-        if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
-    })
+    multiply(&RGB_FROM_XYZ, [0, 1, 2].map(|i| relative[i] * white[i])).map(|value| encode_f64(value.clamp(0.0, 1.0)))
 }
 
 #[cfg(test)]
@@ -267,7 +260,7 @@ mod tests {
             let back = rgb_of_opponent(opponent(rgb));
             assert!(back.iter().zip(rgb).all(|(a, b)| (a - b).abs() < 1e-12), "{rgb:?}: {back:?}");
         }
-        assert!((linear(0.5) - 0.214_041_14).abs() < 1e-8);
+        assert!((decode_f64(0.5) - 0.214_041_14).abs() < 1e-8);
     }
 
     #[test]

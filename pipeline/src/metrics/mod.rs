@@ -23,10 +23,9 @@ pub use maps::{ErrorMap, absolute_error, heat_map, strip};
 pub use registry::{Better, METRICS, MetricInfo};
 pub use z_test::{EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, Estimate, Verdict, ZTest, z_test};
 
-use crate::color::{ColorSpace, Display};
+use crate::color::{self, ColorSpace, Display};
 use crate::image::Image;
-use crate::memory::{self, Refused};
-use rayon::prelude::*;
+use crate::memory::Refused;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fmt;
@@ -242,13 +241,9 @@ pub fn compare_with_map(
 
 /// What is displayed of pictures; display values themselves are not copied.
 fn displays<'a>(pictures: [&'a Image; 2], display: Display) -> Result<[Cow<'a, Image>; 2], MetricError> {
-    let shown = |picture: &'a Image| {
-        if display.space == ColorSpace::Report {
-            return Ok(Cow::Borrowed(picture));
-        }
-        let mut pixels = memory::with_capacity(picture.pixels.len()).map_err(MetricError::Memory)?;
-        picture.pixels.par_iter().map(|pixel| display.displayed(*pixel)).collect_into_vec(&mut pixels);
-        Ok(Cow::Owned(Image { width: picture.width, height: picture.height, pixels }))
+    let shown = |picture: &'a Image| match display.space {
+        ColorSpace::Report => Ok(Cow::Borrowed(picture)),
+        ColorSpace::Linear => color::displayed(picture, display).map(Cow::Owned).map_err(MetricError::Memory),
     };
     let [test, reference] = pictures;
     Ok([shown(test)?, shown(reference)?])

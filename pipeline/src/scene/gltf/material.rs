@@ -6,6 +6,7 @@ use super::super::texture::Wrap;
 use super::super::{Material, TextureSource};
 use super::accessor::Data;
 use super::container::{Target, base64, shortened, uri_target};
+use crate::color::encode;
 use crate::diagnostic::Warnings;
 use ::gltf::json::deserialize::from_str;
 use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, validation::Checked};
@@ -120,12 +121,6 @@ impl Materials {
     }
 }
 
-/// The display value of a linear one (IEC 61966-2-1). Colours of the scene model are display values, as texels are and as the
-/// report's files have them; glTF's factors are linear (2.0, section 3.9.2).
-fn displayed(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
-}
-
 /// Glass counts as rough above this: its square, the width of the distribution of normals, is a seventh of a degree.
 const ROUGH: f32 = 0.05;
 
@@ -137,8 +132,10 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     let factor = Vec4::from_array(written.pbr_metallic_roughness.base_color_factor.0);
     let extensions = written.extensions.as_ref();
     let single_sided = !written.double_sided;
+    // Colours of the scene model are display values, as texels are and as the report's files have them; glTF's factors are linear
+    // (2.0, section 3.9.2).
     let mut material =
-        Material { single_sided, diffuse: factor.truncate().map(displayed).extend(1.0), ..Material::default() };
+        Material { single_sided, diffuse: factor.truncate().map(encode).extend(1.0), ..Material::default() };
     match written.alpha_mode {
         Checked::Valid(AlphaMode::Opaque) => {}
         Checked::Valid(AlphaMode::Mask) => {
@@ -158,7 +155,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         Checked::Invalid => warn("materials with an unknown alpha mode", "opaque", ""),
     }
     let strength = extensions.and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
-    material.emission = (Vec3::from_array(written.emissive_factor.0) * strength).map(displayed).extend(1.0);
+    material.emission = (Vec3::from_array(written.emissive_factor.0) * strength).map(encode).extend(1.0);
     material.emission_added = true;
     if let Some(transmission) = extensions.and_then(|e| e.transmission.as_ref()) {
         material.transmission = transmission.transmission_factor.0.clamp(0.0, 1.0);
