@@ -2,14 +2,14 @@
 
 >>> import curitiba
 >>> renderer = curitiba.open("xml_projects/SceneFinal.xml", size=(512, 512))
->>> picture = renderer.render()                    # (512, 512, 4) float32, linear
+>>> picture = renderer.render()                    # (512, 512, 4) float32
 >>> renderer.set_parameter("pass2", "samples", 16)
 >>> picture = renderer.render()                    # runs the ray pass again, not the G-buffer
 
-Every function that may take long releases the interpreter and can be interrupted with Ctrl-C. Lengths are in scene units, colours are
-linear, rows of pictures count from the top.
+Every function that may take long releases the interpreter and can be interrupted with Ctrl-C. Lengths are in scene units, rows of
+pictures count from the top. Colours are what `Renderer.color` says: "report", display values, or "linear", linear radiance.
 """
 
-from ._native import CuritibaError, Renderer, Tracer, compare, open, visibility
+from ._native import CuritibaError, Renderer, Tracer, compare, displayed, open, visibility
 
-__all__ = ["CuritibaError", "Renderer", "Tracer", "compare", "open", "visibility"]
+__all__ = ["CuritibaError", "Renderer", "Tracer", "compare", "displayed", "open", "visibility"]

@@ -6,7 +6,10 @@ import numpy.typing as npt
 
 Vector = Sequence[float]
 Picture = npt.NDArray[np.float32]
-"""(height, width, 4), float32: red, green, blue, alpha; linear; the top row first."""
+"""(height, width, 4), float32: red, green, blue, alpha; the top row first."""
+
+ColorSpace = Literal["report", "linear"]
+"""Display values, or linear radiance: see docs/color.md."""
 
 class CuritibaError(RuntimeError):
     """What could not be done: what, where, what would be valid, and what to do."""
@@ -127,6 +130,10 @@ class Renderer:
         """Width and height of the next picture, pixels."""
 
     @property
+    def color(self) -> ColorSpace:
+        """What the numbers of the pictures are."""
+
+    @property
     def cameras(self) -> list[str]: ...
     @property
     def lights(self) -> list[str]: ...
@@ -164,23 +171,40 @@ def open(
     look_at: Vector | None = None,
     fov: float | None = None,
     sun: Vector | None = None,
+    up: Literal["y", "z"] | None = None,
     background: Vector | None = None,
+    color: ColorSpace | None = None,
 ) -> Renderer:
     """Opens a project file, a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml) or a folder of scenes.
 
     `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
-    switched off; `max_memory` is in bytes. The last six are for scene files: `effects` such as "shadows+ao", positions in scene units, `fov`
-    in degrees, `sun` the direction in which it stands, `background` linear from 0 to 1.
+    switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None. For scene files alone:
+    `effects` such as "shadows+ao", `look_from` and `look_at` in scene units, `fov` in degrees, `sun` the direction in which it stands, `up` the
+    axis that points up, `background` display values from 0 to 1.
+    """
+
+def displayed(
+    picture: npt.ArrayLike,
+    *,
+    color: ColorSpace = ...,
+    exposure: float = ...,
+    tone: Literal["none", "reinhard"] = ...,
+) -> npt.NDArray[np.uint8]:
+    """What a PNG of a picture (height, width, 3 or 4) holds: (height, width, 4), 8 bits. `color` says what the picture's numbers are.
+
+    Of linear radiance: times 2 to the power of `exposure`, the tone curve, the transfer of sRGB.
     """
 
 def compare(
     test: npt.ArrayLike,
     reference: npt.ArrayLike,
     *,
+    color: ColorSpace = ...,
     outlier_threshold: float = ...,
     pixels_per_degree: float = ...,
 ) -> dict[str, float]:
-    """Judges a picture by a reference, both (height, width, 3 or 4), linear: the metrics of `curitiba compare` by name.
+    """Judges a picture by a reference, both (height, width, 3 or 4): the metrics of `curitiba compare` by name. `color` says what their
+    numbers are; ssim and flip are of displayed values.
 
     rmse, relmse, max, psnr (decibels), ssim, flip, energy, outliers; and pixels, the number compared.
     """

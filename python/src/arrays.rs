@@ -112,6 +112,11 @@ pub fn picture(py: Python<'_>, image: Image) -> PyResult<Bound<'_, PyArray3<f32>
     PyArray1::from_vec(py, bytemuck::cast_vec(image.pixels)).reshape([height, width, 4])
 }
 
+/// Four bytes for each pixel as an array (height, width, 4), which takes their memory over.
+pub fn bytes(py: Python<'_>, [height, width]: [usize; 2], bytes: Vec<u8>) -> PyResult<Bound<'_, PyArray3<u8>>> {
+    PyArray1::from_vec(py, bytes).reshape([height, width, 4])
+}
+
 /// An array (height, width, 3 or 4) as a picture; alpha is 1 where there is none.
 pub fn image(what: &str, value: &Bound<'_, PyAny>) -> PyResult<Image> {
     let array = contiguous(value, "float32")?;

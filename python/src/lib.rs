@@ -22,7 +22,7 @@ mod _native {
     #[pymodule_export]
     use super::CuritibaError;
     #[pymodule_export]
-    use super::metrics::compare;
+    use super::metrics::{compare, displayed};
     #[pymodule_export]
     use super::renderer::{Renderer, open};
     #[pymodule_export]

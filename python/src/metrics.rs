@@ -1,24 +1,51 @@
-//! Comparing pictures.
+//! Showing and comparing pictures.
 
-use crate::{arrays, failed, work};
+use crate::{arrays, failed, invalid, work};
+use curitiba::pipeline::color::{ColorSpace, Display, Tone};
 use curitiba::pipeline::executor::Cancellation;
 use curitiba::pipeline::metrics::{METRICS, Options, compare as compare_images};
+use numpy::PyArray3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+/// What a PNG of a picture holds: 8 bits a channel.
+#[pyfunction]
+#[pyo3(signature = (picture, *, color = "report", exposure = 0.0, tone = "none"))]
+pub fn displayed<'py>(
+    py: Python<'py>,
+    picture: &Bound<'py, PyAny>,
+    color: &str,
+    exposure: f32,
+    tone: &str,
+) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let image = arrays::image("picture", picture)?;
+    let space = color.parse().map_err(invalid)?;
+    let exposure = Display::parse_exposure(&exposure.to_string()).map_err(invalid)?;
+    let tone: Tone = tone.parse().map_err(invalid)?;
+    if space == ColorSpace::Report && (exposure != 0.0 || tone != Tone::None) {
+        return Err(invalid("`exposure` and `tone` are for linear light; valid: color=\"linear\", or neither of them"));
+    }
+    let display = Display { space, exposure, tone };
+    let steps = |value: f32| (value * 255.0).round() as u8;
+    let bytes = image.pixels.iter().flat_map(|pixel| display.stored(*pixel).map(steps)).collect();
+    arrays::bytes(py, [image.height as usize, image.width as usize], bytes)
+}
+
 /// The metrics of `curitiba compare`, by name.
 #[pyfunction]
-#[pyo3(signature = (test, reference, *, outlier_threshold = 2.5 / 255.0, pixels_per_degree = 67.0))]
+#[pyo3(signature = (test, reference, *, color = "report", outlier_threshold = 2.5 / 255.0, pixels_per_degree = 67.0))]
 pub fn compare<'py>(
     py: Python<'py>,
     test: &Bound<'py, PyAny>,
     reference: &Bound<'py, PyAny>,
+    color: &str,
     outlier_threshold: f64,
     pixels_per_degree: f64,
 ) -> PyResult<Bound<'py, PyDict>> {
     let (test, reference) = (arrays::image("test", test)?, arrays::image("reference", reference)?);
+    let display = Display::of(color.parse().map_err(invalid)?);
     let found = work::run(py, &Cancellation::new(), || {
-        let options = Options { outlier_threshold, pixels_per_degree, ..Options::default() };
+        let options = Options { outlier_threshold, pixels_per_degree, display, ..Options::default() };
         compare_images(&test, &reference, &options)
     })?;
     let found = found.map_err(failed)?;

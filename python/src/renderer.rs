@@ -8,7 +8,7 @@ use curitiba::pipeline::executor::{self, Cancellation, ChangeError, Goal, Render
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Settings, Work};
 use curitiba::pipeline::programs::Fidelity;
-use curitiba::pipeline::project::{PassKind, Pose, SceneOptions};
+use curitiba::pipeline::project::{PassKind, Pose, SceneOptions, Up};
 use curitiba::{BackendChoice, Choice, RasterChoice};
 use glam::Vec3;
 use numpy::PyArray3;
@@ -50,6 +50,7 @@ struct SceneArguments {
     look_at: Option<[f32; 3]>,
     fov: Option<f32>,
     sun: Option<[f32; 3]>,
+    up: Option<String>,
     background: Option<[f32; 3]>,
 }
 
@@ -64,8 +65,8 @@ impl SceneArguments {
             look_at: vector(&self.look_at, SceneOptions::parse_vector)?,
             fov: self.fov.map(|fov| SceneOptions::parse_fov(&fov.to_string()).map_err(invalid)).transpose()?,
             sun: vector(&self.sun, SceneOptions::parse_direction)?,
+            up: self.up.as_ref().map_or(Ok(Up::Y), |up| up.parse().map_err(invalid))?,
             background: vector(&self.background, SceneOptions::parse_color)?,
-            ..SceneOptions::default()
         })
     }
 }
@@ -75,7 +76,7 @@ impl SceneArguments {
 #[pyo3(signature = (
     path, *, size = None, camera = None, pipeline = None, backend = "auto", raster = "auto", fidelity = "corrected", seed = 0,
     parameters = None, off = vec![], max_memory = 8 << 30, effects = None, look_from = None, look_at = None, fov = None,
-    sun = None, background = None
+    sun = None, up = None, background = None, color = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
 pub fn open(
@@ -96,16 +97,19 @@ pub fn open(
     look_at: Option<[f32; 3]>,
     fov: Option<f32>,
     sun: Option<[f32; 3]>,
+    up: Option<String>,
     background: Option<[f32; 3]>,
+    color: Option<&str>,
 ) -> PyResult<Renderer> {
     let mut set = Vec::new();
     for (key, value) in parameters.into_iter().flat_map(|parameters| parameters.iter()) {
         set.push(format!("{}={}", text(&key)?, text(&value)?));
     }
     let fidelity = named("fidelity", fidelity, &[("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)])?;
-    let scene = SceneArguments { effects, look_from, look_at, fov, sun, background }.options()?;
+    let scene = SceneArguments { effects, look_from, look_at, fov, sun, up, background }.options()?;
+    let color = color.map(|color| color.parse().map_err(invalid)).transpose()?;
     let settings =
-        Settings { pipeline, camera, size, fidelity, seed, set, off, max_memory, scene, ..Settings::default() };
+        Settings { pipeline, camera, size, fidelity, color, seed, set, off, max_memory, scene, ..Settings::default() };
     let choice = Choice {
         raster: named("raster", raster, &RasterChoice::NAMES)?,
         backend: named("backend", backend, &BackendChoice::NAMES)?,
@@ -315,6 +319,11 @@ impl Renderer {
             let [width, height] = renderer.settings().size.unwrap_or(renderer.project().window);
             (width, height)
         })
+    }
+
+    #[getter]
+    fn color(&self, py: Python<'_>) -> PyResult<&'static str> {
+        self.call(py, |renderer| renderer.plan().display.space.name())
     }
 
     #[getter]

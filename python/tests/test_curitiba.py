@@ -68,6 +68,35 @@ def test_a_picture_is_an_array_that_owns_its_memory():
     assert renderer.cameras == ["MainCamera", "Vidro"] and renderer.lights == ["Sun"]
 
 
+def test_scenes_are_linear_and_displayed_as_the_program_writes_them(tmp_path):
+    scene = PROJECTS / "glass/scenes/balls.gltf"
+    assert opened("SceneShadows").color == "report" and opened("SceneShadows", color="linear").color == "linear"
+    settings = {**SMALL, "up": "y", "background": (0.2, 0.4, 0.8), "parameters": {"pass2.samples": 4}}
+    linear, report = curitiba.open(scene, **settings), curitiba.open(scene, **settings, color="report")
+    assert (linear.color, report.color) == ("linear", "report")
+    sky = (51, 102, 204, 255)
+    for renderer in (linear, report):
+        shown = curitiba.displayed(renderer.render(), color=renderer.color)
+        assert shown.shape == (80, 112, 4) and shown.dtype == np.uint8 and tuple(shown[0, 0]) == sky
+    picture = linear.render()
+    brighter = curitiba.displayed(picture, color="linear", exposure=1.0)
+    assert (brighter == curitiba.displayed(2 * picture * (1, 1, 1, 0.5), color="linear")).all()
+    toned = curitiba.displayed(picture, color="linear", tone="reinhard")
+    assert toned.mean() < brighter.mean()
+    # FLIP is of displayed values: the same numbers taken for another space are another picture.
+    assert curitiba.compare(brighter / 255.0, curitiba.displayed(picture, color="linear") / 255.0)["flip"] == pytest.approx(
+        curitiba.compare(2 * picture, picture, color="linear")["flip"], abs=0.01
+    )
+    assert curitiba.compare(2 * picture, picture)["flip"] != curitiba.compare(2 * picture, picture, color="linear")["flip"]
+    turned = curitiba.open(scene, **{**settings, "up": "z"}).render()
+    assert np.abs(turned - picture).max() > 0.1
+    for wrong in ({"color": "srgb"}, {"exposure": 1.0}, {"color": "linear", "exposure": 65.0}, {"color": "linear", "tone": "aces"}):
+        with pytest.raises(ValueError):
+            curitiba.displayed(picture, **wrong)
+    with pytest.raises(ValueError, match="y, z"):
+        curitiba.open(scene, up="x")
+
+
 def test_setters_equal_a_renderer_that_was_opened_so():
     renderer = opened("SceneSSAO", parameters={"pass2.samples": 4})
     renderer.render()
