@@ -2,10 +2,11 @@
 
 mod scene_support;
 
+use curitiba_pipeline::color::{BRIGHTEST, ColorSpace};
 use curitiba_pipeline::scene::{
     BuildOptions, Group, Material, Mesh, Needs, Object, RenderScene, Scene, TextureSource, statistics,
 };
-use glam::{Mat4, Quat, Vec2, Vec3};
+use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
 use scene_support::{Folder, count};
 
 fn material(name: &str) -> Material {
@@ -226,6 +227,23 @@ fn what_passes_do_not_need_is_left_empty() {
     let (built, warnings) = build(scene, &BuildOptions::default());
     assert_eq!(built.geometry.texcoords, [Vec2::ZERO; 3]);
     assert_eq!(count(&warnings, "meshes with texture coordinates that are not finite"), 1);
+}
+
+#[test]
+fn colours_above_what_arithmetic_bears_are_lowered_and_counted() {
+    let mut bright =
+        scene(vec![triangle(0), triangle(1)], vec![object(0, Mat4::IDENTITY), object(1, Mat4::IDENTITY)], 2);
+    bright.materials[0].emission = Vec4::new(3.4e38, f32::INFINITY, -1e30, 1.0);
+    bright.materials[1].diffuse = Vec4::new(1e9, 0.5, -1e9, 1.0);
+    for color in [ColorSpace::Report, ColorSpace::Linear] {
+        let (built, warnings) = build(bright.clone(), &BuildOptions { color, ..BuildOptions::default() });
+        assert_eq!(count(&warnings, "materials with a colour above 1e9"), 1);
+        let lowered = Vec4::new(BRIGHTEST, BRIGHTEST, -BRIGHTEST, 1.0);
+        assert_eq!(built.materials[0].emission, color.of_display(lowered));
+        let lit = built.materials[1].diffuse * BRIGHTEST;
+        assert!(lit.is_finite(), "{color}: {lit}");
+        assert_eq!(built.materials[1].diffuse, color.of_display(bright.materials[1].diffuse));
+    }
 }
 
 #[test]

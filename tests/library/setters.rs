@@ -242,6 +242,7 @@ fn wrong_values_are_refused_and_change_nothing() {
         (renderer.set_light("Moon", Vec3::X, Vec3::ONE), "no light `Moon`"),
         (renderer.set_light("Sun", Vec3::ZERO, Vec3::ONE), "no direction"),
         (renderer.set_light("Sun", Vec3::X, Vec3::INFINITY), "no colour"),
+        (renderer.set_light("Sun", Vec3::X, Vec3::splat(2e9)), "-1e9 to 1e9"),
         (renderer.set_size([0, 5]), "1 to 65536"),
         (renderer.set_parameter("pass2", "sample", "4"), "did you mean `samples`"),
         (renderer.set_parameter("pass2", "radius", "-1"), "above 0"),

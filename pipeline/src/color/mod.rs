@@ -23,6 +23,16 @@ use std::io;
 use std::path::Path;
 use std::str::FromStr;
 
+/// The most that a component of a colour is, either way: of a light, a background or a material. With it the light that a surface
+/// reflects stays below the largest `f32`, also where the surface's colour is decoded from sRGB: `(1e9)^2.4 * 1e9 < 4e30`.
+pub const BRIGHTEST: f32 = 1e9;
+
+/// Whether all components of a colour are numbers up to [`BRIGHTEST`].
+#[must_use]
+pub fn in_range(color: Vec3) -> bool {
+    color.abs().cmple(Vec3::splat(BRIGHTEST)).all()
+}
+
 /// What the numbers of a project's colours mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub enum ColorSpace {

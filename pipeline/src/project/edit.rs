@@ -2,6 +2,7 @@
 
 use super::values::unit;
 use super::{Light, Project, find};
+use crate::color::{BRIGHTEST, in_range};
 use glam::Vec3;
 
 /// Below this sine of the angle between view and up the picture's horizontal axis is rounding noise.
@@ -67,7 +68,8 @@ impl Project {
     /// Lets a light shine in a direction (in which it travels, of any length but 0) with a colour (linear), as if its file had said so.
     ///
     /// # Errors
-    /// If there is no such light, or these are not finite; the project is then as it was.
+    /// If there is no such light, the direction is not finite, or a component of the colour is beyond [`BRIGHTEST`]; the project is then
+    /// as it was.
     pub fn set_light(&mut self, light: &str, direction: Vec3, color: Vec3) -> Result<(), String> {
         let index = self.light(light)?;
         let Light { name, .. } = &self.lights[index];
@@ -76,8 +78,10 @@ impl Project {
                 "light `{name}`: {direction} is no direction; valid: a finite vector whose length is not 0"
             ));
         };
-        if !color.is_finite() {
-            return Err(format!("light `{name}`: {color} is no colour; valid: three finite numbers"));
+        if !in_range(color) {
+            return Err(format!(
+                "light `{name}`: {color} is no colour; valid: three numbers, -{BRIGHTEST:e} to {BRIGHTEST:e}"
+            ));
         }
         (self.lights[index].direction, self.lights[index].color) = (Some(direction), color);
         Ok(())

@@ -3,6 +3,7 @@
 use super::dom::{Element, Value};
 use super::loader::Loader;
 use super::report::{Span, suggest};
+use crate::color::BRIGHTEST;
 use glam::{Vec3, Vec4};
 
 /// Largest side of a target, a window or a viewport, pixels.
@@ -157,11 +158,24 @@ impl Loader {
         unit
     }
 
-    /// `r`, `g`, `b` and, if it is there, `a` (else 1).
+    /// `r`, `g`, `b`, up to [`BRIGHTEST`] either way, and, if it is there, `a` (else 1).
     pub fn color(&mut self, element: &Element) -> Option<Vec4> {
         self.expect(element, &[], &["r", "g", "b", "a"]);
         let alpha = element.attribute("a").map_or(Some(1.0), |value| self.number(value));
-        Some(self.three(element, ["r", "g", "b"])?.extend(alpha?))
+        let [r, g, b] = ["r", "g", "b"].map(|name| self.component(element, name));
+        Some(Vec4::new(r?, g?, b?, alpha?))
+    }
+
+    /// A component of a colour that must be there.
+    fn component(&mut self, element: &Element, name: &str) -> Option<f32> {
+        let value = self.required(element, name)?;
+        let number = self.number(value)?;
+        if number.abs() <= BRIGHTEST {
+            return Some(number);
+        }
+        let message = format!("`{}` is beyond what a component of a colour may be", value.shown());
+        self.report.error_help(value.span, message, || format!("valid: -{BRIGHTEST:e} to {BRIGHTEST:e}"));
+        None
     }
 
     /// A truth value.

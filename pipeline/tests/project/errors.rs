@@ -30,6 +30,20 @@ fn numbers_must_be_numbers() {
 }
 
 #[test]
+fn components_of_colours_are_bounded() {
+    let (name, old) = ("lib.mlib", "<diffuse r=\"1\" g=\"0\"");
+    let files = Files::new(project(RASTER));
+    let marked = with(LIBRARY, old, "<diffuse r=\"1\" g=\"@1.1e9\"");
+    files.write(name, marked.replacen('@', "", 1));
+    let problems = files.load().expect_err("it must not load");
+    let message = "`1.1e9` is beyond what a component of a colour may be";
+    assert_eq!(errors(&problems), [format!("{name}:{}: {message}", place(&marked, "@"))], "\n{problems}");
+    assert!(problems.to_string().contains("valid: -1e9 to 1e9"), "\n{problems}");
+    files.write(name, with(LIBRARY, old, "<diffuse r=\"1\" g=\"-1e9\""));
+    assert!(files.load().is_ok());
+}
+
+#[test]
 fn windows_must_have_both_sides_within_the_cap() {
     wrong(
         "<project name=\"p\">",

@@ -1,6 +1,7 @@
 //! Cameras and directional lights (`KHR_lights_punctual`) of an asset, placed by their nodes.
 
 use super::super::{SceneCamera, SceneLight};
+use crate::color::in_range;
 use crate::diagnostic::Warnings;
 use ::gltf::json::{self, camera::Type, validation::Checked};
 use glam::{Mat4, Vec3};
@@ -68,7 +69,7 @@ pub(super) fn light(
     let color = Vec3::from(
         [0, 1, 2].map(|axis| (number(color.and_then(|color| color.get(axis)), 1.0).max(0.0) * intensity) as f32),
     );
-    let Some(direction) = direction(transform, Vec3::NEG_Z).filter(|_| color.is_finite()) else {
+    let Some(direction) = direction(transform, Vec3::NEG_Z).filter(|_| in_range(color)) else {
         return ignored("has no direction, or numbers out of range");
     };
     let name = light.get("name").and_then(|name| name.as_str()).or(node.name.as_deref());

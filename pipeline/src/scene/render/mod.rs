@@ -6,9 +6,9 @@ pub(crate) mod texture;
 
 use super::error::{Budget, SceneError};
 use super::{Material, Needs, RenderScene, Scene};
-use crate::color::ColorSpace;
+use crate::color::{BRIGHTEST, ColorSpace, in_range};
 use crate::diagnostic::Warnings;
-use glam::Mat4;
+use glam::{Mat4, Vec3, Vec4};
 use std::path::{Path, PathBuf};
 
 /// How a scene is made ready.
@@ -61,6 +61,7 @@ impl RenderScene {
     ///   60 degrees are not averaged, and the vertices there are split; vertices that are not shared stay flat.
     /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
     ///   its material has none.
+    /// - Colours of materials are kept within [`BRIGHTEST`]; those that were not are counted.
     /// - In linear light colours of materials are decoded from sRGB, and textures when they are read ([`Texture::space`](super::texture::Texture::space)).
     ///   What light keeps in a filter, and what is absorbed, is linear as it is.
     ///
@@ -85,6 +86,10 @@ impl RenderScene {
         for (material, in_use) in materials.iter_mut().zip(in_use) {
             material.attenuation_distance *= scale;
             material.thickness *= scale;
+            if !bounded(material) {
+                let what = "materials with a colour above 1e9";
+                warnings.add(files.whole_scene(), what, "1e9 serves", || format!("`{}`", material.name));
+            }
             to_space(material, options.color);
             if !in_use || !options.needs.textures {
                 material.textures_mut().into_iter().for_each(|texture| *texture = None);
@@ -104,12 +109,25 @@ impl RenderScene {
     }
 }
 
-/// Makes the colours of a material, which are display values, those of a space.
-fn to_space(material: &mut Material, space: ColorSpace) {
+/// The colours of a material that are display values.
+fn colors(material: &mut Material) -> [&mut Vec4; 4] {
     let Material { diffuse, ambient, specular, emission, .. } = material;
-    for color in [diffuse, ambient, specular, emission] {
-        *color = space.of_display(*color);
+    [diffuse, ambient, specular, emission]
+}
+
+/// Keeps the colours of a material within [`BRIGHTEST`]; whether they were.
+fn bounded(material: &mut Material) -> bool {
+    let mut bounded = true;
+    for color in colors(material).into_iter().filter(|color| !in_range(color.truncate())) {
+        *color = color.truncate().clamp(Vec3::splat(-BRIGHTEST), Vec3::splat(BRIGHTEST)).extend(color.w);
+        bounded = false;
     }
+    bounded
+}
+
+/// Makes the colours of a material those of a space.
+fn to_space(material: &mut Material, space: ColorSpace) {
+    colors(material).into_iter().for_each(|color| *color = space.of_display(*color));
 }
 
 /// Which file an object is of, for messages.
