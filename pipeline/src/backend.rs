@@ -1,11 +1,11 @@
 //! The seam between the executor and what does the work: rasterisers and ray tracers.
 
-use crate::executor::Progress;
+pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
+
 use crate::glass::Dielectric;
 use crate::image::Image;
-use crate::memory::{self, Refused};
-use crate::plan::ALIGNMENT;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
+use crate::progress::Progress;
 use crate::raster_effects::{EffectParams, EffectProgram};
 use crate::scene::RenderScene;
 use crate::shared::{DeviceUuid, InPlace, SharedGBuffer};
@@ -57,36 +57,6 @@ pub struct Glow {
     pub texture: Option<u32>,
 }
 
-/// A rectangle of pixels; `y` counts from the top row.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Rect {
-    /// Left column.
-    pub x: u32,
-    /// Top row.
-    pub y: u32,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-}
-
-/// What of a viewport a target holds that is `held` of the picture, in pixels from the viewport's corner. `None` for nothing,
-/// and where the target cuts the viewport elsewhere than at multiples of [`ALIGNMENT`] pixels from its corner: a rasteriser that
-/// works in tiles would make others than those of the whole viewport.
-#[must_use]
-pub fn drawn_part(viewport: Rect, held: Rect) -> Option<Rect> {
-    let axis = |start: u32, length: u32, held: u32, room: u32| {
-        let end = start.checked_add(length)?.min(held.checked_add(room)?);
-        let first = start.max(held);
-        let (from, part) = (first - start, end.checked_sub(first)?);
-        let on_tiles = |pixels: u32| pixels.is_multiple_of(ALIGNMENT);
-        (part > 0 && on_tiles(from) && (on_tiles(from + part) || from + part == length)).then_some((from, part))
-    };
-    let (x, width) = axis(viewport.x, viewport.width, held.x, held.width)?;
-    let (y, height) = axis(viewport.y, viewport.height, held.y, held.height)?;
-    Some(Rect { x, y, width, height })
-}
-
 /// The largest pictures that an engine can do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
@@ -99,32 +69,6 @@ pub struct Limits {
 impl Limits {
     /// As large as memory allows, and parts.
     pub const NONE: Self = Self { side: u32::MAX, parts: true };
-}
-
-/// Which attachments a raster pass writes: those that something reads later.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Attachments {
-    /// Shaded colour.
-    pub color: bool,
-    /// World position; `w` is the light's cosine, clamped at 0.
-    pub position: bool,
-    /// Shading normal; `w` is 0.
-    pub normal: bool,
-    /// Triangle id, for ray passes that start exactly on the surface.
-    pub triangle: bool,
-}
-
-impl Attachments {
-    /// What either has.
-    #[must_use]
-    pub fn union(self, other: Self) -> Self {
-        Self {
-            color: self.color || other.color,
-            position: self.position || other.position,
-            normal: self.normal || other.normal,
-            triangle: self.triangle || other.triangle,
-        }
-    }
 }
 
 /// One raster pass.
@@ -155,63 +99,6 @@ pub struct RasterJob<'a> {
     /// What of it is declared in 16-bit floats. A rasteriser that keeps attachments of its own stores these so, and effects
     /// read them so; in host memory the executor rounds them. Whether a device rounds to the nearest is its own affair.
     pub half: Attachments,
-}
-
-/// The triangle id of a pixel that nothing covers.
-pub const NO_TRIANGLE: u32 = u32::MAX;
-
-/// The attachments of one raster pass, in host memory. Those not asked for are empty.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct GBuffer {
-    /// Column and row, in the picture, of the top left pixel that is held: viewports count from the picture's.
-    pub origin: [u32; 2],
-    /// Pixels a row.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Shaded colour, top row first.
-    pub color: Vec<[f32; 4]>,
-    /// World position and light cosine.
-    pub position: Vec<[f32; 4]>,
-    /// Shading normal.
-    pub normal: Vec<[f32; 4]>,
-    /// Triangle id or [`NO_TRIANGLE`].
-    pub triangle: Vec<u32>,
-}
-
-impl GBuffer {
-    /// Allocates the attachments asked for, cleared to 0 (triangles to [`NO_TRIANGLE`]).
-    ///
-    /// # Panics
-    /// If there is not so much memory; [`Self::try_new`] says so.
-    #[must_use]
-    pub fn new(width: u32, height: u32, attachments: Attachments) -> Self {
-        Self::try_new(width, height, attachments).unwrap_or_else(|error| panic!("{error}"))
-    }
-
-    /// What it holds of the picture.
-    #[must_use]
-    pub fn held(&self) -> Rect {
-        Rect { x: self.origin[0], y: self.origin[1], width: self.width, height: self.height }
-    }
-
-    /// [`Self::new`] where memory may be short.
-    ///
-    /// # Errors
-    /// If there is not so much.
-    pub fn try_new(width: u32, height: u32, attachments: Attachments) -> Result<Self, Refused> {
-        let pixels = width as usize * height as usize;
-        let channel = |wanted: bool| if wanted { memory::zeroed(pixels) } else { Ok(Vec::new()) };
-        Ok(Self {
-            origin: [0; 2],
-            width,
-            height,
-            color: channel(attachments.color)?,
-            position: channel(attachments.position)?,
-            normal: channel(attachments.normal)?,
-            triangle: if attachments.triangle { memory::filled(NO_TRIANGLE, pixels)? } else { Vec::new() },
-        })
-    }
 }
 
 /// Why a backend could not do its work.

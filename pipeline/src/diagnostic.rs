@@ -205,3 +205,13 @@ impl Warnings {
         self.groups.is_empty()
     }
 }
+/// One choice and its reason.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Decision {
+    /// What it is about: a channel, a pass, an attribute.
+    pub what: String,
+    /// Whether it is built, written or run.
+    pub built: bool,
+    /// The reason.
+    pub why: String,
+}

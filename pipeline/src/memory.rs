@@ -1,6 +1,10 @@
 //! Asking for large blocks of memory: a refusal is an error that says how much was asked for, never an abort.
 
-use crate::plan::mebibytes;
+/// A number of bytes as `12.3 MiB`.
+#[must_use]
+pub fn mebibytes(bytes: u64) -> String {
+    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
+}
 
 /// Memory that was asked for and refused, by the system or by the allocator of the program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

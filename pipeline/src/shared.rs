@@ -1,6 +1,6 @@
 //! G-buffers in device memory that a rasteriser and a ray backend share, so that nothing passes through the host.
 
-use crate::backend::Attachments;
+use crate::gbuffer::Attachments;
 use std::any::Any;
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ pub type SharedHandle = std::os::fd::OwnedFd;
 pub enum SharedHandle {}
 
 /// Device memory for one G-buffer. Every attachment is dense, its top row first: four 32-bit floats a pixel, of the triangle
-/// id one 32-bit integer, as in [`GBuffer`](crate::backend::GBuffer).
+/// id one 32-bit integer, as in [`GBuffer`](crate::gbuffer::GBuffer).
 #[derive(Debug)]
 pub struct SharedGBuffer {
     /// The device whose memory it is.

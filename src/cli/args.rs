@@ -375,7 +375,7 @@ pub struct ReportArgs {
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(5..=86_400))]
     pub time: Option<u32>,
     /// Root mean square error of an effect within which the cheapest setting is advised
-    #[arg(long, value_name = "RMSE", default_value_t = curitiba::report::verdict::WITHIN, value_parser = parse_within)]
+    #[arg(long, value_name = "RMSE", default_value_t = curitiba::report::model::WITHIN, value_parser = parse_within)]
     pub within: f64,
     /// Most triangles of the generated squares of the scaling plot [default: 10 000 000, with --quick 1 000 000]
     #[arg(long, value_name = "N")]

@@ -3,7 +3,7 @@
 use anstyle::Style;
 use curitiba::bench::model::{BenchFile, BenchRow, RowError};
 use curitiba::bench::text::{mrays_per_second, ray_device_ms, reference};
-use curitiba::pipeline::plan::mebibytes;
+use curitiba::pipeline::memory::mebibytes;
 
 const HEADER: Style = Style::new().bold();
 

@@ -7,9 +7,10 @@ use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
 use curitiba::compare::{CompareError, Compared, Operand, Rendered, Side};
 use curitiba::environment::Environment;
-use curitiba::pipeline::color::{ColorSpace, Display, displayed};
+use curitiba::pipeline::color::{ColorSpace, Display};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::files::{self, check_outputs, record_files_read};
+use curitiba::pipeline::image::displayed;
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::metrics::{
     Better, Comparison, EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, METRICS, Options, Verdict, ZTest, heat_map, strip,

@@ -5,10 +5,11 @@ use super::inspect::Inspector;
 use super::progress::Bars;
 use super::{Failure, failure, print_warnings, set_threads, table};
 use curitiba::environment::{Environment, peak_memory};
+use curitiba::pipeline::diagnostic::Decision;
 use curitiba::pipeline::diagnostic::WarningGroup;
 use curitiba::pipeline::executor::{AccumulatedPass, Fallback, Goal, RenderError, Renderer, Row, Written};
 use curitiba::pipeline::files::{check_outputs, record_files_read};
-use curitiba::pipeline::plan::{Decision, mebibytes};
+use curitiba::pipeline::memory::mebibytes;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

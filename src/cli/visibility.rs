@@ -11,7 +11,7 @@ use curitiba::passes::visibility::{
 };
 use curitiba::pipeline::executor::{Observer as _, Progress, StepKind};
 use curitiba::pipeline::files::check_outputs;
-use curitiba::pipeline::plan::mebibytes;
+use curitiba::pipeline::memory::mebibytes;
 use curitiba::pipeline::project;
 use curitiba::visibility::{self, BACKENDS, Format, ListedPairs, Loaded, StreamError, Summary, Target};
 use std::path::Path;

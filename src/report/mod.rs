@@ -5,6 +5,7 @@
 //! from. [`page`], [`plots`] and [`summary`] are pure functions of it; nothing there renders.
 
 pub mod collect;
+mod collector;
 pub mod folder;
 pub mod model;
 pub mod number;
@@ -17,7 +18,7 @@ pub mod summary;
 mod tests;
 pub mod verdict;
 
-pub use collect::{ReportError, Request};
+pub use collector::{ReportError, Request};
 pub use plan::Wanted;
 
 use crate::pipeline::executor::Observer;

@@ -1,8 +1,10 @@
 //! What the page is made from: plain data, so that the page can be built and tested without rendering anything.
 
-use super::verdict::WITHIN;
 use crate::bench::model::{BenchFile, BenchRow, RowError, Technique};
 use serde::{Deserialize, Serialize};
+
+/// Root mean square error within which the cheapest setting is advised, unless another is asked for.
+pub const WITHIN: f64 = 0.02;
 
 /// Everything that a report shows.
 ///

@@ -1,7 +1,6 @@
 //! What a report measures, in which order, and what it leaves out when the time does not suffice.
 
-use super::model::{Against, Effect};
-use super::verdict::WITHIN;
+use super::model::{Against, Effect, WITHIN};
 use crate::BackendChoice;
 use crate::bench::model::Technique;
 

@@ -1,7 +1,7 @@
 //! Time against pixels and against triangles.
 
 use super::Told;
-use super::collect::{Collector, Place};
+use super::collector::{Collector, Place};
 use super::folder::Folder;
 use super::model::{Against, Scaling, ScalingSeries};
 use super::plan::{self, Entry, Stage};

@@ -1,10 +1,11 @@
 //! The page and its summary from invented numbers: nothing is rendered.
 
 use super::model::{
-    Against, Effect, FlipMap, Picture, ReportData, Scaling, ScalingSeries, SceneFacts, Section, Setting, Without,
+    Against, Effect, FlipMap, Picture, ReportData, Scaling, ScalingSeries, SceneFacts, Section, Setting, WITHIN,
+    Without,
 };
 use super::summary::in_short;
-use super::verdict::{Advice, WITHIN, pareto_front, verdicts};
+use super::verdict::{Advice, pareto_front, verdicts};
 use super::{page, plots};
 use crate::bench::model::{
     BenchFile, BenchRow, BenchStep, EngineName, FORMAT, RowError, Stats, Technique, Unavailable,

@@ -7,9 +7,6 @@ use crate::bench::model::{BenchRow, RowError, Technique};
 /// Time of a frame at 60 frames a second, milliseconds.
 pub const FRAME_60_MS: f64 = 1000.0 / 60.0;
 
-/// Root mean square error within which the cheapest setting is advised, unless another is asked for.
-pub const WITHIN: f64 = 0.02;
-
 /// Two settings are told apart where one surely takes this many times as long as the other.
 const APART: f64 = 1.1;
 

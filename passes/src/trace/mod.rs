@@ -8,7 +8,7 @@
 //! * [`Recorder`] keeps every ray of a pixel, for people to read.
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 //!
-//! The folders are floors: each uses those below it, never one above it, and `tests/layout.rs` fails where that is broken.
+//! The folders are floors: each uses those below it, never one above it, and the test `layout` fails where that is broken.
 //!
 //! | floor | what it holds |
 //! |---|---|

@@ -3,7 +3,7 @@
 //! A setter makes another plan and checks it; the renderer takes it up when the next frame begins. Which passes then have to run
 //! again is not written down anywhere: each pass is compared with what it was given when it last ran ([`super::dirty`]).
 
-use super::output::read_back_everything;
+use super::show::read_back_everything;
 use super::{Observer, RenderError, Renderer, prepare};
 use crate::backend::{Attachments, GBuffer, NO_TRIANGLE};
 use crate::memory::Refused;
@@ -163,7 +163,7 @@ impl Renderer {
     /// Sets the size of the window, pixels; render targets scale with it. A project that was made from scene files is made again.
     ///
     /// # Errors
-    /// If a side is not 1 to [`MAX_SIDE`](crate::plan::MAX_SIDE), or the targets take more memory than allowed.
+    /// If a side is not 1 to [`MAX_SIDE`](crate::image::MAX_SIDE), or the targets take more memory than allowed.
     pub fn set_size(&mut self, size: [u32; 2]) -> Result<(), ChangeError> {
         let settings = Settings { size: Some(size), ..self.settings().clone() };
         // Where the camera of such a project stands depends on the shape of the window.

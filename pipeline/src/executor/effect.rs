@@ -3,7 +3,8 @@
 use super::{Observer, Progress, Renderer, StepKind, channel_of};
 use crate::backend::{BackendError, EffectJob, EffectStats, GBuffer};
 use crate::image::Image;
-use crate::plan::{PlannedPass, Work, mebibytes};
+use crate::memory::mebibytes;
+use crate::plan::{PlannedPass, Work};
 use crate::project::{ChannelRef, EffectPass, PassKind};
 use std::sync::Arc;
 use std::time::Duration;

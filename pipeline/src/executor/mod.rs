@@ -1,13 +1,14 @@
 //! The executor: carries out a plan with a rasteriser and a ray backend, and times every step.
 
 mod accumulate;
-mod cancel;
 mod change;
 mod dirty;
 mod effect;
+mod engines;
 mod estimate;
 mod fallback;
 mod join;
+mod observer;
 mod output;
 mod parts;
 mod prepare;
@@ -15,42 +16,31 @@ mod quad;
 mod raster;
 mod rays;
 mod save;
+mod show;
 mod timeline;
 
+pub use crate::progress::{Cancellation, Progress};
 pub use accumulate::{AccumulatedPass, Accumulation, Goal, MAX_SAMPLES};
-pub use cancel::Cancellation;
 pub use change::{ChangeError, Pose};
+pub use engines::{Engines, Fallback, Spare};
 pub use estimate::Estimate;
-pub use fallback::{Fallback, Spare};
+pub use observer::{Observer, Silent};
 pub use output::{Faults, Output, Range, Triangles};
 pub use save::{Saved, Written};
-pub use timeline::{Observer, Progress, Row, Silent, StepKind, Timeline, median};
+pub use timeline::{Row, StepKind, Timeline, median};
 
-use crate::backend::{Attachments, BackendError, GBuffer, Rasteriser, RayBackend, Rect, Shade, Sun};
-use crate::diagnostic::Warnings;
+use crate::backend::{Attachments, BackendError, GBuffer, Rect, Shade, Sun};
+use crate::diagnostic::{Decision, Warnings};
 use crate::glass::Dielectric;
 use crate::image::{Image, PixelFormat};
 use crate::memory::{self, Refused};
-use crate::plan::{Decision, Instead, Plan, PlanError, PlannedPass, PlannedTarget, Work};
+use crate::plan::{Instead, Plan, PlanError, PlannedPass, PlannedTarget, Work};
 use crate::project::{ChannelRef, PassKind};
 use crate::scene::{RenderScene, SceneError};
-use fallback::of_frame;
+use engines::of_frame;
 use rays::Traced;
-use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// What does the work.
-pub struct Engines {
-    /// Draws triangles.
-    pub raster: Box<dyn Rasteriser>,
-    /// Traces rays.
-    pub rays: Box<dyn RayBackend>,
-    /// What stands in where the ray backend fails, in this order; empty unless the user allowed it.
-    pub spares: VecDeque<Spare>,
-    /// Ray backends that failed so far.
-    pub fallbacks: Vec<Fallback>,
-}
 
 /// Why a frame could not be rendered.
 #[derive(Debug, thiserror::Error)]

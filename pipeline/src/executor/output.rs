@@ -1,11 +1,6 @@
-//! What passes write, shown to observers, and whether it is made of numbers that mean something.
+//! What passes write, and whether it is made of numbers that mean something.
 
-use super::{Observer, Renderer, channel_of};
-use crate::backend::{GBuffer, NO_TRIANGLE};
-use crate::plan::{Plan, PlannedPass, Work};
-use crate::programs::Writes;
-use crate::project::PassKind;
-use crate::raster_effects::EffectProgram;
+use crate::backend::NO_TRIANGLE;
 use rayon::prelude::*;
 
 /// How far a normal's length may be from 1: what 16-bit floats and the interpolation of unit normals leave.
@@ -163,88 +158,6 @@ impl Triangles<'_> {
             }
         }
         faults
-    }
-}
-
-/// See [`Renderer::read_back_everything`].
-pub(super) fn read_back_everything(plan: &mut Plan) {
-    for planned in &mut plan.passes {
-        match &mut planned.work {
-            Work::Raster { attachments, host, .. } => *host = *attachments,
-            // Observers are shown what ray passes read, too.
-            Work::Rays { resident, .. } => *resident = None,
-            Work::Effect { .. } | Work::Off { .. } | Work::Quad { .. } => {}
-        }
-    }
-}
-
-impl Renderer {
-    /// Copies every attachment of raster passes into host memory from now on, so that observers see all that is written.
-    /// Without this, attachments that only the rasteriser's device reads are not shown to them.
-    pub fn read_back_everything(&mut self) {
-        self.shows_everything = true;
-        read_back_everything(&mut self.plan);
-        if let Some(next) = &mut self.next {
-            read_back_everything(next);
-        }
-    }
-
-    /// Shows what a pass wrote.
-    pub(super) fn show_outputs(&self, planned: &PlannedPass, observer: &mut dyn Observer) {
-        let pass = self.plan.pass(planned);
-        let buffer: &GBuffer = pass.target.map_or(&self.window, |target| &self.targets[target]);
-        let mut show = |channel: usize, range: Range| {
-            let name = match pass.target {
-                Some(target) => {
-                    let target = &self.plan.project.targets[target];
-                    let texture = target.channels.get(channel).map_or("no texture", |texture| texture.name.as_str());
-                    format!("{}::{texture}", target.library)
-                }
-                None => "window".to_owned(),
-            };
-            let (width, height) = (buffer.width, buffer.height);
-            let pixels = channel_of(buffer, channel);
-            observer.wrote(&Output { pass: &pass.name, channel: name, range, width, height, pixels });
-        };
-        match (&planned.work, &pass.kind) {
-            (Work::Raster { scene_set, attachments, host, traced, .. }, _) => {
-                let held = match self.engines.raster.needs_read_back() {
-                    true => self.in_host(pass.target, *host, *traced),
-                    false => *attachments,
-                };
-                for (channel, (shown, range)) in
-                    [(held.color, Range::Color), (held.position, Range::Position), (held.normal, Range::Normal)]
-                        .into_iter()
-                        .enumerate()
-                {
-                    if shown {
-                        show(channel, range);
-                    }
-                }
-                if held.triangle {
-                    let count = self.scenes[*scene_set].scene.geometry.triangles.len();
-                    let (width, ids) = (buffer.width, buffer.triangle.as_slice());
-                    observer.wrote_triangles(&Triangles { pass: &pass.name, count, width, ids });
-                }
-            }
-            (_, PassKind::Ray(ray)) => show(
-                0,
-                match ray.program.info().writes {
-                    Writes::Share => Range::Share,
-                    Writes::Color => Range::Color,
-                },
-            ),
-            (_, PassKind::Effect(effect)) => show(
-                0,
-                match effect.program {
-                    EffectProgram::ShadowMap | EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
-                        Range::Share
-                    }
-                    EffectProgram::CubeReflection | EffectProgram::CubeRefraction => Range::Color,
-                },
-            ),
-            _ => show(0, Range::Color),
-        }
     }
 }
 

@@ -3,9 +3,11 @@
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, SceneNotes, StepKind};
 use crate::backend::{Attachments, BackendError, GBuffer, Glow, Shade};
 use crate::color::ColorSpace;
+use crate::diagnostic::Decision;
 use crate::glass::{self, Decided, Dielectric, GlassShadow, Shape};
+use crate::memory::mebibytes;
 use crate::memory::{self, Refused};
-use crate::plan::{Decision, PlannedPass, Work, mebibytes};
+use crate::plan::{PlannedPass, Work};
 use crate::programs::{Fidelity, RayParams};
 use crate::project::{ColorMap, MaterialPattern, PassKind};
 use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene};

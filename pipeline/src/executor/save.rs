@@ -3,11 +3,11 @@
 use super::parts::{Told, append};
 use super::{Observer, Progress, RenderError, Renderer, StepKind};
 use crate::backend::Rect;
-use crate::color::{DisplayRows, write_displayed};
 use crate::image::{
     Colors, Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, write_exr_of, write_exr_rows_of,
     write_png_rows,
 };
+use crate::image::{DisplayRows, write_displayed};
 use crate::memory::{self, Refused};
 use crate::plan::Work;
 use crate::project::ChannelRef;

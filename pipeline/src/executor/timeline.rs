@@ -1,10 +1,7 @@
 //! The one definition of time: every step's host time with synchronisation, and the device's own clock where it has one.
 
-use super::{Cancellation, Fallback, Output, Triangles};
-use crate::backend::{RayCounts, RayJob};
-use crate::image::Image;
+use crate::backend::RayCounts;
 use serde::{Deserialize, Serialize};
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// What a step is.
@@ -160,78 +157,6 @@ impl Timeline {
     pub fn forget_frames(&mut self) {
         self.rows.retain(|row| !row.kind.per_frame());
     }
-}
-
-/// How far a long step is: written by the workers, read by whoever shows it.
-#[derive(Debug, Default)]
-pub struct Progress {
-    done: AtomicU64,
-    total: AtomicU64,
-    cancellation: Cancellation,
-}
-
-impl Progress {
-    /// That of a step which may be given up: engines ask [`Self::is_cancelled`] between tiles.
-    #[must_use]
-    pub fn until(cancellation: &Cancellation) -> Self {
-        Self { cancellation: cancellation.clone(), ..Self::default() }
-    }
-
-    /// Whether the step is to be given up: what it writes from now on is thrown away.
-    #[must_use]
-    pub fn is_cancelled(&self) -> bool {
-        self.cancellation.is_cancelled()
-    }
-
-    /// Starts counting to `total`.
-    pub fn start(&self, total: u64) {
-        self.done.store(0, Ordering::Relaxed);
-        self.total.store(total, Ordering::Relaxed);
-    }
-
-    /// Counts `amount` more.
-    pub fn advance(&self, amount: u64) {
-        self.done.fetch_add(amount, Ordering::Relaxed);
-    }
-
-    /// Done and total; the total is 0 where it is not known.
-    #[must_use]
-    pub fn get(&self) -> (u64, u64) {
-        (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed))
-    }
-}
-
-/// Told when steps begin and end, to show progress, and what passes write, to look into it.
-pub trait Observer {
-    /// A step begins; `progress` moves while it runs, if the step can tell.
-    fn begin(&mut self, kind: StepKind, name: &str, progress: &std::sync::Arc<Progress>);
-    /// It ended.
-    fn end(&mut self);
-    /// A pass wrote a channel.
-    fn wrote(&mut self, output: &Output<'_>) {
-        let _ = output;
-    }
-    /// A raster pass wrote triangle ids.
-    fn wrote_triangles(&mut self, triangles: &Triangles<'_>) {
-        let _ = triangles;
-    }
-    /// A ray pass ran; the picture is not yet rounded to the format of its target.
-    fn traced(&mut self, pass: &str, job: &RayJob<'_>, picture: &Image) {
-        let _ = (pass, job, picture);
-    }
-    /// A ray backend failed, and another takes its place.
-    fn fell_back(&mut self, fallback: &Fallback) {
-        let _ = fallback;
-    }
-}
-
-/// Shows nothing.
-#[derive(Debug, Default, Clone, Copy)]
-pub struct Silent;
-
-impl Observer for Silent {
-    fn begin(&mut self, _: StepKind, _: &str, _: &std::sync::Arc<Progress>) {}
-    fn end(&mut self) {}
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! Pane, thin or solid: what each material of a scene is.
 
 use super::{Closedness, Dielectric, Shape, closedness};
+use crate::diagnostic::Decision;
 use crate::diagnostic::Warnings;
-use crate::plan::Decision;
 use crate::scene::{Geometry, Material, RenderScene};
 use std::path::Path;
 

@@ -1,11 +1,13 @@
 //! Images: the attachments of render targets and the picture that is shown; reading, writing and making them visible.
 
 pub(crate) mod decode;
+mod displayed;
 mod read;
 mod rows;
 mod visible;
 mod write;
 
+pub use displayed::{DisplayRows, displayed, write_displayed};
 pub use read::{Picture, ReadImageError, Variance, read_image};
 pub use rows::{ImageRows, Rows};
 pub use visible::{Content, VisibleRows, make_visible};
@@ -17,6 +19,12 @@ pub use write::{
 use half::f16;
 use half::slice::HalfFloatSliceExt as _;
 use rayon::prelude::*;
+
+/// Largest side of a picture or a render target, pixels.
+pub const MAX_SIDE: u32 = 65_536;
+
+/// Name of the layer of an EXR file that holds the variance of the mean that another layer is.
+pub const VARIANCE_LAYER: &str = "variance";
 
 /// How a channel of a render target is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

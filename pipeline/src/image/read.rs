@@ -3,12 +3,11 @@
 use super::Image;
 use super::decode::{self, Fault};
 use super::write::COLOR_ATTRIBUTE;
+use super::{MAX_SIDE, VARIANCE_LAYER};
 use crate::color::ColorSpace;
 use crate::files;
 use crate::guard;
 use crate::memory;
-use crate::metrics::VARIANCE_LAYER;
-use crate::plan::MAX_SIDE;
 use exr::block::{BlockIndex, UncompressedBlock};
 use exr::math::Vec2;
 use exr::meta::MetaData;

@@ -39,7 +39,7 @@ fn write_whole(path: &Path, write: impl FnOnce(&mut BufWriter<&mut Replacement>)
 }
 
 /// Writes an 8-bit RGB PNG: values are clamped to 0..=1 and stored as they are, without a transfer function, as the
-/// report's engine showed its frame buffer. NaN is stored as 0. [`write_displayed`](crate::color::write_displayed) writes linear radiance.
+/// report's engine showed its frame buffer. NaN is stored as 0. [`write_displayed`](super::write_displayed) writes linear radiance.
 ///
 /// # Errors
 /// Whatever the file system reports.
@@ -134,7 +134,7 @@ pub fn write_exr_of(path: &Path, layer: Layer<'_>, space: Option<ColorSpace>) ->
 }
 
 /// Writes layers as one EXR file of 32-bit floats. [`read_image`](super::read_image) takes a layer named
-/// [`VARIANCE_LAYER`](crate::metrics::VARIANCE_LAYER), with `:N` behind it if it was estimated from N samples, for the
+/// [`VARIANCE_LAYER`](super::VARIANCE_LAYER), with `:N` behind it if it was estimated from N samples, for the
 /// variance of the mean that another layer is.
 ///
 /// # Errors

@@ -1,5 +1,6 @@
 //! Pictures of errors.
 
+use super::color_spaces::displayed_of_lab;
 use super::{MetricError, Options, check};
 use crate::image::Image;
 use rayon::prelude::*;
@@ -53,7 +54,7 @@ fn ramp(value: f64) -> [f32; 4] {
     let index = RAMP.iter().rposition(|point| point[0] <= lightness).unwrap_or(0).min(RAMP.len() - 2);
     let (low, high) = (RAMP[index], RAMP[index + 1]);
     let part = (lightness - low[0]) / (high[0] - low[0]);
-    let [red, green, blue] = super::flip::displayed_of_lab([0, 1, 2].map(|i| low[i] + part * (high[i] - low[i])));
+    let [red, green, blue] = displayed_of_lab([0, 1, 2].map(|i| low[i] + part * (high[i] - low[i])));
     [red as f32, green as f32, blue as f32, 1.0]
 }
 

@@ -10,6 +10,7 @@
 //! too: a displayed value is the value cut to 0..=1, and FLIP takes it to be encoded in sRGB. Of linear radiance
 //! ([`Options::display`]) it is what [`Display::displayed`] says. Values are not rounded to 8 bits first. Alpha is not compared.
 
+mod color_spaces;
 mod filter;
 mod flip;
 mod linear;
@@ -23,15 +24,12 @@ pub use maps::{ErrorMap, absolute_error, heat_map, strip};
 pub use registry::{Better, METRICS, MetricInfo};
 pub use z_test::{EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, Estimate, Verdict, ZTest, z_test};
 
-use crate::color::{self, ColorSpace, Display};
-use crate::image::Image;
+use crate::color::{ColorSpace, Display};
+use crate::image::{self, Image};
 use crate::memory::Refused;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::fmt;
-
-/// Name of the layer of an EXR file that holds the variance of the mean that another layer is.
-pub const VARIANCE_LAYER: &str = "variance";
 
 /// What a comparison found. All but [`Self::ssim`] and [`Self::flip`] are of linear values over the three colours of the
 /// pixels compared.
@@ -243,7 +241,7 @@ pub fn compare_with_map(
 fn displays<'a>(pictures: [&'a Image; 2], display: Display) -> Result<[Cow<'a, Image>; 2], MetricError> {
     let shown = |picture: &'a Image| match display.space {
         ColorSpace::Report => Ok(Cow::Borrowed(picture)),
-        ColorSpace::Linear => color::displayed(picture, display).map(Cow::Owned).map_err(MetricError::Memory),
+        ColorSpace::Linear => image::displayed(picture, display).map(Cow::Owned).map_err(MetricError::Memory),
     };
     let [test, reference] = pictures;
     Ok([shown(test)?, shown(reference)?])

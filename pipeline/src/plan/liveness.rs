@@ -2,8 +2,9 @@
 
 use super::off::instead;
 use super::settings::Constants;
-use super::{Decision, Instead, Plan, PlanError, PlannedPass, Work, rectangle, view};
+use super::{Instead, Plan, PlanError, PlannedPass, Work, rectangle, view};
 use crate::backend::{Attachments, Rect};
+use crate::diagnostic::Decision;
 use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams, Traces};
@@ -261,7 +262,7 @@ impl Wanted {
         match pass.target {
             None => self.window_filled = true,
             Some(target) => {
-                let written = channels_written(&pass.kind);
+                let written = pass.kind.channels_written();
                 for channels in [&mut self.channels, &mut self.host, &mut self.traced] {
                     channels.retain(|channel| channel.target != target || channel.channel >= written);
                 }
@@ -275,20 +276,12 @@ impl Wanted {
     }
 }
 
-/// How many channels of its target a pass writes, from the first.
-pub(super) fn channels_written(kind: &PassKind) -> usize {
-    match kind {
-        PassKind::Raster(_) => 3,
-        PassKind::Ray(_) | PassKind::Effect(_) | PassKind::Quad(_) => 1,
-    }
-}
-
 /// What of a pass's target is among these channels and triangle ids; the window only ever takes the colour.
 fn attachments(pass: &Pass, channels: &BTreeSet<ChannelRef>, triangles: &BTreeSet<usize>) -> Attachments {
     let Some(target) = pass.target else { return Attachments { color: true, ..Attachments::default() } };
     let raster = matches!(pass.kind, PassKind::Raster(_));
     let channel =
-        |channel: usize| channel < channels_written(&pass.kind) && channels.contains(&ChannelRef { target, channel });
+        |channel: usize| channel < pass.kind.channels_written() && channels.contains(&ChannelRef { target, channel });
     Attachments {
         color: channel(0),
         position: channel(1),

@@ -12,14 +12,15 @@ mod settings;
 
 pub use access::{Access, Slot, TRIANGLES};
 pub use off::Instead;
-pub use parts::{ALIGNMENT, BLOCK, Part, Parts};
+pub use parts::{BLOCK, Part, Parts};
 pub use settings::{PlanError, Settings};
 
 use crate::backend::{Attachments, Rect, View};
 use crate::color::{ColorSpace, Display, Tone};
-use crate::diagnostic::Warnings;
+use crate::diagnostic::{Decision, Warnings};
 use crate::glass::{GlassRule, TRANSPARENT};
-use crate::image::PixelFormat;
+use crate::image::{MAX_SIDE, PixelFormat};
+use crate::memory::mebibytes;
 use crate::programs::{Fidelity, RayParams};
 use crate::project::{Camera, ChannelRef, Orthographic, Pass, PassKind, Project, Viewport};
 use crate::raster_effects::EffectParams;
@@ -27,20 +28,6 @@ use crate::scene::{Material, Needs};
 use glam::camera::rh;
 use glam::{Mat4, Vec3, Vec4};
 use settings::{check_size, constants, display, set_formats, shown_channels, widen_colors};
-
-/// Largest side of any target, pixels.
-pub const MAX_SIDE: u32 = 65_536;
-
-/// One choice and its reason.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct Decision {
-    /// What it is about: a channel, a pass, an attribute.
-    pub what: String,
-    /// Whether it is built, written or run.
-    pub built: bool,
-    /// The reason.
-    pub why: String,
-}
 
 /// Everything that will be done, in order.
 #[derive(Debug, Clone)]
@@ -369,11 +356,7 @@ impl Plan {
         Ok(())
     }
 }
-/// A number of bytes as `12.3 MiB`.
-#[must_use]
-pub fn mebibytes(bytes: u64) -> String {
-    format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
-}
+
 /// Pixels of a viewport in a target: edges are rounded, so that neighbouring viewports neither gap nor overlap.
 fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
     let Some(viewport) = viewport else { return Rect { x: 0, y: 0, width: size[0], height: size[1] } };

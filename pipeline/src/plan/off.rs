@@ -35,12 +35,12 @@ impl Plan {
 
 /// What a pass writes when it is switched off; `None` for raster and quad passes, which then leave their targets as they are.
 pub(super) fn instead(pass: &Pass) -> Option<Instead> {
-    let (program, color) = match &pass.kind {
-        PassKind::Ray(ray) => (ray.program, ray.color),
-        PassKind::Effect(effect) => (effect.program.info().counterpart, effect.color),
-        PassKind::Raster(_) | PassKind::Quad(_) => return None,
+    let color = match &pass.kind {
+        PassKind::Ray(ray) => ray.color,
+        PassKind::Effect(effect) => effect.color,
+        PassKind::Raster(_) | PassKind::Quad(_) => None,
     };
-    Some(match (program.info().writes, color) {
+    Some(match (pass.kind.writes()?, color) {
         (Writes::Color, Some(color)) => Instead::Copy(color),
         (Writes::Color, None) => Instead::Fill([0.0, 0.0, 0.0, 1.0]),
         (Writes::Share, _) => Instead::Fill([1.0; 4]),

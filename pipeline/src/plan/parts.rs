@@ -8,12 +8,11 @@
 //! Some passes need the whole picture ([`Plan::needs_whole`]): `--crop` renders all of it and writes the part, and bands are
 //! refused with the reason.
 
-use super::{Plan, PlanError, Work, mebibytes};
+use super::{Plan, PlanError, Work};
 use crate::backend::{Attachments, Limits, Rect};
+use crate::gbuffer::ALIGNMENT;
+use crate::memory::mebibytes;
 use crate::project::PassKind;
-
-/// Sides of the tiles that engines cut pictures into, pixels. Those of the rasteriser on the processor are the largest.
-pub const ALIGNMENT: u32 = 64;
 
 /// Sides of the blocks that a rasteriser draws one after the other where the picture is larger than it can draw. Each block has
 /// a projection of its own.

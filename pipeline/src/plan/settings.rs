@@ -1,10 +1,10 @@
 //! What the user asks for beyond the project file, checked against it.
 
-use super::liveness::channels_written;
-use super::{MAX_SIDE, Plan};
+use super::Plan;
 use crate::backend::Rect;
 use crate::color::{ColorSpace, Display, Tone};
 use crate::diagnostic::valid_names;
+use crate::image::MAX_SIDE;
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, Fresnel, RayParams, Sampler};
 use crate::project::{self, ChannelRef, PassKind, Project, SceneOptions, SourceError};
@@ -249,7 +249,7 @@ fn written_channels(project: &Project, pipeline: usize) -> Vec<(ChannelRef, Stri
     let mut writable: Vec<(ChannelRef, String)> = Vec::new();
     for pass in &project.pipelines[pipeline].passes {
         let Some(target) = pass.target else { continue };
-        let written = channels_written(&pass.kind);
+        let written = pass.kind.channels_written();
         let declared = &project.targets[target];
         for (channel, declared_channel) in declared.channels.iter().take(written).enumerate() {
             let channel = ChannelRef { target, channel };

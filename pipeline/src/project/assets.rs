@@ -2,8 +2,8 @@
 
 use super::dom::{Element, Value};
 use super::loader::Loader;
-use super::values::MAX_SIDE;
 use super::{Light, Viewport};
+use crate::image::MAX_SIDE;
 use glam::{Vec3, Vec4};
 
 /// Engine elements and attributes that change nothing that is rendered here: they are read over.

@@ -1,7 +1,7 @@
 //! Raster and quad passes.
 
 use super::dom::Element;
-use super::library::LibraryMaterial;
+use super::libraries::LibraryMaterial;
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::{Span, shown, suggest};

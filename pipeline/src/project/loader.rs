@@ -1,7 +1,7 @@
 //! Reads a project file and its material libraries, and keeps what is read until all references are resolved.
 
 use super::dom::{self, Element, Value};
-use super::library::Libraries;
+use super::libraries::{Libraries, ROOT};
 use super::report::{Names, Report, Span};
 use super::{Camera, Light, Pipeline, Project, SceneDecl, Viewport, file};
 use crate::color::ColorSpace;
@@ -97,7 +97,7 @@ impl Loader {
     fn project(&mut self, path: &Path) -> Option<Project> {
         let root = self.document(path, None)?;
         if !root.is(&["project"]) {
-            let help = if root.is(super::library::ROOT) {
+            let help = if root.is(ROOT) {
                 "this is a material library; a project names it in <materialLibs>".to_owned()
             } else {
                 "valid: <project>".to_owned()

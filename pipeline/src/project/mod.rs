@@ -35,6 +35,7 @@ mod effect;
 mod file;
 mod from_scene;
 mod handed;
+mod libraries;
 mod library;
 mod loader;
 mod order;
@@ -55,7 +56,7 @@ pub use write::WriteError;
 use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
 use crate::image::PixelFormat;
-use crate::programs::{RasterProgram, RayParams, RayProgram};
+use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
 use crate::raster_effects::{EffectParams, EffectProgram};
 use crate::scene::{self, BuildOptions, LoadOptions, LoadProgress, Placement, Scene, SceneError, Shape, shapes};
 use glam::{Vec3, Vec4};
@@ -319,6 +320,27 @@ pub enum PassKind {
     Effect(EffectPass),
     /// `class="quad"`.
     Quad(QuadPass),
+}
+
+impl PassKind {
+    /// How many channels of its target a pass writes, from the first.
+    #[must_use]
+    pub fn channels_written(&self) -> usize {
+        match self {
+            Self::Raster(_) => 3,
+            Self::Ray(_) | Self::Effect(_) | Self::Quad(_) => 1,
+        }
+    }
+
+    /// What the program of a ray or effect pass writes; an effect writes what its counterpart by rays does.
+    #[must_use]
+    pub fn writes(&self) -> Option<Writes> {
+        match self {
+            Self::Ray(ray) => Some(ray.program.info().writes),
+            Self::Effect(effect) => Some(effect.program.info().counterpart.info().writes),
+            Self::Raster(_) | Self::Quad(_) => None,
+        }
+    }
 }
 
 /// Draws scenes.

@@ -1,7 +1,7 @@
 //! Pipelines and what passes of every class have: scenes, camera, lights, viewport, render target, material maps.
 
 use super::dom::{Element, Value};
-use super::library::LibraryMaterial;
+use super::libraries::LibraryMaterial;
 use super::loader::Loader;
 use super::order::Facts;
 use super::report::{Names, Span, shown, suggest};

@@ -4,10 +4,8 @@ use super::dom::{Element, Value};
 use super::loader::Loader;
 use super::report::{Span, suggest};
 use crate::color::BRIGHTEST;
+use crate::image::MAX_SIDE;
 use glam::{Vec3, Vec4};
-
-/// Largest side of a target, a window or a viewport, pixels.
-pub(super) const MAX_SIDE: u32 = 65_536;
 
 /// Writes names as a list for a message.
 fn attribute_names(element: &Element) -> impl Iterator<Item = &str> {

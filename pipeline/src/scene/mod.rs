@@ -2,6 +2,7 @@
 
 mod bytes;
 mod cbo;
+mod context;
 mod error;
 mod fingerprint;
 mod gltf;

@@ -1,8 +1,8 @@
 //! Ogre's meshes as XML (`.mesh.xml`): shared or own vertices, and faces by material. Materials have names only; their scripts are not
 //! read. What else a file holds (skeletons, poses, levels of detail) is passed over.
 
+use super::context::{Context, MaterialTable};
 use super::error::{Place, SceneError};
-use super::load::{Context, MaterialTable};
 use super::{Group, Mesh, Object, Scene};
 use crate::diagnostic::Warnings;
 use crate::guard;

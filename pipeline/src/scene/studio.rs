@@ -14,8 +14,8 @@
 //! Positions are those of the scene: the matrices of the file place pivots only. Normals are not in the file.
 
 use super::bytes::{Reader, f32_at};
+use super::context::{Context, MaterialTable, add_texture, texture_file_or_suffix};
 use super::error::SceneError;
-use super::load::{Context, MaterialTable, add_texture, texture_file_or_suffix};
 use super::{Group, Material, Mesh, Object, Scene, TextureSource};
 use crate::diagnostic::Warnings;
 use glam::{Mat4, Vec2, Vec3};

@@ -2,7 +2,8 @@
 
 use super::MAX_BYTES;
 use curitiba_pipeline::diagnostic::Problems;
-use curitiba_pipeline::plan::{MAX_SIDE, Plan, Settings, Work};
+use curitiba_pipeline::image::MAX_SIDE;
+use curitiba_pipeline::plan::{Plan, Settings, Work};
 use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::project::{ChannelRef, Pass, PassKind, Project, QuadSource};
 use curitiba_pipeline::scene::{

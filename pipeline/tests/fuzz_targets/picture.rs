@@ -2,8 +2,8 @@
 
 use super::Folder;
 use super::check::Outcome;
+use curitiba_pipeline::image::MAX_SIDE;
 use curitiba_pipeline::image::{Image, Layer, Picture, read_image, write_exr, write_png};
-use curitiba_pipeline::plan::MAX_SIDE;
 use std::path::Path;
 
 /// The largest picture that is tried. Readers take 16384 x 16384 pixels, far more than the fuzzer allows a run.

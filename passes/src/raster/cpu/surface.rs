@@ -9,7 +9,7 @@ use std::ops::Range;
 /// Sides of a tile, in pixels.
 pub(super) const TILE: usize = 64;
 // Parts of pictures are cut between tiles.
-const _: () = assert!(TILE == curitiba_pipeline::plan::ALIGNMENT as usize);
+const _: () = assert!(TILE == curitiba_pipeline::gbuffer::ALIGNMENT as usize);
 
 /// A viewport cut into tiles, row by row.
 #[derive(Debug, Clone, PartialEq, Eq)]

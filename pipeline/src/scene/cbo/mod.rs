@@ -21,8 +21,8 @@ mod read;
 mod write;
 
 use super::Scene;
+use super::context::Context;
 use super::error::SceneError;
-use super::load::Context;
 pub use write::write_cbo;
 
 /// What "no texture" is called in a material.

@@ -1,8 +1,8 @@
 //! The reader of both layouts.
 
 use super::super::bytes::{Reader, f32_at};
+use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file_or_suffix};
 use super::super::error::SceneError;
-use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file_or_suffix};
 use super::super::render::texture;
 use super::super::{Group, Material, Mesh, Object, Scene, TextureSource};
 use super::{Layout, NO_TEXTURE, NULL_OBJECT, OCTREE_SCENE, alpha_test};

@@ -1,7 +1,7 @@
 //! Typed values out of buffers. Every range is checked before it is read.
 
+use super::super::context::Context;
 use super::super::error::SceneError;
-use super::super::load::Context;
 use ::gltf::json::{
     self, Index,
     accessor::{Accessor, ComponentType, Type},

@@ -1,8 +1,8 @@
 //! The parts of a glTF asset: its JSON, its buffers, and the bytes that URIs name.
 
 use super::super::bytes::Reader;
+use super::super::context::{Context, read_file};
 use super::super::error::SceneError;
-use super::super::load::{Context, read_file};
 use super::meshopt;
 use crate::guard;
 use crate::paths::resolve_path;

@@ -1,7 +1,7 @@
 //! Primitives that `KHR_draco_mesh_compression` compresses. The crate `draco-core` reads their streams.
 
+use super::super::context::Context;
 use super::super::error::SceneError;
-use super::super::load::Context;
 use super::accessor::Data;
 use crate::guard;
 use ::gltf::json::{Index, buffer, mesh::Primitive};

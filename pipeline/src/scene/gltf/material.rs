@@ -1,7 +1,7 @@
 //! Materials and textures of a glTF asset.
 
+use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file};
 use super::super::error::SceneError;
-use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file};
 use super::super::texture::Wrap;
 use super::super::{Material, TextureSource};
 use super::accessor::Data;

@@ -1,7 +1,7 @@
 //! Buffer views that `EXT_meshopt_compression` compresses. The crate `meshoptimizer-rs` decodes them.
 
+use super::super::context::Context;
 use super::super::error::SceneError;
-use super::super::load::Context;
 use crate::guard;
 use ::gltf::json;
 use meshoptimizer_rs::codec::{BufferView, Filter, Mode};

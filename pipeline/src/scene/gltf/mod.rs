@@ -10,8 +10,8 @@ mod material;
 mod meshopt;
 mod view;
 
+use super::context::Context;
 use super::error::SceneError;
-use super::load::Context;
 use super::{Group, Mesh, Object, Scene};
 use crate::diagnostic::Warnings;
 use ::gltf::json::{

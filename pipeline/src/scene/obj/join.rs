@@ -1,8 +1,8 @@
 //! Runs into meshes: what has one object's name and the same attributes comes together, vertices with equal contents of
 //! different runs are shared.
 
+use super::super::context::Context;
 use super::super::error::SceneError;
-use super::super::load::Context;
 use super::super::parallel::{parts as cut, zeros};
 use super::super::{Group, Mesh, Object, Scene};
 use super::runs::Runs;

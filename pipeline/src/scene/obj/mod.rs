@@ -24,8 +24,8 @@ mod serial;
 mod tests;
 mod weld;
 
+use super::context::Context;
 use super::error::SceneError;
-use super::load::Context;
 use super::{Needs, Scene};
 use crate::diagnostic::Warnings;
 use faces::Faces;

@@ -4,8 +4,8 @@
 
 use super::super::Material;
 use super::super::TextureSource;
+use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, read_file, texture_file};
 use super::super::error::SceneError;
-use super::super::load::{Context, MASK_CUTOFF, MaterialTable, add_texture, read_file, texture_file};
 use super::super::render::texture::{image_has_alpha, is_cut_out};
 use super::super::texture::Wrap;
 use super::lines::{Lines, number, split_word, text, words};

@@ -1,7 +1,7 @@
 //! The reader in pieces finds what the one before it finds, bit by bit, wherever the file is cut.
 
+use super::super::context::Context;
 use super::super::error::Budget;
-use super::super::load::Context;
 use super::super::{Needs, Scene, SceneError};
 use super::lines::{Lines, pieces};
 use super::{MAX_RUN, read_in_pieces, serial};

@@ -1,7 +1,7 @@
 //! Decoding of textures, in parallel and within limits.
 
+use super::super::context::no_file_refused;
 use super::super::error::{Budget, SceneError};
-use super::super::load::no_file_refused;
 use super::super::texture::{Level, Texture};
 use super::super::{Material, TextureSource};
 use crate::color::ColorSpace;

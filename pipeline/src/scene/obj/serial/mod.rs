@@ -3,8 +3,8 @@
 
 mod sanitise;
 
+use super::super::context::Context;
 use super::super::error::SceneError;
-use super::super::load::Context;
 use super::super::{Group, Mesh, Object, Scene};
 use super::mtl::{self, Library};
 use glam::{Mat4, Vec2, Vec3};

@@ -5,8 +5,8 @@
 //! one `o` with a running number for every run of faces of one object, material and set of attributes.
 
 use super::super::super::Needs;
+use super::super::super::context::Context;
 use super::super::super::error::SceneError;
-use super::super::super::load::Context;
 use super::super::lines::{Lines, number, split_word, text, words};
 use crate::diagnostic::Warnings;
 use glam::Vec3;

@@ -1,0 +1,78 @@
+//! Shows observers what passes write.
+
+use super::{Observer, Output, Range, Renderer, Triangles, channel_of};
+use crate::backend::GBuffer;
+use crate::plan::{Plan, PlannedPass, Work};
+use crate::programs::Writes;
+
+/// See [`Renderer::read_back_everything`].
+pub(super) fn read_back_everything(plan: &mut Plan) {
+    for planned in &mut plan.passes {
+        match &mut planned.work {
+            Work::Raster { attachments, host, .. } => *host = *attachments,
+            // Observers are shown what ray passes read, too.
+            Work::Rays { resident, .. } => *resident = None,
+            Work::Effect { .. } | Work::Off { .. } | Work::Quad { .. } => {}
+        }
+    }
+}
+
+impl Renderer {
+    /// Copies every attachment of raster passes into host memory from now on, so that observers see all that is written.
+    /// Without this, attachments that only the rasteriser's device reads are not shown to them.
+    pub fn read_back_everything(&mut self) {
+        self.shows_everything = true;
+        read_back_everything(&mut self.plan);
+        if let Some(next) = &mut self.next {
+            read_back_everything(next);
+        }
+    }
+
+    /// Shows what a pass wrote.
+    pub(super) fn show_outputs(&self, planned: &PlannedPass, observer: &mut dyn Observer) {
+        let pass = self.plan.pass(planned);
+        let buffer: &GBuffer = pass.target.map_or(&self.window, |target| &self.targets[target]);
+        let mut show = |channel: usize, range: Range| {
+            let name = match pass.target {
+                Some(target) => {
+                    let target = &self.plan.project.targets[target];
+                    let texture = target.channels.get(channel).map_or("no texture", |texture| texture.name.as_str());
+                    format!("{}::{texture}", target.library)
+                }
+                None => "window".to_owned(),
+            };
+            let (width, height) = (buffer.width, buffer.height);
+            let pixels = channel_of(buffer, channel);
+            observer.wrote(&Output { pass: &pass.name, channel: name, range, width, height, pixels });
+        };
+        match &planned.work {
+            Work::Raster { scene_set, attachments, host, traced, .. } => {
+                let held = match self.engines.raster.needs_read_back() {
+                    true => self.in_host(pass.target, *host, *traced),
+                    false => *attachments,
+                };
+                for (channel, (shown, range)) in
+                    [(held.color, Range::Color), (held.position, Range::Position), (held.normal, Range::Normal)]
+                        .into_iter()
+                        .enumerate()
+                {
+                    if shown {
+                        show(channel, range);
+                    }
+                }
+                if held.triangle {
+                    let count = self.scenes[*scene_set].scene.geometry.triangles.len();
+                    let (width, ids) = (buffer.width, buffer.triangle.as_slice());
+                    observer.wrote_triangles(&Triangles { pass: &pass.name, count, width, ids });
+                }
+            }
+            _ => show(
+                0,
+                match pass.kind.writes() {
+                    Some(Writes::Share) => Range::Share,
+                    Some(Writes::Color) | None => Range::Color,
+                },
+            ),
+        }
+    }
+}

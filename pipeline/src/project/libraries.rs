@@ -1,0 +1,143 @@
+//! The material libraries of a project, as they are known while it is read.
+
+use super::dom::Value;
+use super::report::{Found, Names};
+use super::{ChannelRef, RenderTarget};
+use glam::Vec4;
+use std::path::PathBuf;
+use std::rc::Rc;
+
+/// Names of a library's root element.
+pub(super) const ROOT: &[&str] = &["materialLib", "mlib"];
+
+/// Names of the built-in library.
+const BUILT_IN: [&str; 2] = ["curitiba_material_lib", "__nau_material_lib"];
+
+/// Materials of the built-in library: diffuse colour and emission.
+const BUILT_IN_MATERIALS: &[(&str, [f32; 3], [f32; 3])] = &[
+    ("__Black", [0.0; 3], [0.0; 3]),
+    ("__White", [1.0; 3], [0.0; 3]),
+    ("__Grey", [0.5; 3], [0.0; 3]),
+    ("__Red", [1.0, 0.0, 0.0], [0.0; 3]),
+    ("__Green", [0.0, 1.0, 0.0], [0.0; 3]),
+    ("__Blue", [0.0, 0.0, 1.0], [0.0; 3]),
+    ("__Emission White", [0.0; 3], [1.0; 3]),
+    ("__Emission Red", [0.0; 3], [1.0, 0.0, 0.0]),
+    ("__Emission Green", [0.0; 3], [0.0, 1.0, 0.0]),
+    ("__Emission Blue", [0.0; 3], [0.0, 0.0, 1.0]),
+    ("__Emission Yellow", [0.0; 3], [1.0, 1.0, 0.0]),
+];
+
+/// What a texture's name in a library stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Texture {
+    /// A colour channel of a render target; `None` if its target could not be read.
+    Channel(Option<ChannelRef>),
+    /// The depth of a render target.
+    Depth,
+    /// An image file or data, which no pass here reads.
+    Other,
+}
+
+/// A material of a library.
+#[derive(Debug, Clone)]
+pub(super) struct LibraryMaterial {
+    pub name: String,
+    pub diffuse: Vec4,
+    pub emission: Vec4,
+    /// Index into [`Library::shaders`].
+    pub shader: Option<usize>,
+    /// Texture units and the names of what is bound to them.
+    pub textures: Vec<(u32, Value)>,
+}
+
+/// A shader of a library.
+#[derive(Debug, Clone)]
+pub(super) struct Shader {
+    pub name: String,
+    /// Stem of its pixel-shader file.
+    pub stem: String,
+}
+
+/// A library.
+#[derive(Debug)]
+pub(super) struct Library {
+    pub name: String,
+    /// Names of render targets, with their indices into [`Libraries::targets`].
+    pub target_names: Names,
+    pub target_indices: Vec<Option<usize>>,
+    pub texture_names: Names,
+    pub textures: Vec<Texture>,
+    pub shader_names: Names,
+    pub shaders: Vec<Shader>,
+    pub material_names: Names,
+    pub materials: Vec<Option<Rc<LibraryMaterial>>>,
+}
+
+impl Library {
+    pub fn new(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            target_names: Names::new("render target"),
+            target_indices: Vec::new(),
+            texture_names: Names::new("texture"),
+            textures: Vec::new(),
+            shader_names: Names::new("shader"),
+            shaders: Vec::new(),
+            material_names: Names::new("material"),
+            materials: Vec::new(),
+        }
+    }
+
+    fn built_in(name: &str) -> Self {
+        let mut library = Self::new(name);
+        for (name, diffuse, emission) in BUILT_IN_MATERIALS {
+            let opaque = |[r, g, b]: [f32; 3]| Vec4::new(r, g, b, 1.0);
+            library.material_names.declare_built_in(name);
+            library.materials.push(Some(Rc::new(LibraryMaterial {
+                name: (*name).to_owned(),
+                diffuse: opaque(*diffuse),
+                emission: opaque(*emission),
+                shader: None,
+                textures: Vec::new(),
+            })));
+        }
+        library
+    }
+}
+
+/// All libraries of a project.
+pub(super) struct Libraries {
+    pub names: Names,
+    pub list: Vec<Library>,
+    pub files: Vec<PathBuf>,
+    /// Whether some library could not be read: unknown names may be declared there.
+    pub incomplete: bool,
+    /// Render targets of all libraries.
+    pub targets: Vec<RenderTarget>,
+}
+
+impl Libraries {
+    pub fn new() -> Self {
+        let mut names = Names::new("material library");
+        BUILT_IN.iter().for_each(|name| names.declare_built_in(name));
+        let list = BUILT_IN.iter().map(|name| Library::built_in(name)).collect();
+        Self { names, list, files: Vec::new(), incomplete: false, targets: Vec::new() }
+    }
+
+    /// A library by its index.
+    pub fn get(&self, library: usize) -> &Library {
+        &self.list[library]
+    }
+
+    /// Whether a library has this name.
+    pub fn declares(&self, name: &str) -> bool {
+        matches!(self.names.find(name), Found::Exact(_))
+    }
+
+    /// `Library::channel`, as files write it.
+    pub fn channel_name(&self, channel: ChannelRef) -> String {
+        let target = &self.targets[channel.target];
+        format!("{}::{}", target.library, target.channels[channel.channel].name)
+    }
+}

@@ -1,0 +1,497 @@
+//! Carries out the plan: measures rows, compares them with references, and writes their pictures into the folder.
+
+use super::Told;
+use super::folder::{Folder, FolderError};
+use super::model::{Effect, FlipMap, Picture, ReportData, Scaling, SceneFacts, Section, Setting, Without};
+use super::plan::{self, Entry, Stage, TimePlan, Wanted};
+use crate::bench::model::{BenchFile, BenchRow, FORMAT, RowError, Technique, ThesisFigure, Unavailable};
+use crate::bench::table2::{self, TableRow};
+use crate::bench::{Case, MeasureOptions, measure};
+use crate::engines::{ray_backend, why_not_wgpu};
+use crate::environment::Environment;
+use crate::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
+use crate::pipeline::backend::BackendError;
+use crate::pipeline::color::Display;
+use crate::pipeline::executor::Observer;
+use crate::pipeline::image::{Image, write_displayed};
+use crate::pipeline::metrics::{self, flip_map, heat_map};
+use crate::pipeline::plan::Settings;
+use crate::pipeline::project;
+use crate::reference::References;
+use crate::{BackendChoice, Choice, RasterChoice};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// Why there is no report.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// Its folder.
+    #[error(transparent)]
+    Folder(#[from] FolderError),
+    /// The ray backend that was asked for by name.
+    #[error(transparent)]
+    Engine(#[from] BackendError),
+    /// Not one row could be measured.
+    #[error("nothing could be measured in {path}:\n{reasons}", path = path.display())]
+    Nothing {
+        /// The projects folder.
+        path: PathBuf,
+        /// One line for each row that was tried.
+        reasons: String,
+    },
+}
+
+/// What a report is made of.
+#[derive(Debug, Clone)]
+pub struct Request {
+    /// Folder of the projects.
+    pub projects: PathBuf,
+    /// Whether they were made for this report: their folder is temporary, and means nothing to a reader.
+    pub made: bool,
+    /// Sizes and time.
+    pub wanted: Wanted,
+    /// Rasteriser, ray backend and GPUs. Nothing takes over where they fail: such a row is missing, with the reason.
+    pub choice: Choice,
+    /// Where references are kept.
+    pub references: PathBuf,
+    /// The command line, as the page shows it.
+    pub command: String,
+    /// Most bytes that a scene may take.
+    pub max_memory: u64,
+}
+
+/// The state of a collection.
+pub(super) struct Collector<'a> {
+    pub request: &'a Request,
+    pub file: BenchFile,
+    /// Scene of the first row.
+    scene: SceneFacts,
+    pub gpu: bool,
+    /// The report's ray backend, and the others that are there.
+    backend: BackendChoice,
+    pub beside: Vec<BackendChoice>,
+    start: Instant,
+    references: References,
+    table: Vec<String>,
+    sections: HashMap<Effect, Section>,
+    /// By view: row and picture of the frame without effects.
+    plain: HashMap<String, (String, Image)>,
+    /// The case whose reference all rows of an effect and view are compared with.
+    judges: HashMap<(String, String), Case>,
+    /// By project, view and ray backend, if not the report's: weight, pixels, triangles and frame time of the last row.
+    known: HashMap<(String, bool, Option<BackendChoice>), Known>,
+    /// Setup of the last row, milliseconds a triangle: without an acceleration structure, and with one.
+    setup_ms: [f64; 2],
+    /// What was measured on the user's scene, and the keys of the rows.
+    measured: Vec<(Entry, String)>,
+    done: usize,
+    pub to_do: usize,
+}
+
+#[derive(Clone, Copy)]
+struct Known {
+    weight: f64,
+    pixels: f64,
+    triangles: f64,
+    frame_ms: f64,
+}
+
+/// Where a row is measured, if not on the user's scene at the report's size.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub projects: &'a Path,
+    pub size: [u32; 2],
+    pub triangles: Option<u64>,
+    pub stage: Stage,
+}
+
+impl<'a> Collector<'a> {
+    pub fn new(request: &'a Request) -> Self {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let wanted = &request.wanted;
+        Self {
+            request,
+            file: BenchFile {
+                format: FORMAT,
+                command: request.command.clone(),
+                started_unix_s: now.as_secs(),
+                environment: Environment::probe(request.choice),
+                frames: wanted.frames().0,
+                warmup: 1,
+                complete: false,
+                rows: Vec::new(),
+                unavailable: Vec::new(),
+            },
+            scene: SceneFacts { file: String::new(), triangles: 0 },
+            gpu: false,
+            backend: request.choice.backend,
+            beside: Vec::new(),
+            start: Instant::now(),
+            references: References::new(
+                request.references.clone(),
+                Duration::from_secs_f64(wanted.reference_allowance_s()),
+            ),
+            table: Vec::new(),
+            sections: HashMap::new(),
+            plain: HashMap::new(),
+            judges: HashMap::new(),
+            known: HashMap::new(),
+            setup_ms: [0.0; 2],
+            measured: Vec::new(),
+            done: 0,
+            to_do: 0,
+        }
+    }
+
+    pub fn look_for_engines(&mut self) -> Result<(), BackendError> {
+        if self.request.choice.raster == RasterChoice::Cpu {
+            self.miss("wgpu", "left out: --raster cpu was asked for".to_owned());
+        } else if self.request.choice.raster == RasterChoice::Wgpu {
+            self.gpu = true;
+        } else {
+            match WgpuRasteriser::new(AdapterChoice::RealGpu) {
+                Ok(_) => self.gpu = true,
+                Err(error) => self.miss("wgpu", error.to_string()),
+            }
+        }
+        let choice = self.request.choice;
+        if choice.backend == BackendChoice::Auto {
+            let on_gpu = ray_backend(choice.traced_by(BackendChoice::Cuda)).is_ok();
+            self.backend = match why_not_wgpu() {
+                _ if on_gpu => BackendChoice::Cuda,
+                None => BackendChoice::Wgpu,
+                Some(_) => BackendChoice::Cpu,
+            };
+        }
+        for backend in BackendChoice::ALL {
+            // A software driver is no GPU to measure, unless it is asked for.
+            if backend == BackendChoice::Wgpu
+                && backend != self.backend
+                && let Some(error) = why_not_wgpu()
+            {
+                self.miss("rays on wgpu", error.reason());
+                continue;
+            }
+            match ray_backend(choice.traced_by(backend)) {
+                Ok(rays) => {
+                    self.file.environment.add_gpus(rays.as_ref());
+                    if backend != self.backend {
+                        self.beside.push(backend);
+                    }
+                }
+                Err(error) if backend == self.backend => return Err(error),
+                Err(error) => self.miss(&format!("rays on {}", backend.name()), error.reason()),
+            }
+        }
+        Ok(())
+    }
+
+    pub fn miss(&mut self, what: &str, why: String) {
+        self.file.unavailable.push(Unavailable { what: what.to_owned(), why });
+    }
+
+    pub fn time(&self) -> TimePlan {
+        TimePlan { total_s: self.request.wanted.budget_s, spent_s: self.start.elapsed().as_secs_f64() }
+    }
+
+    /// The case of an entry at a place.
+    fn case(&self, entry: &Entry, place: &Place<'_>) -> Result<Case, String> {
+        let path = place.projects.join(entry.file);
+        if !path.exists() {
+            return Err(format!("there is no {}", path.display()));
+        }
+        let camera = entry.panes.then(|| panes(&path)).flatten();
+        let settings = Settings {
+            size: Some(place.size),
+            camera,
+            set: entry.set.clone(),
+            max_memory: self.request.max_memory,
+            ..Settings::default()
+        };
+        let mut choice = self.request.choice.traced_by(entry.beside.unwrap_or(self.backend));
+        if entry.on_cpu {
+            choice.raster = RasterChoice::Cpu;
+        }
+        let mut case = Case::new(&path, settings, choice).map_err(|error| error.to_string())?;
+        case.label.clone_from(&entry.label);
+        case.effect = entry.effect.to_owned();
+        case.technique = entry.technique;
+        if let Some(triangles) = place.triangles {
+            // Temporary folders have names that mean nothing to anybody.
+            case.key = format!("square of {triangles} triangles | {} | {:?} | {:?}", entry.file, place.size, entry.set);
+        }
+        Ok(case)
+    }
+
+    /// Expected time of a frame, milliseconds: a row of the same project grown in proportion to its work, or a guess.
+    fn expected_ms(&self, entry: &Entry, place: &Place<'_>) -> f64 {
+        let pixels = pixels(place.size);
+        let triangles = place.triangles.map_or(self.scene.triangles as f64, |triangles| triangles as f64);
+        let of = |file: &str, panes| self.known.get(&(file.to_owned(), panes, entry.beside));
+        let grow = |known: &Known, weight: f64| {
+            let by_triangles = if known.triangles > 0.0 { (triangles / known.triangles).max(1.0) } else { 1.0 };
+            known.frame_ms * (weight / known.weight).max(0.3) * (pixels / known.pixels).max(0.3) * by_triangles
+        };
+        if let Some(known) = of(entry.file, entry.panes).or_else(|| of(entry.file, !entry.panes)) {
+            return grow(known, entry.weight);
+        }
+        let factor = match entry.technique {
+            Technique::None => 1.0,
+            Technique::Raster => 4.0,
+            Technique::Rays => 10.0,
+        };
+        let plain = |panes| self.known.get(&("SceneNoEffects.xml".to_owned(), panes, None));
+        let base = plain(entry.panes).or_else(|| plain(false));
+        factor * base.map_or(pixels * 3e-4, |known| grow(known, 1.0))
+    }
+
+    /// Measures a row, or notes why not.
+    pub fn row(
+        &mut self,
+        entry: &Entry,
+        place: &Place<'_>,
+        told: &mut dyn FnMut(Told<'_>),
+        observer: &mut dyn Observer,
+    ) -> Result<(Case, BenchRow, Image), String> {
+        self.done += 1;
+        let case = self.case(entry, place)?;
+        let expected_ms = self.expected_ms(entry, place);
+        let triangles = place.triangles.map_or(self.scene.triangles as f64, |triangles| triangles as f64);
+        let (most, slot_ms) = self.request.wanted.frames();
+        let frames = plan::frames(expected_ms, slot_ms, most);
+        let warmup = self.file.warmup;
+        let traces = usize::from(entry.technique == Technique::Rays);
+        let setup_s = self.setup_ms[traces] * triangles / 1e3;
+        self.time().admit(place.stage, f64::from(frames + warmup) * expected_ms / 1e3 + setup_s)?;
+        told(Told { label: &entry.label, done: self.done - 1, of: self.to_do, time: self.time() });
+        let measured =
+            measure(&case, &MeasureOptions { frames, warmup }, observer).map_err(|error| error.to_string())?;
+        let row = measured.row;
+        let setup: f64 = row.setup.iter().map(|step| step.host.median).sum();
+        if entry.beside.is_none() {
+            self.setup_ms[traces] = setup / (row.triangles.max(1) as f64);
+        }
+        if self.scene.triangles == 0 && place.triangles.is_none() {
+            let plan = measured.renderer.plan();
+            let files = plan.project.scenes.iter().flat_map(|scene| &scene.files);
+            let names: Vec<String> =
+                files.filter_map(|file| Some(file.path.file_name()?.to_string_lossy().into_owned())).collect();
+            self.scene = SceneFacts { file: names.join(", "), triangles: row.triangles };
+        }
+        let known = Known {
+            weight: entry.weight,
+            pixels: pixels(row.size),
+            triangles: row.triangles as f64,
+            frame_ms: row.frame.median,
+        };
+        if !entry.on_cpu {
+            self.known.insert((entry.file.to_owned(), entry.panes, entry.beside), known);
+        }
+        Ok((case, row, measured.picture))
+    }
+
+    pub fn entry(
+        &mut self,
+        entry: &Entry,
+        folder: &Folder,
+        told: &mut dyn FnMut(Told<'_>),
+        observer: &mut dyn Observer,
+    ) -> Result<(), ReportError> {
+        let projects = &self.request.projects;
+        let place = Place { projects, size: self.request.wanted.size, triangles: None, stage: entry.stage };
+        let (case, mut row, picture) = match self.row(entry, &place, told, observer) {
+            Ok(measured) => measured,
+            Err(why) => {
+                self.miss(&entry.label, why);
+                return Ok(());
+            }
+        };
+        if self.file.rows.iter().any(|other| other.key == row.key) {
+            // A scene without a view of the panes shows the same twice.
+            return Ok(());
+        }
+        if self.request.made {
+            row.project = entry.file.into();
+        } else {
+            row.thesis = figure_of_2014(entry, &row);
+        }
+        row.error = self.judge(entry, &case, &row, &picture, observer);
+        if entry.in_table {
+            self.table.push(row.key.clone());
+        }
+        self.show(entry, &row, (&picture, case.display), folder, observer)?;
+        if entry.effect == "none" {
+            self.plain.insert(row.view.clone(), (row.key.clone(), picture));
+        }
+        self.measured.push((entry.clone(), row.key.clone()));
+        self.file.rows.push(row);
+        Ok(())
+    }
+
+    /// Measures every row again, one round after the other. A row for which the time does not suffice keeps the samples that it
+    /// has.
+    pub fn rounds(&mut self, told: &mut dyn FnMut(Told<'_>), observer: &mut dyn Observer) {
+        let measured = std::mem::take(&mut self.measured);
+        let projects = &self.request.projects;
+        let place = Place { projects, size: self.request.wanted.size, triangles: None, stage: Stage::Rounds };
+        for _ in 1..plan::ROUNDS {
+            for (entry, key) in &measured {
+                match self.row(entry, &place, told, observer) {
+                    Ok((_, more, _)) => {
+                        if let Some(row) = self.file.rows.iter_mut().find(|row| row.key == *key) {
+                            row.add(&more);
+                        }
+                    }
+                    Err(why) if why.starts_with(plan::OUT_OF_TIME) => {}
+                    Err(why) => self.miss(&format!("{}, another round", entry.label), why),
+                }
+            }
+        }
+    }
+
+    /// The error of a row: against the reference of the effect by rays, the same for all rows of its effect and view.
+    fn judge(
+        &mut self,
+        entry: &Entry,
+        case: &Case,
+        row: &BenchRow,
+        picture: &Image,
+        observer: &mut dyn Observer,
+    ) -> RowError {
+        if matches!(entry.effect, "none" | "dummy") {
+            return RowError::Missing("no effect is computed: there is nothing to compare".to_owned());
+        }
+        let judge = (entry.effect.to_owned(), row.view.clone());
+        let first = !self.judges.contains_key(&judge);
+        if first {
+            if entry.technique == Technique::Raster {
+                return RowError::Missing(format!(
+                    "{} by rays, whose reference is needed, was not measured",
+                    entry.effect
+                ));
+            }
+            // Exact references trace in f64; converged ones two pictures of 256 samples.
+            let per_sample = row.frame.median / entry.weight.max(1.0);
+            let noisy = matches!(entry.effect, "ao" | "all");
+            let expected_s = if noisy { per_sample * 512.0 } else { row.frame.median * 12.0 } / 1e3;
+            if let Err(why) = self.time().admit(entry.stage, expected_s) {
+                return RowError::Missing(format!("the reference is {why}"));
+            }
+            self.judges.insert(judge.clone(), case.clone());
+        }
+        let error = self.against(&judge, picture, observer);
+        if first && matches!(error, RowError::Missing(_)) {
+            self.judges.remove(&judge);
+        }
+        error
+    }
+
+    /// The error of a picture against the reference of an effect in a view that has one.
+    fn against(&mut self, judge: &(String, String), picture: &Image, observer: &mut dyn Observer) -> RowError {
+        let compared = self.references.compare(&self.judges[judge], picture, observer);
+        for warning in self.references.take_warnings() {
+            self.miss("kept references", warning);
+        }
+        compared.unwrap_or_else(|error| RowError::Missing(error.to_string()))
+    }
+
+    /// What leaving an effect out costs in a view.
+    fn without(&mut self, effect: Effect, view: &str, observer: &mut dyn Observer) -> Option<Without> {
+        let judge = (effect.id().to_owned(), view.to_owned());
+        let (row, picture) = self.plain.get(view).filter(|_| self.judges.contains_key(&judge))?.clone();
+        Some(Without { row, error: self.against(&judge, &picture, observer) })
+    }
+
+    /// Puts the row into the section of its effect, with its picture and its FLIP map.
+    fn show(
+        &mut self,
+        entry: &Entry,
+        row: &BenchRow,
+        (picture, display): (&Image, Display),
+        folder: &Folder,
+        observer: &mut dyn Observer,
+    ) -> Result<(), FolderError> {
+        let Some((series, value)) = entry.setting.clone() else { return Ok(()) };
+        let Some(effect) = Effect::ALL.into_iter().find(|effect| effect.id() == entry.effect) else { return Ok(()) };
+        if !self.sections.contains_key(&effect) {
+            let without = self.without(effect, &row.view, observer);
+            let (pictures, flip_maps, settings) = (Vec::new(), Vec::new(), Vec::new());
+            let section = Section { effect, view: row.view.clone(), pictures, flip_maps, without, settings };
+            self.sections.insert(effect, section);
+        }
+        let Some(section) = self.sections.get_mut(&effect) else { return Ok(()) };
+        section.settings.push(Setting { row: row.key.clone(), series, value });
+        let Some((role, label)) = &entry.picture else { return Ok(()) };
+        let save = |name: &str, image: &Image, display: Display| -> Result<String, FolderError> {
+            let file = format!("pictures/{}-{name}.png", effect.id());
+            let path = folder.path().join(&file);
+            write_displayed(&path, image, display).map_err(|error| FolderError::Io { path, error })?;
+            Ok(file)
+        };
+        let shown = Picture {
+            role: (*role).to_owned(),
+            label: label.clone(),
+            file: save(role, picture, display)?,
+            size: row.size,
+            row: Some(row.key.clone()),
+        };
+        let judged = self.judges.get(&(entry.effect.to_owned(), row.view.clone()));
+        let reference = judged.and_then(|judge| self.references.get(judge, observer).ok());
+        section.pictures.retain(|picture| picture.role != "reference");
+        section.pictures.push(shown);
+        // Raster first, the reference last, as the page reads.
+        section.pictures.sort_by_key(|picture| picture.role == "rays");
+        let Some(reference) = reference else { return Ok(()) };
+        section.pictures.push(Picture {
+            role: "reference".to_owned(),
+            label: "Reference".to_owned(),
+            file: save("reference", &reference.picture, display)?,
+            size: row.size,
+            row: None,
+        });
+        let options = metrics::Options { display, ..metrics::Options::default() };
+        if let Ok(map) = flip_map(picture, &reference.picture, &options) {
+            let mean = map.values.iter().sum::<f64>() / (map.values.len().max(1) as f64);
+            let file = save(&format!("{role}-flip"), &heat_map(&map), Display::default())?;
+            section.flip_maps.push(FlipMap { label: label.clone(), file, size: row.size, mean });
+            section.flip_maps.sort_by_key(|map| map.file.contains("-rays-"));
+        }
+        Ok(())
+    }
+
+    pub fn finish(mut self, scalings: Vec<Scaling>) -> ReportData {
+        let took_s = self.start.elapsed().as_secs_f64();
+        self.file.complete = self.file.unavailable.iter().all(|missing| !missing.why.starts_with(plan::OUT_OF_TIME));
+        ReportData {
+            scene: self.scene,
+            size: self.request.wanted.size,
+            quick: self.request.wanted.quick,
+            budget_s: self.request.wanted.budget_s,
+            took_s,
+            within: self.request.wanted.within,
+            bench: self.file,
+            table: self.table,
+            sections: Effect::ALL.into_iter().filter_map(|effect| self.sections.remove(&effect)).collect(),
+            scalings,
+        }
+    }
+}
+
+/// The figure of the report that the projects come from, where it has the same row.
+fn figure_of_2014(entry: &Entry, row: &BenchRow) -> Option<ThesisFigure> {
+    let samples = row.set.iter().find_map(|set| set.strip_prefix("pass2.samples=")?.parse::<u32>().ok());
+    let same = |known: &&TableRow| known.project == entry.file && known.view == row.view && known.samples == samples;
+    let figure = table2::ROWS.iter().find(same).map(|known| known.figure(row));
+    figure.filter(|_| entry.in_table)
+}
+
+fn pixels([width, height]: [u32; 2]) -> f64 {
+    f64::from(width) * f64::from(height)
+}
+
+/// The camera near a pane, where a project has one.
+fn panes(path: &Path) -> Option<String> {
+    let project = project::load(path).ok()?;
+    project.cameras.iter().find(|camera| camera.name == "Vidro").map(|camera| camera.name.clone())
+}
