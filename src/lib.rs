@@ -32,6 +32,7 @@ pub mod environment;
 pub mod reference;
 pub mod report;
 pub mod spec;
+pub mod tune;
 pub mod visibility;
 
 #[cfg(feature = "cuda")]

@@ -60,6 +60,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::List { program } => cli::list::run(program.as_deref()),
         Command::Compare(args) => cli::compare::run(&args),
         Command::Report(args) => cli::report::run(&args),
+        Command::Tune(args) => cli::tune::run(&args),
         Command::Scene(args) => cli::scene::run(&args),
         Command::Bench(args) => cli::bench::run(&args),
         Command::Visibility(args) => cli::visibility::run(&args),

@@ -2,6 +2,7 @@
 
 use super::bench_args::BenchArgs;
 use super::scene_args::SceneFlags;
+use super::tune_args::TuneArgs;
 use super::visibility_args::VisibilityArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
 use curitiba::pipeline::backend::Rect;
@@ -112,6 +113,16 @@ Examples:
   curitiba report --size 1024x1024 my_projects"
     )]
     Report(ReportArgs),
+    /// Choose raster or rays for each effect, and their settings, by measuring on this machine; write that project.
+    #[command(after_help = "\
+Examples:
+  curitiba tune xml_projects/SceneSSAO.xml --time 16.6ms
+  curitiba tune xml_projects/SceneShadows.xml --error 0.01 -o shadows.xml
+  curitiba tune model.glb --size 640x360 --time 33ms --metric flip
+
+Each candidate is a row: `*` is chosen, `+` are the two next best. What is written is rendered again; the exit code is 1 where that does
+not keep the goal, or where nothing does.")]
+    Tune(Box<TuneArgs>),
     /// How much triangles see of each other, and form factors, for lists of pairs of any length.
     #[command(after_help = "\
 Examples:
@@ -141,6 +152,7 @@ impl Command {
             Self::Scene(args) => Some(args.max_memory),
             Self::Bench(args) => Some(args.max_memory),
             Self::Report(args) => Some(args.max_memory),
+            Self::Tune(args) => Some(args.project.max_memory),
             Self::Visibility(args) => Some(args.max_memory),
             Self::List { .. } | Self::Completions { .. } => None,
         }

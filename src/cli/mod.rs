@@ -19,6 +19,8 @@ mod scene_args;
 #[cfg(unix)]
 pub mod signals;
 mod table;
+pub mod tune;
+mod tune_args;
 pub mod visibility;
 mod visibility_args;
 

@@ -1,0 +1,181 @@
+//! `curitiba tune`: raster or rays for each effect, and their settings, by measuring here.
+
+use super::progress::Bars;
+use super::tune_args::TuneArgs;
+use super::{Failure, check_references, failure, set_threads};
+use curitiba::bench::{Interval, MeasureOptions};
+use curitiba::pipeline::files::{OutputError, TemporaryFolder};
+use curitiba::reference::References;
+use curitiba::tune::{self, Bench, Found, Goal, Trial, machine::Request};
+use std::path::Path;
+use std::time::Duration;
+
+/// How many next best are named with the one chosen.
+const NEXT_BEST: usize = 2;
+
+/// Measures, chooses, writes the project and measures that.
+pub fn run(args: &TuneArgs) -> Result<(), Failure> {
+    set_threads(args.project.threads)?;
+    whole_frames(args)?;
+    check_output(&args.output)?;
+    let references = References::default_folder();
+    check_references(&references, "the variable CURITIBA_CACHE names another folder")?;
+    let references = References::new(references, Duration::from_secs(args.reference_seconds.into()));
+    // Beside the output: whoever confines all files to a folder has room for them there.
+    let folder = TemporaryFolder::new(args.output.parent().unwrap_or(Path::new(""))).map_err(Failure::work)?;
+    let mut bars = Bars::default();
+    let request = Request {
+        path: &args.project.path,
+        settings: args.project.settings(),
+        choice: args.project.choice(),
+        options: MeasureOptions { frames: args.frames, warmup: 1 },
+        metric: args.metric.metric(),
+    };
+    let mut bench = Bench::open(request, references, folder.path(), &mut bars)?;
+    let counts: Vec<usize> = bench.slots().iter().map(|slot| slot.candidates.len()).collect();
+    if counts.is_empty() {
+        return Err(Failure::Usage(format!(
+            "{}: no pass that runs has anything in its place\n       valid: a ray pass with shadows, occlusion or glass, or an effect pass",
+            args.project.path.display()
+        )));
+    }
+    let labels = Labels::of(&bench);
+    let first = 1 + counts.iter().map(|count| count - 1).sum::<usize>();
+    let mut done = 0;
+    let mut told = |variant: &[usize]| {
+        done += 1;
+        let of = if done <= first { format!(" of {first}") } else { ", again or combined".to_owned() };
+        crate::tell!("{done}{of}: {}", labels.of_variant(variant));
+    };
+    let found = tune::search(&counts, args.goal(), &mut bench, &mut told);
+    bench.take_warnings().iter().for_each(|warning| failure::print_warning(warning));
+    print(&found, args, &labels);
+    let Some(chosen) = found.ranked.first() else {
+        return Err(Failure::Beyond(nothing_fits(&found, args, &labels)));
+    };
+    let written = bench.project(&found.trials[*chosen].variant).write(&args.output)?;
+    written.iter().for_each(|file| crate::say!("wrote {}", file.display()));
+    confirm(&mut bench, args)
+}
+
+/// Whether what was written keeps what it promises.
+fn confirm(bench: &mut Bench<'_>, args: &TuneArgs) -> Result<(), Failure> {
+    let run = bench.run_file(&args.output).map_err(Failure::Work)?;
+    let trial = Trial::new(Vec::new(), run);
+    let (time, error) = (times(&trial), trial.error);
+    crate::say!("rendered again: {time} ms, {} {error:.4}", args.metric.metric().title());
+    let kept = match args.goal() {
+        Goal::Time(most) => trial.median() <= most,
+        Goal::Error(most) => error <= most,
+    };
+    if kept {
+        return Ok(());
+    }
+    Err(Failure::Beyond(format!(
+        "rendered again it does not keep the goal: the machine is busier than it was; run this again, or with more --frames (now {})",
+        args.frames
+    )))
+}
+
+/// Names of the variants, kept apart from the machine that renders them.
+struct Labels(Vec<(String, Vec<String>)>);
+
+impl Labels {
+    fn of(bench: &Bench<'_>) -> Self {
+        let slot = |slot: &tune::Slot| {
+            (slot.name.clone(), slot.candidates.iter().map(|candidate| candidate.label.clone()).collect())
+        };
+        Self(bench.slots().iter().map(slot).collect())
+    }
+
+    fn of_variant(&self, variant: &[usize]) -> String {
+        let one = |((pass, labels), candidate): (&(String, Vec<String>), &usize)| match self.0.len() {
+            1 => labels[*candidate].clone(),
+            _ => format!("{pass}: {}", labels[*candidate]),
+        };
+        self.0.iter().zip(variant).map(one).collect::<Vec<_>>().join("; ")
+    }
+}
+
+/// `tune` measures whole frames of the window.
+fn whole_frames(args: &TuneArgs) -> Result<(), Failure> {
+    let project = &args.project;
+    let given = [
+        ("--show", !project.show.is_empty()),
+        ("--crop", project.crop.is_some()),
+        ("--bands", project.bands.is_some()),
+    ];
+    match given.iter().find(|(_, given)| *given) {
+        None => Ok(()),
+        Some((name, _)) => Err(Failure::Usage(format!("{name}: whole frames are measured; leave it out"))),
+    }
+}
+
+/// Refuses an output that is there or is no project, before anything is measured.
+fn check_output(path: &Path) -> Result<(), Failure> {
+    let wrong = |why: &str| Err(Failure::Usage(format!("-o {}: {why}", path.display())));
+    if path.extension().is_none_or(|extension| extension != "xml") {
+        return wrong("a project is written as .xml");
+    }
+    if path.exists() {
+        return wrong("this file is there already; name another, or remove it");
+    }
+    curitiba::pipeline::files::check_outputs([(path, "-o")])
+        .map_err(|error: OutputError| Failure::Usage(error.to_string()))
+}
+
+fn times(trial: &Trial) -> String {
+    let Interval { low, high } = trial.interval();
+    format!("{:.2} ({low:.2} to {high:.2})", trial.median())
+}
+
+/// The goal in words.
+fn goal(args: &TuneArgs) -> String {
+    match args.goal() {
+        Goal::Time(most) => format!("the least {} within {most} ms", args.metric.metric().title()),
+        Goal::Error(most) => format!("the least time with a {} of at most {most}", args.metric.metric().title()),
+    }
+}
+
+/// What was measured, the fastest first.
+fn print(found: &Found, args: &TuneArgs, labels: &Labels) {
+    let title = args.metric.metric().title();
+    crate::say!("  {:>26}  {title:>8}  {:>6}  ", "ms a frame (95 % of median)", "frames");
+    let mut order: Vec<usize> = (0..found.trials.len()).collect();
+    order.sort_by(|a, b| found.trials[*a].median().total_cmp(&found.trials[*b].median()));
+    for index in order {
+        let trial = &found.trials[index];
+        let mark = match found.ranked.iter().position(|ranked| *ranked == index) {
+            Some(0) => '*',
+            Some(place) if place <= NEXT_BEST => '+',
+            _ => ' ',
+        };
+        let declared = if trial.variant.iter().all(|candidate| *candidate == 0) { " (as declared)" } else { "" };
+        crate::say!(
+            "{mark} {:>26}  {:>8.4}  {:>6}  {}{declared}",
+            times(trial),
+            trial.error,
+            trial.frames_ms.len(),
+            labels.of_variant(&trial.variant)
+        );
+    }
+    for (variant, why) in &found.missing {
+        failure::print_warning(&format!("not measured: {}: {why}", labels.of_variant(variant)));
+    }
+    if let Some(chosen) = found.ranked.first() {
+        crate::say!("* {}: {}", goal(args), labels.of_variant(&found.trials[*chosen].variant));
+    }
+}
+
+/// What comes nearest to a goal that nothing reaches.
+fn nothing_fits(found: &Found, args: &TuneArgs, labels: &Labels) -> String {
+    let key = |trial: &&Trial| match args.goal() {
+        Goal::Time(_) => trial.median(),
+        Goal::Error(_) => trial.error,
+    };
+    let nearest = found.trials.iter().min_by(|a, b| key(a).total_cmp(&key(b)));
+    let nearest = nearest.map_or_else(String::new, |trial| {
+        format!("; nearest: {} ms, {:.4}: {}", times(trial), trial.error, labels.of_variant(&trial.variant))
+    });
+    format!("nothing measured gives {}{nearest}", goal(args))
+}

@@ -1,0 +1,89 @@
+//! The arguments of `tune`.
+
+use super::args::ProjectArgs;
+use clap::{ArgGroup, Args, ValueEnum, ValueHint};
+use curitiba::tune::{Goal, Metric};
+use std::path::PathBuf;
+
+/// Arguments of `tune`.
+#[derive(Debug, Args)]
+#[command(group = ArgGroup::new("goal").required(true).args(["time", "error"]))]
+pub struct TuneArgs {
+    #[command(flatten)]
+    pub project: ProjectArgs,
+    /// The least error of frames that take at most so long: 16.6ms, 0.5s
+    #[arg(long, value_name = "TIME", value_parser = parse_time)]
+    time: Option<f64>,
+    /// The least time of frames whose error is at most this
+    #[arg(long, value_name = "ERROR", value_parser = parse_error)]
+    error: Option<f64>,
+    /// What the error is: the root mean square of linear differences, or FLIP
+    #[arg(long, value_enum, default_value_t = MetricArg::Rmse)]
+    pub metric: MetricArg,
+    /// The project that is written; its library gets the same name
+    #[arg(short, long, value_name = "FILE.xml", default_value = "tuned.xml", value_hint = ValueHint::FilePath)]
+    pub output: PathBuf,
+    /// Frames of each measurement
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub frames: u32,
+    /// Seconds that refining a reference may take
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    pub reference_seconds: u32,
+}
+
+/// A metric by its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum MetricArg {
+    Rmse,
+    Flip,
+}
+
+impl MetricArg {
+    pub fn metric(self) -> Metric {
+        match self {
+            Self::Rmse => Metric::Rmse,
+            Self::Flip => Metric::Flip,
+        }
+    }
+}
+
+impl TuneArgs {
+    /// What is asked for: one of the two, by the group.
+    pub fn goal(&self) -> Goal {
+        match (self.time, self.error) {
+            (Some(ms), _) => Goal::Time(ms),
+            (None, error) => Goal::Error(error.unwrap_or(0.0)),
+        }
+    }
+}
+
+/// Milliseconds of `16.6ms` or `0.5s`.
+fn parse_time(text: &str) -> Result<f64, String> {
+    let wrong = || format!("`{text}` is no time; valid: a number above 0 with its unit, such as 16.6ms or 0.5s");
+    let (number, scale) = match (text.strip_suffix("ms"), text.strip_suffix('s')) {
+        (Some(number), _) => (number, 1.0),
+        (None, Some(number)) => (number, 1000.0),
+        (None, None) => return Err(wrong()),
+    };
+    let ms = number.trim().parse::<f64>().map_err(|_| wrong())? * scale;
+    if ms.is_finite() && ms > 0.0 { Ok(ms) } else { Err(wrong()) }
+}
+
+fn parse_error(text: &str) -> Result<f64, String> {
+    let error = text.parse::<f64>().ok().filter(|error| error.is_finite() && *error >= 0.0);
+    error.ok_or_else(|| format!("`{text}` is not an error; valid: a number from 0 on, such as 0.01"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_have_units() {
+        assert_eq!(parse_time("16.6ms"), Ok(16.6));
+        assert_eq!(parse_time("0.5s"), Ok(500.0));
+        for wrong in ["16", "ms", "-1ms", "0s", "nan ms", "infs", "1e400ms"] {
+            assert!(parse_time(wrong).is_err_and(|error| error.contains("16.6ms")), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! What can stand in the place of a pass: its program with other settings, the same by raster, or the same by rays.
+
+use crate::pipeline::plan::{Plan, Work};
+use crate::pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, Sampler};
+use crate::pipeline::project::{EffectPass, PassKind, RayPass};
+use crate::pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo};
+
+/// Occlusion rays of a point.
+const SAMPLES: [u32; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
+/// The same in square strata.
+const SQUARES: [u32; 8] = [1, 4, 9, 16, 36, 64, 144, 256];
+/// Directions, and depths read in each half of one.
+const SLICES_AND_STEPS: [(u32, u32); 6] = [(1, 4), (2, 4), (2, 8), (4, 8), (8, 8), (8, 16)];
+/// Texels a side of shadow maps, and on each side of the middle one.
+const SHADOW_MAPS: [(u32, u32); 7] = [(512, 0), (1024, 0), (1024, 1), (2048, 0), (2048, 1), (4096, 0), (4096, 1)];
+/// Texels a side of a cube map's face.
+const CUBE_MAPS: [u32; 4] = [128, 256, 512, 1024];
+
+/// What can stand in the place of a pass.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// What a reader calls it: `ssao, samples=16`.
+    pub label: String,
+    /// The pass.
+    pub kind: PassKind,
+}
+
+/// A pass that has candidates.
+#[derive(Debug, Clone)]
+pub struct Slot {
+    /// Index into the pipeline's passes.
+    pub pass: usize,
+    /// Its name.
+    pub name: String,
+    /// The first is the declared one, with what `--set` makes of it.
+    pub candidates: Vec<Candidate>,
+}
+
+/// The passes of a plan that have more than one candidate.
+#[must_use]
+pub fn slots(plan: &Plan) -> Vec<Slot> {
+    let fidelity = plan.settings.fidelity;
+    let slot = |planned: &crate::pipeline::plan::PlannedPass| {
+        let pass = plan.pass(planned);
+        let candidates = match (&pass.kind, &planned.work) {
+            (PassKind::Ray(ray), Work::Rays { params, .. }) => {
+                of_rays(&RayPass { params: *params, ..ray.clone() }, fidelity)
+            }
+            (PassKind::Effect(effect), Work::Effect { params, .. }) => {
+                of_effect(&EffectPass { params: *params, ..effect.clone() }, fidelity)
+            }
+            _ => return None,
+        };
+        let index = plan.project.pipelines[plan.pipeline].passes.iter().position(|other| other.name == pass.name)?;
+        (candidates.len() > 1).then(|| Slot { pass: index, name: pass.name.clone(), candidates })
+    };
+    plan.passes.iter().filter_map(slot).collect()
+}
+
+fn of_rays(declared: &RayPass, fidelity: Fidelity) -> Vec<Candidate> {
+    let mut candidates = vec![Candidate { label: ray_label(declared), kind: PassKind::Ray(declared.clone()) }];
+    add_rays(&mut candidates, declared, fidelity);
+    add_effects(&mut candidates, declared.program, &effect_of(declared));
+    candidates
+}
+
+fn of_effect(declared: &EffectPass, fidelity: Fidelity) -> Vec<Candidate> {
+    let mut candidates = vec![Candidate { label: effect_label(declared), kind: PassKind::Effect(declared.clone()) }];
+    let rays = rays_of(declared);
+    add(&mut candidates, Candidate { label: ray_label(&rays), kind: PassKind::Ray(rays.clone()) });
+    add_rays(&mut candidates, &rays, fidelity);
+    add_effects(&mut candidates, rays.program, declared);
+    candidates
+}
+
+/// A candidate that is there already, by its label, is not added again.
+fn add(candidates: &mut Vec<Candidate>, candidate: Candidate) {
+    if !candidates.iter().any(|known| known.label == candidate.label) {
+        candidates.push(candidate);
+    }
+}
+
+/// A ray pass with other settings that its program reads.
+fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity) {
+    let info = pass.program.info();
+    let mut put = |params: RayParams| {
+        let pass = RayPass { params, ..pass.clone() };
+        add(candidates, Candidate { label: ray_label(&pass), kind: PassKind::Ray(pass) });
+    };
+    if info.samples(&pass.params) > 0 {
+        let strata = fidelity == Fidelity::Thesis || pass.params.sampler == Sampler::Strata;
+        let counts: &[u32] = if strata { &SQUARES } else { &SAMPLES };
+        counts.iter().for_each(|samples| put(RayParams { samples: *samples, ..pass.params }));
+    }
+    if info.reads("fresnel") && fidelity == Fidelity::Corrected {
+        [Fresnel::Exact, Fresnel::Schlick].into_iter().for_each(|fresnel| put(RayParams { fresnel, ..pass.params }));
+    }
+}
+
+/// The raster effects that stand for a ray program, with settings of their own.
+fn add_effects(candidates: &mut Vec<Candidate>, program: RayProgram, like: &EffectPass) {
+    for info in EFFECT_PROGRAMS.iter().filter(|info| info.counterpart == program) {
+        for params in settings(info, shared(info.program, &like.params)) {
+            let pass = EffectPass { program: info.program, params, ..like.clone() };
+            add(candidates, Candidate { label: effect_label(&pass), kind: PassKind::Effect(pass) });
+        }
+    }
+}
+
+/// The defaults of an effect, with what says what is computed and not how.
+fn shared(program: EffectProgram, like: &EffectParams) -> EffectParams {
+    let EffectParams { radius, intensity, index, fresnel, .. } = *like;
+    EffectParams { radius, intensity, index, fresnel, ..EffectParams::of(program) }
+}
+
+/// From coarse to fine.
+fn settings(info: &EffectProgramInfo, base: EffectParams) -> Vec<EffectParams> {
+    let reads = |name: &str| info.params.contains(&name);
+    if reads("slices") {
+        SLICES_AND_STEPS.map(|(slices, steps)| EffectParams { slices, steps, ..base }).to_vec()
+    } else if reads("pcf") {
+        SHADOW_MAPS.map(|(map_size, pcf)| EffectParams { map_size, pcf, ..base }).to_vec()
+    } else {
+        CUBE_MAPS.map(|map_size| EffectParams { map_size, ..base }).to_vec()
+    }
+}
+
+fn effect_of(rays: &RayPass) -> EffectPass {
+    let RayParams { radius, intensity, index, fresnel, .. } = rays.params;
+    // Each program gets the rest of its own defaults.
+    let params = EffectParams { radius, intensity, index, fresnel, ..EffectParams::default() };
+    let rays = rays.clone();
+    EffectPass {
+        scenes: rays.scenes,
+        camera: rays.camera,
+        light: rays.light,
+        program: EffectProgram::ShadowMap,
+        params,
+        position: rays.position,
+        normal: rays.normal,
+        color: rays.color,
+        colors: rays.colors,
+        glass: rays.glass,
+    }
+}
+
+fn rays_of(effect: &EffectPass) -> RayPass {
+    let program = effect.program.info().counterpart;
+    let EffectParams { radius, intensity, index, fresnel, .. } = effect.params;
+    let effect = effect.clone();
+    let through = program.info().names("any_hit_shadow_glass");
+    RayPass {
+        scenes: effect.scenes,
+        camera: effect.camera,
+        light: effect.light,
+        program,
+        params: RayParams { radius, intensity, index, fresnel, ..RayParams::default() },
+        position: effect.position,
+        normal: effect.normal,
+        color: effect.color,
+        colors: effect.colors,
+        shadow_glass: if through { effect.glass.clone() } else { Vec::new() },
+        glass: effect.glass,
+    }
+}
+
+/// The program and the settings that candidates differ in.
+fn ray_label(pass: &RayPass) -> String {
+    let info = pass.program.info();
+    let mut label = info.stem.to_owned();
+    if info.samples(&pass.params) > 0 {
+        label += &format!(" samples={}", pass.params.samples);
+    }
+    if info.reads("fresnel") && pass.params.fresnel != Fresnel::Exact {
+        label += &format!(" fresnel={}", pass.params.fresnel.name());
+    }
+    label
+}
+
+fn effect_label(pass: &EffectPass) -> String {
+    const SAID: [&str; 5] = ["mapsize", "cascades", "pcf", "slices", "steps"];
+    let info = pass.program.info();
+    let said = SAID.iter().filter(|name| info.params.contains(name));
+    said.fold(info.name.to_owned(), |label, name| label + &format!(" {name}={}", pass.params.get(name)))
+}

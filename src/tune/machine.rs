@@ -1,0 +1,121 @@
+//! This machine: variants as project files, rendered and compared with their reference.
+
+use super::candidates::{Slot, slots};
+use super::{Machine, Metric, Run};
+use crate::bench::model::RowError;
+use crate::bench::{Case, MeasureOptions, measure};
+use crate::pipeline::executor::Observer;
+use crate::pipeline::plan::{Plan, Settings};
+use crate::pipeline::project::{Project, SceneOptions};
+use crate::reference::References;
+use crate::{Choice, OpenError};
+use std::path::{Path, PathBuf};
+
+/// A project whose variants are measured.
+pub struct Bench<'a> {
+    project: Project,
+    pipeline: usize,
+    slots: Vec<Slot>,
+    settings: Settings,
+    choice: Choice,
+    options: MeasureOptions,
+    metric: Metric,
+    references: References,
+    folder: PathBuf,
+    observer: &'a mut dyn Observer,
+}
+
+/// What stays the same for all variants.
+pub struct Request<'a> {
+    /// Project or scene.
+    pub path: &'a Path,
+    /// What is asked of it.
+    pub settings: Settings,
+    /// On which engines.
+    pub choice: Choice,
+    /// Frames of each run.
+    pub options: MeasureOptions,
+    /// What pictures are judged by.
+    pub metric: Metric,
+}
+
+impl<'a> Bench<'a> {
+    /// Reads a project and finds what can stand in it. Variants are written into `folder`, an empty one.
+    ///
+    /// # Errors
+    /// All problems of the project's files together, or why its plan cannot be made.
+    pub fn open(
+        request: Request<'_>,
+        references: References,
+        folder: &Path,
+        observer: &'a mut dyn Observer,
+    ) -> Result<Self, OpenError> {
+        let Request { path, settings, choice, options, metric } = request;
+        let plan = Plan::new(settings.open(path)?, settings)?;
+        let slots = slots(&plan);
+        let Plan { project, pipeline, mut settings, .. } = plan;
+        // Candidates hold the parameters already, and a written project its camera.
+        settings.set.retain(|assignment| assignment.split('=').next().is_some_and(|key| key.ends_with(".format")));
+        settings.scene = SceneOptions::default();
+        let folder = folder.to_owned();
+        Ok(Self { project, pipeline, slots, settings, choice, options, metric, references, folder, observer })
+    }
+
+    /// The passes that have candidates.
+    #[must_use]
+    pub fn slots(&self) -> &[Slot] {
+        &self.slots
+    }
+
+    /// The candidates that a variant has, with the names of their passes where there are several.
+    #[must_use]
+    pub fn label(&self, variant: &[usize]) -> String {
+        let of_slot = |(slot, candidate): (&Slot, &usize)| match self.slots.len() {
+            1 => slot.candidates[*candidate].label.clone(),
+            _ => format!("{}: {}", slot.name, slot.candidates[*candidate].label),
+        };
+        self.slots.iter().zip(variant).map(of_slot).collect::<Vec<_>>().join("; ")
+    }
+
+    /// The project with the candidates of a variant.
+    #[must_use]
+    pub fn project(&self, variant: &[usize]) -> Project {
+        let mut project = self.project.clone();
+        for (slot, candidate) in self.slots.iter().zip(variant) {
+            project.pipelines[self.pipeline].passes[slot.pass].kind = slot.candidates[*candidate].kind.clone();
+        }
+        project
+    }
+
+    /// Renders and judges a project file as variants are.
+    ///
+    /// # Errors
+    /// Why it cannot be rendered or judged.
+    pub fn run_file(&mut self, path: &Path) -> Result<Run, String> {
+        let case = Case::new(path, self.settings.clone(), self.choice).map_err(|error| error.to_string())?;
+        let measured = measure(&case, &self.options, self.observer).map_err(|error| error.to_string())?;
+        let (frames_ms, picture) = (measured.row.frame.samples, measured.picture);
+        // Its scene need not stay beside the reference's.
+        drop(measured.renderer);
+        match self.references.compare(&case, &picture, self.observer).map_err(|error| error.to_string())? {
+            RowError::Against { comparison, .. } => Ok(Run { frames_ms, error: self.metric.of(&comparison) }),
+            RowError::Missing(why) => Err(why),
+        }
+    }
+
+    /// What went wrong with the references' folder.
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        self.references.take_warnings()
+    }
+}
+
+impl Machine for Bench<'_> {
+    fn run(&mut self, variant: &[usize]) -> Result<Run, String> {
+        let name: Vec<String> = variant.iter().map(ToString::to_string).collect();
+        let path = self.folder.join(format!("variant-{}.xml", name.join("-")));
+        if !path.exists() {
+            self.project(variant).write(&path).map_err(|error| error.to_string())?;
+        }
+        self.run_file(&path)
+    }
+}

@@ -1,0 +1,139 @@
+//! Which variants are measured, and how often.
+
+use super::choose::{Goal, Trial, ranked};
+use super::{Machine, Run, Variant};
+
+/// Combinations of several passes that are measured because their estimate is good.
+const COMBINATIONS: usize = 6;
+/// The most combinations that are estimated.
+const MOST_ESTIMATED: usize = 100_000;
+/// How many of the first by the goal are measured again: the one chosen and the two next best.
+const FINALISTS: usize = 3;
+/// How often each of them is measured again before its place counts.
+const AGAIN: usize = 2;
+/// The most turns until the first three stay the first three.
+const TURNS: usize = 4;
+
+/// What a search found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// Everything measured, in that order.
+    pub trials: Vec<Trial>,
+    /// Indices of the trials within the goal, the best first; empty if none is.
+    pub ranked: Vec<usize>,
+    /// Variants that could not be measured, and why.
+    pub missing: Vec<(Variant, String)>,
+}
+
+/// Measures and chooses. `counts` is the number of candidates of each slot; the first of each is the declared one. `told` hears of each
+/// variant before it is measured.
+pub fn search(counts: &[usize], goal: Goal, machine: &mut dyn Machine, told: &mut dyn FnMut(&[usize])) -> Found {
+    let mut search = Search { goal, machine, told, trials: Vec::new(), missing: Vec::new() };
+    let declared = vec![0; counts.len()];
+    search.first(declared.clone());
+    for (slot, count) in counts.iter().enumerate() {
+        for candidate in 1..*count {
+            let mut variant = declared.clone();
+            variant[slot] = candidate;
+            search.first(variant);
+        }
+    }
+    if counts.len() > 1 {
+        search.combinations(counts).into_iter().for_each(|variant| search.first(variant));
+    }
+    for _ in 0..TURNS {
+        let first = |search: &Search<'_>| ranked(&search.trials, goal).into_iter().take(FINALISTS).collect::<Vec<_>>();
+        let before = first(&search);
+        (0..AGAIN).for_each(|_| before.iter().for_each(|trial| search.again(*trial)));
+        if first(&search) == before {
+            break;
+        }
+    }
+    let ranked = ranked(&search.trials, goal);
+    Found { trials: search.trials, ranked, missing: search.missing }
+}
+
+struct Search<'a> {
+    goal: Goal,
+    machine: &'a mut dyn Machine,
+    told: &'a mut dyn FnMut(&[usize]),
+    trials: Vec<Trial>,
+    missing: Vec<(Variant, String)>,
+}
+
+impl Search<'_> {
+    fn run(&mut self, variant: &[usize]) -> Option<Run> {
+        (self.told)(variant);
+        match self.machine.run(variant) {
+            Ok(run) => Some(run),
+            Err(why) => {
+                self.missing.push((variant.to_vec(), why));
+                None
+            }
+        }
+    }
+
+    fn first(&mut self, variant: Variant) {
+        if let Some(run) = self.run(&variant) {
+            self.trials.push(Trial::new(variant, run));
+        }
+    }
+
+    /// More frames of a trial. One that fails now is not chosen.
+    fn again(&mut self, trial: usize) {
+        let variant = self.trials[trial].variant.clone();
+        match self.run(&variant) {
+            Some(run) => {
+                self.trials[trial].frames_ms.extend(run.frames_ms);
+                self.trials[trial].error = self.trials[trial].error.max(run.error);
+            }
+            None => self.trials[trial].error = f64::INFINITY,
+        }
+    }
+
+    /// Combinations of candidates of more than one slot that promise most. What a candidate adds to the declared frame's time is added up;
+    /// so are the squares of errors, as of passes whose errors have nothing to do with each other.
+    fn combinations(&self, counts: &[usize]) -> Vec<Variant> {
+        let alone = |slot: usize, candidate: usize| {
+            self.trials.iter().find(|trial| {
+                trial
+                    .variant
+                    .iter()
+                    .enumerate()
+                    .all(|(other, index)| *index == if other == slot { candidate } else { 0 })
+            })
+        };
+        let Some(declared) = alone(0, 0) else { return Vec::new() };
+        let estimate = |variant: &Variant| -> Option<Trial> {
+            let (mut time, mut square) = (declared.median(), declared.error.powi(2));
+            for (slot, candidate) in variant.iter().enumerate() {
+                let trial = alone(slot, *candidate)?;
+                time += trial.median() - declared.median();
+                square += trial.error.powi(2) - declared.error.powi(2);
+            }
+            let run = Run { frames_ms: vec![time.max(0.0)], error: square.max(0.0).sqrt() };
+            Some(Trial::new(variant.clone(), run))
+        };
+        let estimates: Vec<Trial> = variants(counts)
+            .filter(|variant| variant.iter().filter(|candidate| **candidate != 0).count() > 1)
+            .take(MOST_ESTIMATED)
+            .filter_map(|variant| estimate(&variant))
+            .collect();
+        let best = ranked(&estimates, self.goal);
+        best.into_iter().take(COMBINATIONS).map(|index| estimates[index].variant.clone()).collect()
+    }
+}
+
+/// All variants, counted up with the first slot the fastest.
+fn variants(counts: &[usize]) -> impl Iterator<Item = Variant> {
+    let total = counts.iter().try_fold(1_usize, |product, count| product.checked_mul(*count)).unwrap_or(usize::MAX);
+    let counts = counts.to_vec();
+    (0..total).map(move |mut number| {
+        let digit = |count: &usize| {
+            let digit = number % count;
+            number /= count;
+            digit
+        };
+        counts.iter().map(digit).collect()
+    })
+}
