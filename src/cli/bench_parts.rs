@@ -35,6 +35,7 @@ pub(super) fn shard(request: Option<Request>) -> Result<Shard, Failure> {
 pub(super) fn list(args: &BenchArgs) -> Result<(), Failure> {
     let shard = shard(args.shard)?;
     let jobs = jobs(args, &all_choices(args, args.choice()))?;
+    check_noise(args, &jobs)?;
     let list = row_list(args, &jobs);
     for (index, row) in list.rows.iter().enumerate().filter(|(index, _)| shard.has(*index)) {
         let alone = Shard { index: index as u64, count: jobs.len() as u64 };

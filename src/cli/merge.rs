@@ -43,7 +43,9 @@ pub fn run(args: &MergeArgs) -> Result<(), Failure> {
     file.write(&args.output)?;
     warnings.iter().for_each(|warning| failure::print_warning(warning));
     print(&file);
-    crate::say!("wrote {}: {} rows of {} machines", args.output.display(), file.rows.len(), file.machines.len());
+    let count = |number: usize, what: &str| format!("{number} {what}{}", if number == 1 { "" } else { "s" });
+    let (rows, machines) = (count(file.rows.len(), "row"), count(file.machines.len(), "machine"));
+    crate::say!("wrote {}: {rows} of {machines}", args.output.display());
     if missing.is_empty() {
         return Ok(());
     }
