@@ -4,7 +4,7 @@
 //! result depends on the rows alone, and not on how they were shared out.
 
 use super::model::{BenchFile, BenchRow, Inputs, RowError};
-use super::part::{self, LIST, ListedRow, PartError, RowList};
+use super::part::{self, Difference, LIST, ListedRow, PartError, RowList};
 use crate::environment::Environment;
 use crate::pipeline::files;
 use rayon::prelude::*;
@@ -144,14 +144,15 @@ fn list(sources: &[Source], mut folders: Vec<PathBuf>) -> Result<Option<RowList>
 }
 
 fn other(path: &Path, field: &str, found: String, wanted: String, by: &Path) -> PartError {
-    PartError::Other {
+    let difference = Difference {
         path: path.to_owned(),
         field: field.to_owned(),
         found,
         wanted,
         wanted_by: format!("in {}", by.display()),
         help: "only parts of one benchmark, measured by one program from one project, are merged".to_owned(),
-    }
+    };
+    difference.into()
 }
 
 /// What several files say of one thing, with the file that said it first.

@@ -36,21 +36,32 @@ pub enum PartError {
         message: String,
     },
     /// It belongs to another benchmark.
-    #[error("{}: {field} differs: `{found}` there, and `{wanted}` {wanted_by}\n       {help}", path.display())]
-    Other {
-        /// The file.
-        path: PathBuf,
-        /// Its field.
-        field: String,
-        /// What the field says.
-        found: String,
-        /// What others say.
-        wanted: String,
-        /// Which others: `here`, or `in FILE`.
-        wanted_by: String,
-        /// What to do.
-        help: String,
-    },
+    #[error("{0}")]
+    Other(Box<Difference>),
+}
+
+/// What tells a file from those that it should belong to.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {field} differs: `{found}` there, and `{wanted}` {wanted_by}\n       {help}", path.display())]
+pub struct Difference {
+    /// The file.
+    pub path: PathBuf,
+    /// Its field.
+    pub field: String,
+    /// What the field says.
+    pub found: String,
+    /// What others say.
+    pub wanted: String,
+    /// Which others: `here`, or `in FILE`.
+    pub wanted_by: String,
+    /// What to do.
+    pub help: String,
+}
+
+impl From<Difference> for PartError {
+    fn from(difference: Difference) -> Self {
+        Self::Other(Box::new(difference))
+    }
 }
 
 /// All rows of a benchmark, in order.
@@ -141,7 +152,7 @@ impl Parts {
             Some(found) => {
                 if let Some((field, found, wanted)) = list.differs_from(&found) {
                     let help = "start with the same arguments, or name another folder with --parts".to_owned();
-                    return Err(PartError::Other { path, field, found, wanted, wanted_by: "here".to_owned(), help });
+                    return Err(Difference { path, field, found, wanted, wanted_by: "here".to_owned(), help }.into());
                 }
             }
             None => {
@@ -185,7 +196,7 @@ impl Parts {
             None => Ok(Some(file)),
             Some((field, found, wanted)) => {
                 let help = "name another folder with --parts, or remove this one to start again".to_owned();
-                Err(PartError::Other { path, field, found, wanted, wanted_by: "here".to_owned(), help })
+                Err(Difference { path, field, found, wanted, wanted_by: "here".to_owned(), help }.into())
             }
         }
     }

@@ -187,7 +187,8 @@ mod tests {
         let at = |frame: u32| bend.pose(frame, OWN).position.as_dvec3();
         for key in [1000, 1500] {
             let (before, after) = (at(key) - at(key - 1), at(key + 1) - at(key));
-            assert!((before - after).length() < 0.02 * before.length(), "{before} {after}");
+            // Its steps before and after that key are 500 and 1000 frames, or 500 and 2500: by their number alone it would double.
+            assert!((before - after).length() < 0.1 * before.length(), "{before} {after}");
         }
     }
 

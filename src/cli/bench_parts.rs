@@ -20,7 +20,7 @@ impl From<PartError> for Failure {
         match error {
             PartError::Io { .. } => Self::work(error),
             PartError::Broken { .. } => Self::Input(error.to_string()),
-            PartError::Other { .. } => Self::Usage(error.to_string()),
+            PartError::Other(_) => Self::Usage(error.to_string()),
         }
     }
 }
