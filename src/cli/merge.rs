@@ -8,6 +8,7 @@ use curitiba::bench::merge::{Merged, merge};
 use curitiba::bench::model::BenchFile;
 use curitiba::bench::{FileError, columns};
 use curitiba::pipeline::files::{check_outputs, record_files_read};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Rows that are missing and printed one by one.
@@ -85,9 +86,11 @@ fn print(file: &BenchFile) {
         table.end(file);
         return;
     }
+    let all = file.rows.iter().map(|row| &row.key).collect::<BTreeSet<_>>().len();
     for (index, machine) in file.machines.iter().enumerate() {
-        let rows = file.rows.iter().filter(|row| row.machine == index).count();
-        crate::say!("({}) {}, commit {}: {rows} rows", index + 1, machine.machine(), machine.commit);
+        let own = file.rows.iter().filter(|row| row.machine == index).map(|row| &row.key);
+        let rows = own.collect::<BTreeSet<_>>().len();
+        crate::say!("({}) {}, commit {}: {rows} of {all} rows", index + 1, machine.machine(), machine.commit);
     }
     table::print_aligned(&columns::table(file), 3);
     for missing in &file.unavailable {

@@ -65,6 +65,7 @@ fn machines_are_columns_and_nothing_is_averaged() {
     let (printed, told) = succeeds(folder, &["merge", "all.json", "parts", "other"]);
     assert!(!told.contains("measured 2 times"), "{told}");
     assert!(printed.contains("A processor of another kind") && printed.contains("6 rows of 2 machines"), "{printed}");
+    assert_eq!(printed.matches(": 3 of 3 rows\n").count(), 2, "{printed}");
     let lines: Vec<&str> = printed.lines().filter(|line| line.contains("1234.50 ± 0.00")).collect();
     assert_eq!(lines.len(), 3, "a line for each row:\n{printed}");
     assert!(lines.iter().all(|line| line.matches(" ± ").count() == 2), "each with both machines:\n{printed}");
