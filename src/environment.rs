@@ -39,6 +39,9 @@ pub struct Environment {
     /// Where something other than the first choice did the work, and why.
     #[serde(default)]
     pub fallbacks: Vec<String>,
+    /// A name for the machine, where the user gave one: two of equal parts are told apart by it. Names of hosts are not looked up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub host: Option<String>,
 }
 
 impl Environment {
@@ -57,6 +60,7 @@ impl Environment {
             driver: Vec::new(),
             load_average: load_average(),
             fallbacks: Vec::new(),
+            host: None,
         }
     }
 
@@ -126,18 +130,50 @@ impl Environment {
     /// Why timings taken in `other` cannot stand beside timings taken here; nothing if they can.
     #[must_use]
     pub fn differs_from(&self, other: &Self) -> Option<String> {
-        let pairs = [
-            ("version", &self.version, &other.version),
-            ("commit", &self.commit, &other.commit),
-            ("profile", &self.profile, &other.profile),
-            ("flags", &self.flags, &other.flags),
-            ("platform", &self.platform, &other.platform),
-            ("cpu", &self.cpu, &other.cpu),
-            ("number of threads", &self.threads.to_string(), &other.threads.to_string()),
-        ]
-        .map(|(what, a, b)| (a != b).then(|| format!("{what}: `{a}` here, `{b}` there")));
-        pairs.into_iter().flatten().next()
+        let (what, a, b) = self.build_differs_from(other).or_else(|| self.machine_differs_from(other))?;
+        Some(format!("{what}: `{a}` here, `{b}` there"))
     }
+
+    /// In which of its fields the program differs from that of `other`, and what they are here and there.
+    #[must_use]
+    pub fn build_differs_from(&self, other: &Self) -> Option<(&'static str, String, String)> {
+        first_difference([
+            ("version", self.version.clone(), other.version.clone()),
+            ("commit", self.commit.clone(), other.commit.clone()),
+            ("profile", self.profile.clone(), other.profile.clone()),
+            ("flags", self.flags.clone(), other.flags.clone()),
+        ])
+    }
+
+    fn machine_differs_from(&self, other: &Self) -> Option<(&'static str, String, String)> {
+        let host = |environment: &Self| environment.host.clone().unwrap_or_default();
+        first_difference([
+            ("platform", self.platform.clone(), other.platform.clone()),
+            ("cpu", self.cpu.clone(), other.cpu.clone()),
+            ("number of threads", self.threads.to_string(), other.threads.to_string()),
+            ("host", host(self), host(other)),
+        ])
+    }
+
+    /// Whether both are one machine, as far as they say: the same processor, threads, graphics devices, drivers and name.
+    #[must_use]
+    pub fn same_machine(&self, other: &Self) -> bool {
+        self.machine_differs_from(other).is_none() && (&self.gpu, &self.driver) == (&other.gpu, &other.driver)
+    }
+
+    /// The machine in words: name, processor, threads, graphics devices.
+    #[must_use]
+    pub fn machine(&self) -> String {
+        let host = self.host.as_ref().map(|host| format!("{host}: ")).unwrap_or_default();
+        let gpus: String = self.gpu.iter().map(|gpu| format!(", {gpu}")).collect();
+        format!("{host}{}, {} threads{gpus}", self.cpu, self.threads)
+    }
+}
+
+fn first_difference<const N: usize>(
+    pairs: [(&'static str, String, String); N],
+) -> Option<(&'static str, String, String)> {
+    pairs.into_iter().find(|(_, a, b)| a != b)
 }
 
 fn cpu_name() -> Option<String> {

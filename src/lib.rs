@@ -25,12 +25,14 @@
 #![forbid(unsafe_code)]
 
 pub mod bench;
+pub mod camera_path;
 pub mod compare;
 pub mod conformance;
 pub mod engines;
 pub mod environment;
 pub mod reference;
 pub mod report;
+pub mod shard;
 pub mod spec;
 pub mod tune;
 pub mod visibility;

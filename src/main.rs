@@ -63,6 +63,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Tune(args) => cli::tune::run(&args),
         Command::Scene(args) => cli::scene::run(&args),
         Command::Bench(args) => cli::bench::run(&args),
+        Command::Merge(args) => cli::merge::run(&args),
         Command::Visibility(args) => cli::visibility::run(&args),
         Command::Completions { shell } => cli::completions(shell),
     }

@@ -3,6 +3,9 @@
 use super::model::{BenchFile, BenchRow, FORMAT, Unavailable};
 use crate::environment::Environment;
 use crate::pipeline::files::{self, write_atomically};
+use serde::Deserialize as _;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -64,6 +67,8 @@ impl BenchFile {
             complete: false,
             rows: Vec::new(),
             unavailable: Vec::new(),
+            machines: Vec::new(),
+            part: None,
         }
     }
 
@@ -79,14 +84,34 @@ impl BenchFile {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
             Err(error) => return Err(FileError::Io { path: path.to_owned(), message: error.to_string() }),
         };
-        let broken = |message: String| FileError::Broken { path: path.to_owned(), message };
-        let value: serde_json::Value = serde_json::from_slice(&text).map_err(|error| broken(error.to_string()))?;
-        match value["format"].as_u64() {
-            Some(format) if format == u64::from(FORMAT) => {}
-            Some(format) => return Err(broken(format!("its format is {format}, and this program writes {FORMAT}"))),
-            None => return Err(broken("it has no `format`".to_owned())),
+        Self::parse(&text).map(Some).map_err(|message| FileError::Broken { path: path.to_owned(), message })
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// What is wrong, with the line and the column or the field where it is.
+    pub fn parse(text: &[u8]) -> Result<Self, String> {
+        match serde_json::from_slice::<Self>(text) {
+            Ok(file) if file.format == FORMAT => match file.rows.iter().position(|row| !file.has_machine(row)) {
+                None => Ok(file),
+                Some(row) => Err(format!("rows[{row}].machine: {} machines are listed", file.machines.len())),
+            },
+            Ok(file) => Err(other_format(&file.format.to_string())),
+            Err(error) => {
+                Err(serde_json::from_slice(text).map_or_else(|error| error.to_string(), |v| wrong(&v, &error)))
+            }
         }
-        serde_json::from_value(value).map(Some).map_err(|error| broken(error.to_string()))
+    }
+
+    fn has_machine(&self, row: &BenchRow) -> bool {
+        row.machine < self.machines.len().max(1)
+    }
+
+    /// Where a row of the file was measured.
+    #[must_use]
+    pub fn environment_of(&self, row: &BenchRow) -> &Environment {
+        self.machines.get(row.machine).unwrap_or(&self.environment)
     }
 
     /// What a benchmark that is begun as `self` goes on from: the rows of the file at `path` with `resume`, none without.
@@ -110,6 +135,9 @@ impl BenchFile {
     }
 
     fn differs_from(&self, found: &Self) -> Option<String> {
+        if !found.machines.is_empty() || found.part.is_some() {
+            return Some("it is a part of a benchmark, or was merged of parts".to_owned());
+        }
         if self.command != found.command {
             return Some(format!(
                 "it was made by\n         {}\n       and this is\n         {}",
@@ -142,6 +170,27 @@ impl BenchFile {
     pub fn miss(&mut self, what: impl Into<String>, why: impl Into<String>) {
         self.unavailable.push(Unavailable { what: what.into(), why: why.into() });
     }
+}
+
+fn other_format(format: &str) -> String {
+    format!("format: it is {format}, and this program writes {FORMAT}")
+}
+
+/// Which field of a file is not what it should be.
+fn wrong(value: &Value, error: &serde_json::Error) -> String {
+    fn each<T: DeserializeOwned>(value: &Value, name: &str) -> Option<String> {
+        let list = value[name].as_array()?;
+        let found = |(index, item): (usize, &Value)| Some(format!("{name}[{index}]: {}", T::deserialize(item).err()?));
+        list.iter().enumerate().find_map(found)
+    }
+    match &value["format"] {
+        Value::Null => return "format: it is missing".to_owned(),
+        format if *format != FORMAT => return other_format(&format.to_string()),
+        _ => {}
+    }
+    let environment = || Some(format!("environment: {}", Environment::deserialize(value.get("environment")?).err()?));
+    let row = || each::<BenchRow>(value, "rows").or_else(|| each::<Unavailable>(value, "unavailable"));
+    environment().or_else(row).or_else(|| each::<Environment>(value, "machines")).unwrap_or_else(|| error.to_string())
 }
 
 #[cfg(test)]
@@ -182,5 +231,37 @@ mod tests {
         let newer = whole.replacen("\"format\": 1", "\"format\": 99", 1);
         std::fs::write(&path, newer).expect("written");
         assert!(begun("a").continued(&path, true).expect_err("another format").to_string().contains("99"));
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_field_or_place() {
+        let whole = serde_json::to_value(begun("a")).expect("JSON");
+        let wrong = |change: &dyn Fn(&mut Value)| {
+            let mut value = whole.clone();
+            change(&mut value);
+            BenchFile::parse(value.to_string().as_bytes()).expect_err("it is wrong")
+        };
+        assert_eq!(wrong(&|v| v["format"] = Value::Null), "format: it is missing");
+        assert!(wrong(&|v| v["format"] = 99.into()).starts_with("format: it is 99"));
+        assert_eq!(wrong(&|v| v["environment"]["cpu"] = Value::Null).split(':').next(), Some("environment"));
+        assert_eq!(wrong(&|v| v["rows"] = serde_json::json!([{}])), "rows[0]: missing field `key`");
+        assert!(wrong(&|v| v["frames"] = "3".into()).contains("expected u32"));
+        assert_eq!(wrong(&|v| *v = serde_json::json!({"rows": []})), "format: it is missing");
+        assert_eq!(wrong(&|v| *v = serde_json::json!([1])), "format: it is missing");
+        let text = whole.to_string();
+        let cut = BenchFile::parse(&text.as_bytes()[..text.len() / 2]).expect_err("it is cut off");
+        assert!(cut.contains("line 1 column"), "{cut}");
+    }
+
+    #[test]
+    fn numbers_stay_the_same_to_the_bit() {
+        let mut file = begun("a");
+        for step in 1..2000_u64 {
+            let load = f64::from_bits(0x3fb9_9999_9999_999a + step * 0x0000_1234_5678_9abc);
+            file.environment.load_average = Some(load);
+            let text = serde_json::to_vec(&file).expect("JSON");
+            let read = BenchFile::parse(&text).expect("a file").environment.load_average.expect("a number");
+            assert_eq!(read.to_bits(), load.to_bits());
+        }
     }
 }

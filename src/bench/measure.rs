@@ -108,6 +108,9 @@ fn row(renderer: &Renderer, case: &Case, clocked: &[Clocked]) -> BenchRow {
         held_bytes: plan.target_bytes() + timeline.iter().map(|row| row.bytes).sum::<u64>(),
         error: RowError::Missing("no reference was asked for".to_owned()),
         thesis: None,
+        inputs: None,
+        picture: None,
+        machine: 0,
     }
 }
 

@@ -1,10 +1,14 @@
 //! Benchmarks: what each effect costs per frame, and what error it has against which reference.
 
 pub mod case;
+pub mod columns;
 pub mod file;
+pub mod inputs;
 pub mod interval;
 pub mod measure;
+pub mod merge;
 pub mod model;
+pub mod part;
 pub mod table2;
 pub mod text;
 pub mod threads;

@@ -31,6 +31,34 @@ pub struct BenchFile {
     pub rows: Vec<BenchRow>,
     /// What was asked for and is not there, with the reason.
     pub unavailable: Vec<Unavailable>,
+    /// In a file that was merged of others, their machines; empty in all other files. [`BenchRow::machine`] is an index of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub machines: Vec<Environment>,
+    /// In a file that holds one row of many, which; `None` in all other files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<PartOf>,
+}
+
+/// Which row of a benchmark a file holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PartOf {
+    /// The row's id.
+    pub id: String,
+    /// Its index, from 0.
+    pub index: usize,
+    /// How many rows there are.
+    pub of: usize,
+}
+
+/// What a row was measured from, so that rows of one project can be told from rows of another of the same name.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Inputs {
+    /// Hash of all that the project declares: passes, cameras, lights, targets, where scenes lie.
+    pub project: String,
+    /// Which attributes of the scene files are read.
+    pub needs: String,
+    /// Hash of the content of its scenes, as far as it is read.
+    pub scenes: String,
 }
 
 /// An engine or a row that could not be measured.
@@ -104,6 +132,20 @@ pub struct BenchRow {
     pub error: RowError,
     /// The report's figure for the same row.
     pub thesis: Option<ThesisFigure>,
+    /// What it was measured from; `None` in files of before 2026-11-23, and in reports.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inputs: Option<Inputs>,
+    /// Hash of the last frame's numbers, bit for bit; `None` as for [`Self::inputs`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture: Option<String>,
+    /// Index into [`BenchFile::machines`]; 0 where that is empty.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub machine: usize,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 impl BenchRow {

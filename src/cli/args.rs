@@ -1,6 +1,7 @@
 //! The arguments of the command line; help and completions come from here.
 
 use super::bench_args::BenchArgs;
+use super::merge::MergeArgs;
 use super::scene_args::SceneFlags;
 use super::tune_args::TuneArgs;
 use super::visibility_args::VisibilityArgs;
@@ -10,8 +11,13 @@ use curitiba::pipeline::color::{ColorSpace, Display, Tone};
 use curitiba::pipeline::executor::Goal;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::programs::Fidelity;
+use curitiba::shard::Request;
 use curitiba::{BackendChoice, Choice, Gpus, RasterChoice};
 use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Most memory that a command may take, unless it is told otherwise.
+pub const MAX_MEMORY: u64 = 8 << 30;
 
 /// Renders projects that join rasterisation and ray tracing in one deferred pipeline.
 #[derive(Debug, Parser)]
@@ -56,7 +62,9 @@ Examples:
   curitiba render xml_projects/SceneRefract.xml --camera Vidro --pixel 512,512
   curitiba render xml_projects/SceneFinal.xml --check-numerics
   curitiba render xml_projects/SceneFinal.xml --size 16384x16384 --bands 16 -o large.exr
-  curitiba render xml_projects/SceneFinal.xml --backend optix --fallback cuda,cpu")]
+  curitiba render xml_projects/SceneFinal.xml --backend optix --fallback cuda,cpu
+  curitiba render xml_projects/SceneFinal.xml --path orbit:0,4,0,30,120,15 --frames 0..48 -o frames/square.png
+  curitiba render xml_projects/SceneFinal.xml --path cameras.json --shard 2/8 -o frames/square.exr")]
     Render(RenderArgs),
     /// Print what would be done for a project, and why.
     Plan(ProjectArgs),
@@ -95,11 +103,23 @@ Examples:
   curitiba bench xml_projects/SceneSSAO.xml --sweep samples=1,4,9,16 --size 512x512
   curitiba bench xml_projects/SceneShadows.xml --compare cpu,wgpu
   curitiba bench xml_projects/SceneFinal.xml --sweep-threads 1,2,4,8,16 --json threads.json --plots .
+  curitiba bench --table2 --reference-samples 4096 --list
+  curitiba bench --table2 --reference-samples 4096 --shard auto --parts parts
 
 A row's error is of its window picture, in linear values, against a reference that this program renders itself:
 in f64 where there is no noise, else with as many samples as it takes for an error of its own that is ten times
 below the row's. References are kept and used again.")]
     Bench(Box<BenchArgs>),
+    /// Join the parts that `bench --parts` wrote, or benchmarks of several machines, and print them: a column for each machine.
+    #[command(after_help = "\
+Examples:
+  curitiba merge table2.json parts
+  curitiba merge both.json first/parts second/parts
+  curitiba merge both.json here.json there.json
+
+Parts of other commands, builds, projects, scenes or references are refused. Nothing is averaged: what one machine measured
+twice is there twice. Rows that are missing are listed, and the exit code is then 1: docs/cluster.md")]
+    Merge(MergeArgs),
     /// Measure every effect by raster and by rays on this machine, and write a page about it.
     #[command(
         long_about = "\
@@ -154,6 +174,7 @@ impl Command {
             Self::Report(args) => Some(args.max_memory),
             Self::Tune(args) => Some(args.project.max_memory),
             Self::Visibility(args) => Some(args.max_memory),
+            Self::Merge(args) => Some(args.max_memory),
             Self::List { .. } | Self::Completions { .. } => None,
         }
     }
@@ -167,9 +188,22 @@ pub struct RenderArgs {
     /// The picture, .png or .exr [default: the project's name with .png, in this folder]
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub output: Option<PathBuf>,
-    /// Frames to render; the table shows the median of their times
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub frames: u32,
+    /// Frames to render: N of one picture, of which the table shows the median; with --path those from A up to and without B
+    /// [default: 1, with --path all]
+    #[arg(long, value_name = "N|A..B")]
+    pub frames: Option<Frames>,
+    /// Move the camera, and write a numbered picture of each frame: a .json of keyframes, or once round a point in N frames. Frames
+    /// that are there are not rendered again: docs/cluster.md
+    #[arg(long = "path", value_name = "FILE.json|orbit:CX,CY,CZ,R,N[,ELEVATION]", value_hint = ValueHint::FilePath,
+          conflicts_with_all = ["accumulate", "pixel", "check_numerics"])]
+    pub camera_path: Option<String>,
+    /// Render every N-th frame from the K-th, 1/N to N/N, for N processes; auto takes both numbers from the scheduler's variables, auto/N
+    /// the first
+    #[arg(long, value_name = "K/N|auto[/N]", requires = "camera_path")]
+    pub shard: Option<Request>,
+    /// Render frames of a path again that are there, whatever they show
+    #[arg(long, requires = "camera_path")]
+    pub overwrite: bool,
     /// Take more and more samples of the passes that take any (ambient occlusion), and say how far off the picture still is: a number of samples
     /// (64), a time (2s, 500ms), or a standard error (0.002); docs/library.md says what that is
     #[arg(long, value_name = "GOAL", conflicts_with_all = ["frames", "bands", "pixel", "check_numerics"])]
@@ -187,6 +221,31 @@ pub struct RenderArgs {
     /// warning that names the pass, and is in the JSON. Without it a failure ends the run
     #[arg(long, value_enum, value_name = "BACKENDS", value_delimiter = ',')]
     pub fallback: Vec<FallbackArg>,
+}
+
+/// `--frames`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Frames {
+    /// So many of one picture.
+    Count(u32),
+    /// Of a path, from the first number up to and without the second.
+    Range(u32, u32),
+}
+
+impl FromStr for Frames {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        const MOST: u32 = 1_000_000;
+        let wrong = || format!("`{text}` is neither N, 1 to {MOST}, nor A..B with A below B, such as 0..48");
+        match text.split_once("..") {
+            None => text.parse().ok().filter(|n| (1..=MOST).contains(n)).map(Self::Count).ok_or_else(wrong),
+            Some((from, to)) => {
+                let (from, to) = (from.parse().map_err(|_| wrong())?, to.parse().map_err(|_| wrong())?);
+                if from < to && to <= MOST { Ok(Self::Range(from, to)) } else { Err(wrong()) }
+            }
+        }
+    }
 }
 
 /// A project and what is asked of it.
@@ -591,6 +650,15 @@ mod tests {
         let wgpu = choice(&["--backend", "wgpu", "--fallback", "wgpu,cpu"]).expect("valid");
         assert_eq!((wgpu.backend, wgpu.fallback[0]), (BackendChoice::Wgpu, Some(BackendChoice::Wgpu)));
         assert!(choice(&["--fallback", "vulkan"]).is_err());
+    }
+
+    #[test]
+    fn frames_are_a_number_or_a_range() {
+        assert_eq!("12".parse(), Ok(Frames::Count(12)));
+        assert_eq!("0..48".parse(), Ok(Frames::Range(0, 48)));
+        for text in ["0", "-1", "3..3", "4..2", "..5", "1..", "0..1000001", "a", "1...3"] {
+            assert!(text.parse::<Frames>().is_err(), "{text}");
+        }
     }
 
     #[test]

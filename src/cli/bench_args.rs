@@ -1,10 +1,11 @@
 //! The arguments of `bench`.
 
-use super::args::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_size};
+use super::args::{Backend, FidelityArg, MAX_MEMORY, ProjectArgs, Raster, parse_bytes, parse_size};
 use super::scene_args::SceneFlags;
 use clap::{Args, ValueEnum, ValueHint};
-use curitiba::Gpus;
 use curitiba::pipeline::color::{ColorSpace, Tone};
+use curitiba::shard::{Request, Shard};
+use curitiba::{Choice, Gpus};
 use std::path::PathBuf;
 
 /// Arguments of `bench`.
@@ -89,6 +90,21 @@ pub struct BenchArgs {
     /// Replace the files of --json, --csv and --markdown whatever they hold, also an interrupted benchmark
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
+    /// Print the rows instead of measuring them: index from 0, id, and the command that measures the row alone, with tabs between
+    #[arg(long, conflicts_with_all = ["sweep_threads", "json", "csv", "markdown", "resume", "overwrite"])]
+    pub list: bool,
+    /// Measure every N-th row from the K-th, 1/N to N/N, for N processes with one folder of --parts; auto takes both numbers from the
+    /// scheduler's variables (Slurm, Grid Engine, MPI), auto/N the first (also PBS, HyperQueue, GNU parallel): docs/cluster.md
+    #[arg(long, value_name = "K/N|auto[/N]", conflicts_with = "sweep_threads")]
+    pub shard: Option<Request>,
+    /// Write each row into a file of its own in this folder, named by the row's id; rows that are there are not measured again, and
+    /// `curitiba merge` joins them
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath,
+          conflicts_with_all = ["sweep_threads", "json", "csv", "markdown", "resume", "overwrite"])]
+    pub parts: Option<PathBuf>,
+    /// A name for this machine in the files, so that `curitiba merge` tells it from others of equal parts; names of hosts are not recorded
+    #[arg(long, value_name = "NAME", conflicts_with = "sweep_threads")]
+    pub host: Option<String>,
     /// Measure times only, and no error
     #[arg(long)]
     pub no_error: bool,
@@ -98,6 +114,11 @@ pub struct BenchArgs {
     /// Longest time for refining one reference; rows say where it was not enough
     #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub reference_seconds: u32,
+    /// Take references of N samples (of each of two renders), however long they take, instead of refining them row by row: then a row's
+    /// error depends on nothing but the row
+    #[arg(long, value_name = "N", conflicts_with = "no_error",
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(curitiba::reference::MOST_SAMPLES)))]
+    pub reference_samples: Option<u32>,
     #[command(flatten)]
     pub scene: SceneFlags,
     /// Threads of the cpu engines [default: all cores]
@@ -165,12 +186,34 @@ impl BenchArgs {
         }
     }
 
+    /// Which engines, unless --compare names some.
+    pub fn choice(&self) -> Choice {
+        self.project(PathBuf::new(), None).choice()
+    }
+
     /// The command with all that decides about the rows, in one order and with its defaults: equal commands make equal
     /// rows. Where results are written is not part of it.
     pub fn command(&self) -> String {
+        self.words().join(" ")
+    }
+
+    /// The command that measures a shard of the rows here, for a shell.
+    pub fn command_of(&self, shard: Shard) -> String {
+        let mut words = self.words();
+        words.extend(["--shard".to_owned(), shard.to_string()]);
+        let parts = self.parts.as_deref().unwrap_or("parts".as_ref());
+        words.extend(["--parts".to_owned(), parts.display().to_string()]);
+        words.extend(self.references.iter().flat_map(|folder| named("references", folder.display().to_string())));
+        words.extend(self.threads.iter().flat_map(|threads| named("threads", threads.to_string())));
+        if self.max_memory != MAX_MEMORY {
+            words.extend(named("max-memory", self.max_memory.to_string()));
+        }
+        words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
+    }
+
+    fn words(&self) -> Vec<String> {
         let value = |value: Option<String>| value.unwrap_or_else(|| "auto".to_owned());
-        let named = |name: &str, text: String| [format!("--{name}"), text];
-        let mut words = vec!["curitiba bench".to_owned()];
+        let mut words = vec!["curitiba".to_owned(), "bench".to_owned()];
         if self.table2 {
             words.push("--table2".to_owned());
             words.extend(named("projects", self.folder.display().to_string()));
@@ -203,16 +246,48 @@ impl BenchArgs {
         words.extend(self.color.into_iter().flat_map(|color| named("color", color.to_string())));
         words.extend(named("seed", self.seed.to_string()));
         words.extend(self.set.iter().flat_map(|set| named("set", set.clone())));
-        words.extend(self.scene.options(&[]).words().into_iter().map(|word| format!("--{}", word.replace('=', " "))));
-        if self.no_error {
-            words.push("--no-error".to_owned());
-        } else {
-            words.extend(named("reference-seconds", self.reference_seconds.to_string()));
+        for word in self.scene.options(&[]).words() {
+            let (name, value) = word.split_once('=').unwrap_or((&word, ""));
+            words.extend(named(name, value.to_owned()));
         }
-        words.join(" ")
+        match self.reference_samples {
+            _ if self.no_error => words.push("--no-error".to_owned()),
+            Some(samples) => words.extend(named("reference-samples", samples.to_string())),
+            None => words.extend(named("reference-seconds", self.reference_seconds.to_string())),
+        }
+        words
+    }
+}
+
+/// An option with its value.
+fn named(name: &str, value: String) -> [String; 2] {
+    [format!("--{name}"), value]
+}
+
+/// A word as a shell reads it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
     }
 }
 
 fn name_of(value: impl ValueEnum) -> Option<String> {
     value.to_possible_value().map(|value| value.get_name().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn words_that_a_shell_would_take_apart_are_quoted() {
+        assert_eq!(quoted("a/b.xml"), "a/b.xml");
+        assert_eq!(quoted("pass2.samples=4"), "pass2.samples=4");
+        assert_eq!(quoted("my scene.xml"), "'my scene.xml'");
+        assert_eq!(quoted("it's $HOME"), "'it'\\''s $HOME'");
+        assert_eq!(quoted(""), "''");
+    }
 }

@@ -1,8 +1,8 @@
 //! `curitiba bench --sweep-threads`: how each step's time falls with the number of threads.
 
-use super::Failure;
 use super::bench_args::BenchArgs;
 use super::progress::Bars;
+use super::{Failure, table};
 use anstyle::Style;
 use curitiba::bench::threads::{SweepError, SweepOptions, ThreadsCase, ThreadsFile, sweep, text};
 use curitiba::bench::{Case, MeasureOptions};
@@ -135,21 +135,12 @@ fn introduce(file: &ThreadsFile) {
 fn print(case: &ThreadsCase) {
     crate::say!("{HEADER}{}{HEADER:#}", text::heading(case));
     let lines = text::lines(case);
-    let mut table = vec![vec!["threads".to_owned()]];
-    table[0].extend(case.frame.iter().map(|point| point.threads.to_string()));
+    let mut rows = vec![vec!["threads".to_owned()]];
+    rows[0].extend(case.frame.iter().map(|point| point.threads.to_string()));
     for (name, points) in &lines {
         let mut row = vec![name.clone()];
         row.extend(points.iter().map(|point| text::cell(points, point)));
-        table.push(row);
+        rows.push(row);
     }
-    let columns = table.iter().map(Vec::len).max().unwrap_or(0);
-    let width = |column: usize| table.iter().filter_map(|row| row.get(column)).map(|c| c.chars().count()).max();
-    let widths: Vec<usize> = (0..columns).map(|column| width(column).unwrap_or(0)).collect();
-    for row in &table {
-        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| match column {
-            0 => format!("{cell:width$}"),
-            _ => format!("{cell:>width$}"),
-        });
-        crate::say!("{}", cells.collect::<Vec<_>>().join("  "));
-    }
+    table::print_aligned(&rows, 1);
 }

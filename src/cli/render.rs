@@ -1,9 +1,9 @@
 //! `curitiba render`: a picture, and what each step took.
 
-use super::args::RenderArgs;
+use super::args::{Frames, RenderArgs};
 use super::inspect::Inspector;
 use super::progress::Bars;
-use super::{Failure, failure, print_warnings, set_threads, table};
+use super::{Failure, failure, print_warnings, render_path, set_threads, table};
 use curitiba::environment::{Environment, peak_memory};
 use curitiba::pipeline::diagnostic::Decision;
 use curitiba::pipeline::diagnostic::WarningGroup;
@@ -15,6 +15,18 @@ use std::path::{Path, PathBuf};
 
 /// Renders, writes the pictures and prints the table or the JSON report.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
+    if let Some(path) = &args.camera_path {
+        return render_path::run(args, path);
+    }
+    let frames = match args.frames {
+        None => 1,
+        Some(Frames::Count(frames)) => frames,
+        Some(Frames::Range(from, to)) => {
+            let message =
+                format!("--frames {from}..{to}: frames have numbers with --path; without it, write --frames N");
+            return Err(Failure::Usage(message));
+        }
+    };
     set_threads(args.project.threads)?;
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.project.path));
     check_extension(&output)?;
@@ -44,7 +56,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         }
         renderer.read_back_everything();
     }
-    for _ in 1..args.frames {
+    for _ in 1..frames {
         let frame = renderer.draw_frame(&mut inspector);
         frame.map_err(|error| Failure::of_rendering(error, may_fall_back))?;
         inspector.print_pixel()?;
@@ -71,9 +83,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         );
     }
     if args.json {
-        print_json(&renderer, args.frames, &accumulation, &files)?;
+        print_json(&renderer, frames, &accumulation, &files)?;
     } else {
-        table::print(renderer.timeline(), args.frames);
+        table::print(renderer.timeline(), frames);
         for Accumulated { pass, samples, batches, error, largest } in &accumulation {
             let error = error.zip(*largest).map_or("unknown after one batch".to_owned(), |(error, largest)| {
                 format!("{error:.6} (root mean square; largest {largest:.6})")
@@ -131,7 +143,7 @@ fn accumulate(renderer: &mut Renderer, goal: Goal, inspector: &mut Inspector) ->
 }
 
 /// The name of the project, scene file or folder, in this folder.
-fn default_output(path: &Path) -> PathBuf {
+pub(super) fn default_output(path: &Path) -> PathBuf {
     // A folder may be `.`, and what follows its last point is no extension.
     let whole = std::fs::canonicalize(path).ok().filter(|whole| whole.is_dir());
     let name = whole.as_deref().map_or(path.file_stem(), Path::file_name);
@@ -149,7 +161,7 @@ pub(super) fn check_extension(output: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-fn print_header(renderer: &Renderer) {
+pub(super) fn print_header(renderer: &Renderer) {
     let plan = renderer.plan();
     let environment = Environment::here();
     let engines = renderer.engines();

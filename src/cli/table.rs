@@ -29,6 +29,22 @@ pub fn print(timeline: &Timeline, frames: u32) {
     crate::say!("{TOTAL}frame {frame:.2} ms{TOTAL:#} ({runs}{rays})");
 }
 
+/// Prints rows of cells, the first as a header: columns are as wide as their widest cell, and from the one of index `right` on they
+/// end at the right.
+pub fn print_aligned(rows: &[Vec<String>], right: usize) {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |column: usize| rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();
+    let widths: Vec<usize> = (0..columns).map(|column| width(column).unwrap_or(0)).collect();
+    for (index, row) in rows.iter().enumerate() {
+        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, width))| {
+            if column < right { format!("{cell:width$}") } else { format!("{cell:>width$}") }
+        });
+        let line = cells.collect::<Vec<_>>().join("  ");
+        let line = line.trim_end();
+        if index == 0 { crate::say!("{HEADER}{line}{HEADER:#}") } else { crate::say!("{line}") }
+    }
+}
+
 fn per_frame(timeline: &Timeline) -> impl Iterator<Item = &Row> {
     timeline.rows.iter().filter(|row| row.kind.per_frame())
 }

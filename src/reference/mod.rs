@@ -15,6 +15,9 @@
 //! independent and unbiased. The power that occlusion is raised to makes a bias that shrinks with the square of the
 //! noise, far below it at the sample counts used here.
 //!
+//! Which of these references a row meets depends on the rows before it. With a fixed number of samples
+//! ([`References::with_samples`]) it depends on the row alone, so that rows may be shared out over processes.
+//!
 //! References are kept in a folder, as EXR files with a JSON file beside each. The name is a hash of everything that
 //! determines the picture: the passes and their constants, the view, the lights, the size, the scene's content, the
 //! sample count, and [`FORMAT`] for the programs themselves. Two versions of this program share none.
@@ -45,8 +48,11 @@ pub const FORMAT: u32 = 2;
 /// How many times the estimated error of a reference is to be below what is compared with it.
 pub const MARGIN: f64 = 10.0;
 
+/// Most samples of each of the two renders of a reference with noise.
+pub const MOST_SAMPLES: u32 = 65_536;
+
 /// Samples of each of the two renders of a reference with noise: the first, and the most.
-const SAMPLES: (u32, u32) = (256, 65_536);
+const SAMPLES: (u32, u32) = (256, MOST_SAMPLES);
 
 /// Seeds of the two renders; far from those that people choose.
 const SEEDS: [u32; 2] = [0x9e37_79b9, 0x7f4a_7c15];
@@ -84,6 +90,8 @@ pub struct Reference {
 pub struct References {
     folder: Folder,
     allowance: Duration,
+    /// Samples of every reference with noise, where they are not to be refined.
+    fixed: Option<u32>,
     /// By what a request says of itself: the content of its scenes.
     fingerprints: HashMap<String, Vec<String>>,
     /// By what determines a reference but for its samples.
@@ -114,11 +122,19 @@ impl References {
         Self {
             folder: Folder::new(folder),
             allowance,
+            fixed: None,
             fingerprints: HashMap::new(),
             held: HashMap::new(),
             open: None,
             warnings: Vec::new(),
         }
+    }
+
+    /// Takes references of exactly this many samples in each of their two renders, 1 to [`MOST_SAMPLES`], whatever the rows ask for and
+    /// however long they take: a row's error then depends on nothing but the row. `None` refines them.
+    #[must_use]
+    pub fn with_samples(self, samples: Option<u32>) -> Self {
+        Self { fixed: samples.map(|samples| samples.clamp(1, MOST_SAMPLES)), ..self }
     }
 
     /// Where references are kept unless a folder is named: `CURITIBA_CACHE`, or `curitiba/references` in the user's
@@ -196,9 +212,12 @@ impl References {
         if self.held.contains_key(&base) {
             return Ok(base);
         }
-        let levels: Vec<u32> = match request.kind {
-            Kind::Converged => std::iter::successors(Some(SAMPLES.1), |n| (*n > SAMPLES.0).then_some(n / 2)).collect(),
-            Kind::Raster | Kind::Exact => vec![0],
+        let levels: Vec<u32> = match (request.kind, self.fixed) {
+            (Kind::Converged, Some(samples)) => vec![samples],
+            (Kind::Converged, None) => {
+                std::iter::successors(Some(SAMPLES.1), |n| (*n > SAMPLES.0).then_some(n / 2)).collect()
+            }
+            (Kind::Raster | Kind::Exact, _) => vec![0],
         };
         for samples in levels {
             match self.folder.load(&material(&base, samples), request.plan.window) {
@@ -210,7 +229,7 @@ impl References {
                 Err(why) => self.warnings.push(format!("{why}; it is rendered again")),
             }
         }
-        let samples = if request.kind == Kind::Converged { SAMPLES.0 } else { 0 };
+        let samples = if request.kind == Kind::Converged { self.fixed.unwrap_or(SAMPLES.0) } else { 0 };
         self.render(request, &base, samples, observer)?;
         Ok(base)
     }
@@ -224,6 +243,9 @@ impl References {
         observer: &mut dyn Observer,
     ) -> Result<Option<&'static str>, ReferenceError> {
         let held = &self.held[base];
+        if self.fixed.is_some() {
+            return Ok(Some("the number of samples is fixed"));
+        }
         let samples = held.reference.samples;
         if samples == 0 || samples >= SAMPLES.1 {
             return Ok(Some("the most samples are used up"));
@@ -300,6 +322,14 @@ impl References {
             None => unreachable!("it was opened above"),
         }
     }
+}
+
+/// Whether the reference of a case has noise: whether there are samples to choose a number of.
+///
+/// # Errors
+/// As [`Case::new`].
+pub fn has_noise(case: &Case) -> Result<bool, OpenError> {
+    Ok(Request::new(case)?.kind == Kind::Converged)
 }
 
 /// Everything that determines a reference, in words.

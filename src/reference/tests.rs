@@ -57,6 +57,29 @@ fn a_reference_is_refined_until_its_error_is_ten_times_below_the_rows() {
 }
 
 #[test]
+fn with_a_fixed_number_of_samples_an_error_depends_on_the_row_alone() {
+    let cases = [4, 1024].map(|samples| case("SceneSSAO.xml", &[&format!("pass2.samples={samples}")]));
+    let pictures = cases.each_ref().map(picture);
+    let errors = |order: [usize; 2], samples: Option<u32>| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut found = [None, None];
+        for index in order {
+            // Every row by another process, with one folder.
+            let mut references = references(folder.path(), 60).with_samples(samples);
+            let error = references.compare(&cases[index], &pictures[index], &mut Silent).expect("compared");
+            found[index] = Some(error);
+        }
+        found
+    };
+    let fixed = errors([0, 1], Some(300));
+    assert_eq!(fixed, errors([1, 0], Some(300)));
+    assert_ne!(errors([0, 1], None), errors([1, 0], None), "refined ones depend on what came before");
+    let Some(RowError::Against { reference, .. }) = &fixed[1] else { panic!("{fixed:?}") };
+    assert!(reference.contains("300 samples") && reference.contains("the number of samples is fixed"), "{reference}");
+    assert!(has_noise(&cases[0]).expect("a plan") && !has_noise(&case("SceneShadows.xml", &[])).expect("a plan"));
+}
+
+#[test]
 fn a_row_says_by_how_much_its_reference_falls_short() {
     let folder = tempfile::tempdir().expect("a folder");
     let fine = case("SceneSSAO.xml", &["pass2.samples=1024"]);

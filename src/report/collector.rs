@@ -122,6 +122,8 @@ impl<'a> Collector<'a> {
                 complete: false,
                 rows: Vec::new(),
                 unavailable: Vec::new(),
+                machines: Vec::new(),
+                part: None,
             },
             scene: SceneFacts { file: String::new(), triangles: 0 },
             gpu: false,

@@ -84,6 +84,9 @@ fn row(key: &str, effect: &str, technique: Technique, ms: f64, error: RowError) 
         held_bytes: 1 << 20,
         error,
         thesis: None,
+        inputs: None,
+        picture: None,
+        machine: 0,
     }
 }
 
@@ -146,6 +149,8 @@ fn report(base_ms: f64, rays: (f64, RowError), raster: (f64, RowError)) -> Repor
             complete: true,
             rows,
             unavailable: vec![Unavailable { what: "wgpu".to_owned(), why: "no adapter & no driver".to_owned() }],
+            machines: Vec::new(),
+            part: None,
         },
     }
 }

@@ -13,8 +13,8 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
         _ => Err(format!("`{kind}` takes one file")),
     };
     match kind {
-        "machine" => Ok(machine(one()?)),
-        "cases" => cases(files, options),
+        "machine" => Ok(by_machine(one()?).iter().map(machine).collect()),
+        "cases" => cases(&files.iter().flat_map(by_machine).collect::<Vec<_>>(), options),
         "backends" => backends(files, options),
         "threads" => threads(one()?, options),
         "rays" => rays(files),
@@ -22,6 +22,22 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
         "builds" => builds(files),
         _ => Err(format!("there is no kind `{kind}`; valid: machine, cases, backends, threads, rays, passes, builds")),
     }
+}
+
+/// A file that `curitiba merge` wrote, taken apart into one for each machine; any other as it is.
+fn by_machine(file: &Value) -> Vec<Value> {
+    let machines = file["machines"].as_array().map_or(&[][..], Vec::as_slice);
+    if machines.is_empty() {
+        return vec![file.clone()];
+    }
+    let of = |(index, environment): (usize, &Value)| {
+        let rows = file["rows"].as_array().into_iter().flatten();
+        let own = rows.filter(|row| row["machine"].as_u64().unwrap_or(0) == index as u64);
+        let mut one = file.clone();
+        (one["rows"], one["environment"]) = (own.cloned().collect(), environment.clone());
+        one
+    };
+    machines.iter().enumerate().map(of).collect()
 }
 
 fn text(value: &Value) -> &str {
@@ -263,6 +279,19 @@ fn builds(files: &[Value]) -> Result<String, String> {
 
 fn scenes(files: &[Value]) -> impl Iterator<Item = &Value> {
     files.iter().filter_map(|file| file["scenes"].as_array()).flatten()
+}
+
+#[test]
+fn machines_of_a_merged_file_are_columns() {
+    let row = |machine: u64, ms: f64| serde_json::json!({"label": "AO", "view": "Fonte", "machine": machine, "frame": {"median": ms}});
+    let machines = serde_json::json!([{"cpu": "A", "threads": 2}, {"cpu": "B", "threads": 4}]);
+    let file = serde_json::json!({"machines": machines, "rows": [row(0, 1.0), row(1, 2.0)]});
+    let options = Options::from([("names".to_owned(), "one/two".to_owned())]);
+    let made = table("cases", std::slice::from_ref(&file), &options).expect("a table");
+    assert!(made.contains("| AO | Fonte | 1.00 |  | 2.00 |  |"), "{made}");
+    let told = table("machine", &[file], &options).expect("sentences");
+    let starts: Vec<&str> = told.lines().filter_map(|line| line.split(',').next()).collect();
+    assert_eq!(starts, ["A", "B"]);
 }
 
 #[test]

@@ -1,0 +1,108 @@
+//! Measuring one row of `bench` after the other.
+
+use super::bench_args::BenchArgs;
+use super::bench_jobs::Job;
+use super::progress::Bars;
+use super::{Failure, failure};
+use curitiba::OpenError;
+use curitiba::bench::inputs::picture_hash;
+use curitiba::bench::model::{BenchRow, Inputs, RowError, Unavailable};
+use curitiba::bench::{MeasureOptions, measure};
+use curitiba::pipeline::backend::BackendError;
+use curitiba::pipeline::diagnostic::WarningGroup;
+use curitiba::pipeline::executor::RenderError;
+use curitiba::reference::References;
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Measures rows, and compares their pictures with references.
+pub(super) struct Rows {
+    options: MeasureOptions,
+    /// `None` where no error is wanted.
+    references: Option<References>,
+    warned: BTreeSet<String>,
+    start: Instant,
+}
+
+/// A row that is not there.
+pub(super) struct Missing {
+    /// What, and why.
+    pub what: Unavailable,
+    /// What ends the command; `None` where an engine says that it cannot do this at all, which is an answer.
+    pub failure: Option<Failure>,
+}
+
+impl Rows {
+    /// `folder` is where references are kept.
+    pub fn new(args: &BenchArgs, folder: PathBuf) -> Self {
+        let references = References::new(folder, Duration::from_secs(args.reference_seconds.into()));
+        Self {
+            options: MeasureOptions { frames: args.frames, warmup: args.warmup },
+            references: (!args.no_error).then(|| references.with_samples(args.reference_samples)),
+            warned: BTreeSet::new(),
+            start: Instant::now(),
+        }
+    }
+
+    /// Measures a row; `place` is its index and how many there are. Says on the error stream what it does.
+    pub fn measure(&mut self, job: &Job, (index, of): (usize, usize)) -> Result<BenchRow, Missing> {
+        let case = &job.case;
+        let spent = self.start.elapsed().as_secs_f64();
+        crate::tell!("row {} of {of}: {}, {} ({spent:.0} s so far)", index + 1, case.label, case.view);
+        let mut bars = Bars::default();
+        let measured = match measure(case, &self.options, &mut bars) {
+            Ok(measured) => measured,
+            Err(error) => {
+                drop(bars);
+                return Err(missing(job, error));
+            }
+        };
+        for text in measured.renderer.warnings().groups().iter().map(WarningGroup::to_string) {
+            if self.warned.insert(text.clone()) {
+                failure::print_warning(&text);
+            }
+        }
+        let (mut row, picture) = (measured.row, measured.picture);
+        row.inputs = Some(Inputs::of(&measured.renderer));
+        row.picture = Some(picture_hash(&picture));
+        // Its scene need not stay beside the reference's.
+        drop(measured.renderer);
+        row.thesis = job.row.map(|of_table| of_table.figure(&row));
+        row.error = match &mut self.references {
+            None => RowError::Missing("--no-error".to_owned()),
+            Some(references) => references.compare(case, &picture, &mut bars).unwrap_or_else(|error| {
+                failure::print_warning(&error.to_string());
+                RowError::Missing(error.to_string())
+            }),
+        };
+        drop(bars);
+        let warnings = self.references.as_mut().map(References::take_warnings).unwrap_or_default();
+        warnings.iter().for_each(|warning| failure::print_warning(warning));
+        Ok(row)
+    }
+}
+
+fn missing(job: &Job, error: OpenError) -> Missing {
+    let (case, choice) = (&job.case, job.case.choice);
+    let engines = format!("{} and {}", choice.raster.name(), choice.rays_in_words());
+    let what = Unavailable { what: format!("{}, {} on {engines}", case.label, case.view), why: error_text(&error) };
+    failure::print_warning(&format!("{}: {}", what.what, what.why));
+    Missing { what, failure: (!is_unsupported(&error)).then(|| Failure::from(error)) }
+}
+
+fn error_text(error: &OpenError) -> String {
+    match error {
+        OpenError::Project(problems) => problems.0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
+        other => other.to_string(),
+    }
+}
+
+/// Whether an engine says that it cannot do this at all, which is an answer and no failure.
+fn is_unsupported(error: &OpenError) -> bool {
+    matches!(
+        error,
+        OpenError::Engine(BackendError::Unsupported { .. })
+            | OpenError::Render(RenderError::Pass { error: BackendError::Unsupported { .. }, .. })
+    )
+}

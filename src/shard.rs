@@ -1,0 +1,296 @@
+//! Shards: which of many units of work (rows of a benchmark, frames of a path) one process does.
+//!
+//! A scheduler starts the processes; nothing here starts, watches or repeats anything. Unit `i`, counted from 0, belongs to shard `K` of `N`
+//! where `i mod N = K - 1`, so neighbours, which often cost alike, go to different shards.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// Most shards.
+pub const MOST: u64 = 1_000_000;
+
+/// A share of the work: every `count`-th unit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    /// Which share, from 0, below [`Self::count`].
+    pub index: u64,
+    /// How many there are, 1 to [`MOST`].
+    pub count: u64,
+}
+
+impl Shard {
+    /// All the work.
+    pub const WHOLE: Self = Self { index: 0, count: 1 };
+
+    /// Whether the unit with this index, from 0, belongs to the shard.
+    #[must_use]
+    pub fn has(self, unit: usize) -> bool {
+        unit as u64 % self.count == self.index
+    }
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.index + 1, self.count)
+    }
+}
+
+/// What `--shard` may say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Request {
+    /// `K/N`.
+    Named(Shard),
+    /// `auto`: both numbers are the scheduler's. `auto/N`: which one is the scheduler's.
+    Auto(Option<u64>),
+}
+
+impl FromStr for Request {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || {
+            format!(
+                "`{text}` is no shard; valid: K/N with K from 1 to N and N up to {MOST}, such as 2/8; auto, auto/N inside a scheduler"
+            )
+        };
+        let number = |text: &str| text.parse::<u64>().ok().filter(|n| (1..=MOST).contains(n)).ok_or_else(wrong);
+        match text.split_once('/') {
+            None if text == "auto" => Ok(Self::Auto(None)),
+            Some(("auto", count)) => Ok(Self::Auto(Some(number(count)?))),
+            Some((index, count)) => {
+                let (index, count) = (number(index)?, number(count)?);
+                if index > count {
+                    return Err(wrong());
+                }
+                Ok(Self::Named(Shard { index: index - 1, count }))
+            }
+            None => Err(wrong()),
+        }
+    }
+}
+
+/// Which task a scheduler says that this process is.
+struct Task {
+    /// The variable that says so.
+    variable: &'static str,
+    /// As the scheduler counts.
+    index: u64,
+    /// The task's place, from 0, and how many there are, where the scheduler says both.
+    place: Option<Shard>,
+}
+
+/// Variables of arrays whose range the scheduler says: index, first, last, step, and (where there is one) the number of tasks.
+const ARRAYS: [[&str; 5]; 2] = [
+    [
+        "SLURM_ARRAY_TASK_ID",
+        "SLURM_ARRAY_TASK_MIN",
+        "SLURM_ARRAY_TASK_MAX",
+        "SLURM_ARRAY_TASK_STEP",
+        "SLURM_ARRAY_TASK_COUNT",
+    ],
+    ["SGE_TASK_ID", "SGE_TASK_FIRST", "SGE_TASK_LAST", "SGE_TASK_STEPSIZE", ""],
+];
+/// Variables of processes of an MPI launcher: rank from 0, and number.
+const RANKS: [[&str; 2]; 2] = [["OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"], ["PMI_RANK", "PMI_SIZE"]];
+/// Variables of tasks that do not say how many there are: PBS, HyperQueue, GNU parallel.
+const INDICES: [&str; 3] = ["PBS_ARRAY_INDEX", "HQ_TASK_ID", "PARALLEL_SEQ"];
+
+impl Request {
+    /// The shard that is meant, `variable` being the environment of the process.
+    ///
+    /// # Errors
+    /// If `auto` finds no scheduler, two that differ, one that does not say how many tasks there are (then `auto/N` says it), or a variable
+    /// that is no number.
+    pub fn resolve(self, variable: impl Fn(&str) -> Option<String>) -> Result<Shard, String> {
+        let count = match self {
+            Self::Named(shard) => return Ok(shard),
+            Self::Auto(count) => count,
+        };
+        let mut tasks = tasks(&variable)?;
+        // A launcher inside a task of an array that starts one process says nothing.
+        let says = |task: &Task| task.place.is_none_or(|place| place.count > 1);
+        if tasks.iter().any(says) {
+            tasks.retain(says);
+        } else {
+            tasks.truncate(1);
+        }
+        let task = match &tasks[..] {
+            [] => {
+                return Err(format!(
+                    "--shard auto: no scheduler is here; write --shard K/N, or start this by one that sets {}",
+                    ARRAYS
+                        .iter()
+                        .map(|names| names[0])
+                        .chain(RANKS.iter().map(|names| names[0]))
+                        .chain(INDICES)
+                        .collect::<Vec<_>>()
+                        .join(", ")
+                ));
+            }
+            [task] => task,
+            several => {
+                let names: Vec<&str> = several.iter().map(|task| task.variable).collect();
+                return Err(format!(
+                    "--shard auto: {} are all set, and each may be meant; write --shard K/N with the one that is",
+                    names.join(" and ")
+                ));
+            }
+        };
+        match (count, task.place) {
+            // Any N indices in a row are all N shards, from whichever the array starts.
+            (Some(count), _) => Ok(Shard { index: (task.index % count + count - 1) % count, count }),
+            (None, Some(place)) => Ok(place),
+            (None, None) => Err(format!(
+                "--shard auto: {} does not say how many tasks there are, or they leave gaps; write --shard auto/N with N indices in a row, or K/N",
+                task.variable
+            )),
+        }
+    }
+}
+
+/// The tasks that the environment names.
+fn tasks(variable: &impl Fn(&str) -> Option<String>) -> Result<Vec<Task>, String> {
+    // Schedulers set what does not apply to nothing or to `undefined`.
+    let set = |name: &str| variable(name).filter(|value| !value.is_empty() && value != "undefined");
+    let number = |name: &str| match set(name) {
+        None => Ok(None),
+        Some(value) => value
+            .parse::<u64>()
+            .map(Some)
+            .map_err(|_| format!("--shard auto: {name} is `{value}`, which is no number; write --shard K/N")),
+    };
+    let mut tasks = Vec::new();
+    for [index, first, last, step, count] in ARRAYS {
+        let Some(value) = number(index)? else { continue };
+        let (first, last, step) = (number(first)?, number(last)?, number(step)?);
+        let place = place(value, first, last, step, number(count)?);
+        tasks.push(Task { variable: index, index: value, place });
+    }
+    for [rank, size] in RANKS {
+        let Some(index) = number(rank)? else { continue };
+        let place = number(size)?.filter(|count| index < *count && *count <= MOST).map(|count| Shard { index, count });
+        tasks.push(Task { variable: rank, index, place });
+    }
+    for name in INDICES {
+        tasks.extend(number(name)?.map(|index| Task { variable: name, index, place: None }));
+    }
+    Ok(tasks)
+}
+
+/// The place of an index in an array; `None` where the array has gaps, as after some of its tasks were submitted again.
+fn place(index: u64, first: Option<u64>, last: Option<u64>, step: Option<u64>, count: Option<u64>) -> Option<Shard> {
+    let (first, last, step) = (first?, last?, step.filter(|step| *step > 0)?);
+    let tasks = last.checked_sub(first)? / step + 1;
+    let offset = index.checked_sub(first)?;
+    let whole = count.is_none_or(|count| count == tasks) && tasks <= MOST;
+    (whole && offset.is_multiple_of(step) && index <= last).then_some(Shard { index: offset / step, count: tasks })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashMap;
+
+    fn resolved(request: &str, variables: &[(&str, String)]) -> Result<Shard, String> {
+        let variables: HashMap<&str, &String> = variables.iter().map(|(name, value)| (*name, value)).collect();
+        request.parse::<Request>().expect("valid").resolve(|name| variables.get(name).map(|value| (*value).clone()))
+    }
+
+    /// Asserts that shards take each of 97 units exactly once.
+    #[track_caller]
+    fn partition(shards: &[Shard]) {
+        for unit in 0..97 {
+            assert_eq!(shards.iter().filter(|shard| shard.has(unit)).count(), 1, "unit {unit} of {shards:?}");
+        }
+    }
+
+    #[test]
+    fn shards_are_a_partition_for_every_number_and_scheduler() {
+        let pair = |name: &'static str, value: u64| (name, value.to_string());
+        for n in 1..=64_u64 {
+            let all = |request: &str, variables: &dyn Fn(u64) -> Vec<(&'static str, String)>| -> Vec<Shard> {
+                (0..n)
+                    .map(|k| resolved(request, &variables(k)).unwrap_or_else(|error| panic!("{n}: {error}")))
+                    .collect()
+            };
+            partition(&(1..=n).map(|k| resolved(&format!("{k}/{n}"), &[]).expect("a shard")).collect::<Vec<_>>());
+            for (first, step) in [(0, 1), (1, 1), (5, 3)] {
+                let slurm = |k: u64| {
+                    vec![
+                        pair("SLURM_ARRAY_TASK_ID", first + k * step),
+                        pair("SLURM_ARRAY_TASK_MIN", first),
+                        pair("SLURM_ARRAY_TASK_MAX", first + (n - 1) * step),
+                        pair("SLURM_ARRAY_TASK_STEP", step),
+                        pair("SLURM_ARRAY_TASK_COUNT", n),
+                    ]
+                };
+                partition(&all("auto", &slurm));
+                // Each task of the array starts one process by a launcher.
+                partition(&all("auto", &|k| [slurm(k), vec![pair("PMI_RANK", 0), pair("PMI_SIZE", 1)]].concat()));
+                partition(&all("auto", &|k| {
+                    vec![
+                        pair("SGE_TASK_ID", first + k * step),
+                        pair("SGE_TASK_FIRST", first),
+                        pair("SGE_TASK_LAST", first + (n - 1) * step),
+                        pair("SGE_TASK_STEPSIZE", step),
+                    ]
+                }));
+            }
+            for [rank, size] in RANKS {
+                partition(&all("auto", &|k| vec![pair(rank, k), pair(size, n)]));
+            }
+            for name in INDICES {
+                for first in [0, 1, 7] {
+                    partition(&all(&format!("auto/{n}"), &|k| vec![pair(name, first + k)]));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_shard_is_refused_with_what_would_be() {
+        for text in
+            ["", "3", "0/3", "4/3", "1/0", "-1/3", "1/3/5", "auto/0", "auto/x", "1/1000001", "1/99999999999999999999"]
+        {
+            let error = text.parse::<Request>().expect_err(text);
+            assert!(error.contains("K/N"), "{error}");
+        }
+        assert_eq!("3/3".parse(), Ok(Request::Named(Shard { index: 2, count: 3 })));
+        assert_eq!(Shard { index: 2, count: 3 }.to_string(), "3/3");
+    }
+
+    #[test]
+    fn an_environment_that_does_not_say_is_refused() {
+        let of = |name: &'static str, value: &str| (name, value.to_owned());
+        let slurm = |id: &str, max: &str, count: &str| {
+            [of("SLURM_ARRAY_TASK_ID", id), of("SLURM_ARRAY_TASK_MIN", "1"), of("SLURM_ARRAY_TASK_MAX", max)]
+                .into_iter()
+                .chain([of("SLURM_ARRAY_TASK_STEP", "1"), of("SLURM_ARRAY_TASK_COUNT", count)])
+                .collect::<Vec<_>>()
+        };
+        let fails = |request: &str, variables: &[(&str, String)], words: &[&str]| {
+            let error = resolved(request, variables).expect_err(request);
+            assert!(words.iter().all(|word| error.contains(word)), "{error}");
+        };
+        fails("auto", &[], &["no scheduler", "SLURM_ARRAY_TASK_ID", "PARALLEL_SEQ"]);
+        fails("auto/8", &[], &["no scheduler"]);
+        fails("auto", &[of("PARALLEL_SEQ", "3")], &["PARALLEL_SEQ", "auto/N"]);
+        fails("auto", &[of("PARALLEL_SEQ", "three")], &["`three`"]);
+        fails("auto", &[of("PMI_RANK", "8"), of("PMI_SIZE", "8")], &["PMI_RANK"]);
+        fails(
+            "auto",
+            &[&slurm("1", "8", "8")[..], &[of("PARALLEL_SEQ", "3")]].concat(),
+            &["SLURM", "and PARALLEL_SEQ"],
+        );
+        // Tasks 1, 5 and 7 alone.
+        fails("auto", &slurm("5", "7", "3"), &["leave gaps"]);
+        assert_eq!(resolved("auto", &slurm("5", "8", "8")), Ok(Shard { index: 4, count: 8 }));
+        // Nothing and `undefined` are what schedulers set outside arrays.
+        assert_eq!(
+            resolved("auto/4", &[of("SGE_TASK_ID", "undefined"), of("HQ_TASK_ID", ""), of("PARALLEL_SEQ", "4")]),
+            Ok(Shard { index: 3, count: 4 })
+        );
+        let alone = [&slurm("1", "1", "1")[..], &[of("PMI_RANK", "0"), of("PMI_SIZE", "1")]].concat();
+        assert_eq!(resolved("auto", &alone), Ok(Shard::WHOLE));
+    }
+}
