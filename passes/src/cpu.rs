@@ -164,6 +164,7 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
         glass,
         shadow_glass,
         around_eye,
+        spectrum: dielectric::spectrum(job),
     };
     if !job.dielectrics.is_empty() {
         pass.around_eye = dielectric::around_eye(&pass);

@@ -19,6 +19,7 @@ const DEFAULTS: RayParams = RayParams {
     glass: GlassRule::Pane,
     background: Background::Black,
     shadow: GlassShadow::Report,
+    wavelengths: 16,
     first: 0,
 };
 

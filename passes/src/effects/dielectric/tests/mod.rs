@@ -1,5 +1,7 @@
 //! Closed forms of bodies of glass, traced.
 
+mod dispersion;
+
 use crate::effects::fresnel;
 use crate::effects::tests::world::{Shot, World, assert_close};
 use curitiba_pipeline::backend::RayCounts;
