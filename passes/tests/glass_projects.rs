@@ -48,6 +48,17 @@ fn glass_is_what_its_materials_say_and_no_pixel_is_black() {
         ("filled", &[("tumbler", "solid"), ("water", "solid")]),
         ("panes", &[("red pane", "thin"), ("clear pane", "thin"), ("blue pane", "thin")]),
         ("Prism", &[("flint", "solid"), ("crown", "solid"), ("diamond", "solid")]),
+        (
+            "Frosted",
+            &[
+                ("glass of roughness 0", "solid"),
+                ("glass of roughness 0.15", "solid"),
+                ("glass of roughness 0.3", "solid"),
+                ("glass of roughness 0.5", "solid"),
+                ("frosted pane", "thin"),
+                ("frosted block", "solid"),
+            ],
+        ),
     ] {
         let Rendered { image, glass, rays } = render(name, Fidelity::Corrected, &[]);
         assert_eq!(glass.len(), expected.len(), "{glass:?}");

@@ -112,7 +112,9 @@ pub struct RayParams {
     pub shadow: GlassShadow,
     /// Strata of the spectrum into which a path is split where a body bends colours differently; 1 bends all alike.
     pub wavelengths: u32,
-    /// Place in the sequence of the first of the [`Self::samples`]: 0, but for pictures whose samples are accumulated. No parameter of
+    /// Ways on from the first rough glass of a path.
+    pub paths: u32,
+    /// Place in the sequence of the first of the [`Self::samples`], and of the [`Self::paths`]: 0, but for pictures whose samples are accumulated. No parameter of
     /// projects.
     pub first: u32,
 }
@@ -132,10 +134,14 @@ impl Default for RayParams {
             background: Background::Black,
             shadow: GlassShadow::Report,
             wavelengths: 16,
+            paths: 16,
             first: 0,
         }
     }
 }
+
+/// Most [`RayParams::paths`].
+pub const MOST_PATHS: u32 = 4096;
 
 /// A parameter of the ray programs: one entry serves the XML attribute, `--set`, help and docs.
 #[derive(Debug, Clone, Copy)]
@@ -193,6 +199,12 @@ pub const PARAMS: &[ParamInfo] = &[
         about: "with glass=auto, into how many a path is split where a body disperses; 1 bends all colours alike",
         valid: "1..=256",
     },
+    ParamInfo {
+        name: "paths",
+        about: "with glass=auto, ways on from the first rough glass of a path, each with a microfacet of every rough surface that it meets: \
+                their noise falls as their number grows",
+        valid: "1..=4096",
+    },
 ];
 
 impl RayParams {
@@ -227,6 +239,10 @@ impl RayParams {
                 let valid = |count: &u32| (1..=MOST_STRATA).contains(count);
                 self.wavelengths = value.parse().ok().filter(valid).ok_or_else(wrong)?;
             }
+            "paths" => {
+                let valid = |count: &u32| (1..=MOST_PATHS).contains(count);
+                self.paths = value.parse().ok().filter(valid).ok_or_else(wrong)?;
+            }
             _ => unreachable!("every name in PARAMS is matched"),
         }
         Ok(())
@@ -255,6 +271,7 @@ impl RayParams {
             "background" => self.background.name().to_owned(),
             "shadow" => self.shadow.name().to_owned(),
             "wavelengths" => self.wavelengths.to_string(),
+            "paths" => self.paths.to_string(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -422,7 +439,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             required("Miss", "Phong", "miss"),
             optional("Closest_Hit", "Phong", "closest_hit_glass"),
         ],
-        params: &["index", "depth", "fresnel", "glass", "background", "wavelengths"],
+        params: &["index", "depth", "fresnel", "glass", "background", "wavelengths", "paths"],
     },
     RayProgramInfo {
         program: RayProgram::Ssao,
@@ -471,6 +488,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "background",
             "shadow",
             "wavelengths",
+            "paths",
         ],
     },
 ];
@@ -591,6 +609,7 @@ mod tests {
             ("background", "clear"),
             ("shadow", "straight"),
             ("wavelengths", "24"),
+            ("paths", "48"),
         ] {
             params.set(name, value).expect("valid");
             assert_eq!(params.get(name), value);
@@ -607,10 +626,11 @@ mod tests {
             background: Background::Clear,
             shadow: GlassShadow::Straight,
             wavelengths: 24,
+            paths: 48,
             first: 0,
         };
         assert_eq!(params, expected);
-        assert_eq!(PARAMS.len(), 11, "this test sets every parameter");
+        assert_eq!(PARAMS.len(), 12, "this test sets every parameter");
     }
 
     #[test]
@@ -621,6 +641,7 @@ mod tests {
         assert!(params.set("fresnel", "Schlick").unwrap_err().contains("exact, schlick"));
         assert!(params.set("depth", "17").unwrap_err().contains("0..=16"));
         assert!(["0", "257", "-1", "16.0"].iter().all(|count| params.set("wavelengths", count).is_err()));
+        assert!(["0", "4097", "-1"].iter().all(|count| params.set("paths", count).is_err()));
         assert_eq!(params, RayParams::default());
     }
 }

@@ -178,7 +178,7 @@ fn materials_and_their_extensions_are_read() {
     json["materials"] = json!([
         {
             "name": "glass", "alphaMode": "MASK", "alphaCutoff": 0.25, "emissiveFactor": [0.5, 0.25, 0.0],
-            "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.5]},
+            "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.5], "roughnessFactor": 0.4},
             "normalTexture": {"index": 0}, "extras": {"priority": 7, "of": "no one else's business"},
             "extensions": {
                 "KHR_materials_transmission": {"transmissionFactor": 0.9},
@@ -208,6 +208,7 @@ fn materials_and_their_extensions_are_read() {
     assert!(glass.volume && filter && glass.filter_textured && (glass.veil - 0.1).abs() < 1e-6, "{glass:?}");
     assert_eq!((glass.priority, scene.materials[2].priority), (7, 0));
     assert_eq!((glass.dispersion, scene.materials[2].dispersion), (0.31, 0.0));
+    assert_eq!((glass.roughness, scene.materials[2].roughness), (0.4, 0.0), "of glass alone");
     assert_eq!(scene.materials[1].name, "glass#1");
     assert!(glass.single_sided, "unless the material says otherwise");
     assert_eq!(scene.materials[1].diffuse.w, 0.75);
@@ -217,7 +218,6 @@ fn materials_and_their_extensions_are_read() {
         "materials that are blended",
         "texture maps that no program reads",
         "required extensions that are not read",
-        "materials of rough glass",
         "materials whose `extras.priority` is no whole number from 0 to 255",
     ] {
         assert_eq!(count(&scene.warnings, what), 1, "{what}");

@@ -37,6 +37,8 @@ pub struct Pass<'a, T, C> {
     pub around_eye: Media,
     /// The strata of the spectrum, where a body bends colours apart; else none.
     pub spectrum: Vec<Stratum>,
+    /// Sobol points, bits reversed, by which rough glass is sampled, one a path; none where no glass is rough.
+    pub facets: Vec<[u32; 2]>,
 }
 
 /// A pixel of the pass.

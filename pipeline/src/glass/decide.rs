@@ -68,12 +68,27 @@ fn properties(material: &Material) -> Dielectric {
         shape: Shape::Opaque,
         index: material.ior.clamp(1.0, Dielectric::MIRROR),
         spread: spread(material),
+        alpha: alpha(material),
         extinction: Dielectric::extinction_of(material.attenuation_color, material.attenuation_distance),
         filter: material.filter,
         filter_texture: material.texture.filter(|_| material.filter_textured),
         veil: material.veil,
         thickness: material.thickness,
         priority: material.priority,
+    }
+}
+
+/// The square of the roughness, as in glTF.
+fn alpha(material: &Material) -> f32 {
+    let alpha = material.roughness * material.roughness;
+    if alpha < Dielectric::SMOOTH { 0.0 } else { alpha.min(1.0) }
+}
+
+/// How a surface scatters light, in words; nothing where it is smooth.
+fn roughness(material: &Material) -> String {
+    match alpha(material) {
+        0.0 => String::new(),
+        alpha => format!("; rough: alpha {alpha:.4}, the square of its roughness {}", material.roughness),
     }
 }
 
@@ -100,9 +115,9 @@ fn shape(
     file: &Path,
     warnings: &mut Warnings,
 ) -> ((Shape, Vec<u32>), String) {
-    let index = material.ior;
+    let (index, rough) = (material.ior, roughness(material));
     if !material.volume {
-        return ((Shape::Thin, Vec::new()), format!("it has no volume; index {index}"));
+        return ((Shape::Thin, Vec::new()), format!("it has no volume; index {index}{rough}"));
     }
     match closedness(geometry, triangles) {
         Closedness::Closed { inside_out } => {
@@ -110,17 +125,15 @@ fn shape(
             let absorption = if absorbs { "it absorbs" } else { "clear" };
             let count = triangles.len();
             let colors = dispersion(material);
-            (
-                (Shape::Solid, inside_out),
-                format!("its {count} triangles are closed; index {index}, {absorption}{colors}"),
-            )
+            let why = format!("its {count} triangles are closed; index {index}, {absorption}{colors}{rough}");
+            ((Shape::Solid, inside_out), why)
         }
         Closedness::Open { edges, first } => {
             let at = format!("{edges} open edges, the first at ({:.4}, {:.4}, {:.4})", first.x, first.y, first.z);
             warnings.add(file, "glass with a volume whose surface is not closed", "rendered thin", || {
                 format!("`{}` has {at}", material.name)
             });
-            ((Shape::Thin, Vec::new()), format!("it has a volume, but its surface is not closed: {at}"))
+            ((Shape::Thin, Vec::new()), format!("it has a volume, but its surface is not closed: {at}{rough}"))
         }
     }
 }
@@ -203,6 +216,17 @@ mod tests {
         assert_eq!([1, 2, 3].map(|index: usize| dielectrics[index].spread), [0.0; 3]);
         assert!(decisions[0].why.ends_with("disperses: index 1.5955 for red, 1.6105 for blue (Abbe number 40.0)"));
         assert!(decisions[1..].iter().all(|decision| !decision.why.contains("disperses")), "{decisions:?}");
+    }
+
+    #[test]
+    fn rough_surfaces_are_told() {
+        let of = |roughness, volume| Material { roughness, ..glass(volume) };
+        let mut scene = scene(vec![of(0.5, true), of(0.3, false), of(0.009, true)], &[true, true, true]);
+        let Decided { dielectrics, decisions, .. } = decide(&mut scene, Path::new("a"));
+        assert_eq!([0, 2].map(|index: usize| dielectrics[index].alpha), [0.25, 0.0]);
+        assert!((dielectrics[1].alpha - 0.09).abs() < 1e-7, "walls, too");
+        assert!(decisions[0].why.ends_with("; rough: alpha 0.2500, the square of its roughness 0.5"), "{decisions:?}");
+        assert!(decisions[1].why.contains("rough") && !decisions[2].why.contains("rough"), "{decisions:?}");
     }
 
     #[test]

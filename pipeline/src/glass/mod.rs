@@ -87,6 +87,8 @@ pub struct Dielectric {
     /// By how much a solid's index is higher for blue than for red light: its difference between 486.1 and 656.3 nm, (n - 1) / V of
     /// Abbe's number V. 0 where all colours are bent alike.
     pub spread: f32,
+    /// Width alpha of the distribution of microfacets, 0 (smooth) or [`Self::SMOOTH`] to 1.
+    pub alpha: f32,
     /// Extinction by colour, per scene unit: light keeps `exp(-extinction * length)`. At least 0, finite.
     pub extinction: Vec3,
     /// Share of the light by colour that passes a surface, beside Fresnel's: 0 to 1.
@@ -104,6 +106,9 @@ pub struct Dielectric {
 impl Dielectric {
     /// The index from which on all light is reflected: Fresnel's share differs from 1 by less than a rounding error.
     pub const MIRROR: f32 = 1e9;
+
+    /// Below this width a surface counts as smooth: light is scattered by less than a hundredth of a degree.
+    pub const SMOOTH: f32 = 1e-4;
 
     /// The index for light of a wavelength in nanometres, at least 1: n + spread (523655 / λ² - 1.5168) (glTF
     /// `KHR_materials_dispersion`, which is Cauchy's A + B / λ²).

@@ -1,16 +1,18 @@
 //! Paths through glass: each surface splits a path in two, down to the depth of the pass.
 
+use super::facets::Facet;
 use super::media::Media;
 use super::slab::{kept_across, slab};
 use crate::effects::interpolate::locate;
-use crate::effects::optics::{Interface, REFLECTED, REFRACTED, interface, reflect};
+use crate::effects::optics::{Interface, REFLECTED, REFRACTED, SCATTERED, interface, reflect};
 use crate::effects::surface::Surface;
 use crate::effects::thesis::BOUNCE;
 use crate::effects::{Coverage, Pass, Pixel, Workspace};
-use crate::sampling::hash::path_key;
+use crate::sampling::hash::{FACETS, dimensions, path_key, unit};
+use crate::sampling::owen_sobol::scramble_reversed;
 use crate::trace::{Announcement, Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Shape, transmittance};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Surfaces of glass that a path meets, at most: beyond, it is lost. Light that is mirrored in a body of many faces may take long.
 const MOST_SURFACES: u32 = 128;
@@ -27,6 +29,16 @@ pub(super) struct Path {
     pub(super) key: u32,
     /// The wavelength of its light, nanometres; `None` until a body has bent colours apart.
     pub(super) wavelength: Option<f32>,
+    /// Which of the ways on from rough glass it is; `None` before.
+    pub(super) sample: Option<u32>,
+}
+
+impl Path {
+    /// The key of what the path meets. The ways on from rough glass share the keys of their surfaces, so that their points fill each
+    /// other's gaps; what is sampled where they end is each one's own.
+    fn own_key(&self) -> u32 {
+        self.sample.map_or(self.key, |sample| path_key(self.key, SCATTERED + sample))
+    }
 }
 
 /// One of the two ways on from a surface.
@@ -64,7 +76,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         let geometry = &self.pass.job.scene.geometry;
         let stored = self.pass.position(pixel).truncate();
         let hit = locate(geometry, triangle, stored);
-        let path = Path { media: self.pass.around_eye, surfaces: 0, splits: 0, key, wavelength: None };
+        let path = Path { media: self.pass.around_eye, surfaces: 0, splits: 0, key, wavelength: None, sample: None };
         let length = stored.distance(self.pass.job.eye);
         transmittance(self.extinction(path.media), length)
             * self.glass(Met { hit: &hit, surface: &surface, view }, path, work)
@@ -101,13 +113,17 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         if dielectric.veil <= 0.0 {
             return Vec3::ZERO;
         }
-        dielectric.veil * entering * (self.shade)(met.hit, met.surface, path.media, path.key, work)
+        dielectric.veil * entering * (self.shade)(met.hit, met.surface, path.media, path.own_key(), work)
     }
 
     /// A wall with two faces.
     fn thin(&self, met: Met<'_>, dielectric: &Dielectric, path: Path, work: &mut Workspace) -> Vec3 {
+        if self.scatters(dielectric, path) {
+            return self.scattered(path, work, |path, work| self.thin(met, dielectric, path, work));
+        }
         let Met { hit, surface, view } = met;
-        let normal = surface.interface_normal(view);
+        let facet = self.facet(met, dielectric, path);
+        let normal = facet.map_or(surface.interface_normal(view), |facet| facet.normal);
         let ratio = dielectric.index / path.media.index_at(self.pass.job.dielectrics, path.wavelength);
         let Interface { reflectance, cos_refracted } =
             interface(self.pass.job.params.fresnel, -normal.dot(view), ratio);
@@ -124,7 +140,11 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             weight: wall.transmitted * self.pass.filter(hit, dielectric),
             media: path.media,
         };
-        let color = self.split(surface, Some(mirrored), Some(through), path, work);
+        let (mirrored, through) = match facet {
+            Some(facet) => facet.of_wall(surface.facing, mirrored, through),
+            None => (Some(mirrored), Some(through)),
+        };
+        let color = self.split(surface, mirrored, through, path, work);
         color + self.veil(met, dielectric, wall.transmitted, path, work)
     }
 
@@ -149,6 +169,32 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         let mirrored = branch(Purpose::Reflected, reflect(view, normal), reflectance);
         let through = refracted.map(|direction| branch(Purpose::Refracted, direction, 1.0 - reflectance));
         self.split(surface, Some(mirrored), through, path, work)
+    }
+
+    /// Whether a surface is rough, and the path has not been divided by one.
+    pub(super) fn scatters(&self, dielectric: &Dielectric, path: Path) -> bool {
+        dielectric.alpha > 0.0 && path.sample.is_none() && !self.pass.facets.is_empty()
+    }
+
+    /// The mean of the ways on from rough glass.
+    #[inline(never)]
+    pub(super) fn scattered(
+        &self,
+        path: Path,
+        work: &mut Workspace,
+        each: impl Fn(Path, &mut Workspace) -> Vec3,
+    ) -> Vec3 {
+        let count = self.pass.facets.len() as u32;
+        let sum: Vec3 = (0..count).map(|sample| each(Path { sample: Some(sample), ..path }, work)).sum();
+        sum / count as f32
+    }
+
+    /// The microfacet that a path meets; `None` where the surface is smooth.
+    pub(super) fn facet(&self, met: Met<'_>, dielectric: &Dielectric, path: Path) -> Option<Facet> {
+        let point = self.pass.facets.get(path.sample? as usize).filter(|_| dielectric.alpha > 0.0)?;
+        let seeds = dimensions(path.key, FACETS);
+        let [x, y] = [0, 1].map(|axis| unit(scramble_reversed(point[axis], seeds[axis])));
+        Some(Facet::seen(dielectric.alpha, met.surface.interface_normal(met.view), met.view, Vec2::new(x, y)))
     }
 
     /// Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
@@ -199,7 +245,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             surfaces: path.surfaces + 1,
             splits: path.splits + splits,
             key: path_key(path.key, if reflected { REFLECTED } else { REFRACTED }),
-            wavelength: path.wavelength,
+            ..path
         };
         branch.weight * self.radiance(surface, branch.direction, path, work)
     }
@@ -214,7 +260,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         let color = if self.pass.is_glass(hit.triangle) {
             self.glass(Met { hit: &hit, surface: &surface, view: direction }, path, work)
         } else {
-            (self.shade)(&hit, &surface, path.media, path.key, work)
+            (self.shade)(&hit, &surface, path.media, path.own_key(), work)
         };
         // From surface to surface: the ray starts a little off its own.
         let length = (surface.position() - at.position()).dot(direction).max(0.0);

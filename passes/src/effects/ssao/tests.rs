@@ -20,6 +20,7 @@ const DEFAULTS: RayParams = RayParams {
     background: Background::Black,
     shadow: GlassShadow::Report,
     wavelengths: 16,
+    paths: 16,
     first: 0,
 };
 

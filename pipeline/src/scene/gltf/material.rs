@@ -122,9 +122,6 @@ impl Materials {
     }
 }
 
-/// Glass counts as rough above this: its square, the width of the distribution of normals, is a seventh of a degree.
-const ROUGH: f32 = 0.05;
-
 /// All but the texture.
 fn surface(written: &json::Material, name: String, context: &Context<'_>, warnings: &mut Warnings) -> Material {
     let mut warn = |what: &'static str, remedy: &'static str, detail: &str| {
@@ -163,9 +160,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         material.veil = 1.0 - material.transmission;
         material.filter_textured = true;
         material.filter = factor.truncate().clamp(Vec3::ZERO, Vec3::ONE);
-        if material.transmission > 0.0 && written.pbr_metallic_roughness.roughness_factor.0 > ROUGH {
-            warn("materials of rough glass", "drawn smooth", "");
-        }
+        material.roughness = written.pbr_metallic_roughness.roughness_factor.0.clamp(0.0, 1.0);
         if transmission.transmission_texture.is_some() {
             warn("texture maps that no program reads", "ignored", "transmission of ");
         }

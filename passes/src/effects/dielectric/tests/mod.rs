@@ -1,6 +1,7 @@
 //! Closed forms of bodies of glass, traced.
 
 mod dispersion;
+mod rough;
 
 use crate::effects::fresnel;
 use crate::effects::tests::world::{Shot, World, assert_close};
