@@ -164,6 +164,8 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
         glass,
         shadow_glass,
         around_eye,
+        spectrum: dielectric::spectrum(job),
+        facets: dielectric::facets(job),
     };
     if !job.dielectrics.is_empty() {
         pass.around_eye = dielectric::around_eye(&pass);

@@ -2,7 +2,7 @@
 //!
 //! Help, XML validation, `curitiba list`, docs, bench ids and conformance tests iterate these tables.
 
-use crate::glass::{Background, GlassRule, GlassShadow};
+use crate::glass::{Background, GlassRule, GlassShadow, MOST_STRATA};
 
 /// What a raster pass runs per pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -110,7 +110,11 @@ pub struct RayParams {
     pub background: Background,
     /// What shadow rays find behind glass; in thesis fidelity the report's rule.
     pub shadow: GlassShadow,
-    /// Place in the sequence of the first of the [`Self::samples`]: 0, but for pictures whose samples are accumulated. No parameter of
+    /// Strata of the spectrum into which a path is split where a body bends colours differently; 1 bends all alike.
+    pub wavelengths: u32,
+    /// Ways on from the first rough glass of a path.
+    pub paths: u32,
+    /// Place in the sequence of the first of the [`Self::samples`], and of the [`Self::paths`]: 0, but for pictures whose samples are accumulated. No parameter of
     /// projects.
     pub first: u32,
 }
@@ -129,10 +133,15 @@ impl Default for RayParams {
             glass: GlassRule::Pane,
             background: Background::Black,
             shadow: GlassShadow::Report,
+            wavelengths: 16,
+            paths: 16,
             first: 0,
         }
     }
 }
+
+/// Most [`RayParams::paths`].
+pub const MOST_PATHS: u32 = 4096;
 
 /// A parameter of the ray programs: one entry serves the XML attribute, `--set`, help and docs.
 #[derive(Debug, Clone, Copy)]
@@ -185,6 +194,17 @@ pub const PARAMS: &[ParamInfo] = &[
         about: "light behind glass: 0.9 a surface as in the report, none, or straight on by Fresnel's share and absorption",
         valid: "report, opaque, straight (thesis fidelity: report)",
     },
+    ParamInfo {
+        name: "wavelengths",
+        about: "with glass=auto, into how many a path is split where a body disperses; 1 bends all colours alike",
+        valid: "1..=256",
+    },
+    ParamInfo {
+        name: "paths",
+        about: "with glass=auto, ways on from the first rough glass of a path, each with a microfacet of every rough surface that it meets: \
+                their noise falls as their number grows",
+        valid: "1..=4096",
+    },
 ];
 
 impl RayParams {
@@ -215,6 +235,14 @@ impl RayParams {
             "glass" => self.glass = GlassRule::named(value).ok_or_else(wrong)?,
             "background" => self.background = Background::named(value).ok_or_else(wrong)?,
             "shadow" => self.shadow = GlassShadow::named(value).ok_or_else(wrong)?,
+            "wavelengths" => {
+                let valid = |count: &u32| (1..=MOST_STRATA).contains(count);
+                self.wavelengths = value.parse().ok().filter(valid).ok_or_else(wrong)?;
+            }
+            "paths" => {
+                let valid = |count: &u32| (1..=MOST_PATHS).contains(count);
+                self.paths = value.parse().ok().filter(valid).ok_or_else(wrong)?;
+            }
             _ => unreachable!("every name in PARAMS is matched"),
         }
         Ok(())
@@ -242,6 +270,8 @@ impl RayParams {
             "glass" => self.glass.name().to_owned(),
             "background" => self.background.name().to_owned(),
             "shadow" => self.shadow.name().to_owned(),
+            "wavelengths" => self.wavelengths.to_string(),
+            "paths" => self.paths.to_string(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -409,7 +439,7 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             required("Miss", "Phong", "miss"),
             optional("Closest_Hit", "Phong", "closest_hit_glass"),
         ],
-        params: &["index", "depth", "fresnel", "glass", "background"],
+        params: &["index", "depth", "fresnel", "glass", "background", "wavelengths", "paths"],
     },
     RayProgramInfo {
         program: RayProgram::Ssao,
@@ -457,6 +487,8 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "glass",
             "background",
             "shadow",
+            "wavelengths",
+            "paths",
         ],
     },
 ];
@@ -576,6 +608,8 @@ mod tests {
             ("glass", "auto"),
             ("background", "clear"),
             ("shadow", "straight"),
+            ("wavelengths", "24"),
+            ("paths", "48"),
         ] {
             params.set(name, value).expect("valid");
             assert_eq!(params.get(name), value);
@@ -591,10 +625,12 @@ mod tests {
             glass: GlassRule::Auto,
             background: Background::Clear,
             shadow: GlassShadow::Straight,
+            wavelengths: 24,
+            paths: 48,
             first: 0,
         };
         assert_eq!(params, expected);
-        assert_eq!(PARAMS.len(), 10, "this test sets every parameter");
+        assert_eq!(PARAMS.len(), 12, "this test sets every parameter");
     }
 
     #[test]
@@ -604,6 +640,8 @@ mod tests {
         assert!(params.set("radius", "NaN").unwrap_err().contains("above 0"));
         assert!(params.set("fresnel", "Schlick").unwrap_err().contains("exact, schlick"));
         assert!(params.set("depth", "17").unwrap_err().contains("0..=16"));
+        assert!(["0", "257", "-1", "16.0"].iter().all(|count| params.set("wavelengths", count).is_err()));
+        assert!(["0", "4097", "-1"].iter().all(|count| params.set("paths", count).is_err()));
         assert_eq!(params, RayParams::default());
     }
 }

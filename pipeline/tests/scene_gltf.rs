@@ -178,7 +178,7 @@ fn materials_and_their_extensions_are_read() {
     json["materials"] = json!([
         {
             "name": "glass", "alphaMode": "MASK", "alphaCutoff": 0.25, "emissiveFactor": [0.5, 0.25, 0.0],
-            "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.5]},
+            "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.5], "roughnessFactor": 0.4},
             "normalTexture": {"index": 0}, "extras": {"priority": 7, "of": "no one else's business"},
             "extensions": {
                 "KHR_materials_transmission": {"transmissionFactor": 0.9},
@@ -186,7 +186,8 @@ fn materials_and_their_extensions_are_read() {
                 "KHR_materials_volume": {
                     "thicknessFactor": 2.0, "attenuationDistance": 3.0, "attenuationColor": [0.1, 0.5, 0.9]
                 },
-                "KHR_materials_emissive_strength": {"emissiveStrength": 4.0}
+                "KHR_materials_emissive_strength": {"emissiveStrength": 4.0},
+                "KHR_materials_dispersion": {"dispersion": 0.31}
             }
         },
         {"name": "glass", "alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1.0, 1.0, 1.0, 0.75]}},
@@ -206,6 +207,8 @@ fn materials_and_their_extensions_are_read() {
     let filter = glass.filter.distance(Vec3::new(0.1, 0.2, 0.3)) < 1e-6;
     assert!(glass.volume && filter && glass.filter_textured && (glass.veil - 0.1).abs() < 1e-6, "{glass:?}");
     assert_eq!((glass.priority, scene.materials[2].priority), (7, 0));
+    assert_eq!((glass.dispersion, scene.materials[2].dispersion), (0.31, 0.0));
+    assert_eq!((glass.roughness, scene.materials[2].roughness), (0.4, 0.0), "of glass alone");
     assert_eq!(scene.materials[1].name, "glass#1");
     assert!(glass.single_sided, "unless the material says otherwise");
     assert_eq!(scene.materials[1].diffuse.w, 0.75);
@@ -215,7 +218,6 @@ fn materials_and_their_extensions_are_read() {
         "materials that are blended",
         "texture maps that no program reads",
         "required extensions that are not read",
-        "materials of rough glass",
         "materials whose `extras.priority` is no whole number from 0 to 255",
     ] {
         assert_eq!(count(&scene.warnings, what), 1, "{what}");
@@ -224,6 +226,41 @@ fn materials_and_their_extensions_are_read() {
     let scene = read(&json, &binary).unwrap();
     let default = &scene.materials[scene.meshes[0].groups[0].material as usize];
     assert_eq!((default.name.as_str(), default.diffuse), ("default", Vec4::ONE));
+}
+
+#[test]
+fn dispersion_is_that_of_the_extension_or_cauchys_equation() {
+    let (mut json, binary) = square();
+    let glass = |dispersion: Value, extras: Value, thickness: f64| {
+        json!({"extras": extras, "extensions": {
+            "KHR_materials_transmission": {"transmissionFactor": 1.0}, "KHR_materials_ior": {"ior": 1.6},
+            "KHR_materials_volume": {"thicknessFactor": thickness},
+            "KHR_materials_dispersion": dispersion
+        }})
+    };
+    json["materials"] = json!([
+        glass(json!({"dispersion": 0.5}), json!({}), 1.0),
+        // A dense flint: n(587.6 nm) = 1.5 + 0.01 / 0.5876².
+        glass(json!({}), json!({"cauchy": [1.5, 0.01]}), 1.0),
+        glass(json!({"dispersion": 0.5}), json!({}), 0.0),
+        glass(json!({"dispersion": -1.0}), json!({"cauchy": [1.5, -0.01]}), 1.0),
+        glass(json!({"dispersion": "much"}), json!({"cauchy": [0.5, 0.01]}), 1.0),
+        glass(json!({"dispersion": 1e300}), json!({"cauchy": 3}), 1.0),
+    ]);
+    json["extensionsUsed"] = json!(["KHR_materials_dispersion"]);
+    let scene = read(&json, &binary).unwrap();
+    let found: Vec<(f32, f32)> = scene.materials.iter().map(|material| (material.ior, material.dispersion)).collect();
+    assert_eq!([found[0], found[3], found[4], found[5]], [(1.6, 0.5), (1.6, 0.0), (1.6, 0.0), (1.6, 0.0)]);
+    let (index, dispersion) = found[1];
+    assert!((index - 1.528_966).abs() < 1e-5 && (20.0 / dispersion - 27.70).abs() < 0.01, "{index} {dispersion}");
+    for (what, expected) in [
+        ("materials that disperse and have no volume", 1),
+        ("materials whose dispersion is no number from 0 on", 3),
+        ("materials whose `extras.cauchy` is not [A, B], B in µm² and 0 or more, with an index above 1", 3),
+        ("extensions that are not read", 0),
+    ] {
+        assert_eq!(count(&scene.warnings, what), expected, "{what}");
+    }
 }
 
 #[test]

@@ -187,7 +187,7 @@ fn material_statements_are_read_in_every_legal_form() {
          newmtl gray\nKd 0.5\nd -halo 0.75\nillum 2.0\nTr 0.9\n\
          newmtl glass\nKd 0 0 0\nillum 4\nd 0.6\nTf 0.4 0.3 0.2\n\
          newmtl clear\nillum 7\nNi 0.2\nnewmtl mirror\nillum 5\nTf 1 1 1\nnewmtl seen\nTr 0.75\nnewmtl exported\nTf 1 1 1\nTr 0\nillum 2\n\
-         newmtl body\nillum 6\nNi 1.5\nTf 0.25 0.49 1\n",
+         newmtl body\nillum 6\nNi 1.5\nTf 0.25 0.49 1\nPr 0.3\n",
     );
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings.groups());
     let full = named(&scene, "full");
@@ -198,6 +198,7 @@ fn material_statements_are_read_in_every_legal_form() {
     let gray = named(&scene, "gray");
     assert_eq!(gray.diffuse, Vec4::new(0.5, 0.5, 0.5, 0.75));
     assert_eq!(named(&scene, "glass").transmission, 0.4);
+    assert_eq!((named(&scene, "body").roughness, named(&scene, "clear").roughness), (0.3, 0.0));
     assert_eq!((named(&scene, "clear").transmission, named(&scene, "clear").ior), (1.0, 1.5));
     assert_eq!(named(&scene, "mirror").transmission, 0.0);
     assert_eq!(named(&scene, "seen").transmission, 0.75);

@@ -6,6 +6,7 @@ use crate::sampling::HemisphereSampler;
 use crate::sampling::hash::pixel_key;
 use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, RayJob};
+use curitiba_pipeline::glass::Stratum;
 use curitiba_pipeline::scene::TriangleRanges;
 use glam::{Vec3, Vec4};
 
@@ -34,6 +35,10 @@ pub struct Pass<'a, T, C> {
     pub shadow_glass: TriangleRanges,
     /// The bodies of glass that the camera is in.
     pub around_eye: Media,
+    /// The strata of the spectrum, where a body bends colours apart; else none.
+    pub spectrum: Vec<Stratum>,
+    /// Sobol points, bits reversed, by which rough glass is sampled, one a path; none where no glass is rough.
+    pub facets: Vec<[u32; 2]>,
 }
 
 /// A pixel of the pass.

@@ -257,6 +257,8 @@ mod tests {
             glass: TriangleRanges::default(),
             shadow_glass: TriangleRanges::default(),
             around_eye: Media::NONE,
+            spectrum: Vec::new(),
+            facets: Vec::new(),
         };
         let area = Area { x: 0, y: 0, width: TILE, height: TILE, stride: TILE };
         for simd in [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable]

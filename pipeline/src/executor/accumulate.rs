@@ -12,7 +12,7 @@
 use super::{Estimate, Observer, RenderError, Renderer, dirty::spread, rays::Traced};
 use crate::image::Image;
 use crate::plan::{Access, Plan, PlanError, PlannedPass, Work};
-use crate::programs::{Fidelity, RayParams, Sampler, Writes};
+use crate::programs::{Fidelity, MOST_PATHS, RayParams, Sampler, Writes};
 use crate::project::PassKind;
 use std::time::{Duration, Instant};
 
@@ -293,7 +293,9 @@ impl Renderer {
         let mut planned = self.plan.passes[pass.index].clone();
         let Work::Rays { params, scene_set, .. } = &mut planned.work else { unreachable!("a ray pass was chosen") };
         let scene_set = *scene_set;
-        *params = RayParams { samples, first: pass.estimate.samples() as u32, ..pass.params };
+        // Of rough glass a batch follows as many paths as it takes samples: they count alike in the mean.
+        let paths = samples.min(MOST_PATHS);
+        *params = RayParams { samples, paths, first: pass.estimate.samples() as u32, ..pass.params };
         if pass.writes == Writes::Share {
             params.intensity = 1.0;
         }

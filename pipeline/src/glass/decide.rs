@@ -48,6 +48,9 @@ pub fn decide(scene: &mut RenderScene, file: &Path) -> Decided {
         if dielectric.shape != Shape::Thin {
             dielectric.thickness = 0.0;
         }
+        if dielectric.shape != Shape::Solid {
+            dielectric.spread = 0.0;
+        }
         decided.dielectrics.push(dielectric);
     }
     decided
@@ -64,6 +67,8 @@ fn properties(material: &Material) -> Dielectric {
     Dielectric {
         shape: Shape::Opaque,
         index: material.ior.clamp(1.0, Dielectric::MIRROR),
+        spread: spread(material),
+        alpha: alpha(material),
         extinction: Dielectric::extinction_of(material.attenuation_color, material.attenuation_distance),
         filter: material.filter,
         filter_texture: material.texture.filter(|_| material.filter_textured),
@@ -71,6 +76,35 @@ fn properties(material: &Material) -> Dielectric {
         thickness: material.thickness,
         priority: material.priority,
     }
+}
+
+/// The square of the roughness, as in glTF.
+fn alpha(material: &Material) -> f32 {
+    let alpha = material.roughness * material.roughness;
+    if alpha < Dielectric::SMOOTH { 0.0 } else { alpha.min(1.0) }
+}
+
+/// How a surface scatters light, in words; nothing where it is smooth.
+fn roughness(material: &Material) -> String {
+    match alpha(material) {
+        0.0 => String::new(),
+        alpha => format!("; rough: alpha {alpha:.4}, the square of its roughness {}", material.roughness),
+    }
+}
+
+/// By Abbe's number, which is 20 over the dispersion. What reflects everything bends no colour.
+fn spread(material: &Material) -> f32 {
+    if material.ior < Dielectric::MIRROR { (material.ior - 1.0).max(0.0) * (material.dispersion / 20.0) } else { 0.0 }
+}
+
+/// How a body bends colours, in words; nothing where it bends all alike.
+fn dispersion(material: &Material) -> String {
+    if spread(material) <= 0.0 {
+        return String::new();
+    }
+    let body = properties(material);
+    let [red, blue] = [656.27, 486.13].map(|line| body.index_at(line));
+    format!("; disperses: index {red:.4} for red, {blue:.4} for blue (Abbe number {:.1})", 20.0 / material.dispersion)
 }
 
 /// The shape of a material that is glass, the triangles to be turned, and the reason.
@@ -81,23 +115,25 @@ fn shape(
     file: &Path,
     warnings: &mut Warnings,
 ) -> ((Shape, Vec<u32>), String) {
-    let index = material.ior;
+    let (index, rough) = (material.ior, roughness(material));
     if !material.volume {
-        return ((Shape::Thin, Vec::new()), format!("it has no volume; index {index}"));
+        return ((Shape::Thin, Vec::new()), format!("it has no volume; index {index}{rough}"));
     }
     match closedness(geometry, triangles) {
         Closedness::Closed { inside_out } => {
             let absorbs = material.attenuation_distance.is_finite() && material.attenuation_color != glam::Vec3::ONE;
             let absorption = if absorbs { "it absorbs" } else { "clear" };
             let count = triangles.len();
-            ((Shape::Solid, inside_out), format!("its {count} triangles are closed; index {index}, {absorption}"))
+            let colors = dispersion(material);
+            let why = format!("its {count} triangles are closed; index {index}, {absorption}{colors}{rough}");
+            ((Shape::Solid, inside_out), why)
         }
         Closedness::Open { edges, first } => {
             let at = format!("{edges} open edges, the first at ({:.4}, {:.4}, {:.4})", first.x, first.y, first.z);
             warnings.add(file, "glass with a volume whose surface is not closed", "rendered thin", || {
                 format!("`{}` has {at}", material.name)
             });
-            ((Shape::Thin, Vec::new()), format!("it has a volume, but its surface is not closed: {at}"))
+            ((Shape::Thin, Vec::new()), format!("it has a volume, but its surface is not closed: {at}{rough}"))
         }
     }
 }
@@ -172,8 +208,32 @@ mod tests {
     }
 
     #[test]
+    fn bodies_that_disperse_are_told_and_walls_do_not() {
+        let flint = |volume| Material { ior: 1.6, dispersion: 0.5, ..glass(volume) };
+        let mut scene = scene(vec![flint(true), flint(false), flint(true), glass(true)], &[true, true, false, true]);
+        let Decided { dielectrics, decisions, .. } = decide(&mut scene, Path::new("a"));
+        assert!((dielectrics[0].spread - 0.6 / 40.0).abs() < 1e-7, "{dielectrics:?}");
+        assert_eq!([1, 2, 3].map(|index: usize| dielectrics[index].spread), [0.0; 3]);
+        assert!(decisions[0].why.ends_with("disperses: index 1.5955 for red, 1.6105 for blue (Abbe number 40.0)"));
+        assert!(decisions[1..].iter().all(|decision| !decision.why.contains("disperses")), "{decisions:?}");
+    }
+
+    #[test]
+    fn rough_surfaces_are_told() {
+        let of = |roughness, volume| Material { roughness, ..glass(volume) };
+        let mut scene = scene(vec![of(0.5, true), of(0.3, false), of(0.009, true)], &[true, true, true]);
+        let Decided { dielectrics, decisions, .. } = decide(&mut scene, Path::new("a"));
+        assert_eq!([0, 2].map(|index: usize| dielectrics[index].alpha), [0.25, 0.0]);
+        assert!((dielectrics[1].alpha - 0.09).abs() < 1e-7, "walls, too");
+        assert!(decisions[0].why.ends_with("; rough: alpha 0.2500, the square of its roughness 0.5"), "{decisions:?}");
+        assert!(decisions[1].why.contains("rough") && !decisions[2].why.contains("rough"), "{decisions:?}");
+    }
+
+    #[test]
     fn what_reflects_everything_has_a_finite_index() {
-        let mut scene = scene(vec![Material { ior: f32::INFINITY, ..glass(true) }], &[true]);
-        assert_eq!(decide(&mut scene, Path::new("a")).dielectrics[0].index, Dielectric::MIRROR);
+        let mirror = Material { ior: f32::INFINITY, dispersion: 1.0, ..glass(true) };
+        let mut scene = scene(vec![mirror], &[true]);
+        let found = decide(&mut scene, Path::new("a")).dielectrics[0];
+        assert_eq!((found.index, found.spread), (Dielectric::MIRROR, 0.0));
     }
 }

@@ -6,9 +6,11 @@
 
 mod closed;
 mod decide;
+mod spectrum;
 
 pub use closed::{Closedness, closedness};
 pub use decide::{Decided, TRANSPARENT, decide};
+pub use spectrum::{MOST_STRATA, Stratum, color_matching, daylight, strata};
 
 use glam::Vec3;
 
@@ -80,8 +82,13 @@ impl Shape {
 pub struct Dielectric {
     /// How its surfaces stand.
     pub shape: Shape,
-    /// Index of refraction against vacuum, 1 to [`Self::MIRROR`]; of panes the pass's serves.
+    /// Index of refraction against vacuum, 1 to [`Self::MIRROR`], for light of 587.6 nm; of panes the pass's serves.
     pub index: f32,
+    /// By how much a solid's index is higher for blue than for red light: its difference between 486.1 and 656.3 nm, (n - 1) / V of
+    /// Abbe's number V. 0 where all colours are bent alike.
+    pub spread: f32,
+    /// Width alpha of the distribution of microfacets, 0 (smooth) or [`Self::SMOOTH`] to 1.
+    pub alpha: f32,
     /// Extinction by colour, per scene unit: light keeps `exp(-extinction * length)`. At least 0, finite.
     pub extinction: Vec3,
     /// Share of the light by colour that passes a surface, beside Fresnel's: 0 to 1.
@@ -99,6 +106,17 @@ pub struct Dielectric {
 impl Dielectric {
     /// The index from which on all light is reflected: Fresnel's share differs from 1 by less than a rounding error.
     pub const MIRROR: f32 = 1e9;
+
+    /// Below this width a surface counts as smooth: light is scattered by less than a hundredth of a degree.
+    pub const SMOOTH: f32 = 1e-4;
+
+    /// The index for light of a wavelength in nanometres, at least 1: n + spread (523655 / λ² - 1.5168) (glTF
+    /// `KHR_materials_dispersion`, which is Cauchy's A + B / λ²).
+    #[inline]
+    #[must_use]
+    pub fn index_at(&self, wavelength: f32) -> f32 {
+        (self.index + self.spread * (CAUCHY / (wavelength * wavelength) - CAUCHY_AT_D)).max(1.0)
+    }
 
     /// Extinction per unit of a material in which light keeps `color` after `distance`: `-ln(color) / distance` (Beer and Lambert;
     /// glTF `KHR_materials_volume`). Nothing is absorbed over an infinite distance; colours below 1e-6 count as that, so that no
@@ -126,9 +144,46 @@ pub fn transmittance(extinction: Vec3, length: f32) -> Vec3 {
     extinction.to_array().map(|share| if share > 0.0 { (-share * length).exp() } else { 1.0 }).into()
 }
 
+/// 1 / (1 / F² - 1 / C²) of the lines F (486.13 nm) and C (656.27 nm), square nanometres, and its share at the line d.
+const CAUCHY: f32 = 523_655.0;
+const CAUCHY_AT_D: f32 = 1.5168;
+
+/// Index at the line d and [`Dielectric::spread`] of a material whose index is A + B / λ², with λ in micrometres.
+#[must_use]
+pub fn of_cauchy([a, b]: [f64; 2]) -> [f64; 2] {
+    let spread = b * 1e6 / f64::from(CAUCHY);
+    [a + spread * f64::from(CAUCHY_AT_D), spread]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A glass like BK7 at the lines F, d and C, and the angle by which a prism of 60 degrees turns light at the least.
+    #[test]
+    fn the_index_falls_with_the_wavelength_by_abbes_number() {
+        let glass = Dielectric { index: 1.5168, spread: 0.5168 / 64.17, ..Dielectric::default() };
+        for (line, degrees) in [(486.13, 39.1428), (587.56, 38.6467), (656.27, 38.4339)] {
+            let index = f64::from(glass.index_at(line));
+            let found = 2.0 * (index * 30_f64.to_radians().sin()).asin().to_degrees() - 60.0;
+            assert!((found - degrees).abs() < 3e-4, "{line}: {found}");
+        }
+        let abbe = (glass.index - 1.0) / (glass.index_at(486.13) - glass.index_at(656.27));
+        assert!((abbe - 64.17).abs() < 0.05, "{abbe}");
+        let plain = Dielectric { index: 1.5, ..Dielectric::default() };
+        assert_eq!([380.0, 500.0, 780.0].map(|wavelength| plain.index_at(wavelength)), [1.5; 3]);
+        assert_eq!(Dielectric { index: 1.01, spread: 0.5, ..plain }.index_at(780.0), 1.0, "no index is below 1");
+    }
+
+    #[test]
+    fn cauchys_equation_is_the_same_law() {
+        // A dense flint; with nanometres in the place of micrometres there would be no dispersion at all.
+        let [index, spread] = of_cauchy([1.5, 0.01]).map(|value| value as f32);
+        let glass = Dielectric { index, spread, ..Dielectric::default() };
+        for (wavelength, expected) in [(700.0, 1.520_408), (550.0, 1.533_058), (450.0, 1.549_383)] {
+            assert!((glass.index_at(wavelength) - expected).abs() < 1e-6, "{wavelength}");
+        }
+    }
 
     #[test]
     fn extinction_is_that_of_the_colour_after_the_distance() {

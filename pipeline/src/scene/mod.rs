@@ -227,6 +227,11 @@ pub struct Material {
     pub priority: u8,
     /// Index of refraction (MTL `Ni`, glTF `KHR_materials_ior`), 1..=∞.
     pub ior: f32,
+    /// 20 over Abbe's number (glTF `KHR_materials_dispersion`), 0 or more: by how much a body bends blue light more than red.
+    pub dispersion: f32,
+    /// Roughness of the surface as glass (glTF `roughnessFactor`, MTL `Pr`), 0..=1: its square is the width alpha of the distribution of
+    /// microfacets.
+    pub roughness: f32,
     /// Thickness (glTF `KHR_materials_volume`), of use only where a surface with a volume is not closed. In scene units, as the file
     /// has it.
     pub thickness: f32,
@@ -258,6 +263,8 @@ impl Default for Material {
             priority: 0,
             veil: 0.0,
             ior: 1.5,
+            dispersion: 0.0,
+            roughness: 0.0,
             thickness: 0.0,
             attenuation_color: Vec3::ONE,
             attenuation_distance: f32::INFINITY,

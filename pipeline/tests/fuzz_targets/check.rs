@@ -148,6 +148,8 @@ fn material(material: &Material) {
     assert!(material.attenuation_color.is_finite() && material.shininess.is_finite(), "{material:?}");
     assert!(material.thickness.is_finite() && (0.0..=1.0).contains(&material.transmission), "{material:?}");
     assert!(material.ior >= 1.0 && !material.attenuation_distance.is_nan(), "{material:?}");
+    assert!((0.0..=1.0).contains(&material.roughness), "{material:?}");
+    assert!(material.dispersion >= 0.0 && material.dispersion.is_finite(), "{material:?}");
     assert!(material.alpha_cutoff.is_none_or(|cutoff| !cutoff.is_nan()), "{material:?}");
 }
 

@@ -188,7 +188,7 @@ fn gltf_json(uri: &str) -> String {
 "pbrMetallicRoughness":{{"baseColorFactor":[1,1,1,0.5],"baseColorTexture":{{"index":0,
 "extensions":{{"KHR_texture_transform":{{"offset":[0,1],"rotation":1.5,"scale":[2,2]}}}}}}}}}},
 {{"name":"pane","alphaMode":"BLEND","emissiveFactor":[0,0,1],"pbrMetallicRoughness":{{"baseColorTexture":{{"index":1}}}},
-"extensions":{{"KHR_materials_transmission":{{"transmissionFactor":0.9}},"KHR_materials_ior":{{"ior":1.4}},
+"extensions":{{"KHR_materials_transmission":{{"transmissionFactor":0.9}},"KHR_materials_ior":{{"ior":1.4}},"KHR_materials_dispersion":{{"dispersion":0.4}},
 "KHR_materials_volume":{{"thicknessFactor":0.1,"attenuationDistance":2,"attenuationColor":[0.5,1,1]}},
 "KHR_materials_emissive_strength":{{"emissiveStrength":3}}}}}}],
 "textures":[{{"source":0}},{{"source":1,"sampler":0}}],"samplers":[{{"wrapS":33071}}],

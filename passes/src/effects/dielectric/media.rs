@@ -28,8 +28,11 @@ pub struct Media {
 pub struct Border {
     /// The media behind the surface.
     pub after: Media,
-    /// Index of refraction behind over that before. `None` where another body fills the place on both sides: there is no surface.
+    /// Index of refraction behind over that before, at the line d. `None` where another body fills the place on both sides: there is
+    /// no surface.
     pub ratio: Option<f32>,
+    /// The materials that fill the place before and behind; `None` for air.
+    pub sides: [Option<u32>; 2],
     /// Whether there are more bodies than are kept, so that the media are not those of the place.
     pub overflows: bool,
 }
@@ -49,10 +52,10 @@ impl Media {
         self.materials().last().copied()
     }
 
-    /// Index of refraction of what fills the place.
+    /// Index of refraction of what fills the place, at the line d.
     #[must_use]
     pub fn index(&self, dielectrics: &[Dielectric]) -> f32 {
-        self.top().map_or(1.0, |material| dielectrics[material as usize].index)
+        index_of(self.top(), dielectrics, None)
     }
 
     /// The media at the start of a line of which all crossings are known, in their order: a body that is left without having been
@@ -114,8 +117,36 @@ impl Media {
             }
         };
         let ratio = real.then(|| after.index(dielectrics) / before.index(dielectrics));
-        Border { after, ratio, overflows }
+        Border { after, ratio, sides: [before.top(), after.top()], overflows }
     }
+
+    /// Index of refraction of what fills the place, for light of a wavelength in nanometres; `None` for that of the line d.
+    #[must_use]
+    pub fn index_at(&self, dielectrics: &[Dielectric], wavelength: Option<f32>) -> f32 {
+        index_of(self.top(), dielectrics, wavelength)
+    }
+}
+
+impl Border {
+    /// Whether colours are bent apart here.
+    #[must_use]
+    pub fn disperses(&self, dielectrics: &[Dielectric]) -> bool {
+        self.sides.iter().flatten().any(|material| dielectrics[*material as usize].spread > 0.0)
+    }
+
+    /// Index of refraction behind over that before, for light of a wavelength in nanometres.
+    #[must_use]
+    pub fn ratio_at(&self, dielectrics: &[Dielectric], wavelength: f32) -> f32 {
+        let [before, after] = self.sides.map(|material| index_of(material, dielectrics, Some(wavelength)));
+        after / before
+    }
+}
+
+/// The index of a material, of air for `None`.
+fn index_of(material: Option<u32>, dielectrics: &[Dielectric], wavelength: Option<f32>) -> f32 {
+    let Some(material) = material else { return 1.0 };
+    let dielectric = &dielectrics[material as usize];
+    wavelength.map_or(dielectric.index, |wavelength| dielectric.index_at(wavelength))
 }
 
 #[cfg(test)]

@@ -2,22 +2,43 @@
 //!
 //! From the ground up: `media` knows in which bodies a point of a path lies, `eye` in which the camera is,
 //! `slab` what a wall with two faces does, `filter` what a surface takes beside Fresnel's share, `shadow` what is
-//! left of light that falls straight through, and `walk` follows paths. May use: what is about one point, beside this folder.
+//! left of light that falls straight through, `facets` are those of a rough surface, `walk` follows paths, and
+//! `solid` is the surface of a body. May use: what is about one point, beside this folder.
 //!
 //! Radiance is not scaled by the square of the index inside a body, as basic radiance would be: it cancels where light leaves again,
 //! and the light that falls on a surface inside is not scaled either.
 
 mod eye;
+mod facets;
 mod filter;
 mod media;
 mod shadow;
 mod slab;
+mod solid;
 mod walk;
 
 pub(crate) use eye::around_eye;
 pub use media::{Border, Crossing, Media};
 pub use slab::{Slab, slab};
 pub(super) use walk::Walk;
+
+use crate::sampling::owen_sobol::reversed_sobol;
+use curitiba_pipeline::backend::RayJob;
+use curitiba_pipeline::glass::{Stratum, strata};
+
+/// By path through rough glass, its Sobol point, bits reversed; none where no glass is rough.
+pub(crate) fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
+    if job.dielectrics.iter().all(|dielectric| dielectric.alpha <= 0.0) {
+        return Vec::new();
+    }
+    (0..job.params.paths).map(|path| reversed_sobol(job.params.first.wrapping_add(path))).collect()
+}
+
+/// The strata of the spectrum that a job asks for; none where no body bends colours apart.
+pub(crate) fn spectrum(job: &RayJob<'_>) -> Vec<Stratum> {
+    let disperses = job.dielectrics.iter().any(|dielectric| dielectric.spread > 0.0);
+    if disperses && job.params.wavelengths > 1 { strata(job.params.wavelengths) } else { Vec::new() }
+}
 
 #[cfg(test)]
 mod tests;

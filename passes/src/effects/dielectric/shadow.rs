@@ -59,7 +59,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             let share = |ratio: f32| interface(self.job.params.fresnel, normal.dot(ray.direction).abs(), ratio);
             passes *= match dielectric.shape {
                 Shape::Solid => {
-                    let Border { after, ratio, overflows } = media.cross(crossing(hit), dielectrics);
+                    let Border { after, ratio, overflows, .. } = media.cross(crossing(hit), dielectrics);
                     work.rays.lost += u64::from(overflows);
                     media = after;
                     ratio.map_or(Vec3::ONE, |ratio| {

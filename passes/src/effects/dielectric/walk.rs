@@ -1,39 +1,63 @@
 //! Paths through glass: each surface splits a path in two, down to the depth of the pass.
 
-use super::media::{Border, Crossing, Media};
+use super::facets::Facet;
+use super::media::Media;
 use super::slab::{kept_across, slab};
 use crate::effects::interpolate::locate;
-use crate::effects::optics::{Interface, REFLECTED, REFRACTED, interface, reflect};
+use crate::effects::optics::{Interface, REFLECTED, REFRACTED, SCATTERED, interface, reflect};
 use crate::effects::surface::Surface;
 use crate::effects::thesis::BOUNCE;
 use crate::effects::{Coverage, Pass, Pixel, Workspace};
-use crate::sampling::hash::path_key;
+use crate::sampling::hash::{FACETS, dimensions, path_key, unit};
+use crate::sampling::owen_sobol::scramble_reversed;
 use crate::trace::{Announcement, Hit, Purpose, Tracer};
 use curitiba_pipeline::glass::{Dielectric, Shape, transmittance};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Surfaces of glass that a path meets, at most: beyond, it is lost. Light that is mirrored in a body of many faces may take long.
 const MOST_SURFACES: u32 = 128;
 
 /// A path that has come to a surface.
 #[derive(Debug, Clone, Copy)]
-struct Path {
+pub(super) struct Path {
     /// The bodies before the surface.
-    media: Media,
+    pub(super) media: Media,
     /// Surfaces of glass met before.
-    surfaces: u32,
+    pub(super) surfaces: u32,
     /// How often it was split.
-    splits: u32,
-    key: u32,
+    pub(super) splits: u32,
+    pub(super) key: u32,
+    /// The wavelength of its light, nanometres; `None` until a body has bent colours apart.
+    pub(super) wavelength: Option<f32>,
+    /// Which of the ways on from rough glass it is; `None` before.
+    pub(super) sample: Option<u32>,
+}
+
+impl Path {
+    /// The key of what the path meets. The ways on from rough glass share the keys of their surfaces, so that their points fill each
+    /// other's gaps; what is sampled where they end is each one's own.
+    fn own_key(&self) -> u32 {
+        self.sample.map_or(self.key, |sample| path_key(self.key, SCATTERED + sample))
+    }
 }
 
 /// One of the two ways on from a surface.
-struct Branch {
-    purpose: Purpose,
-    direction: Vec3,
+#[derive(Clone, Copy)]
+pub(super) struct Branch {
+    pub(super) purpose: Purpose,
+    pub(super) direction: Vec3,
     /// What its radiance counts, by colour.
-    weight: Vec3,
-    media: Media,
+    pub(super) weight: Vec3,
+    pub(super) media: Media,
+}
+
+/// Where a path has come to, and from where.
+#[derive(Clone, Copy)]
+pub(super) struct Met<'h> {
+    pub(super) hit: &'h Hit,
+    pub(super) surface: &'h Surface,
+    /// Unit direction in which the surface is seen.
+    pub(super) view: Vec3,
 }
 
 /// Follows paths; `shade` gives the colour of everything that is not glass, given the key of the path.
@@ -52,33 +76,35 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         let geometry = &self.pass.job.scene.geometry;
         let stored = self.pass.position(pixel).truncate();
         let hit = locate(geometry, triangle, stored);
-        let path = Path { media: self.pass.around_eye, surfaces: 0, splits: 0, key };
+        let path = Path { media: self.pass.around_eye, surfaces: 0, splits: 0, key, wavelength: None, sample: None };
         let length = stored.distance(self.pass.job.eye);
-        transmittance(self.extinction(path.media), length) * self.glass(&hit, &surface, view, path, work)
+        transmittance(self.extinction(path.media), length)
+            * self.glass(Met { hit: &hit, surface: &surface, view }, path, work)
     }
 
     fn extinction(&self, media: Media) -> Vec3 {
         media.top().map_or(Vec3::ZERO, |material| self.pass.job.dielectrics[material as usize].extinction)
     }
 
-    /// What glass shows to a ray of direction `view` that meets it.
-    fn glass(&self, hit: &Hit, surface: &Surface, view: Vec3, path: Path, work: &mut Workspace) -> Vec3 {
+    /// What glass shows to a ray that meets it.
+    fn glass(&self, met: Met<'_>, path: Path, work: &mut Workspace) -> Vec3 {
         if path.surfaces >= MOST_SURFACES {
             work.rays.lost += 1;
             return Vec3::ZERO;
         }
-        let material = self.pass.job.scene.geometry.material_of(hit.triangle);
+        let material = self.pass.job.scene.geometry.material_of(met.hit.triangle);
         let dielectric = &self.pass.job.dielectrics[material as usize];
         match dielectric.shape {
-            Shape::Solid => self.solid((hit, surface), view, (material, dielectric), path, work),
-            Shape::Thin => self.thin((hit, surface), view, dielectric, path, work),
-            Shape::Pane | Shape::Opaque => self.pane(surface, view, path, work),
+            Shape::Solid => self.solid(met, (material, dielectric), path, work),
+            Shape::Thin => self.thin(met, dielectric, path, work),
+            Shape::Pane | Shape::Opaque => self.pane(met, path, work),
         }
     }
 
-    fn veil(
+    /// What a surface scatters back of the light that enters, of which it takes the share `entering`.
+    pub(super) fn veil(
         &self,
-        (hit, surface): (&Hit, &Surface),
+        met: Met<'_>,
         dielectric: &Dielectric,
         entering: Vec3,
         path: Path,
@@ -87,58 +113,18 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         if dielectric.veil <= 0.0 {
             return Vec3::ZERO;
         }
-        dielectric.veil * entering * (self.shade)(hit, surface, path.media, path.key, work)
-    }
-
-    /// The surface of a body.
-    fn solid(
-        &self,
-        (hit, surface): (&Hit, &Surface),
-        view: Vec3,
-        (material, dielectric): (u32, &Dielectric),
-        path: Path,
-        work: &mut Workspace,
-    ) -> Vec3 {
-        let crossing = Crossing { material, enters: surface.is_front() };
-        let Border { after, ratio, overflows } = path.media.cross(crossing, self.pass.job.dielectrics);
-        work.rays.lost += u64::from(overflows);
-        let straight = |weight| Branch { purpose: Purpose::Refracted, direction: view, weight, media: after };
-        let Some(ratio) = ratio else { return self.follow(surface, &straight(Vec3::ONE), path, 0, work) };
-        let filter = self.pass.filter(hit, dielectric);
-        if ratio == 1.0 {
-            let through = self.follow(surface, &straight(filter), path, 0, work);
-            return through + self.veil((hit, surface), dielectric, Vec3::ONE, path, work);
-        }
-        let bend = |normal: Vec3| {
-            let interface = interface(self.pass.job.params.fresnel, -normal.dot(view), ratio);
-            (normal, interface, interface.refract(view, normal, ratio))
-        };
-        let bent = bend(surface.interface_normal(view));
-        // Refracted back to the viewer's side, which a bent normal can do: the flat surface serves.
-        let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
-        let (normal, Interface { reflectance, .. }, refracted) = if returns { bend(surface.facing) } else { bent };
-        let reflected = Branch {
-            purpose: Purpose::Reflected,
-            direction: reflect(view, normal),
-            weight: Vec3::splat(reflectance),
-            media: path.media,
-        };
-        let refracted = refracted.map(|direction| Branch { direction, ..straight((1.0 - reflectance) * filter) });
-        let color = self.split(surface, &reflected, refracted.as_ref(), path, work);
-        color + self.veil((hit, surface), dielectric, Vec3::splat(1.0 - reflectance), path, work)
+        dielectric.veil * entering * (self.shade)(met.hit, met.surface, path.media, path.own_key(), work)
     }
 
     /// A wall with two faces.
-    fn thin(
-        &self,
-        (hit, surface): (&Hit, &Surface),
-        view: Vec3,
-        dielectric: &Dielectric,
-        path: Path,
-        work: &mut Workspace,
-    ) -> Vec3 {
-        let normal = surface.interface_normal(view);
-        let ratio = dielectric.index / path.media.index(self.pass.job.dielectrics);
+    fn thin(&self, met: Met<'_>, dielectric: &Dielectric, path: Path, work: &mut Workspace) -> Vec3 {
+        if self.scatters(dielectric, path) {
+            return self.scattered(path, work, |path, work| self.thin(met, dielectric, path, work));
+        }
+        let Met { hit, surface, view } = met;
+        let facet = self.facet(met, dielectric, path);
+        let normal = facet.map_or(surface.interface_normal(view), |facet| facet.normal);
+        let ratio = dielectric.index / path.media.index_at(self.pass.job.dielectrics, path.wavelength);
         let Interface { reflectance, cos_refracted } =
             interface(self.pass.job.params.fresnel, -normal.dot(view), ratio);
         let wall = slab(reflectance, kept_across(dielectric, cos_refracted));
@@ -154,12 +140,17 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             weight: wall.transmitted * self.pass.filter(hit, dielectric),
             media: path.media,
         };
-        let color = self.split(surface, &mirrored, Some(&through), path, work);
-        color + self.veil((hit, surface), dielectric, wall.transmitted, path, work)
+        let (mirrored, through) = match facet {
+            Some(facet) => facet.of_wall(surface.facing, mirrored, through),
+            None => (Some(mirrored), Some(through)),
+        };
+        let color = self.split(surface, mirrored, through, path, work);
+        color + self.veil(met, dielectric, wall.transmitted, path, work)
     }
 
     /// The report's pane: light enters it at every bounce, and those after the first dim it.
-    fn pane(&self, surface: &Surface, view: Vec3, path: Path, work: &mut Workspace) -> Vec3 {
+    fn pane(&self, met: Met<'_>, path: Path, work: &mut Workspace) -> Vec3 {
+        let Met { surface, view, .. } = met;
         let (index, weights) = (self.pass.job.params.index, self.pass.job.params.fresnel);
         let bend = |normal: Vec3| {
             let interface = interface(weights, -normal.dot(view), index);
@@ -177,32 +168,72 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         };
         let mirrored = branch(Purpose::Reflected, reflect(view, normal), reflectance);
         let through = refracted.map(|direction| branch(Purpose::Refracted, direction, 1.0 - reflectance));
-        self.split(surface, &mirrored, through.as_ref(), path, work)
+        self.split(surface, Some(mirrored), through, path, work)
     }
 
-    /// Both ways on, or beyond the depth the one through the surface, where there is one.
-    fn split(
+    /// Whether a surface is rough, and the path has not been divided by one.
+    pub(super) fn scatters(&self, dielectric: &Dielectric, path: Path) -> bool {
+        dielectric.alpha > 0.0 && path.sample.is_none() && !self.pass.facets.is_empty()
+    }
+
+    /// The mean of the ways on from rough glass.
+    #[inline(never)]
+    pub(super) fn scattered(
+        &self,
+        path: Path,
+        work: &mut Workspace,
+        each: impl Fn(Path, &mut Workspace) -> Vec3,
+    ) -> Vec3 {
+        let count = self.pass.facets.len() as u32;
+        let sum: Vec3 = (0..count).map(|sample| each(Path { sample: Some(sample), ..path }, work)).sum();
+        sum / count as f32
+    }
+
+    /// The microfacet that a path meets; `None` where the surface is smooth.
+    pub(super) fn facet(&self, met: Met<'_>, dielectric: &Dielectric, path: Path) -> Option<Facet> {
+        let point = self.pass.facets.get(path.sample? as usize).filter(|_| dielectric.alpha > 0.0)?;
+        let seeds = dimensions(path.key, FACETS);
+        let [x, y] = [0, 1].map(|axis| unit(scramble_reversed(point[axis], seeds[axis])));
+        Some(Facet::seen(dielectric.alpha, met.surface.interface_normal(met.view), met.view, Vec2::new(x, y)))
+    }
+
+    /// Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
+    pub(super) fn split(
         &self,
         surface: &Surface,
-        reflected: &Branch,
-        through: Option<&Branch>,
+        reflected: Option<Branch>,
+        through: Option<Branch>,
         path: Path,
         work: &mut Workspace,
     ) -> Vec3 {
-        let through = through.filter(|branch| branch.weight != Vec3::ZERO);
-        let Some(through) = through else { return self.follow(surface, reflected, path, 0, work) };
-        if reflected.weight == Vec3::ZERO {
-            return self.follow(surface, through, path, 0, work);
+        let counts = |branch: &Branch| branch.weight != Vec3::ZERO;
+        match (reflected.filter(counts), through.filter(counts)) {
+            (None, None) => Vec3::ZERO,
+            (Some(branch), None) | (None, Some(branch)) => self.follow(surface, &branch, path, 0, work),
+            (Some(reflected), Some(through)) if self.splits(path) => {
+                self.follow(surface, &reflected, path, 1, work) + self.follow(surface, &through, path, 1, work)
+            }
+            (Some(reflected), Some(through)) => {
+                let weight = reflected.weight + through.weight;
+                self.follow(surface, &Branch { weight, ..through }, path, 0, work)
+            }
         }
-        if path.splits < self.pass.job.params.depth {
-            return self.follow(surface, reflected, path, 1, work) + self.follow(surface, through, path, 1, work);
-        }
-        let weight = reflected.weight + through.weight;
-        self.follow(surface, &Branch { weight, ..*through }, path, 0, work)
+    }
+
+    /// Whether both ways on are followed.
+    pub(super) fn splits(&self, path: Path) -> bool {
+        path.splits < self.pass.job.params.depth
     }
 
     /// What a branch adds to the colour.
-    fn follow(&self, surface: &Surface, branch: &Branch, path: Path, splits: u32, work: &mut Workspace) -> Vec3 {
+    pub(super) fn follow(
+        &self,
+        surface: &Surface,
+        branch: &Branch,
+        path: Path,
+        splits: u32,
+        work: &mut Workspace,
+    ) -> Vec3 {
         let reflected = branch.purpose == Purpose::Reflected;
         let counter = if reflected { &mut work.rays.reflected } else { &mut work.rays.refracted };
         *counter += 1;
@@ -214,6 +245,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             surfaces: path.surfaces + 1,
             splits: path.splits + splits,
             key: path_key(path.key, if reflected { REFLECTED } else { REFRACTED }),
+            ..path
         };
         branch.weight * self.radiance(surface, branch.direction, path, work)
     }
@@ -226,9 +258,9 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         };
         let surface = self.pass.surface_hit(&ray, &hit);
         let color = if self.pass.is_glass(hit.triangle) {
-            self.glass(&hit, &surface, direction, path, work)
+            self.glass(Met { hit: &hit, surface: &surface, view: direction }, path, work)
         } else {
-            (self.shade)(&hit, &surface, path.media, path.key, work)
+            (self.shade)(&hit, &surface, path.media, path.own_key(), work)
         };
         // From surface to surface: the ray starts a little off its own.
         let length = (surface.position() - at.position()).dot(direction).max(0.0);

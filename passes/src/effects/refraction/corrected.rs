@@ -27,7 +27,7 @@ pub fn pixel_of_bodies<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pix
     };
     let seen = pass.surface_at(pixel, triangle, pass.normal(pixel));
     let shade = |hit: &Hit, surface: &Surface, _: Media, _: u32, _: &mut Workspace| pass.lit_color(hit, surface.normal);
-    opaque(Walk { pass, shade }.pixel(pixel, triangle, seen, 0, work))
+    opaque(Walk { pass, shade }.pixel(pixel, triangle, seen, pass.key(pixel), work))
 }
 
 /// The recursion over glass; `shade` gives the colour of everything else, given the key of the bounce path.

@@ -19,6 +19,8 @@ const DEFAULTS: RayParams = RayParams {
     glass: GlassRule::Pane,
     background: Background::Black,
     shadow: GlassShadow::Report,
+    wavelengths: 16,
+    paths: 16,
     first: 0,
 };
 

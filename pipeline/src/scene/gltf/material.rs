@@ -8,6 +8,7 @@ use super::accessor::Data;
 use super::container::{Target, base64, shortened, uri_target};
 use crate::color::encode;
 use crate::diagnostic::Warnings;
+use crate::glass::of_cauchy;
 use ::gltf::json::deserialize::from_str;
 use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, validation::Checked};
 use glam::{Mat2, Vec2, Vec3, Vec4};
@@ -121,9 +122,6 @@ impl Materials {
     }
 }
 
-/// Glass counts as rough above this: its square, the width of the distribution of normals, is a seventh of a degree.
-const ROUGH: f32 = 0.05;
-
 /// All but the texture.
 fn surface(written: &json::Material, name: String, context: &Context<'_>, warnings: &mut Warnings) -> Material {
     let mut warn = |what: &'static str, remedy: &'static str, detail: &str| {
@@ -162,9 +160,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         material.veil = 1.0 - material.transmission;
         material.filter_textured = true;
         material.filter = factor.truncate().clamp(Vec3::ZERO, Vec3::ONE);
-        if material.transmission > 0.0 && written.pbr_metallic_roughness.roughness_factor.0 > ROUGH {
-            warn("materials of rough glass", "drawn smooth", "");
-        }
+        material.roughness = written.pbr_metallic_roughness.roughness_factor.0.clamp(0.0, 1.0);
         if transmission.transmission_texture.is_some() {
             warn("texture maps that no program reads", "ignored", "transmission of ");
         }
@@ -187,10 +183,29 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
             warn("texture maps that no program reads", "ignored", "thickness of ");
         }
     }
-    match written.extras.as_deref().map(|extras| priority(extras.get())) {
-        None | Some(Ok(None)) => {}
-        Some(Ok(Some(rank))) => material.priority = rank,
-        Some(Err(())) => warn("materials whose `extras.priority` is no whole number from 0 to 255", "0 serves", ""),
+    let extras = Extras::of(written);
+    match extras.priority() {
+        Ok(None) => {}
+        Ok(Some(rank)) => material.priority = rank,
+        Err(()) => warn("materials whose `extras.priority` is no whole number from 0 to 255", "0 serves", ""),
+    }
+    match dispersion(extensions) {
+        Ok(share) => material.dispersion = share,
+        Err(()) => warn("materials whose dispersion is no number from 0 on", "0 serves", ""),
+    }
+    match extras.cauchy() {
+        Ok(None) => {}
+        Ok(Some([index, dispersion])) => (material.ior, material.dispersion) = (index, dispersion),
+        Err(()) => {
+            warn(
+                "materials whose `extras.cauchy` is not [A, B], B in µm² and 0 or more, with an index above 1",
+                "ignored",
+                "",
+            );
+        }
+    }
+    if material.dispersion > 0.0 && material.transmission > 0.0 && !material.volume {
+        warn("materials that disperse and have no volume", "drawn without dispersion", "");
     }
     let pbr = &written.pbr_metallic_roughness;
     for (present, what) in [
@@ -206,11 +221,39 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     material
 }
 
-/// `priority` of a material's extras, which are free but for that.
-fn priority(extras: &str) -> Result<Option<u8>, ()> {
-    let Ok(Value::Object(extras)) = from_str(extras) else { return Ok(None) };
-    let Some(written) = extras.get("priority") else { return Ok(None) };
-    written.as_u64().and_then(|rank| u8::try_from(rank).ok()).map(Some).ok_or(())
+/// What glTF leaves to whoever writes it, which is free but for a few names.
+struct Extras(Value);
+
+impl Extras {
+    fn of(written: &json::Material) -> Self {
+        let read = written.extras.as_deref().and_then(|extras| from_str(extras.get()).ok());
+        Self(read.unwrap_or(Value::Null))
+    }
+
+    /// The rank of a body.
+    fn priority(&self) -> Result<Option<u8>, ()> {
+        let Some(written) = self.0.get("priority") else { return Ok(None) };
+        written.as_u64().and_then(|rank| u8::try_from(rank).ok()).map(Some).ok_or(())
+    }
+
+    /// Cauchy's A and B (µm²) of an index A + B / λ², as the index at the line d and the dispersion.
+    fn cauchy(&self) -> Result<Option<[f32; 2]>, ()> {
+        let Some(written) = self.0.get("cauchy") else { return Ok(None) };
+        let numbers: Option<Vec<f64>> = written.as_array().and_then(|list| list.iter().map(Value::as_f64).collect());
+        let Some([a, b]) = numbers.as_deref() else { return Err(()) };
+        let [index, spread] = of_cauchy([*a, *b]);
+        let found = [index, 20.0 * spread / (index - 1.0)].map(|value| value as f32);
+        let valid = *b >= 0.0 && found[0] > 1.0 && found.iter().all(|value| value.is_finite());
+        valid.then_some(Some(found)).ok_or(())
+    }
+}
+
+/// 20 over Abbe's number; 0 where the material does not disperse.
+fn dispersion(extensions: Option<&json::extensions::material::Material>) -> Result<f32, ()> {
+    let extension = extensions.and_then(|extensions| extensions.others.get("KHR_materials_dispersion"));
+    let Some(written) = extension.and_then(|extension| extension.get("dispersion")) else { return Ok(0.0) };
+    let share = written.as_f64().map(|share| share as f32);
+    share.filter(|share| share.is_finite() && *share >= 0.0).ok_or(())
 }
 
 fn coordinates_of(info: &json::texture::Info) -> Coordinates {

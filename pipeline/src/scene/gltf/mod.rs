@@ -26,11 +26,12 @@ use material::Materials;
 use std::path::Path;
 
 /// Extensions whose contents are used, or whose absence changes nothing that is drawn.
-const READ_EXTENSIONS: [&str; 12] = [
+const READ_EXTENSIONS: [&str; 13] = [
     meshopt::EXTENSION,
     "EXT_texture_webp",
     draco::EXTENSION,
     "KHR_lights_punctual",
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_transmission",

@@ -35,6 +35,7 @@ struct Declaration {
     tf: Option<Vec3>,
     ns: Option<f32>,
     ni: Option<f32>,
+    pr: Option<f32>,
     d: Option<f32>,
     tr: Option<f32>,
     illum: Option<u32>,
@@ -133,6 +134,7 @@ impl Library {
             filter: filter(&written),
             veil: if is_glass { 0.0 } else { dissolve },
             ior: written.ni.filter(|ni| *ni >= 1.0).unwrap_or(defaults.ior),
+            roughness: written.pr.unwrap_or(defaults.roughness).clamp(0.0, 1.0),
             name: written.name,
             ..defaults
         };
@@ -248,6 +250,7 @@ impl Parser<'_> {
             b"tf" => set(&mut current.tf, color(rest)),
             b"ns" => set(&mut current.ns, scalar(rest)),
             b"ni" => set(&mut current.ni, scalar(rest)),
+            b"pr" => set(&mut current.pr, scalar(rest)),
             b"tr" => set(&mut current.tr, scalar(rest)),
             // `d -halo 0.5` depends on the viewing angle; its factor serves as a constant.
             b"d" => {
@@ -263,7 +266,7 @@ impl Parser<'_> {
                 self.warn(line, "texture maps that no program reads", Some(&keyword));
                 true
             }
-            b"sharpness" | b"pr" | b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" | b"km" => true,
+            b"sharpness" | b"pm" | b"ps" | b"pc" | b"pcr" | b"aniso" | b"anisor" | b"km" => true,
             _ => {
                 self.warn(line, "unknown material statements", None);
                 true

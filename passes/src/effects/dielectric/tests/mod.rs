@@ -1,5 +1,8 @@
 //! Closed forms of bodies of glass, traced.
 
+mod dispersion;
+mod rough;
+
 use crate::effects::fresnel;
 use crate::effects::tests::world::{Shot, World, assert_close};
 use curitiba_pipeline::backend::RayCounts;

@@ -1,0 +1,164 @@
+//! The surface of a body: light is reflected and refracted, and where colours are bent apart each wavelength goes its own way.
+
+use super::facets::Facet;
+use super::media::{Border, Crossing, Media};
+use super::walk::{Branch, Met, Path, Walk};
+use crate::effects::optics::{interface, reflect};
+use crate::effects::surface::Surface;
+use crate::effects::{Coverage, Workspace};
+use crate::trace::{Hit, Purpose, Tracer};
+use curitiba_pipeline::glass::{Dielectric, Stratum};
+use glam::Vec3;
+
+/// Both ways on from a surface, for light of one wavelength.
+#[derive(Clone, Copy)]
+struct Ways {
+    /// Share of the light that is reflected; the rest enters.
+    reflectance: f32,
+    /// Where what is reflected goes.
+    mirrored: Vec3,
+    /// Where what enters goes; `None` at total reflection.
+    refracted: Option<Vec3>,
+    /// What other facets of a rough surface leave of both; 1 where it is smooth.
+    kept: [f32; 2],
+}
+
+impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3> Walk<'_, '_, T, C, F> {
+    /// What the surface of a body shows.
+    pub(super) fn solid(
+        &self,
+        met: Met<'_>,
+        (material, dielectric): (u32, &Dielectric),
+        path: Path,
+        work: &mut Workspace,
+    ) -> Vec3 {
+        let dielectrics = self.pass.job.dielectrics;
+        let Met { hit, surface, view } = met;
+        let crossing = Crossing { material, enters: surface.is_front() };
+        let border = path.media.cross(crossing, dielectrics);
+        work.rays.lost += u64::from(border.overflows);
+        let straight = |weight| Branch { purpose: Purpose::Refracted, direction: view, weight, media: border.after };
+        let Some(ratio) = border.ratio else { return self.follow(surface, &straight(Vec3::ONE), path, 0, work) };
+        let filter = self.pass.filter(hit, dielectric);
+        let disperses = path.wavelength.is_none() && !self.pass.spectrum.is_empty() && border.disperses(dielectrics);
+        let ratio = path.wavelength.map_or(ratio, |wavelength| border.ratio_at(dielectrics, wavelength));
+        if ratio == 1.0 && !disperses {
+            let through = self.follow(surface, &straight(filter), path, 0, work);
+            return through + self.veil(met, dielectric, Vec3::ONE, path, work);
+        }
+        let ways = |path: Path, work: &mut Workspace| {
+            if disperses {
+                return self.dispersed(met, dielectric, (&border, filter), path, work);
+            }
+            let ways = self.ways(met, dielectric, ratio, path);
+            self.follow_ways(met, dielectric, (&ways, filter), (border.after, path), work)
+        };
+        if self.scatters(dielectric, path) { self.scattered(path, work, ways) } else { ways(path, work) }
+    }
+
+    /// What the surface of a body shows to light of one wavelength, or of all where it bends none apart.
+    fn follow_ways(
+        &self,
+        met: Met<'_>,
+        dielectric: &Dielectric,
+        (ways, filter): (&Ways, Vec3),
+        (after, path): (Media, Path),
+        work: &mut Workspace,
+    ) -> Vec3 {
+        let Ways { reflectance, mirrored, refracted, kept } = *ways;
+        let reflected = Branch {
+            purpose: Purpose::Reflected,
+            direction: mirrored,
+            weight: Vec3::splat(reflectance * kept[0]),
+            media: path.media,
+        };
+        let through = refracted.map(|direction| Branch {
+            purpose: Purpose::Refracted,
+            direction,
+            weight: (1.0 - reflectance) * kept[1] * filter,
+            media: after,
+        });
+        let color = self.split(met.surface, Some(reflected), through, path, work);
+        color + self.veil(met, dielectric, Vec3::splat(1.0 - reflectance), path, work)
+    }
+
+    /// Where a surface sends light; `ratio` is the index behind it over that before.
+    fn ways(&self, met: Met<'_>, dielectric: &Dielectric, ratio: f32, path: Path) -> Ways {
+        match self.facet(met, dielectric, path) {
+            Some(facet) => self.rough_ways(met, &facet, ratio),
+            None => self.smooth_ways(met, ratio),
+        }
+    }
+
+    /// Those of a microfacet. What it would send to the wrong side of the surface, as a whole or of the triangle, is lost.
+    fn rough_ways(&self, Met { surface, view, .. }: Met<'_>, facet: &Facet, ratio: f32) -> Ways {
+        let interface = interface(self.pass.job.params.fresnel, -facet.normal.dot(view), ratio);
+        let side = |direction: Vec3| {
+            let [whole, flat] = [surface.interface_normal(view), surface.facing].map(|normal| direction.dot(normal));
+            if whole * flat > 0.0 { flat.signum() } else { 0.0 }
+        };
+        let mirrored = reflect(view, facet.normal);
+        let refracted = interface.refract(view, facet.normal, ratio).filter(|direction| side(*direction) < 0.0);
+        let back = if side(mirrored) > 0.0 { facet.passes(mirrored) } else { 0.0 };
+        let kept = [back, refracted.map_or(0.0, |direction| facet.passes(direction))];
+        Ways { reflectance: interface.reflectance, mirrored, refracted, kept }
+    }
+
+    /// Those of a smooth surface.
+    fn smooth_ways(&self, Met { surface, view, .. }: Met<'_>, ratio: f32) -> Ways {
+        let bend = |normal: Vec3| {
+            let interface = interface(self.pass.job.params.fresnel, -normal.dot(view), ratio);
+            (normal, interface, interface.refract(view, normal, ratio))
+        };
+        let bent = bend(surface.interface_normal(view));
+        // Refracted back to the viewer's side, which a bent normal can do: the flat surface serves.
+        let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
+        let (normal, interface, refracted) = if returns { bend(surface.facing) } else { bent };
+        Ways { reflectance: interface.reflectance, mirrored: reflect(view, normal), refracted, kept: [1.0; 2] }
+    }
+
+    /// The surface of a body that bends colours apart, to light of all of them: what enters goes on by wavelength, what is reflected
+    /// stays together.
+    #[inline(never)]
+    fn dispersed(
+        &self,
+        met: Met<'_>,
+        dielectric: &Dielectric,
+        (border, filter): (&Border, Vec3),
+        path: Path,
+        work: &mut Workspace,
+    ) -> Vec3 {
+        let splits = self.splits(path);
+        let mut together: Option<Branch> = None;
+        let (mut color, mut entering, mut split) = (Vec3::ZERO, Vec3::ZERO, false);
+        for Stratum { wavelength, weight } in &self.pass.spectrum {
+            let ratio = border.ratio_at(self.pass.job.dielectrics, *wavelength);
+            let Ways { reflectance, mirrored, refracted, kept } = self.ways(met, dielectric, ratio, path);
+            entering += *weight * (1.0 - reflectance);
+            let mut back = *weight * (reflectance * kept[0]);
+            let mut through = *weight * ((1.0 - reflectance) * kept[1]) * filter;
+            if refracted.is_some() && !splits {
+                // Beyond the depth light goes through, with the weight of both.
+                (back, through) = (Vec3::ZERO, back + through);
+            }
+            let own = Path { wavelength: Some(*wavelength), ..path };
+            let branch = Branch { purpose: Purpose::Reflected, direction: mirrored, weight: back, media: path.media };
+            match &mut together {
+                None => together = Some(branch),
+                Some(first) if first.direction == mirrored => first.weight += back,
+                // By another normal, which few surfaces have.
+                Some(_) => color += self.split(met.surface, Some(branch), None, own, work),
+            }
+            if let Some(direction) = refracted {
+                split |= back != Vec3::ZERO;
+                let purpose = Purpose::Refracted;
+                let branch = Branch { purpose, direction, weight: through, media: border.after };
+                color += self.follow(met.surface, &branch, own, u32::from(splits), work);
+            }
+        }
+        if let Some(branch) = together.filter(|branch| branch.weight != Vec3::ZERO) {
+            color += self.follow(met.surface, &branch, path, u32::from(split), work);
+        }
+        color + self.veil(met, dielectric, entering, path, work)
+    }
+}
