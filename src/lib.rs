@@ -24,6 +24,7 @@
 //! and loads its scenes; [`Renderer::frame`](pipeline::executor::Renderer::frame) renders.
 #![forbid(unsafe_code)]
 
+pub mod args;
 pub mod bench;
 pub mod compare;
 pub mod conformance;
@@ -32,6 +33,7 @@ pub mod environment;
 pub mod reference;
 pub mod report;
 pub mod spec;
+pub mod threads;
 pub mod visibility;
 
 #[cfg(feature = "cuda")]

@@ -63,6 +63,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Scene(args) => cli::scene::run(&args),
         Command::Bench(args) => cli::bench::run(&args),
         Command::Visibility(args) => cli::visibility::run(&args),
+        Command::View { arguments } => cli::view::run(cli.confine.as_deref(), &arguments),
         Command::Completions { shell } => cli::completions(shell),
     }
 }

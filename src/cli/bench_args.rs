@@ -1,9 +1,8 @@
 //! The arguments of `bench`.
 
-use super::args::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_size};
-use super::scene_args::SceneFlags;
 use clap::{Args, ValueEnum, ValueHint};
 use curitiba::Gpus;
+use curitiba::args::{Backend, FidelityArg, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_size};
 use curitiba::pipeline::color::{ColorSpace, Tone};
 use std::path::PathBuf;
 
