@@ -54,6 +54,8 @@ pub struct App {
     pub mode: Mode,
     /// Where the line of [`Mode::Wipe`] is, as a share of the picture's width.
     pub wipe: f32,
+    /// Whether that line is dragged.
+    pub(crate) holds_line: bool,
     /// What is compared with.
     pub other: Option<Other>,
     /// A file to compare with, as it is typed.
@@ -115,6 +117,7 @@ impl App {
             was_marked: None,
             mode: Mode::default(),
             wipe: 0.5,
+            holds_line: false,
             other: None,
             reference: reference.as_ref().map_or(String::new(), |path| path.display().to_string()),
             kept: None,

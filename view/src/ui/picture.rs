@@ -69,10 +69,7 @@ fn show(app: &mut App, ui: &Ui, area: Rect, facts: Option<&Facts>) -> String {
     let mut shown = picture.name.clone();
     match (app.mode, other, heat) {
         (Mode::Difference, Some(_), Some(compared)) => {
-            let heat = std::sync::Arc::new(compared.heat.clone());
-            let held = app.heat.held.as_ref().map(|(held, ..)| std::sync::Arc::clone(held));
-            let heat = held.filter(|held| **held == *heat).unwrap_or(heat);
-            draw(texture(&context, &mut app.heat, &heat, squares).id(), rect);
+            draw(texture(&context, &mut app.heat, &compared.heat, squares).id(), rect);
             shown = format!("FLIP of {} and {}", compared.names[0], compared.names[1]);
             overlay::name(&painter, corner, Align2::LEFT_TOP, &shown);
         }
@@ -151,22 +148,18 @@ fn mouse(app: &mut App, ui: &Ui, area: Rect, response: &Response, facts: Option<
 
 /// Whether the line of a wipe is dragged; then it follows the pointer.
 fn hold_line(app: &mut App, area: Rect, size: [u32; 2], response: &Response, context: &egui::Context) -> bool {
-    if app.mode != Mode::Wipe || app.state.other.is_none() || app.other.is_none() {
-        return false;
-    }
     let rect = app.canvas.rect(area, size);
-    let line = rect.left() + rect.width() * app.wipe;
     let (start, now) = context.input(|input| (input.pointer.press_origin(), input.pointer.interact_pos()));
-    let moved = response.total_drag_delta().unwrap_or_default().x;
-    let holds = start.zip(now).is_some_and(|(start, now)| {
-        (start.x - line).abs() <= HOLD
-            || (now.x - moved - start.x).abs() < 0.5 && (now.x - line).abs() <= HOLD + response.drag_delta().x.abs()
-    });
-    if let Some(now) = now.filter(|_| holds) {
+    if response.drag_started() {
+        let line = rect.left() + rect.width() * app.wipe;
+        let wipes = app.mode == Mode::Wipe && app.other.is_some() && app.state.other.is_some();
+        app.holds_line = wipes && start.is_some_and(|start| (start.x - line).abs() <= HOLD);
+    }
+    if let Some(now) = now.filter(|_| app.holds_line) {
         context.set_cursor_icon(CursorIcon::ResizeHorizontal);
         app.wipe = ((now.x - rect.left()) / rect.width().max(1.0)).clamp(0.0, 1.0);
     }
-    holds
+    app.holds_line
 }
 
 /// Moves with the keys that are held.

@@ -49,7 +49,7 @@ pub struct Compared {
     /// Mean FLIP error of what is displayed, 0 to 1.
     pub flip: f64,
     /// FLIP by pixel, from black for 0 to cream for 1.
-    pub heat: Picture,
+    pub heat: Arc<Picture>,
 }
 
 /// Compares two pictures by the metrics of `curitiba compare`.
@@ -62,7 +62,7 @@ pub(super) fn compare(shown: &Picture, other: &Picture, display: Display) -> Res
         rmse: comparison.rmse,
         max: comparison.max,
         flip: comparison.flip,
-        heat: Picture::of_window("FLIP", heat_map(&map), Display::default()),
+        heat: Arc::new(Picture::of_window("FLIP", heat_map(&map), Display::default())),
     })
 }
 

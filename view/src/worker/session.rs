@@ -178,10 +178,22 @@ impl Session {
     /// Sets something of the renderer, which then has to render.
     fn set(&mut self, set: impl FnOnce(&mut Renderer) -> Result<(), ChangeError>) -> Result<(), String> {
         self.restore_samples();
+        self.look_away();
         let Some(renderer) = &mut self.renderer else { return Ok(()) };
         set(renderer).map_err(|error| error.to_string())?;
         self.changed();
         Ok(())
+    }
+
+    /// What was written only because it was looked at is not written any more.
+    pub fn look_away(&mut self) {
+        let asked = &self.source.settings.show;
+        let Some(renderer) = self.renderer.as_mut().filter(|_| self.shown.is_none()) else { return };
+        if renderer.settings().show != *asked
+            && let Err(error) = renderer.set_shown(asked)
+        {
+            self.shared.change(|state| state.error = Some(error.to_string()));
+        }
     }
 
     /// The picture is not that of the settings any more.

@@ -206,6 +206,7 @@ impl Session {
     fn begin_preview(&mut self) {
         self.changed();
         self.frame_due = false;
+        self.look_away();
         let Some(renderer) = &self.renderer else { return };
         if self.preview.is_none() {
             let more = taking_samples(renderer).into_iter().filter(|(_, samples)| *samples > FEW);

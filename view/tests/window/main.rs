@@ -214,10 +214,10 @@ fn a_frame_that_is_not_wanted_any_more_is_given_up() {
     let (pass, name, value) = ("pass2".to_owned(), "samples".to_owned(), "1".to_owned());
     window.app().worker.send(Command::Parameter { pass, name, value });
     window.until("the other picture", |app| app.state.picture.is_some());
-    assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
+    assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
     let took = window.app().state.gave_up_after.expect("a frame was given up");
     println!("given up after {:.2} ms", took.as_secs_f64() * 1e3);
-    assert!(took < Duration::from_millis(500), "{took:?}");
+    assert!(took < Duration::from_secs(2), "{took:?}");
 }
 
 #[test]
@@ -337,4 +337,50 @@ fn nothing_is_drawn_or_done_while_nothing_changes() {
         .collect();
     times.sort_by(f32::total_cmp);
     println!("laying out the window takes {:.2} ms (median of {})", times[25], times.len());
+}
+
+#[test]
+fn what_no_pass_reads_is_written_only_while_it_is_looked_at() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut window = Window::open(source(project("SceneShadows"), settings()));
+    let show = |window: &Window| window.app().state.facts.clone().expect("it is open").settings.show.clone();
+    assert!(show(&window).is_empty());
+    let mut renderer = {
+        let show = Settings { show: vec!["norm".to_owned()], ..settings() };
+        curitiba::open(project("SceneShadows"), show, Choice::CPU, &mut Silent).expect("it opens")
+    };
+    renderer.render_and_save(&folder.path().join("out.png"), &mut Silent).expect("written");
+    window.harness.get_by_label("norm").hover();
+    window.rest();
+    let (name, bytes) = window.shown();
+    assert!(name.ends_with("::norm") && bytes == png(&folder.path().join("out.norm.png")), "{name}");
+    window.harness.hover_at(egui::pos2(640.0, 400.0));
+    window.rest();
+    window.app().worker.send(Command::Camera(Some("Vidro".to_owned())));
+    window.rest();
+    assert!(show(&window).is_empty());
+    let moved = Settings { camera: Some("Vidro".to_owned()), ..settings() };
+    let picture = window.app().state.picture.clone().expect("a picture");
+    assert!(picture.image == rendered("SceneShadows", moved), "another camera");
+}
+
+#[test]
+fn the_line_of_a_wipe_follows_the_pointer_and_the_camera_stays() {
+    let mut window = Window::open(source(project("SceneShadows"), settings()));
+    window.harness.key_press(egui::Key::K);
+    window.until("what was kept", |app| app.state.other.is_some());
+    window.rest();
+    let pose = window.app().state.facts.clone().expect("it is open").pose;
+    let area = window.harness.get_by_label("picture of result").rect();
+    let rect = window.app().canvas.rect(area, [96, 64]);
+    window.harness.drag_at(rect.center());
+    window.harness.step();
+    for share in [0.6, 0.7, 0.75] {
+        window.harness.hover_at(egui::pos2(rect.left() + share * rect.width(), rect.center().y + 20.0));
+        window.harness.step();
+    }
+    window.harness.drop_at(egui::pos2(rect.left() + 0.75 * rect.width(), rect.center().y));
+    window.rest();
+    assert!((window.app().wipe - 0.75).abs() < 0.01, "{}", window.app().wipe);
+    assert_eq!(window.app().state.facts.clone().expect("it is open").pose, pose);
 }
