@@ -8,7 +8,7 @@ use egui::{Align, ComboBox, Frame, Layout, Panel, RichText, Role, ScrollArea, Se
 
 /// Draws the table.
 pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
-    Panel::left("passes").default_size(340.0).size_range(300.0..=520.0).show(ui, |ui| {
+    Panel::left("passes").default_size(340.0).size_range(336.0..=520.0).show(ui, |ui| {
         let Some(facts) = facts else {
             ui.add_space(6.0);
             ui.weak(super::status::activity(&app.state.activity));
