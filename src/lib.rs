@@ -24,6 +24,7 @@
 //! and loads its scenes; [`Renderer::frame`](pipeline::executor::Renderer::frame) renders.
 #![forbid(unsafe_code)]
 
+pub mod args;
 pub mod bench;
 pub mod camera_path;
 pub mod compare;
@@ -34,6 +35,7 @@ pub mod reference;
 pub mod report;
 pub mod shard;
 pub mod spec;
+pub mod threads;
 pub mod tune;
 pub mod visibility;
 

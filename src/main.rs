@@ -65,6 +65,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Bench(args) => cli::bench::run(&args),
         Command::Merge(args) => cli::merge::run(&args),
         Command::Visibility(args) => cli::visibility::run(&args),
+        Command::View { arguments } => cli::view::run(cli.confine.as_deref(), &arguments),
         Command::Completions { shell } => cli::completions(shell),
     }
 }

@@ -4,7 +4,7 @@
 //! what that would write, so that either can stand in a project. Help, XML validation, `curitiba list`, reports and tests
 //! iterate these tables.
 
-use crate::programs::{Fresnel, ParamInfo, RayProgram};
+use crate::programs::{Fresnel, ParamInfo, RayProgram, Values};
 
 /// Most shadow maps that a frame may have.
 pub const MAX_CASCADES: u32 = 8;
@@ -72,21 +72,67 @@ impl Default for EffectParams {
 
 /// Every parameter of a raster effect.
 pub const EFFECT_PARAMS: &[ParamInfo] = &[
-    ParamInfo { name: "mapsize", about: "texels a side of each shadow map or cube-map face", valid: "16..=16384" },
-    ParamInfo { name: "cascades", about: "most shadow maps of a frame, the nearer the finer", valid: "1..=8" },
-    ParamInfo { name: "pcf", about: "texels on each side that a shadow test averages", valid: "0..=8" },
-    ParamInfo { name: "bias", about: "depth bias of a shadow test, texels along the slope", valid: "0..=100" },
-    ParamInfo { name: "probes", about: "most cube maps of a frame", valid: "1..=64" },
-    ParamInfo { name: "index", about: "index of refraction that stands for a whole pane", valid: "0.1..=10" },
-    ParamInfo { name: "fresnel", about: "how much glass reflects by its angle", valid: "exact, schlick" },
+    ParamInfo {
+        name: "mapsize",
+        about: "texels a side of each shadow map or cube-map face",
+        valid: "16..=16384",
+        values: Values::Integer(16, 16_384),
+    },
+    ParamInfo {
+        name: "cascades",
+        about: "most shadow maps of a frame, the nearer the finer",
+        valid: "1..=8",
+        values: Values::Integer(1, MAX_CASCADES),
+    },
+    ParamInfo {
+        name: "pcf",
+        about: "texels on each side that a shadow test averages",
+        valid: "0..=8",
+        values: Values::Integer(0, 8),
+    },
+    ParamInfo {
+        name: "bias",
+        about: "depth bias of a shadow test, texels along the slope",
+        valid: "0..=100",
+        values: Values::Number(0.0, 100.0),
+    },
+    ParamInfo { name: "probes", about: "most cube maps of a frame", valid: "1..=64", values: Values::Integer(1, 64) },
+    ParamInfo {
+        name: "index",
+        about: "index of refraction that stands for a whole pane",
+        valid: "0.1..=10",
+        values: Values::Number(0.1, 10.0),
+    },
+    ParamInfo {
+        name: "fresnel",
+        about: "how much glass reflects by its angle",
+        valid: "exact, schlick",
+        values: Values::Names(&["exact", "schlick"]),
+    },
     ParamInfo {
         name: "radius",
         about: "longest distance to an occluder, in scene units",
         valid: "a finite number above 0",
+        values: Values::Positive,
     },
-    ParamInfo { name: "intensity", about: "exponent of the open share", valid: "0..=100" },
-    ParamInfo { name: "slices", about: "directions in which occluders are looked for", valid: "1..=64" },
-    ParamInfo { name: "steps", about: "depths read in each half of a direction", valid: "1..=64" },
+    ParamInfo {
+        name: "intensity",
+        about: "exponent of the open share",
+        valid: "0..=100",
+        values: Values::Number(0.0, 100.0),
+    },
+    ParamInfo {
+        name: "slices",
+        about: "directions in which occluders are looked for",
+        valid: "1..=64",
+        values: Values::Integer(1, 64),
+    },
+    ParamInfo {
+        name: "steps",
+        about: "depths read in each half of a direction",
+        valid: "1..=64",
+        values: Values::Integer(1, 64),
+    },
 ];
 
 impl EffectParams {
@@ -242,6 +288,13 @@ impl EffectProgram {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_value_that_is_offered_is_taken_and_none_beyond() {
+        for info in EFFECT_PARAMS {
+            crate::programs::tests::offers(info.values, |value| EffectParams::default().set(info.name, value).is_ok());
+        }
+    }
 
     #[test]
     fn every_parameter_is_settable_by_its_name_and_read_by_a_program() {

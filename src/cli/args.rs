@@ -2,17 +2,14 @@
 
 use super::bench_args::BenchArgs;
 use super::merge::MergeArgs;
-use super::scene_args::SceneFlags;
 use super::tune_args::TuneArgs;
 use super::visibility_args::VisibilityArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
-use curitiba::pipeline::backend::Rect;
-use curitiba::pipeline::color::{ColorSpace, Display, Tone};
+use curitiba::args::{Backend, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_pixel, parse_size};
 use curitiba::pipeline::executor::Goal;
-use curitiba::pipeline::plan::Settings;
-use curitiba::pipeline::programs::Fidelity;
 use curitiba::shard::Request;
-use curitiba::{BackendChoice, Choice, Gpus, RasterChoice};
+use curitiba::{BackendChoice, Choice, Gpus};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -154,6 +151,23 @@ Examples:
 A pair is exact where it faces away, where nothing is between, or where a surface closes it; else it is sampled, with a
 standard error. Columns, policies and limits: docs/visibility.md")]
     Visibility(VisibilityArgs),
+    /// Show a project or scene in a window: what each pass writes and takes, and what its settings change.
+    ///
+    /// The window is a program of its own, `curitiba-view`, beside this one or on PATH; it takes the same arguments as `render`.
+    #[command(
+        disable_help_flag = true,
+        after_help = "\
+Examples:
+  curitiba view xml_projects/SceneFinal.xml
+  curitiba view --help
+
+It is built by: cargo build --release --manifest-path view/Cargo.toml --target-dir target"
+    )]
+    View {
+        /// What is shown, with options as of `render`.
+        #[arg(value_name = "PROJECT.xml|SCENE", trailing_var_arg = true, allow_hyphen_values = true, value_hint = ValueHint::AnyPath)]
+        arguments: Vec<OsString>,
+    },
     /// Print completions for a shell.
     #[command(after_help = "Example:\n  curitiba completions bash > /etc/bash_completion.d/curitiba")]
     Completions {
@@ -175,7 +189,7 @@ impl Command {
             Self::Tune(args) => Some(args.project.max_memory),
             Self::Visibility(args) => Some(args.max_memory),
             Self::Merge(args) => Some(args.max_memory),
-            Self::List { .. } | Self::Completions { .. } => None,
+            Self::List { .. } | Self::View { .. } | Self::Completions { .. } => None,
         }
     }
 }
@@ -246,79 +260,6 @@ impl FromStr for Frames {
             }
         }
     }
-}
-
-/// A project and what is asked of it.
-#[derive(Debug, Args)]
-pub struct ProjectArgs {
-    /// The project file; or a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml), or a folder of them, of which a project is made
-    #[arg(value_name = "PROJECT.xml|SCENE", value_hint = ValueHint::AnyPath)]
-    pub path: PathBuf,
-    /// Scene files that are joined with the first
-    #[arg(value_name = "SCENE", value_hint = ValueHint::FilePath)]
-    pub more: Vec<PathBuf>,
-    #[command(flatten)]
-    pub scene: SceneFlags,
-    /// Window size; render targets scale with it [default: the project's]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    pub size: Option<[u32; 2]>,
-    /// Camera of every pass [default: each pass's own]
-    #[arg(long, value_name = "NAME")]
-    pub camera: Option<String>,
-    /// Pipeline to run [default: the project's]
-    #[arg(long, value_name = "NAME")]
-    pub pipeline: Option<String>,
-    /// Rasteriser; auto takes a real GPU if there is one, else the cpu
-    #[arg(long, value_enum, default_value_t = Raster::Auto)]
-    pub raster: Raster,
-    /// Ray backend; cuda and optix need an NVIDIA GPU and a build with the feature `cuda`, wgpu runs on any GPU; auto takes cuda if it is there, else
-    /// wgpu on a real GPU, else the cpu
-    #[arg(long, value_enum, default_value_t = Backend::Auto)]
-    pub backend: Backend,
-    /// Device of wgpu, for rasteriser and rays: a part of its name, or its place in `curitiba list`, from 0
-    #[arg(long, value_name = "NAME", value_parser = curitiba::passes::raster::gpu::named)]
-    pub adapter: Option<u8>,
-    /// GPUs that share the rays of cuda and optix: a number, or all
-    #[arg(long, value_name = "N", default_value_t = Gpus::default())]
-    pub gpus: Gpus,
-    /// The report's programs with their defects mended, or as they were written
-    #[arg(long, value_enum, default_value_t = FidelityArg::Corrected)]
-    pub fidelity: FidelityArg,
-    /// What colours are: used as stored (report), or decoded from sRGB and shaded as linear radiance (linear)
-    /// [default: the project's; linear where scene files are named]
-    #[arg(long, value_name = "report|linear")]
-    pub color: Option<ColorSpace>,
-    /// With linear colours: stops that .png pictures are exposed by; 1 makes them twice as bright
-    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_hyphen_values = true, value_parser = Display::parse_exposure)]
-    pub exposure: f32,
-    /// With linear colours: the tone curve of .png pictures, none or reinhard
-    #[arg(long, value_name = "NAME", default_value = Tone::None.name())]
-    pub tone: Tone,
-    /// Seed of the random numbers
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u32,
-    /// Also write a texture of a render target, as .exr and made visible as .png; `all` writes every one
-    #[arg(long, value_name = "TARGET")]
-    pub show: Vec<String>,
-    /// Set a parameter of a ray pass; `curitiba list` names them
-    #[arg(long, value_name = "PASS.NAME=VALUE")]
-    pub set: Vec<String>,
-    /// Switch a pass off: its colour input is shown through, or of a share of light 1; raster and quad passes do nothing
-    #[arg(long, value_name = "PASS")]
-    pub off: Vec<String>,
-    /// Render only these pixels of the window, the same as in the whole picture: column and row from the top left, and size
-    #[arg(long, value_name = "X,Y,WxH", value_parser = parse_crop)]
-    pub crop: Option<Rect>,
-    /// Render in at most so many bands of rows, one after the other, the same picture in less memory [default: as many as
-    /// --max-memory asks for]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
-    pub bands: Option<u32>,
-    /// Threads of the cpu engines [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
-    /// Most memory that the program may take, in bytes or with a unit: 512MiB, 8GiB
-    #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
-    pub max_memory: u64,
 }
 
 /// Arguments of `compare`.
@@ -468,48 +409,6 @@ pub struct ReportArgs {
     pub max_memory: u64,
 }
 
-/// `--raster`.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum Raster {
-    Auto,
-    Cpu,
-    Wgpu,
-}
-
-impl Raster {
-    /// As the library has it.
-    pub fn choice(self) -> RasterChoice {
-        match self {
-            Self::Auto => RasterChoice::Auto,
-            Self::Cpu => RasterChoice::Cpu,
-            Self::Wgpu => RasterChoice::Wgpu,
-        }
-    }
-}
-
-/// `--backend`.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum Backend {
-    Auto,
-    Cpu,
-    Wgpu,
-    Cuda,
-    Optix,
-}
-
-impl Backend {
-    /// As the library has it.
-    pub fn choice(self) -> BackendChoice {
-        match self {
-            Self::Auto => BackendChoice::Auto,
-            Self::Cpu => BackendChoice::Cpu,
-            Self::Wgpu => BackendChoice::Wgpu,
-            Self::Cuda => BackendChoice::Cuda,
-            Self::Optix => BackendChoice::Optix,
-        }
-    }
-}
-
 /// `--fallback`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum FallbackArg {
@@ -541,87 +440,9 @@ impl RenderArgs {
     }
 }
 
-/// `--fidelity`.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub enum FidelityArg {
-    Corrected,
-    Thesis,
-}
-
-impl ProjectArgs {
-    /// What the plan is made from.
-    pub fn settings(&self) -> Settings {
-        Settings {
-            pipeline: self.pipeline.clone(),
-            camera: self.camera.clone(),
-            size: self.size,
-            fidelity: match self.fidelity {
-                FidelityArg::Corrected => Fidelity::Corrected,
-                FidelityArg::Thesis => Fidelity::Thesis,
-            },
-            color: self.color,
-            exposure: self.exposure,
-            tone: self.tone,
-            seed: self.seed,
-            show: self.show.clone(),
-            set: self.set.clone(),
-            off: self.off.clone(),
-            max_memory: self.max_memory,
-            scene: self.scene.options(&self.more),
-            crop: self.crop,
-            bands: self.bands,
-        }
-    }
-
-    /// Which engines.
-    pub fn choice(&self) -> Choice {
-        Choice {
-            raster: self.raster.choice(),
-            backend: self.backend.choice(),
-            gpus: self.gpus,
-            adapter: self.adapter,
-            ..Choice::default()
-        }
-    }
-}
-
-pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let wrong = || format!("`{text}` is not WIDTHxHEIGHT, such as 1024x1024");
-    let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
-    Ok([width.trim().parse().map_err(|_| wrong())?, height.trim().parse().map_err(|_| wrong())?])
-}
-
 fn parse_within(text: &str) -> Result<f64, String> {
     let error = text.parse::<f64>().ok().filter(|error| error.is_finite() && *error >= 0.0);
     error.ok_or_else(|| format!("`{text}` is not an error; valid: a number from 0 on, such as 0.02"))
-}
-
-fn parse_crop(text: &str) -> Result<Rect, String> {
-    let wrong = || format!("`{text}` is not COLUMN,ROW,WIDTHxHEIGHT, such as 512,256,128x64");
-    let (corner, size) = text.rsplit_once(',').ok_or_else(wrong)?;
-    let ([x, y], [width, height]) = (parse_pixel(corner).map_err(|_| wrong())?, parse_size(size).map_err(|_| wrong())?);
-    Ok(Rect { x, y, width, height })
-}
-
-fn parse_pixel(text: &str) -> Result<[u32; 2], String> {
-    let wrong = || format!("`{text}` is not COLUMN,ROW, such as 512,300");
-    let (x, y) = text.split_once(',').ok_or_else(wrong)?;
-    Ok([x.trim().parse().map_err(|_| wrong())?, y.trim().parse().map_err(|_| wrong())?])
-}
-
-pub fn parse_bytes(text: &str) -> Result<u64, String> {
-    let wrong = || format!("`{text}` is not a number of bytes, such as 512MiB or 8GiB");
-    let digits = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
-    let (number, unit) = text.split_at(digits);
-    let shift = match unit.trim().to_ascii_lowercase().as_str() {
-        "" | "b" => 0,
-        "k" | "kib" => 10,
-        "m" | "mib" => 20,
-        "g" | "gib" => 30,
-        _ => return Err(wrong()),
-    };
-    let number: u64 = number.parse().map_err(|_| wrong())?;
-    number.checked_mul(1 << shift).ok_or_else(wrong)
 }
 
 #[cfg(test)]
@@ -659,26 +480,5 @@ mod tests {
         for text in ["0", "-1", "3..3", "4..2", "..5", "1..", "0..1000001", "a", "1...3"] {
             assert!(text.parse::<Frames>().is_err(), "{text}");
         }
-    }
-
-    #[test]
-    fn pixels_are_a_column_and_a_row() {
-        assert_eq!(parse_pixel("3, 40"), Ok([3, 40]));
-        assert!(parse_pixel("3").is_err() && parse_pixel("3x4").is_err() && parse_pixel("-1,2").is_err());
-    }
-
-    #[test]
-    fn crops_are_a_corner_and_a_size() {
-        assert_eq!(parse_crop("3, 40,5x6"), Ok(Rect { x: 3, y: 40, width: 5, height: 6 }));
-        assert!(parse_crop("3,4").is_err() && parse_crop("3,4,5").is_err() && parse_crop("-3,4,5x6").is_err());
-    }
-
-    #[test]
-    fn sizes_and_bytes_are_read_with_their_units() {
-        assert_eq!(parse_size("640x480"), Ok([640, 480]));
-        assert!(parse_size("640").is_err() && parse_size("axb").is_err() && parse_size("-1x2").is_err());
-        assert_eq!(parse_bytes("512MiB"), Ok(512 << 20));
-        assert_eq!(parse_bytes("1000"), Ok(1000));
-        assert!(parse_bytes("8 parsecs").is_err() && parse_bytes("99999999999GiB").is_err());
     }
 }

@@ -1,8 +1,8 @@
 //! `curitiba check`: every problem of a project, its libraries and its scenes.
 
-use super::args::ProjectArgs;
 use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads};
 use curitiba::OpenError;
+use curitiba::args::ProjectArgs;
 use curitiba::pipeline::files::record_files_read;
 use curitiba::pipeline::plan::Plan;
 use curitiba::pipeline::project::{SceneDecl, SourceError, declared_scenes};

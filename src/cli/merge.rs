@@ -1,9 +1,9 @@
 //! `curitiba merge`: parts of a benchmark, and machines side by side.
 
-use super::args::parse_bytes;
 use super::bench_table::Table;
 use super::{Failure, failure, table};
 use clap::{Args, ValueHint};
+use curitiba::args::parse_bytes;
 use curitiba::bench::merge::{Merged, merge};
 use curitiba::bench::model::BenchFile;
 use curitiba::bench::{FileError, columns};

@@ -20,12 +20,12 @@ pub mod render;
 mod render_path;
 pub mod report;
 pub mod scene;
-mod scene_args;
 #[cfg(unix)]
 pub mod signals;
 mod table;
 pub mod tune;
 mod tune_args;
+pub mod view;
 pub mod visibility;
 mod visibility_args;
 
@@ -136,21 +136,9 @@ fn print_outside(project: &Path, more: impl IntoIterator<Item = PathBuf>) {
     }
 }
 
-/// What a thread of the pool takes beside its stack: guard pages, the stack of its signal handler, its allocator's arena.
-const BESIDE_STACK: usize = 256 << 10;
-
 /// Starts the threads of the cpu engines: all cores, unless a number is named.
 fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
-    let count = threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
-    let stack = std::env::var("RUST_MIN_STACK").ok().and_then(|bytes| bytes.parse().ok()).unwrap_or(2 << 20);
-    let refused = |why: &dyn std::fmt::Display| {
-        let plural = if count == 1 { " thread" } else { " threads" };
-        Failure::Work(format!("{count}{plural} cannot be started: {why}\n       --threads takes fewer"))
-    };
-    // A thread that has a stack and no room for anything else cannot report it.
-    let room = count.saturating_mul(BESIDE_STACK.saturating_add(stack));
-    curitiba::pipeline::memory::probe(room as u64).map_err(|error| refused(&error))?;
-    rayon::ThreadPoolBuilder::new().num_threads(count).stack_size(stack).build_global().map_err(|error| refused(&error))
+    curitiba::threads::start(threads).map_err(Failure::Work)
 }
 
 /// Asks the engines that would do the work for what they cannot do: before anything is loaded, not at the first frame. What

@@ -1,9 +1,9 @@
 //! `curitiba plan`: what would be done, and why.
 
-use super::args::ProjectArgs;
 use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads};
 use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
+use curitiba::args::ProjectArgs;
 use curitiba::pipeline::diagnostic::Decision;
 use curitiba::pipeline::files::record_files_read;
 use curitiba::pipeline::glass::decide;

@@ -1,7 +1,7 @@
 //! The arguments of `tune`.
 
-use super::args::ProjectArgs;
 use clap::{ArgGroup, Args, ValueEnum, ValueHint};
+use curitiba::args::ProjectArgs;
 use curitiba::tune::{Goal, Metric};
 use std::path::PathBuf;
 

@@ -1,9 +1,9 @@
 //! `curitiba visibility`: rows for many pairs of triangles.
 
-use super::args::Backend;
 use super::progress::Bars;
 use super::visibility_args::{Pairs, VisibilityArgs};
 use super::{Failure, failure, print_warnings, set_threads};
+use curitiba::args::Backend;
 use curitiba::environment::peak_memory;
 use curitiba::passes::trace::{Bvh, Quality};
 use curitiba::passes::visibility::{

@@ -1,7 +1,7 @@
 //! The arguments of `visibility`.
 
-use super::args::{Backend, parse_bytes};
 use clap::{Args, ValueEnum, ValueHint};
+use curitiba::args::{Backend, parse_bytes};
 use curitiba::passes::visibility::{Effort, Facing, Options, Sampler};
 use std::path::PathBuf;
 

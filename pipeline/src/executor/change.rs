@@ -103,7 +103,7 @@ impl Renderer {
         &self.upcoming().declared
     }
 
-    fn propose(&mut self, project: Project, settings: Settings) -> Result<(), ChangeError> {
+    pub(super) fn propose(&mut self, project: Project, settings: Settings) -> Result<(), ChangeError> {
         let mut plan = Plan::new(project, settings)?;
         let (raster, rays) = (&self.engines.raster, &self.engines.rays);
         plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))?;

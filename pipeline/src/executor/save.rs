@@ -212,8 +212,9 @@ impl Renderer {
         self.plan.shown.iter().map(name).collect()
     }
 
-    /// What a channel holds: raster passes write positions and normals, all others colours.
-    fn content(&self, channel: ChannelRef) -> Content {
+    /// What a channel holds, and so how it is made visible: raster passes write positions and normals, all others colours.
+    #[must_use]
+    pub fn content(&self, channel: ChannelRef) -> Content {
         let by_raster = self.plan.passes.iter().any(|planned| {
             matches!(planned.work, Work::Raster { .. }) && self.plan.pass(planned).target == Some(channel.target)
         });

@@ -1,9 +1,10 @@
 //! Shows observers what passes write.
 
-use super::{Observer, Output, Range, Renderer, Triangles, channel_of};
+use super::{ChangeError, Observer, Output, Range, Renderer, Triangles, channel_of};
 use crate::backend::GBuffer;
 use crate::plan::{Plan, PlannedPass, Work};
 use crate::programs::Writes;
+use crate::project::ChannelRef;
 
 /// See [`Renderer::read_back_everything`].
 pub(super) fn read_back_everything(plan: &mut Plan) {
@@ -26,6 +27,37 @@ impl Renderer {
         if let Some(next) = &mut self.next {
             read_back_everything(next);
         }
+    }
+
+    /// Takes [`Self::read_back_everything`] back: only what the plan asks for is copied into host memory.
+    ///
+    /// # Errors
+    /// As the setters; then everything is copied as before.
+    pub fn read_back_as_planned(&mut self) -> Result<(), ChangeError> {
+        let before = std::mem::replace(&mut self.shows_everything, false);
+        let result = self.propose(self.project().clone(), self.settings().clone());
+        if result.is_err() {
+            self.shows_everything = before;
+        }
+        result
+    }
+
+    /// Whether [`Self::channel`] gives what the last frame left in a channel: a pass of its plan writes it, and it was copied into host
+    /// memory where a device drew it. What a setter asked for since is not counted.
+    #[must_use]
+    pub fn holds(&self, channel: ChannelRef) -> bool {
+        let slot = (Some(channel.target), channel.channel);
+        let mut writers = self.plan.passes.iter().filter(|planned| self.plan.access(planned).writes.contains(&slot));
+        let held = |planned: &PlannedPass| {
+            let Work::Raster { attachments, host, traced, .. } = planned.work else { return true };
+            let held = match self.engines.raster.needs_read_back() {
+                true => self.in_host(Some(channel.target), host, traced),
+                false => attachments,
+            };
+            [held.color, held.position, held.normal].get(channel.channel) == Some(&true)
+        };
+        // Of several writers the last one counts.
+        writers.next_back().is_some_and(held) && !self.channel(channel).is_empty()
     }
 
     /// Shows what a pass wrote.

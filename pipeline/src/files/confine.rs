@@ -111,6 +111,12 @@ pub(super) fn was_read(real: &Path) -> bool {
     files_read().as_ref().is_some_and(|files| files.contains(real))
 }
 
+/// The files read since [`record_files_read`], symbolic links resolved, in the order of their paths.
+#[must_use]
+pub fn read_so_far() -> Vec<PathBuf> {
+    files_read().iter().flatten().cloned().collect()
+}
+
 /// Of the files read since [`record_files_read`] and of `more`, those that lie outside `folder`, symbolic links resolved,
 /// in the order of their paths.
 #[must_use]

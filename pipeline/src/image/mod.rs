@@ -12,7 +12,7 @@ pub use read::{Picture, ReadImageError, Variance, read_image};
 pub use rows::{ImageRows, Rows};
 pub use visible::{Content, VisibleRows, make_visible};
 pub use write::{
-    COLOR_ATTRIBUTE, Layer, RowLayer, encode_exr, encode_png, write_exr, write_exr_layers, write_exr_of,
+    COLOR_ATTRIBUTE, Layer, RowLayer, byte, encode_exr, encode_png, write_exr, write_exr_layers, write_exr_of,
     write_exr_rows, write_exr_rows_of, write_png, write_png_rows,
 };
 

@@ -68,7 +68,6 @@ pub fn encode_png(file: impl Write, rows: &mut dyn Rows) -> io::Result<()> {
     encoder.set_filter(png::Filter::Adaptive);
     let mut header = encoder.write_header()?;
     let mut writer = header.stream_writer_with_size(BUFFER)?;
-    let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
     let mut bytes: Vec<[u8; 3]> = memory::with_capacity(width as usize * ROWS.min(height) as usize)?;
     for first in (0..height).step_by(ROWS as usize) {
         let count = ROWS.min(height - first);
@@ -83,6 +82,12 @@ pub fn encode_png(file: impl Write, rows: &mut dyn Rows) -> io::Result<()> {
     writer.finish()?;
     header.finish()?;
     Ok(())
+}
+
+/// A value as PNG files of 8 bits store it: cut to 0..=1, times 255, rounded; NaN is 0.
+#[must_use]
+pub fn byte(value: f32) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
 /// Rows that fall short would be a file that ends early.

@@ -69,6 +69,17 @@ impl Project {
         Ok(files.into_iter().map(|(path, _)| path).collect())
     }
 
+    /// The element of a camera, to be pasted among the `<cameras>` of a project: every number comes back to the bit.
+    ///
+    /// # Errors
+    /// If there is no such camera, or the format cannot hold its name.
+    pub fn camera_xml(&self, camera: &str) -> Result<String, String> {
+        let camera = &self.cameras[self.camera(camera)?];
+        let mut xml = Xml::fragment();
+        self.write_camera(&mut xml, camera);
+        xml.finish().map_err(|error| error.to_string())
+    }
+
     fn document(&self, folder: &Path, libraries: &[Library]) -> Result<String, WriteError> {
         let mut xml = Xml::new("Written by curitiba. docs/projects.md says what each element means.");
         let [width, height] = self.window.map(|side| side.to_string());

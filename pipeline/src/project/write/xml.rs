@@ -20,6 +20,11 @@ impl Xml {
         Self { text, open: Vec::new(), wrong: None }
     }
 
+    /// Elements for a document that is there already.
+    pub fn fragment() -> Self {
+        Self { text: String::new(), open: Vec::new(), wrong: None }
+    }
+
     /// An element with children, up to [`Self::end`].
     pub fn begin(&mut self, name: &'static str, attributes: &[(&str, &str)]) {
         self.start(name, attributes);

@@ -1,7 +1,7 @@
 //! The arguments that describe the project of a scene without one.
 
+use crate::pipeline::project::{Effects, SceneOptions, Up};
 use clap::Args;
-use curitiba::pipeline::project::{Effects, SceneOptions, Up};
 use glam::Vec3;
 use std::path::PathBuf;
 
@@ -34,6 +34,7 @@ pub struct SceneFlags {
 
 impl SceneFlags {
     /// As the library has it; `more` are scene files beside the first.
+    #[must_use]
     pub fn options(&self, more: &[PathBuf]) -> SceneOptions {
         SceneOptions {
             more: more.to_vec(),

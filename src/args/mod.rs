@@ -1,0 +1,7 @@
+//! The arguments by which command lines name a project or scene and what is asked of it: those of `curitiba` and of `curitiba-view`.
+
+mod project;
+mod scene;
+
+pub use project::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_pixel, parse_size};
+pub use scene::SceneFlags;

@@ -1,0 +1,209 @@
+//! The window: what is shown and asked for between two drawings.
+
+use crate::camera;
+use crate::canvas::Canvas;
+use crate::ui;
+pub use crate::ui::style;
+use crate::worker::{Available, Command, Facts, Other, Picture, Source, State, Worker};
+use curitiba::pipeline::project::Pose;
+use egui::{TextureHandle, Ui};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+/// How two pictures are shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mode {
+    /// The first left of a line, the other right of it.
+    #[default]
+    Wipe,
+    /// One after the other.
+    Flicker,
+    /// Where they differ.
+    Difference,
+}
+
+/// An output that a row of the table stands for; `None` for the result.
+pub(crate) type Output = Option<String>;
+
+/// A texture with the picture that it was made of.
+#[derive(Default)]
+pub(crate) struct Slot {
+    pub held: Option<(Arc<Picture>, bool, TextureHandle)>,
+}
+
+/// The whole window.
+pub struct App {
+    /// The renderer's thread.
+    pub worker: Worker,
+    /// What it told last.
+    pub state: State,
+    /// Where the picture lies.
+    pub canvas: Canvas,
+    /// The output that was clicked.
+    pub pinned: Option<Output>,
+    /// The output whose row the pointer is over.
+    pub hovered: Option<Output>,
+    /// What the thread was asked to show last.
+    pub(crate) asked: Output,
+    /// The pass whose times are marked, by index.
+    pub(crate) marked: Option<usize>,
+    /// The same of the drawing before: rows and graph mark each other.
+    pub(crate) was_marked: Option<usize>,
+    /// How two pictures are shown.
+    pub mode: Mode,
+    /// Where the line of [`Mode::Wipe`] is, as a share of the picture's width.
+    pub wipe: f32,
+    /// Whether that line is dragged.
+    pub(crate) holds_line: bool,
+    /// What is compared with.
+    pub other: Option<Other>,
+    /// A file to compare with, as it is typed.
+    pub(crate) reference: String,
+    /// A picture that was kept.
+    pub(crate) kept: Option<Arc<Picture>>,
+    /// Whether more samples are taken at rest.
+    pub refine: bool,
+    /// Whether nothing is rendered.
+    pub paused: bool,
+    /// Where the camera stands while it is moved.
+    pub(crate) pose: Option<Pose>,
+    /// How fast it flies, a second, as a share of the scene's radius.
+    pub speed: f32,
+    /// The pixel under the pointer.
+    pub(crate) pointed: Option<[u32; 2]>,
+    /// The pixel whose rays are shown.
+    pub picked: Option<[u32; 2]>,
+    /// Whether keys are explained.
+    pub help: bool,
+    /// Whether warnings are listed.
+    pub list_warnings: bool,
+    pub(crate) shown: Slot,
+    pub(crate) against: Slot,
+    pub(crate) heat: Slot,
+    available: Arc<Mutex<Option<Available>>>,
+    /// Drawings with a picture in them.
+    pub drawn: u32,
+    /// What laying out the window took last, milliseconds: no pass is rendered there.
+    pub drawing_ms: f32,
+}
+
+impl App {
+    /// Opens a window on something.
+    ///
+    /// # Errors
+    /// If no thread can be started.
+    pub fn new(context: &egui::Context, source: Source, reference: Option<PathBuf>) -> std::io::Result<Self> {
+        style(context);
+        let wake = context.clone();
+        let available = Arc::default();
+        let found: Arc<Mutex<Option<Available>>> = Arc::clone(&available);
+        let worker = Worker::start(source, move || wake.request_repaint())?;
+        let told = context.clone();
+        // Devices are looked for beside the first frame.
+        std::thread::Builder::new().name("devices".to_owned()).spawn(move || {
+            let looked = Available::look();
+            *found.lock().unwrap_or_else(PoisonError::into_inner) = Some(looked);
+            told.request_repaint();
+        })?;
+        let mut app = Self {
+            worker,
+            state: State::default(),
+            canvas: Canvas::default(),
+            pinned: None,
+            hovered: None,
+            asked: None,
+            marked: None,
+            was_marked: None,
+            mode: Mode::default(),
+            wipe: 0.5,
+            holds_line: false,
+            other: None,
+            reference: reference.as_ref().map_or(String::new(), |path| path.display().to_string()),
+            kept: None,
+            refine: true,
+            paused: false,
+            pose: None,
+            speed: 0.5,
+            pointed: None,
+            picked: None,
+            help: false,
+            list_warnings: true,
+            shown: Slot::default(),
+            against: Slot::default(),
+            heat: Slot::default(),
+            available,
+            drawn: 0,
+            drawing_ms: 0.0,
+        };
+        if let Some(path) = reference {
+            app.compare_with(Some(Other::File(path)));
+        }
+        Ok(app)
+    }
+
+    /// Draws the window.
+    pub fn draw(&mut self, ui: &mut Ui) {
+        let start = Instant::now();
+        self.state = self.worker.state();
+        let facts = self.state.facts.clone();
+        let hovered = self.hovered.take();
+        self.was_marked = self.marked.take();
+        ui::keys::read(self, ui, facts.as_deref());
+        ui::top::draw(self, ui, facts.as_deref());
+        ui::status::draw(self, ui, facts.as_deref());
+        ui::graph::draw(self, ui, facts.as_deref());
+        ui::passes::draw(self, ui, facts.as_deref());
+        ui::side::draw(self, ui, facts.as_deref());
+        ui::picture::draw(self, ui, facts.as_deref());
+        ui::help::draw(self, ui);
+        if self.hovered != hovered || self.marked != self.was_marked {
+            ui.ctx().request_repaint();
+        }
+        self.ask_for_output();
+        self.drawn += u32::from(self.state.picture.is_some());
+        self.drawing_ms = start.elapsed().as_secs_f32() * 1e3;
+    }
+
+    /// Lets the thread show what is hovered or pinned.
+    fn ask_for_output(&mut self) {
+        let wanted = self.hovered.clone().or_else(|| self.pinned.clone()).flatten();
+        if wanted != self.asked {
+            self.asked.clone_from(&wanted);
+            self.worker.send(Command::Show(wanted));
+        }
+    }
+
+    /// Compares with something else from now on.
+    pub fn compare_with(&mut self, other: Option<Other>) {
+        self.other.clone_from(&other);
+        self.worker.send(Command::Compare(other));
+    }
+
+    /// Looks into a pixel from now on.
+    pub fn pick(&mut self, pixel: Option<[u32; 2]>) {
+        self.picked = pixel;
+        self.worker.send(Command::Pixel(pixel));
+    }
+
+    /// Moves the camera by a function of where it stands.
+    pub fn move_camera(&mut self, facts: Option<&Facts>, to: impl FnOnce(&Pose, &camera::Bounds) -> Pose) {
+        let Some((pose, bounds)) = facts.and_then(|facts| Some((facts.pose?, facts.bounds?))) else { return };
+        let pose = to(&self.pose.unwrap_or(pose), &bounds);
+        self.pose = Some(pose);
+        self.worker.send(Command::Move(pose));
+    }
+
+    /// Which engines are there, once that is known.
+    pub(crate) fn available(&self) -> Option<Available> {
+        self.available.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Where a picture is saved: a name that is not taken yet.
+    pub(crate) fn new_file(facts: &Facts) -> PathBuf {
+        let stem = facts.source.file_stem().map_or_else(|| "picture".into(), |stem| stem.to_owned());
+        let name = |number: u32| PathBuf::from(format!("{}-{number}", stem.display()));
+        let free = |path: &PathBuf| ["png", "exr", "json"].iter().all(|end| !path.with_extension(end).exists());
+        (1..10_000).map(name).find(free).unwrap_or_else(|| name(10_000))
+    }
+}

@@ -1,0 +1,125 @@
+//! Where a picture lies in the window: zoom, place, pixels.
+
+use egui::{Pos2, Rect, Vec2, pos2, vec2};
+
+/// From this many points a pixel, pixels are drawn as squares.
+pub const SQUARES: f32 = 4.0;
+/// From this many points a pixel, their values are written into them.
+pub const VALUES: f32 = 48.0;
+
+const LEAST: f32 = 1.0 / 64.0;
+const MOST: f32 = 256.0;
+
+/// Zoom and place of a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Canvas {
+    /// Points a pixel, and the picture's centre from the middle of the area, points; the whole picture in the area, if `None`.
+    place: Option<(f32, Vec2)>,
+}
+
+impl Canvas {
+    /// Shows all of the picture.
+    pub fn fit(&mut self) {
+        self.place = None;
+    }
+
+    /// Shows a pixel as so many points, the middle of the area in its place.
+    pub fn set_scale(&mut self, scale: f32) {
+        self.place = Some((scale, self.place.map_or(Vec2::ZERO, |(_, offset)| offset)));
+    }
+
+    /// Points a pixel.
+    #[must_use]
+    pub fn scale(&self, area: Rect, [width, height]: [u32; 2]) -> f32 {
+        let fitting = (area.width() / width.max(1) as f32).min(area.height() / height.max(1) as f32);
+        self.place.map_or(fitting, |(scale, _)| scale)
+    }
+
+    /// Where the whole picture lies.
+    #[must_use]
+    pub fn rect(&self, area: Rect, size: [u32; 2]) -> Rect {
+        let offset = self.place.map_or(Vec2::ZERO, |(_, offset)| offset);
+        let scale = self.scale(area, size);
+        let rect = Rect::from_center_size(area.center() + offset, vec2(size[0] as f32, size[1] as f32) * scale);
+        // Pixels lie on those of the screen, where they are as large.
+        if scale == 1.0 { Rect::from_min_size(rounded(rect.min), rect.size()) } else { rect }
+    }
+
+    /// Zooms by a factor; what is at a point stays there.
+    pub fn zoom(&mut self, area: Rect, size: [u32; 2], at: Pos2, factor: f32) {
+        let (scale, rect) = (self.scale(area, size), self.rect(area, size));
+        let new = (scale * factor).clamp(LEAST, MOST);
+        let center = at + (rect.center() - at) * (new / scale);
+        self.place = Some((new, center - area.center()));
+    }
+
+    /// Moves the picture.
+    pub fn pan(&mut self, area: Rect, size: [u32; 2], by: Vec2) {
+        let offset = self.rect(area, size).center() - area.center();
+        self.place = Some((self.scale(area, size), offset + by));
+    }
+
+    /// The pixel at a point, column and row from the top left; `None` outside.
+    #[must_use]
+    pub fn pixel(&self, area: Rect, size: [u32; 2], at: Pos2) -> Option<[u32; 2]> {
+        let from = (at - self.rect(area, size).min) / self.scale(area, size);
+        let inside = from.x >= 0.0 && from.y >= 0.0 && from.x < size[0] as f32 && from.y < size[1] as f32;
+        inside.then_some([from.x as u32, from.y as u32])
+    }
+
+    /// Where a place of the picture lies, in pixels from its top left.
+    #[must_use]
+    pub fn point(&self, area: Rect, size: [u32; 2], x: f32, y: f32) -> Pos2 {
+        let scale = self.scale(area, size);
+        self.rect(area, size).min + vec2(x, y) * scale
+    }
+
+    /// The rectangle of a pixel.
+    #[must_use]
+    pub fn pixel_rect(&self, area: Rect, size: [u32; 2], [x, y]: [u32; 2]) -> Rect {
+        let (x, y) = (x as f32, y as f32);
+        Rect::from_min_max(self.point(area, size, x, y), self.point(area, size, x + 1.0, y + 1.0))
+    }
+}
+
+/// The nearest place of whole points, where texts and pixels are sharp.
+#[must_use]
+pub fn rounded(at: Pos2) -> Pos2 {
+    pos2(at.x.round(), at.y.round())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AREA: Rect = Rect { min: pos2(100.0, 50.0), max: pos2(500.0, 250.0) };
+    const SIZE: [u32; 2] = [100, 100];
+
+    #[test]
+    fn a_fitted_picture_fills_the_shorter_side() {
+        let canvas = Canvas::default();
+        assert_eq!(canvas.scale(AREA, SIZE), 2.0);
+        assert_eq!(canvas.rect(AREA, SIZE), Rect::from_min_max(pos2(200.0, 50.0), pos2(400.0, 250.0)));
+        assert_eq!(canvas.pixel(AREA, SIZE, pos2(201.0, 51.0)), Some([0, 0]));
+        assert_eq!(canvas.pixel(AREA, SIZE, pos2(399.0, 249.0)), Some([99, 99]));
+        assert_eq!(canvas.pixel(AREA, SIZE, pos2(199.0, 51.0)), None);
+    }
+
+    #[test]
+    fn what_is_under_the_pointer_stays_there() {
+        let mut canvas = Canvas::default();
+        let at = pos2(321.0, 77.0);
+        let before = canvas.pixel(AREA, SIZE, at);
+        for factor in [1.7, 3.0, 0.4] {
+            canvas.zoom(AREA, SIZE, at, factor);
+            assert_eq!(canvas.pixel(AREA, SIZE, at), before);
+        }
+        assert!((canvas.scale(AREA, SIZE) - 2.0 * 1.7 * 3.0 * 0.4).abs() < 1e-4);
+        canvas.pan(AREA, SIZE, vec2(5.0, -3.0));
+        assert_eq!(canvas.pixel(AREA, SIZE, at + vec2(5.0, -3.0)), before);
+        canvas.zoom(AREA, SIZE, at, 1e9);
+        assert_eq!(canvas.scale(AREA, SIZE), MOST);
+        canvas.fit();
+        assert_eq!(canvas, Canvas::default());
+    }
+}

@@ -1,0 +1,13 @@
+//! A window on Curitiba's renderer.
+//!
+//! [`worker`] owns a renderer on a thread of its own and knows nothing of windows: commands go in, pictures and facts come out. [`app`] shows
+//! them with egui. Nothing is drawn that a [`Renderer`](curitiba::pipeline::executor::Renderer) did not return.
+#![forbid(unsafe_code)]
+
+pub mod app;
+pub mod args;
+pub mod camera;
+pub mod canvas;
+pub mod worker;
+
+mod ui;

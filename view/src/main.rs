@@ -1,0 +1,113 @@
+//! `curitiba-view`: the window. Exit codes: 0 closed; 1 no window can be opened, or the picture could not be rendered; 2 the command line
+//! is wrong.
+#![forbid(unsafe_code)]
+
+use clap::Parser as _;
+use curitiba::pipeline::files;
+use curitiba::pipeline::image::{Image, write_png};
+use curitiba_view::app::App;
+use curitiba_view::args::ViewArgs;
+use curitiba_view::worker::Source;
+use eframe::{NativeOptions, Renderer};
+use egui::{ViewportBuilder, ViewportCommand, vec2};
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The window, and when it closes by itself.
+struct Window {
+    app: App,
+    quit_after: Option<u32>,
+    window_png: Option<PathBuf>,
+    asked: bool,
+    failed: Arc<AtomicBool>,
+}
+
+impl eframe::App for Window {
+    fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
+        self.app.draw(ui);
+        let Some(frames) = self.quit_after else { return };
+        let context = ui.ctx();
+        context.request_repaint();
+        let never = self.app.state.activity == curitiba_view::worker::Activity::Failed;
+        if never {
+            eprintln!("error: {}", self.app.state.error.as_deref().unwrap_or("there is no picture"));
+            self.failed.store(true, Ordering::Relaxed);
+            context.send_viewport_cmd(ViewportCommand::Close);
+        } else if self.app.drawn >= frames {
+            self.close(context);
+        }
+    }
+}
+
+impl Window {
+    /// Closes, after the picture of the window was written that was asked for.
+    fn close(&mut self, context: &egui::Context) {
+        let Some(path) = self.window_png.clone() else { return context.send_viewport_cmd(ViewportCommand::Close) };
+        if std::mem::replace(&mut self.asked, true) {
+            return;
+        }
+        let (failed, closing) = (Arc::clone(&self.failed), context.clone());
+        context.request_screenshot(move |picture| {
+            let pixels =
+                picture.pixels.iter().map(|color| color.to_array().map(|byte| f32::from(byte) / 255.0)).collect();
+            let [width, height] = picture.size.map(|side| side as u32);
+            if let Err(error) = write_png(&path, &Image { width, height, pixels }) {
+                eprintln!("error: {}: {error}", path.display());
+                failed.store(true, Ordering::Relaxed);
+            }
+            closing.send_viewport_cmd(ViewportCommand::Close);
+        });
+    }
+}
+
+fn main() -> ExitCode {
+    let args = ViewArgs::parse();
+    match run(args) {
+        Ok(code) => code,
+        Err(message) => {
+            eprintln!("error: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: ViewArgs) -> Result<ExitCode, String> {
+    if let Some(folder) = &args.confine {
+        files::confine(folder).map_err(|error| format!("--confine {}: {error}", folder.display()))?;
+    }
+    curitiba::threads::start(args.project.threads)?;
+    // What was read is what is watched.
+    files::record_files_read();
+    let source = Source {
+        path: args.project.path.clone(),
+        settings: args.project.settings(),
+        choice: args.project.choice(),
+        watch: true,
+    };
+    let title = format!("{} – curitiba", source.path.display());
+    let viewport = ViewportBuilder::default()
+        .with_title(title)
+        .with_app_id("curitiba-view")
+        .with_inner_size(vec2(1280.0, 800.0))
+        .with_min_inner_size(vec2(760.0, 480.0));
+    let options = NativeOptions { viewport, renderer: Renderer::Wgpu, ..NativeOptions::default() };
+    let failed = Arc::new(AtomicBool::new(false));
+    let told = Arc::clone(&failed);
+    let ViewArgs { reference, quit_after, window_png, .. } = args;
+    eframe::run_native(
+        "curitiba-view",
+        options,
+        Box::new(move |context| {
+            let app = App::new(&context.egui_ctx, source, reference)?;
+            Ok(Box::new(Window { app, quit_after, window_png, asked: false, failed: told }))
+        }),
+    )
+    .map_err(|error| {
+        format!(
+            "no window can be opened: {error}\n       `curitiba render` needs no window; over ssh, `ssh -X` lends one"
+        )
+    })?;
+    Ok(if failed.load(Ordering::Relaxed) { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}

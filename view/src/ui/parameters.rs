@@ -1,0 +1,63 @@
+//! Parameters of a pass, from the one table.
+
+use crate::app::App;
+use crate::worker::{Command, Parameter, PassFacts};
+use curitiba::pipeline::programs::Values;
+use egui::{ComboBox, DragValue, Grid, Response, Role, Slider, Ui, WidgetInfo};
+
+/// Draws them; what is changed is asked for at once.
+pub fn draw(app: &App, ui: &mut Ui, pass: &PassFacts) {
+    Grid::new(("parameters", &pass.name)).num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
+        for parameter in &pass.parameters {
+            let help = format!("{}\nvalid: {}", parameter.info.about, parameter.info.valid);
+            ui.label(parameter.info.name).on_hover_text(&help);
+            if let Some(value) = edit(ui, pass, parameter) {
+                let (pass, name) = (pass.name.clone(), parameter.info.name.to_owned());
+                app.worker.send(Command::Parameter { pass, name, value });
+            }
+            ui.end_row();
+        }
+    });
+}
+
+/// The value that the user gave it now.
+fn edit(ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Option<String> {
+    let label = format!("{} {}", pass.name, parameter.info.name);
+    match parameter.info.values {
+        Values::Names(names) => {
+            let mut chosen = parameter.value.clone();
+            let combo = ComboBox::from_id_salt(&label).width(110.0).selected_text(&chosen);
+            combo.show_ui(ui, |ui| {
+                for name in names {
+                    ui.selectable_value(&mut chosen, (*name).to_owned(), *name);
+                }
+            });
+            (chosen != parameter.value).then_some(chosen)
+        }
+        Values::Integer(low, high) => {
+            let mut value: u32 = parameter.value.parse().ok()?;
+            let slider = Slider::new(&mut value, low..=high).logarithmic(high > 64);
+            let response = ui.add(slider);
+            named(&response, &label, f64::from(value));
+            response.changed().then(|| value.to_string())
+        }
+        Values::Number(low, high) => {
+            let mut value: f32 = parameter.value.parse().ok()?;
+            let slider = Slider::new(&mut value, low..=high).logarithmic(true).smallest_positive(0.01).max_decimals(3);
+            let response = ui.add(slider);
+            named(&response, &label, value.into());
+            response.changed().then(|| value.to_string())
+        }
+        Values::Positive => {
+            let mut value: f32 = parameter.value.parse().ok()?;
+            let speed = f64::from(value.abs()).clamp(1e-6, 1e6) * 0.01;
+            let response = ui.add(DragValue::new(&mut value).speed(speed).range(1e-6..=f32::MAX).max_decimals(6));
+            named(&response, &label, value.into());
+            response.changed().then(|| value.to_string())
+        }
+    }
+}
+
+fn named(response: &Response, label: &str, value: f64) {
+    response.widget_info(|| WidgetInfo { value: Some(value), ..WidgetInfo::labeled(Role::Slider, true, label) });
+}

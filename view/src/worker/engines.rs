@@ -1,0 +1,34 @@
+//! Which engines are there.
+
+use curitiba::passes::raster::gpu::adapters;
+use curitiba::{BackendChoice, Choice, RasterChoice, engines};
+
+/// Engines by name, with the reason of those that are not there.
+#[derive(Debug, Clone, Default)]
+pub struct Available {
+    /// Rasterisers.
+    pub raster: Vec<(RasterChoice, Option<String>)>,
+    /// Ray backends.
+    pub rays: Vec<(BackendChoice, Option<String>)>,
+}
+
+impl Available {
+    /// Looks for devices, which takes a while where there are any.
+    #[must_use]
+    pub fn look() -> Self {
+        let no_adapter = adapters().is_empty().then(|| "no device was found by wgpu".to_owned());
+        let raster = RasterChoice::NAMES
+            .map(|(_, choice)| (choice, if choice == RasterChoice::Wgpu { no_adapter.clone() } else { None }));
+        let rays = BackendChoice::NAMES.map(|(_, backend)| {
+            let missing = match backend {
+                BackendChoice::Auto | BackendChoice::Cpu => None,
+                BackendChoice::Wgpu => no_adapter.clone(),
+                BackendChoice::Cuda | BackendChoice::Optix => {
+                    engines::ray_backend(Choice::CPU.traced_by(backend)).err().map(|error| error.to_string())
+                }
+            };
+            (backend, missing)
+        });
+        Self { raster: raster.to_vec(), rays: rays.to_vec() }
+    }
+}

@@ -1,0 +1,272 @@
+//! What the window says of a project and its passes.
+
+use crate::camera::Bounds;
+use curitiba::Choice;
+use curitiba::pipeline::diagnostic::Severity;
+use curitiba::pipeline::executor::{Renderer, Row, StepKind};
+use curitiba::pipeline::plan::{Plan, Settings, Work};
+use curitiba::pipeline::programs::{PARAMS, ParamInfo, RayParams};
+use curitiba::pipeline::project::{Pass, PassKind, Pose};
+use curitiba::pipeline::raster_effects::{EFFECT_PARAMS, EffectParams};
+use glam::Mat4;
+use std::path::PathBuf;
+
+/// Facts of a project, as of the last frame.
+#[derive(Debug, Clone)]
+pub struct Facts {
+    /// The project or scene.
+    pub source: PathBuf,
+    /// The pipeline that runs.
+    pub pipeline: String,
+    /// Window, pixels.
+    pub window: [u32; 2],
+    /// By index of the pipeline.
+    pub passes: Vec<PassFacts>,
+    /// Names of the cameras.
+    pub cameras: Vec<String>,
+    /// The camera that every pass was given; `None` where each has its own.
+    pub camera: Option<String>,
+    /// The camera through which the first raster pass sees.
+    pub seen_by: String,
+    /// Where it stands.
+    pub pose: Option<Pose>,
+    /// Clip space from the world, of the first raster pass.
+    pub clip_from_world: Option<Mat4>,
+    /// Around the scene.
+    pub bounds: Option<Bounds>,
+    /// Its camera as an element of a project.
+    pub camera_xml: Result<String, String>,
+    /// The engines that were asked for.
+    pub choice: Choice,
+    /// Name and device of the rasteriser.
+    pub raster: [String; 2],
+    /// Name and device of the ray backend.
+    pub rays: [String; 2],
+    /// Everything that was replaced or left out, and every backend that another took the place of.
+    pub warnings: Vec<String>,
+    /// Loading and building, with milliseconds.
+    pub once: Vec<(String, f64)>,
+    /// What `curitiba render` takes to give this picture, but for a camera that was moved.
+    pub settings: Settings,
+}
+
+/// A pass.
+#[derive(Debug, Clone)]
+pub struct PassFacts {
+    /// Its name.
+    pub name: String,
+    /// `raster`, `rays`, `effect` or `quad`.
+    pub kind: &'static str,
+    /// What it runs, if a project chooses that.
+    pub program: Option<&'static str>,
+    /// What that does.
+    pub about: &'static str,
+    /// Whether it runs, and why not.
+    pub state: PassState,
+    /// What it writes.
+    pub outputs: Vec<PassOutput>,
+    /// What can be set.
+    pub parameters: Vec<Parameter>,
+    /// What it took when it last ran.
+    pub times: PassTimes,
+}
+
+/// Whether a pass runs.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PassState {
+    /// It does.
+    Runs,
+    /// The user switched it off.
+    Off,
+    /// The plan leaves it out, for this reason.
+    LeftOut(String),
+}
+
+/// What a pass writes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PassOutput {
+    /// Its own name: `pos`, `result`.
+    pub name: String,
+    /// `library::texture`; `None` for the window.
+    pub full: Option<String>,
+}
+
+/// A parameter of a pass.
+#[derive(Debug, Clone)]
+pub struct Parameter {
+    /// Its entry in the table.
+    pub info: &'static ParamInfo,
+    /// Its value, as projects have it.
+    pub value: String,
+}
+
+/// What a pass took when it last ran.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PassTimes {
+    /// How often it has run.
+    pub runs: u64,
+    /// Host time of all its steps, milliseconds.
+    pub host_ms: f64,
+    /// Device time, where the device has a clock.
+    pub device_ms: Option<f64>,
+    /// Rays.
+    pub rays: Option<u64>,
+    /// Its steps, with milliseconds and notes.
+    pub steps: Vec<(StepKind, f64, String)>,
+}
+
+impl PassTimes {
+    /// Takes what a pass did in the frame whose rows these are.
+    pub(super) fn take<'a>(&mut self, rows: impl Iterator<Item = &'a Row>) {
+        let runs = self.runs + 1;
+        *self = Self { runs, ..Self::default() };
+        for row in rows {
+            let host: f64 = row.host_ms.iter().sum();
+            self.host_ms += host;
+            if !row.device_ms.is_empty() {
+                *self.device_ms.get_or_insert_default() += row.device_ms.iter().sum::<f64>();
+            }
+            if let Some(rays) = row.rays {
+                *self.rays.get_or_insert_default() += rays.total();
+            }
+            self.steps.push((row.kind, host, row.note.clone()));
+        }
+    }
+
+    /// Millions of rays a second of host time.
+    #[must_use]
+    pub fn mrays_per_second(&self) -> Option<f64> {
+        self.rays.filter(|rays| *rays > 0).map(|rays| rays as f64 / 1e3 / self.host_ms.max(1e-6))
+    }
+}
+
+impl Facts {
+    /// Of a renderer after a frame; `times` by index of the pipeline.
+    pub(super) fn of(renderer: &Renderer, choice: Choice, times: &[PassTimes], bounds: Option<Bounds>) -> Self {
+        let plan = renderer.plan();
+        let project = renderer.project();
+        let pipeline = &plan.project.pipelines[plan.pipeline];
+        let engines = renderer.engines();
+        let seen_by = camera_in_use(renderer);
+        let passes = pipeline.passes.iter().enumerate().map(|(index, pass)| {
+            let times = times.get(index).cloned().unwrap_or_default();
+            pass_facts(plan, renderer.settings(), index, pass, times)
+        });
+        let problems = plan.project.problems.0.iter().filter(|problem| problem.severity != Severity::Note);
+        let mut warnings: Vec<String> = renderer.fallbacks().iter().map(ToString::to_string).collect();
+        warnings.extend(problems.map(ToString::to_string));
+        warnings.extend(renderer.warnings().groups().iter().map(ToString::to_string));
+        let once = renderer.timeline().rows.iter().filter(|row| matches!(row.kind, StepKind::Load | StepKind::Build));
+        Self {
+            source: plan.project.source.clone(),
+            pipeline: pipeline.name.clone(),
+            window: plan.window,
+            passes: passes.collect(),
+            cameras: project.cameras.iter().map(|camera| camera.name.clone()).collect(),
+            camera: renderer.settings().camera.clone(),
+            pose: project.pose(&seen_by).ok(),
+            clip_from_world: plan.passes.iter().find_map(|planned| match planned.work {
+                Work::Raster { view, .. } => Some(view.clip_from_world),
+                _ => None,
+            }),
+            bounds,
+            camera_xml: project.camera_xml(&seen_by),
+            seen_by,
+            choice,
+            raster: [engines.raster.name().to_owned(), engines.raster.device()],
+            rays: [engines.rays.name().to_owned(), engines.rays.device()],
+            warnings,
+            once: once.map(|row| (format!("{} {}", row.kind.name(), row.name), row.median_ms())).collect(),
+            settings: renderer.settings().clone(),
+        }
+    }
+
+    /// What the passes that run took when they last ran, milliseconds.
+    #[must_use]
+    pub fn frame_ms(&self) -> f64 {
+        self.passes.iter().filter(|pass| pass.state == PassState::Runs).map(|pass| pass.times.host_ms).sum()
+    }
+
+    /// The pass that wrote an output last; of the result, the last one that writes the window.
+    #[must_use]
+    pub fn last_writer(&self, output: Option<&str>) -> Option<&PassFacts> {
+        let writes = |pass: &&PassFacts| pass.outputs.iter().any(|written| written.full.as_deref() == output);
+        self.passes.iter().filter(writes).rfind(|pass| pass.state == PassState::Runs)
+    }
+}
+
+/// The name of the camera through which the first raster pass sees.
+pub(super) fn camera_in_use(renderer: &Renderer) -> String {
+    let project = renderer.project();
+    if let Some(camera) = &renderer.settings().camera {
+        return camera.clone();
+    }
+    let plan = renderer.plan();
+    let of_pass = plan.project.pipelines[plan.pipeline].passes.iter().find_map(|pass| match &pass.kind {
+        PassKind::Raster(raster) => Some(raster.camera),
+        _ => None,
+    });
+    project.cameras.get(of_pass.unwrap_or_default()).map_or(String::new(), |camera| camera.name.clone())
+}
+
+fn pass_facts(plan: &Plan, settings: &Settings, index: usize, pass: &Pass, times: PassTimes) -> PassFacts {
+    let (kind, program, about) = match &pass.kind {
+        PassKind::Raster(_) => ("raster", None, "draws triangles"),
+        PassKind::Ray(ray) => ("rays", Some(ray.program.info().stem), ray.program.info().about),
+        PassKind::Effect(effect) => ("effect", Some(effect.program.info().name), effect.program.info().about),
+        PassKind::Quad(_) => ("quad", None, "fills a rectangle from one texture, or from the product of two"),
+    };
+    let written = if kind == "raster" { 3 } else { 1 };
+    let outputs = match pass.target {
+        None => vec![PassOutput { name: "result".to_owned(), full: None }],
+        Some(target) => {
+            let target = &plan.project.targets[target];
+            let output =
+                |name: &String| PassOutput { name: name.clone(), full: Some(format!("{}::{name}", target.library)) };
+            target.channels.iter().take(written).map(|channel| output(&channel.name)).collect()
+        }
+    };
+    let what = format!("pass `{}`", pass.name);
+    let state = if settings.off.contains(&pass.name) {
+        PassState::Off
+    } else if plan.passes.iter().any(|planned| planned.pass == index) {
+        PassState::Runs
+    } else {
+        let why = plan.decisions.iter().find(|decision| decision.what == what && !decision.built);
+        PassState::LeftOut(why.map_or("the plan leaves it out".to_owned(), |decision| decision.why.clone()))
+    };
+    let parameters = parameters(pass, settings);
+    PassFacts { name: pass.name.clone(), kind, program, about, state, outputs, parameters, times }
+}
+
+/// The parameters of a ray pass with what was set.
+pub(super) fn ray_parameters(pass: &str, mut values: RayParams, settings: &Settings) -> RayParams {
+    let prefix = format!("{pass}.");
+    for (name, value) in settings.set.iter().filter_map(|set| set.strip_prefix(&prefix)?.split_once('=')) {
+        // What is not valid was refused when it was set.
+        let _ = values.set(name, value);
+    }
+    values
+}
+
+/// The parameters of a pass with what was set: also of one that is switched off.
+fn parameters(pass: &Pass, settings: &Settings) -> Vec<Parameter> {
+    let prefix = format!("{}.", pass.name);
+    let set = settings.set.iter().filter_map(|set| set.strip_prefix(&prefix)?.split_once('='));
+    match &pass.kind {
+        PassKind::Ray(ray) => {
+            let values = ray_parameters(&pass.name, ray.params, settings);
+            let read = PARAMS.iter().filter(|info| ray.program.info().reads(info.name));
+            read.map(|info| Parameter { info, value: values.get(info.name) }).collect()
+        }
+        PassKind::Effect(effect) => {
+            let mut values: EffectParams = effect.params;
+            for (name, value) in set {
+                let _ = values.set(name, value);
+            }
+            let read = EFFECT_PARAMS.iter().filter(|info| effect.program.info().params.contains(&info.name));
+            read.map(|info| Parameter { info, value: values.get(info.name) }).collect()
+        }
+        PassKind::Raster(_) | PassKind::Quad(_) => Vec::new(),
+    }
+}

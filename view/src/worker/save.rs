@@ -1,0 +1,136 @@
+//! Writing the picture with what reproduces it.
+
+use curitiba::environment::Environment;
+use curitiba::pipeline::executor::{Renderer, Silent};
+use curitiba::pipeline::plan::Settings;
+use curitiba::pipeline::programs::Fidelity;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// What a picture was rendered with.
+#[derive(Serialize)]
+struct Record<'a> {
+    /// A command that renders the same picture, if the camera stands where the project has it.
+    command: String,
+    project: &'a Path,
+    size: [u32; 2],
+    camera: &'a str,
+    /// The camera as an element of a project: where it was moved, the project needs it for the same picture.
+    camera_xml: String,
+    camera_was_moved: bool,
+    parameters: &'a [String],
+    off: &'a [String],
+    seed: u32,
+    /// Samples that were accumulated; none where the project's own were taken at once.
+    accumulated: Option<u64>,
+    raster: &'static str,
+    rays: &'static str,
+    environment: Environment,
+}
+
+/// What of the session is not in the renderer.
+pub(super) struct Taken {
+    pub camera: String,
+    pub moved: bool,
+    pub accumulated: Option<u64>,
+}
+
+/// Writes `NAME.png`, `NAME.exr` and `NAME.json`. Returns what was written.
+pub(super) fn save(renderer: &mut Renderer, path: &Path, taken: &Taken) -> Result<Vec<PathBuf>, String> {
+    let (png, exr, json) = (path.with_extension("png"), path.with_extension("exr"), path.with_extension("json"));
+    for picture in [&png, &exr] {
+        renderer.save(picture, &mut Silent).map_err(|error| error.to_string())?;
+    }
+    let settings = renderer.settings().clone();
+    let engines = renderer.engines();
+    let record = Record {
+        command: command(
+            &renderer.project().source,
+            &settings,
+            renderer.plan().window,
+            taken,
+            engines.raster.name(),
+            engines.rays.name(),
+        ),
+        project: &renderer.project().source,
+        size: renderer.plan().window,
+        camera: &taken.camera,
+        camera_xml: renderer.project().camera_xml(&taken.camera).unwrap_or_else(|why| why),
+        camera_was_moved: taken.moved,
+        parameters: &settings.set,
+        off: &settings.off,
+        seed: settings.seed,
+        accumulated: taken.accumulated,
+        raster: engines.raster.name(),
+        rays: engines.rays.name(),
+        environment: Environment::here().with_engines(engines),
+    };
+    let text = serde_json::to_string_pretty(&record).map_err(|error| error.to_string())?;
+    curitiba::pipeline::files::write_atomically(&json, text.as_bytes())
+        .map_err(|error| format!("{}: {error}", json.display()))?;
+    Ok(vec![png, exr, json])
+}
+
+/// A word of a shell.
+fn word(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.to_owned()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
+fn command(
+    source: &Path,
+    settings: &Settings,
+    [width, height]: [u32; 2],
+    taken: &Taken,
+    raster: &str,
+    rays: &str,
+) -> String {
+    let mut words = vec!["curitiba".to_owned(), "render".to_owned(), word(&source.display().to_string())];
+    let mut option = |name: &str, value: &str| words.extend([format!("--{name}"), word(value)]);
+    option("size", &format!("{width}x{height}"));
+    option("raster", raster);
+    option("backend", rays);
+    for (name, value) in [("camera", &settings.camera), ("pipeline", &settings.pipeline)] {
+        value.iter().for_each(|value| option(name, value));
+    }
+    if settings.fidelity == Fidelity::Thesis {
+        option("fidelity", "thesis");
+    }
+    settings.color.iter().for_each(|space| option("color", space.name()));
+    if settings.exposure != 0.0 {
+        option("exposure", &settings.exposure.to_string());
+    }
+    if settings.tone != curitiba::pipeline::color::Tone::None {
+        option("tone", settings.tone.name());
+    }
+    if settings.seed != 0 {
+        option("seed", &settings.seed.to_string());
+    }
+    settings.set.iter().for_each(|set| option("set", set));
+    settings.off.iter().for_each(|off| option("off", off));
+    if let Some(samples) = taken.accumulated {
+        option("accumulate", &samples.to_string());
+    }
+    words.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_names_what_differs_from_the_project() {
+        let settings =
+            Settings { set: vec!["pass2.samples=4".to_owned()], off: vec!["a b".to_owned()], ..Settings::default() };
+        let taken = Taken { camera: "c".to_owned(), moved: false, accumulated: Some(256) };
+        let text = command(Path::new("it's.xml"), &settings, [8, 4], &taken, "cpu", "wgpu");
+        assert_eq!(
+            text,
+            "curitiba render 'it'\\''s.xml' --size 8x4 --raster cpu --backend wgpu --set pass2.samples=4 --off 'a b' --accumulate 256"
+        );
+    }
+}

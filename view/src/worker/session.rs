@@ -1,0 +1,268 @@
+//! What is to be done next, and what was asked for.
+
+use super::compare::Other;
+use super::facts::{Facts, PassTimes, camera_in_use};
+use super::history::History;
+use super::picture::Picture;
+use super::save::{self, Taken};
+use super::watch::{PERIOD, Watch};
+use super::{Activity, Command, Shared, Source, lock};
+use crate::camera::Bounds;
+use curitiba::Choice;
+use curitiba::pipeline::executor::{Accumulation, ChangeError, Renderer};
+use curitiba::pipeline::project::Pose;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// After so long without a move the camera rests.
+const REST: Duration = Duration::from_millis(150);
+
+/// The picture while the camera moves: few samples.
+pub(super) struct Preview {
+    /// When it moved last.
+    pub moved: Instant,
+    /// What the passes took before: pass and samples.
+    pub samples: Vec<(String, String)>,
+    /// Samples that are taken instead.
+    pub fewer: u32,
+}
+
+/// The renderer's thread's own.
+pub(super) struct Session {
+    pub source: Source,
+    pub shared: Arc<Shared>,
+    pub renderer: Option<Renderer>,
+    pub choice: Choice,
+    /// Cameras that were moved.
+    pub poses: Vec<(String, Pose)>,
+    pub bounds: Option<Bounds>,
+    /// Addresses of the scenes that these are around.
+    pub scenes: Vec<usize>,
+    pub watch: Watch,
+    /// By index of the pipeline.
+    pub times: Vec<PassTimes>,
+    pub history: History,
+    /// The window's picture.
+    pub result: Option<Arc<Picture>>,
+    /// Samples of it: those that the passes were set to, or were accumulated.
+    pub samples: u64,
+    pub accumulated: bool,
+    pub accumulation: Option<Accumulation>,
+    pub preview: Option<Preview>,
+    /// The output that is shown; the result, if `None`.
+    pub shown: Option<String>,
+    pub pixel: Option<[u32; 2]>,
+    pub other: Option<Other>,
+    pub refine: bool,
+    pub paused: bool,
+    // What is to be done.
+    pub opening: bool,
+    pub pose: Option<Pose>,
+    pub frame_due: bool,
+    pub show_due: bool,
+    pub pixel_due: bool,
+    pub other_due: bool,
+    pub compare_due: bool,
+    pub refine_due: bool,
+}
+
+impl Session {
+    pub fn new(source: Source, shared: Arc<Shared>) -> Self {
+        let choice = source.choice;
+        Self {
+            source,
+            shared,
+            renderer: None,
+            choice,
+            poses: Vec::new(),
+            bounds: None,
+            scenes: Vec::new(),
+            watch: Watch::default(),
+            times: Vec::new(),
+            history: History::default(),
+            result: None,
+            samples: 0,
+            accumulated: false,
+            accumulation: None,
+            preview: None,
+            shown: None,
+            pixel: None,
+            other: None,
+            refine: true,
+            paused: false,
+            opening: true,
+            pose: None,
+            frame_due: false,
+            show_due: false,
+            pixel_due: false,
+            other_due: false,
+            compare_due: false,
+            refine_due: false,
+        }
+    }
+
+    /// A step begins: nobody has given it up.
+    pub fn begin(&mut self) {
+        let mut busy = lock(&self.shared.busy);
+        busy.since = None;
+        busy.cancellation.reset();
+        if let Some(given_up) = busy.given_up.take() {
+            drop(busy);
+            lock(&self.shared.state).gave_up_after = Some(given_up.elapsed());
+        }
+    }
+
+    /// How long to wait for commands; `None` for ever.
+    pub fn patience(&self) -> Option<Duration> {
+        let idle = self.source.watch.then_some(PERIOD);
+        if self.opening {
+            return Some(Duration::ZERO);
+        }
+        if self.paused || self.renderer.is_none() {
+            return idle;
+        }
+        let due = [self.frame_due, self.show_due, self.pixel_due, self.other_due, self.compare_due, self.refine_due];
+        if self.pose.is_some() || (self.preview.is_none() && due.contains(&true)) {
+            return Some(Duration::ZERO);
+        }
+        self.preview.as_ref().map(|preview| REST.saturating_sub(preview.moved.elapsed())).or(idle)
+    }
+
+    /// Whether the camera has rested long enough.
+    pub fn rested(&self) -> bool {
+        self.preview.as_ref().is_some_and(|preview| preview.moved.elapsed() >= REST)
+    }
+
+    /// Takes up a command.
+    pub fn take(&mut self, command: Command) {
+        let result = match command {
+            Command::Camera(name) => self.set(|renderer| renderer.set_camera(name.as_deref())),
+            Command::Parameter { pass, name, value } => {
+                self.set(|renderer| renderer.set_parameter(&pass, &name, &value))
+            }
+            Command::Enable { pass, on } => self.set(|renderer| renderer.set_enabled(&pass, on)),
+            Command::Move(pose) => {
+                self.pose = Some(pose);
+                Ok(())
+            }
+            Command::Engines(choice) => {
+                self.restore_samples();
+                self.change_engines(choice)
+            }
+            Command::Reload => self.reload(),
+            Command::Save(path) => self.save(&path),
+            Command::Show(name) => {
+                (self.shown, self.show_due) = (name, true);
+                return;
+            }
+            Command::Pixel(pixel) => return self.set_pixel(pixel),
+            Command::Compare(other) => return self.set_other(other),
+            Command::Refine(refine) => {
+                self.refine = refine;
+                self.refine_due = refine;
+                // Without it the picture is the one that `render` writes.
+                if !refine && self.accumulated {
+                    self.changed();
+                }
+                return;
+            }
+            Command::Pause(paused) => {
+                self.paused = paused;
+                return;
+            }
+            Command::Quit => return,
+        };
+        self.shared.change(|state| state.error = result.err());
+    }
+
+    /// Sets something of the renderer, which then has to render.
+    fn set(&mut self, set: impl FnOnce(&mut Renderer) -> Result<(), ChangeError>) -> Result<(), String> {
+        self.restore_samples();
+        self.look_away();
+        let Some(renderer) = &mut self.renderer else { return Ok(()) };
+        set(renderer).map_err(|error| error.to_string())?;
+        self.changed();
+        Ok(())
+    }
+
+    /// What was written only because it was looked at is not written any more.
+    pub fn look_away(&mut self) {
+        let asked = &self.source.settings.show;
+        let Some(renderer) = self.renderer.as_mut().filter(|_| self.shown.is_none()) else { return };
+        if renderer.settings().show != *asked
+            && let Err(error) = renderer.set_shown(asked)
+        {
+            self.shared.change(|state| state.error = Some(error.to_string()));
+        }
+    }
+
+    /// The picture is not that of the settings any more.
+    pub fn changed(&mut self) {
+        (self.frame_due, self.refine_due, self.compare_due) = (true, self.refine, self.other.is_some());
+        self.pixel_due = self.pixel.is_some();
+        self.other_due |= matches!(self.other, Some(Other::Backend(_) | Other::Output(_)));
+        self.accumulation = None;
+    }
+
+    fn reload(&mut self) -> Result<(), String> {
+        self.restore_samples();
+        self.watch.remember(&self.source.path);
+        let Some(renderer) = &mut self.renderer else {
+            self.opening = true;
+            return Ok(());
+        };
+        renderer.reload().map_err(|error| error.to_string())?;
+        self.shared.change(|state| state.told = Some("the files were read again".to_owned()));
+        self.times.clear();
+        self.changed();
+        Ok(())
+    }
+
+    fn save(&mut self, path: &std::path::Path) -> Result<(), String> {
+        let Some(renderer) = &mut self.renderer else { return Err("there is no picture yet".to_owned()) };
+        if self.frame_due || self.preview.is_some() {
+            return Err("the picture is not finished: save it when the camera rests".to_owned());
+        }
+        let camera = camera_in_use(renderer);
+        let moved = self.poses.iter().any(|(name, _)| *name == camera);
+        let taken = Taken { camera, moved, accumulated: self.accumulated.then_some(self.samples) };
+        let files = save::save(renderer, path, &taken)?;
+        let names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+        self.shared.change(|state| state.told = Some(format!("wrote {}", names.join(", "))));
+        Ok(())
+    }
+
+    fn set_pixel(&mut self, pixel: Option<[u32; 2]>) {
+        (self.pixel, self.pixel_due) = (pixel, pixel.is_some());
+        if pixel.is_none() {
+            self.shared.change(|state| state.pixel = None);
+        }
+    }
+
+    fn set_other(&mut self, other: Option<Other>) {
+        let some = other.is_some();
+        (self.other, self.other_due, self.compare_due) = (other, some, some);
+        self.shared.change(|state| (state.other, state.compared) = (None, None));
+    }
+
+    /// Tells the window what there is to know.
+    pub fn tell_facts(&mut self) {
+        let Some(renderer) = &self.renderer else { return };
+        let facts = Arc::new(Facts::of(renderer, self.choice, &self.times, self.bounds));
+        self.shared.change(|state| state.facts = Some(facts));
+    }
+
+    /// Tells that so many more commands were taken.
+    pub fn tell_taken(&self, count: u64) {
+        if count > 0 {
+            self.shared.change(|state| state.taken += count);
+        }
+    }
+
+    /// Tells what goes on.
+    pub fn tell_activity(&self, activity: Activity) {
+        if lock(&self.shared.state).activity != activity {
+            self.shared.change(|state| state.activity = activity);
+        }
+    }
+}

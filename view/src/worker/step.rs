@@ -1,0 +1,394 @@
+//! One step of the renderer's thread: a frame, a batch of samples, a look into a pixel, a comparison.
+
+use super::compare::{self, Other};
+use super::facts::{camera_in_use, ray_parameters};
+use super::inspect::{Inspector, PixelRays};
+use super::picture::Picture;
+use super::session::{Preview, Session};
+use super::{Activity, NO_SAMPLES, Refinement, lock};
+use curitiba::pipeline::executor::{Accumulation, RenderError, Renderer, Silent};
+use curitiba::pipeline::image::Image;
+use curitiba::pipeline::project::{PassKind, Pose};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A frame while the camera moves should take no longer: else it takes one sample.
+const SMOOTH: Duration = Duration::from_millis(50);
+/// Samples while the camera moves; a square, for strata.
+const FEW: u32 = 4;
+/// Most samples of a batch: none is long before other things can be shown.
+const BATCH: u64 = 16;
+/// Samples that are taken at rest, at least: a power of two, with which the picture is that of all samples at once.
+const GOAL: u64 = 256;
+
+impl Session {
+    /// Does what is most urgent.
+    pub fn step(&mut self) {
+        if self.opening {
+            self.open();
+        } else if self.renderer.is_none() || self.paused {
+            self.look_at_files();
+        } else if let Some(pose) = self.pose.take() {
+            self.tell_activity(Activity::Moving);
+            self.move_camera(pose);
+        } else if self.rested() {
+            self.end_preview();
+        } else if self.preview.is_some() {
+        } else if self.frame_due {
+            self.tell_activity(Activity::Rendering);
+            self.frame();
+        } else if self.show_due {
+            self.show();
+        } else if self.pixel_due {
+            self.look_into_pixel();
+        } else if self.other_due {
+            self.tell_activity(Activity::Rendering);
+            self.obtain_other();
+        } else if self.refine_due {
+            self.tell_activity(Activity::Refining);
+            self.refine();
+        } else if self.compare_due {
+            self.compare();
+        } else {
+            self.look_at_files();
+        }
+        if self.patience() != Some(Duration::ZERO) && self.preview.is_none() {
+            self.tell_activity(match (&self.renderer, self.paused) {
+                (None, _) => Activity::Failed,
+                (_, true) => Activity::Paused,
+                _ => Activity::Resting,
+            });
+        }
+    }
+
+    fn look_at_files(&mut self) {
+        if self.source.watch && self.watch.changed() {
+            self.take(super::Command::Reload);
+        }
+    }
+
+    /// From here on the step may be given up.
+    fn may_be_given_up(&self) {
+        lock(&self.shared.busy).since = Some(Instant::now());
+    }
+
+    /// A failure of the step; one that was given up is done again.
+    fn fail(&mut self, error: &RenderError) {
+        if !matches!(error, RenderError::Cancelled) {
+            (self.frame_due, self.refine_due, self.pixel_due) = (false, false, false);
+            let error = error.to_string();
+            self.shared.change(|state| state.error = Some(error));
+        }
+    }
+
+    /// A whole picture of the settings: that of `curitiba render`.
+    fn frame(&mut self) {
+        self.may_be_given_up();
+        let Some(renderer) = &mut self.renderer else { return };
+        renderer.forget_frames();
+        match renderer.update(&mut Silent) {
+            Ok(image) => {
+                self.frame_due = false;
+                (self.samples, self.accumulated) = (self.samples_of_settings(), false);
+                self.note_times();
+                self.scene_changed();
+                lock(&self.shared.state).refinement = None;
+                self.tell_picture(image);
+            }
+            Err(error) => {
+                self.fail(&error);
+                self.tell_facts();
+            }
+        }
+    }
+
+    /// Most samples a point of a pass that takes any; 0 where none does.
+    fn samples_of_settings(&self) -> u64 {
+        let samples = |renderer: &Renderer| taking_samples(renderer).iter().map(|(_, samples)| *samples).max();
+        self.renderer.as_ref().and_then(samples).unwrap_or_default().into()
+    }
+
+    /// Keeps what the passes of the last frame took.
+    fn note_times(&mut self) {
+        let Some(renderer) = &self.renderer else { return };
+        let plan = renderer.plan();
+        let passes = &plan.project.pipelines[plan.pipeline].passes;
+        self.times.resize(passes.len(), Default::default());
+        let ran: Vec<&str> = renderer.passes_run().collect();
+        let mut frame = vec![0.0; passes.len()];
+        for (index, pass) in passes.iter().enumerate().filter(|(_, pass)| ran.contains(&pass.name.as_str())) {
+            let rows = renderer.timeline().rows.iter().filter(|row| row.kind.per_frame() && row.name == pass.name);
+            self.times[index].take(rows);
+            frame[index] = self.times[index].host_ms as f32;
+        }
+        if !ran.is_empty() {
+            self.history.push(frame);
+        }
+        let history = Arc::new(self.history.clone());
+        let mut state = lock(&self.shared.state);
+        state.history = history;
+        state.frames += u64::from(!ran.is_empty());
+    }
+
+    /// Gives the window a picture of the result, and of the output that is shown.
+    fn tell_picture(&mut self, image: Image) {
+        let Some(renderer) = &self.renderer else { return };
+        self.result = Some(Arc::new(Picture::of_window("result", image, renderer.plan().display)));
+        self.tell_facts();
+        self.show();
+    }
+
+    /// Gives the window the output that is shown. What is not in host memory is asked for with another frame.
+    fn show(&mut self) {
+        self.show_due = false;
+        let (Some(renderer), Some(result)) = (&mut self.renderer, &self.result) else { return };
+        let picture = match &self.shown {
+            None => Arc::clone(result),
+            Some(name) => match renderer.plan().channel_named(name) {
+                Ok(channel) if renderer.holds(channel) => Arc::new(Picture::of_channel(name, renderer, channel)),
+                Ok(_) => {
+                    let wanted = [name.clone()];
+                    match renderer.settings().show == wanted {
+                        true => self.fail_to_show("nothing that runs writes it"),
+                        false => match renderer.set_shown(&wanted) {
+                            Ok(()) => self.changed(),
+                            Err(error) => self.fail_to_show(&error.to_string()),
+                        },
+                    }
+                    return;
+                }
+                Err(error) => return self.fail_to_show(&error.to_string()),
+            },
+        };
+        self.compare_due = self.other.is_some();
+        self.shared.change(|state| state.picture = Some(picture));
+    }
+
+    fn fail_to_show(&mut self, why: &str) {
+        let name = self.shown.take().unwrap_or_default();
+        let picture = self.result.clone();
+        self.shared.change(|state| {
+            state.error = Some(format!("`{name}` cannot be shown: {why}"));
+            state.picture = picture;
+        });
+    }
+
+    /// A frame with few samples.
+    fn move_camera(&mut self, pose: Pose) {
+        self.begin_preview();
+        let Some(renderer) = &mut self.renderer else { return };
+        let camera = camera_in_use(renderer);
+        if let Err(error) = renderer.set_pose(&camera, pose) {
+            self.shared.change(|state| state.error = Some(error.to_string()));
+            return;
+        }
+        self.poses.retain(|(name, _)| *name != camera);
+        self.poses.push((camera, pose));
+        renderer.forget_frames();
+        let start = Instant::now();
+        let result = renderer.update(&mut Silent);
+        let took = start.elapsed();
+        match result {
+            Ok(image) => {
+                self.note_times();
+                self.tell_picture(image);
+            }
+            Err(error) => self.fail(&error),
+        }
+        let Some(preview) = &mut self.preview else { return };
+        preview.moved = Instant::now();
+        if took > SMOOTH && preview.fewer > 1 {
+            preview.fewer = 1;
+            self.set_samples(1);
+        }
+    }
+
+    fn begin_preview(&mut self) {
+        self.changed();
+        self.frame_due = false;
+        self.look_away();
+        let Some(renderer) = &self.renderer else { return };
+        if self.preview.is_none() {
+            let more = taking_samples(renderer).into_iter().filter(|(_, samples)| *samples > FEW);
+            let samples = more.map(|(pass, samples)| (pass, samples.to_string())).collect();
+            self.preview = Some(Preview { moved: Instant::now(), samples, fewer: FEW });
+            self.set_samples(FEW);
+        }
+        self.shared.change(|state| (state.refinement, state.error) = (None, None));
+    }
+
+    /// Lets the passes of the preview take so many samples.
+    fn set_samples(&mut self, samples: u32) {
+        let (Some(renderer), Some(preview)) = (&mut self.renderer, &self.preview) else { return };
+        for (pass, _) in &preview.samples {
+            if let Err(error) = renderer.set_parameter(pass, "samples", &samples.to_string()) {
+                self.shared.change(|state| state.error = Some(error.to_string()));
+            }
+        }
+    }
+
+    /// The passes take their own samples again.
+    pub fn restore_samples(&mut self) -> Option<Preview> {
+        let preview = self.preview.take()?;
+        for (pass, samples) in &preview.samples {
+            let renderer = self.renderer.as_mut()?;
+            if let Err(error) = renderer.set_parameter(pass, "samples", samples) {
+                self.shared.change(|state| state.error = Some(error.to_string()));
+            }
+        }
+        self.changed();
+        Some(preview)
+    }
+
+    /// The camera rests: more samples come bit by bit, where that can be; else all of them at once.
+    fn end_preview(&mut self) {
+        let Some(preview) = self.restore_samples() else { return };
+        if preview.samples.is_empty() || !self.refine {
+            return;
+        }
+        let begun = self.renderer.as_mut().and_then(|renderer| renderer.accumulation(&mut Silent).ok());
+        if let Some(accumulation) = begun.filter(|accumulation| !accumulation.passes().is_empty()) {
+            (self.accumulation, self.frame_due) = (Some(accumulation), false);
+            (self.samples, self.accumulated) = (preview.fewer.into(), false);
+        }
+    }
+
+    /// One more batch of samples.
+    fn refine(&mut self) {
+        self.may_be_given_up();
+        let goal = GOAL.max(self.samples_of_settings().next_power_of_two());
+        let Some(renderer) = &mut self.renderer else { return };
+        let begun = match self.accumulation.take() {
+            Some(accumulation) => Ok(accumulation),
+            None => renderer.accumulation(&mut Silent),
+        };
+        let mut accumulation = match begun {
+            Ok(accumulation) if accumulation.passes().is_empty() => {
+                return self.end_refinement(NO_SAMPLES);
+            }
+            Ok(accumulation) => accumulation,
+            // What does not go together is no failure: the picture has all samples that were asked for.
+            Err(RenderError::Plan(error)) => return self.end_refinement(&error.to_string()),
+            Err(error) => return self.fail(&error),
+        };
+        let taken = accumulation.samples();
+        let batch = taken.clamp(FEW.into(), BATCH).min(goal - taken);
+        let mut result = accumulation.add(renderer, batch as u32, &mut Silent);
+        let samples = accumulation.samples();
+        let shows = result.is_ok() && samples > self.samples;
+        if shows {
+            result = accumulation.show(renderer, &mut Silent);
+        }
+        match result {
+            Ok(()) => {
+                let image = shows.then(|| renderer.window_image());
+                self.tell_refinement(&accumulation, goal);
+                self.refine_due = samples < goal;
+                self.accumulation = Some(accumulation);
+                if let Some(image) = image {
+                    (self.samples, self.accumulated) = (samples, true);
+                    self.tell_picture(image);
+                }
+            }
+            Err(error) => {
+                // What was begun is lost: the picture is made anew.
+                self.frame_due = self.accumulated || shows;
+                self.fail(&error);
+            }
+        }
+    }
+
+    fn tell_refinement(&self, accumulation: &Accumulation, goal: u64) {
+        let refinement = Refinement { samples: accumulation.samples(), goal, error: accumulation.error() };
+        self.shared.change(|state| (state.refinement, state.not_refined) = (Some(refinement), None));
+    }
+
+    fn end_refinement(&mut self, why: &str) {
+        self.refine_due = false;
+        self.shared.change(|state| (state.refinement, state.not_refined) = (None, Some(why.to_owned())));
+    }
+
+    /// Renders every pass once more and looks into it at a pixel.
+    fn look_into_pixel(&mut self) {
+        self.may_be_given_up();
+        let (Some(renderer), Some(pixel)) = (&mut self.renderer, self.pixel) else { return };
+        if renderer.plan().in_parts() {
+            self.pixel_due = false;
+            let error = "rays of a pixel are of whole pictures; leave --crop and --bands out".to_owned();
+            return self.shared.change(|state| state.error = Some(error));
+        }
+        let radius = self.bounds.map_or(1.0, |bounds| bounds.radius());
+        let found = PixelRays { pixel, ..PixelRays::default() };
+        let mut inspector = Inspector { found, radius, failed: None };
+        let copies = renderer.engines().raster.needs_read_back();
+        if copies {
+            renderer.read_back_everything();
+        }
+        let result = renderer.draw_frame(&mut inspector);
+        let back = if copies { renderer.read_back_as_planned() } else { Ok(()) };
+        // The frame has taken the place of the samples that were accumulated.
+        (self.accumulation, self.refine_due) = (None, self.refine);
+        match result {
+            Ok(()) => {
+                self.pixel_due = false;
+                self.frame_due = self.accumulated;
+                let Inspector { found, failed, .. } = inspector;
+                self.shared.change(|state| {
+                    state.pixel = Some(Arc::new(found));
+                    state.error = failed.or(back.err().map(|error| error.to_string()));
+                });
+            }
+            Err(error) => self.fail(&error),
+        }
+    }
+
+    fn obtain_other(&mut self) {
+        self.other_due = false;
+        let (Some(renderer), Some(other)) = (&self.renderer, &self.other) else { return };
+        let obtained = match other {
+            Other::File(path) => compare::read(path, renderer.plan().display).map(Arc::new),
+            Other::Kept(picture) => Ok(Arc::clone(picture)),
+            Other::Backend(backend) => compare::on_backend(renderer, self.choice, *backend).map(Arc::new),
+            Other::Output(None) => self.result.clone().ok_or_else(|| "there is no picture yet".to_owned()),
+            Other::Output(Some(name)) => match renderer.plan().channel_named(name) {
+                Ok(channel) if renderer.holds(channel) => Ok(Arc::new(Picture::of_channel(name, renderer, channel))),
+                Ok(_) => Err(format!("`{name}` is not in host memory: pin it and keep it to compare with it")),
+                Err(error) => Err(error.to_string()),
+            },
+        };
+        let failed = obtained.is_err();
+        self.shared.change(|state| match obtained {
+            Ok(picture) => state.other = Some(picture),
+            Err(error) => state.error = Some(format!("{}: {error}", other.name())),
+        });
+        (self.compare_due, self.other) = if failed { (false, None) } else { (true, self.other.take()) };
+    }
+
+    fn compare(&mut self) {
+        self.compare_due = false;
+        let Some(renderer) = &self.renderer else { return };
+        let (shown, other) = {
+            let state = lock(&self.shared.state);
+            (state.picture.clone(), state.other.clone())
+        };
+        let (Some(shown), Some(other)) = (shown, other) else { return };
+        let compared = compare::compare(&shown, &other, renderer.plan().display);
+        self.shared.change(|state| match compared {
+            Ok(compared) => state.compared = Some(Arc::new(compared)),
+            Err(error) => (state.compared, state.error) = (None, Some(error)),
+        });
+    }
+}
+
+/// The passes that take samples, with how many each of the next frame takes.
+fn taking_samples(renderer: &Renderer) -> Vec<(String, u32)> {
+    let (plan, settings) = (renderer.plan(), renderer.settings());
+    let samples = plan.project.pipelines[plan.pipeline].passes.iter().filter_map(|pass| match &pass.kind {
+        PassKind::Ray(ray) => {
+            let values = ray_parameters(&pass.name, ray.params, settings);
+            Some((pass.name.clone(), ray.program.info().samples(&values)))
+        }
+        _ => None,
+    });
+    samples.filter(|(_, samples)| *samples > 0).collect()
+}

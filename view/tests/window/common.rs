@@ -1,0 +1,125 @@
+//! A window without a screen: drawn on a software device, found by its labels.
+
+use curitiba::Choice;
+use curitiba::pipeline::plan::Settings;
+use curitiba_view::app::App;
+use curitiba_view::worker::{Activity, PassFacts, Source};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable as _;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// How long anything may take.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+pub fn project(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../xml_projects").join(format!("{name}.xml"))
+}
+
+pub fn settings() -> Settings {
+    Settings { size: Some([96, 64]), ..Settings::default() }
+}
+
+pub fn source(path: PathBuf, settings: Settings) -> Source {
+    Source { path, settings, choice: Choice::CPU, watch: false }
+}
+
+/// Whether the window can be drawn; without a device it says why not, or fails where that is asked for.
+pub fn can_draw() -> bool {
+    let there = !curitiba::passes::raster::gpu::adapters().is_empty();
+    if !there {
+        let required = std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_some_and(|value| value == "1");
+        assert!(!required, "no device was found by wgpu");
+        println!("skipped: no device was found by wgpu");
+    }
+    there
+}
+
+pub struct Window {
+    pub harness: Harness<'static, App>,
+}
+
+impl Window {
+    /// Opens a project and waits until nothing is left to do. It is not drawn, but laid out.
+    pub fn open(source: Source) -> Self {
+        let mut window = Self::start(source, false);
+        window.rest();
+        window
+    }
+
+    /// The same, to be drawn.
+    pub fn drawn(source: Source) -> Self {
+        let mut window = Self::start(source, true);
+        window.rest();
+        window
+    }
+
+    pub fn start(source: Source, draws: bool) -> Self {
+        let builder = Harness::builder().with_size(egui::vec2(1280.0, 800.0)).with_max_steps(64);
+        let builder = if draws { builder.wgpu() } else { builder };
+        // The thread wakes nobody: the tests draw until what they wait for is there.
+        let app = App::new(&egui::Context::default(), source, None).expect("a thread");
+        let harness = builder.build_ui_state(|ui, app: &mut App| app.draw(ui), app);
+        curitiba_view::app::style(&harness.ctx);
+        Self { harness }
+    }
+
+    pub fn app(&self) -> &App {
+        self.harness.state()
+    }
+
+    /// Draws until something holds.
+    #[track_caller]
+    pub fn until(&mut self, what: &str, holds: impl Fn(&App) -> bool) {
+        let start = Instant::now();
+        loop {
+            self.harness.step();
+            if holds(self.app()) {
+                return;
+            }
+            let state = &self.app().state;
+            assert!(start.elapsed() < PATIENCE, "waited for {what}: {:?}, {:?}", state.activity, state.error);
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// Draws until nothing is left to do.
+    #[track_caller]
+    pub fn rest(&mut self) {
+        // The first drawing takes what was done with the mouse, and the second what that has asked for.
+        for _ in 0..3 {
+            self.harness.step();
+        }
+        self.until("rest", |app| {
+            let all = app.worker.sent() == app.state.taken;
+            all && matches!(app.state.activity, Activity::Resting | Activity::Failed | Activity::Paused)
+        });
+    }
+
+    pub fn pass(&self, name: &str) -> PassFacts {
+        let facts = self.app().state.facts.clone().expect("it is open");
+        facts.passes.iter().find(|pass| pass.name == name).unwrap_or_else(|| panic!("no pass `{name}`")).clone()
+    }
+
+    /// Clicks what has this label, and takes the pointer to the picture: over a row it would show what that writes.
+    pub fn click(&mut self, label: &str) {
+        self.harness.get_by_label(label).click();
+        self.harness.step();
+        self.harness.hover_at(egui::pos2(640.0, 400.0));
+        self.rest();
+    }
+
+    /// The bytes that are shown.
+    pub fn shown(&self) -> (String, Vec<[u8; 4]>) {
+        let picture = self.app().state.picture.clone().expect("there is a picture");
+        (picture.name.clone(), picture.bytes.clone())
+    }
+}
+
+/// The bytes of a PNG file that this program wrote.
+pub fn png(path: &Path) -> Vec<[u8; 4]> {
+    let read = curitiba::pipeline::image::read_image(path).expect("a picture");
+    assert_eq!(read.steps, Some(255));
+    let byte = |value: f32| (value * 255.0).round() as u8;
+    read.image.pixels.iter().map(|[r, g, b, _]| [byte(*r), byte(*g), byte(*b), 255]).collect()
+}
