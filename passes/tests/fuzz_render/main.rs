@@ -46,6 +46,18 @@ fn mutated_seeds_render_as_promised_or_are_refused() {
     }
 }
 
+/// Inputs that once broke a promise: normals along the light, whose cosine rounding left above 1.
+#[test]
+fn inputs_that_broke_a_promise_keep_it_now() {
+    for input in [
+        include_bytes!("regressions/cosine_1").as_slice(),
+        include_bytes!("regressions/cosine_2"),
+        include_bytes!("regressions/cosine_3"),
+    ] {
+        assert!(matches!(render(input), fuzz_targets::Outcome::Loaded));
+    }
+}
+
 #[test]
 fn runs_on_other_numbers_of_threads_write_the_same() {
     let pools = [1, 3, 8].map(|threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads"));

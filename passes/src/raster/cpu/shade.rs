@@ -387,7 +387,8 @@ impl Rows {
             let (x, y, z) = (x * scale, y * scale, z * scale);
             (nx[column], ny[column], nz[column]) = (x, y, z);
             let cosine = x * towards.x + y * towards.y + z * towards.z;
-            self.light[column] = if wanted.light & (cosine > 0.0) { cosine } else { 0.0 };
+            // Rounding leaves two unit vectors with a product of a little more than 1.
+            self.light[column] = if wanted.light & (cosine > 0.0) { cosine.min(1.0) } else { 0.0 };
         }
     }
 

@@ -169,7 +169,7 @@ fn fragment_main(
     if length_squared > 1e-30 {
         normal = in.normal / sqrt(length_squared);
     }
-    cosine = max(dot(frame.to_light.xyz, normal), 0.0);
+    cosine = clamp(dot(frame.to_light.xyz, normal), 0.0, 1.0);
 //#endif
     var out: Pixel;
 //#if COLOR
