@@ -5,3 +5,6 @@ mod scene;
 
 pub use project::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_pixel, parse_size};
 pub use scene::SceneFlags;
+
+/// Most memory that a command may take, unless it is told otherwise.
+pub const MAX_MEMORY: u64 = 8 << 30;

@@ -1,6 +1,7 @@
 //! The arguments of the command line; help and completions come from here.
 
 use super::bench_args::BenchArgs;
+use super::compare_args::CompareArgs;
 use super::merge::MergeArgs;
 use super::tune_args::TuneArgs;
 use super::visibility_args::VisibilityArgs;
@@ -12,9 +13,6 @@ use curitiba::{BackendChoice, Choice, Gpus};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::str::FromStr;
-
-/// Most memory that a command may take, unless it is told otherwise.
-pub const MAX_MEMORY: u64 = 8 << 30;
 
 /// Renders projects that join rasterisation and ray tracing in one deferred pipeline.
 #[derive(Debug, Parser)]
@@ -76,7 +74,7 @@ Examples:
     /// Compare two pictures, or two ways to render a project; fail beyond a limit.
     ///
     /// A is judged by B, the reference. Each is a picture (.png, .exr) or PROJECT.xml@SETTING,SETTING, which is rendered.
-    #[command(after_long_help = crate::cli::compare::long_help(), after_help = "\
+    #[command(after_long_help = super::compare_args::long_help(), after_help = "\
 Examples:
   curitiba compare a.exr b.exr --max-rmse 0.01 --max-flip 0.05
   curitiba compare p.xml@fidelity=thesis p.xml@ --strip strip.png
@@ -260,80 +258,6 @@ impl FromStr for Frames {
             }
         }
     }
-}
-
-/// Arguments of `compare`.
-#[derive(Debug, Args)]
-pub struct CompareArgs {
-    /// What is judged: FILE.png, FILE.exr, or PROJECT.xml@SETTING,SETTING
-    #[arg(value_name = "A", value_hint = ValueHint::FilePath)]
-    pub test: String,
-    /// The reference: as A
-    #[arg(value_name = "B", value_hint = ValueHint::FilePath)]
-    pub reference: String,
-    #[command(flatten)]
-    pub limits: LimitArgs,
-    /// Print only these metrics (rmse, relmse, max, psnr, ssim, flip, energy, outliers, z); JSON holds all
-    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = crate::cli::compare::parse_metric)]
-    pub metric: Vec<String>,
-    /// Render each project with N seeds, compare the means, and tell noise from error with a z-test
-    #[arg(long, value_name = "N", default_value_t = 1,
-          value_parser = clap::value_parser!(u32).range(1..=i64::from(curitiba::compare::MAX_SEEDS)))]
-    pub seeds: u32,
-    /// Write the FLIP error as a heat map: black is none, cream is 1
-    #[arg(long, value_name = "FILE.png", value_hint = ValueHint::FilePath)]
-    pub heat: Option<PathBuf>,
-    /// Write A, B and the heat map side by side
-    #[arg(long, value_name = "FILE.png", value_hint = ValueHint::FilePath)]
-    pub strip: Option<PathBuf>,
-    /// A pixel is an outlier if one of its values differs by more [default: 2.5 / 255]
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub outlier_threshold: Option<f64>,
-    /// Pixels in a degree of visual angle, 1 to 1000, for FLIP
-    #[arg(long, value_name = "X", default_value_t = 67.0)]
-    pub pixels_per_degree: f64,
-    /// Print the result as JSON
-    #[arg(long)]
-    pub json: bool,
-    /// Threads of the cpu engines [default: all cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
-    /// Most memory that the program may take, in bytes or with a unit: 512MiB, 8GiB
-    #[arg(long, value_name = "BYTES", default_value = "8GiB", value_parser = parse_bytes)]
-    pub max_memory: u64,
-}
-
-/// Limits of `compare`; beyond one the exit code is 1.
-#[derive(Debug, Args)]
-#[command(next_help_heading = "Limits (exit code 1 beyond one)")]
-pub struct LimitArgs {
-    /// Largest root mean square error
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub max_rmse: Option<f64>,
-    /// Largest relative mean square error
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub max_relmse: Option<f64>,
-    /// Largest difference of any value
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub max_difference: Option<f64>,
-    /// Least peak signal-to-noise ratio, decibels
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub min_psnr: Option<f64>,
-    /// Least structural similarity
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub min_ssim: Option<f64>,
-    /// Largest mean FLIP error
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub max_flip: Option<f64>,
-    /// Largest distance of the energy ratio from 1
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub max_energy: Option<f64>,
-    /// Largest share of outlier pixels, 0 to 1
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub max_outliers: Option<f64>,
-    /// Largest sigma of the z-test; 4 asks for no more than noise
-    #[arg(long, value_name = "X", value_parser = crate::cli::compare::parse_limit)]
-    pub max_z: Option<f64>,
 }
 
 /// Arguments of `scene`.

@@ -1,21 +1,16 @@
 //! `curitiba bench`: what each effect costs, and what error it has.
 
-use super::bench_args::{BenchArgs, EngineArg};
+use super::bench_args::BenchArgs;
+use super::bench_begin::{begin, check_folder_of_references, choices, references_folder};
 use super::bench_jobs::{Job, jobs};
 use super::bench_rows::{Missing, Rows};
 use super::bench_table::Table;
-use super::{Failure, bench_parts, bench_threads, check_references, failure, set_threads};
-use curitiba::Choice;
+use super::{Failure, bench_parts, bench_threads, set_threads};
 use curitiba::bench::model::BenchFile;
 use curitiba::bench::{FileError, text};
-use curitiba::engines::ray_backend;
-use curitiba::environment::Environment;
-use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
-use curitiba::pipeline::backend::Rasteriser as _;
 use curitiba::pipeline::files::{self, check_outputs, write_atomically};
-use curitiba::reference::References;
 use std::io::{ErrorKind, Read as _};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 impl From<FileError> for Failure {
     fn from(error: FileError) -> Self {
@@ -64,26 +59,6 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     failure.map_or(Ok(()), Err)
 }
 
-/// A benchmark that begins now, on this machine.
-pub(super) fn begin(args: &BenchArgs) -> BenchFile {
-    let environment = Environment::probe(if args.compare.is_empty() { args.choice() } else { Choice::CPU });
-    let environment = Environment { host: args.host.clone(), ..environment };
-    BenchFile::begin(args.command(), environment, args.frames, args.warmup)
-}
-
-/// Finds out before the work whether references can be kept.
-pub(super) fn check_folder_of_references(args: &BenchArgs) -> Result<(), Failure> {
-    if args.no_error {
-        return Ok(());
-    }
-    check_references(&references_folder(args), "--references names another folder, and --no-error does without")
-}
-
-/// Where references are kept.
-pub(super) fn references_folder(args: &BenchArgs) -> PathBuf {
-    args.references.clone().unwrap_or_else(References::default_folder)
-}
-
 /// Refuses to replace a file that is neither empty nor a table that an earlier benchmark wrote.
 fn check_ours(path: &Path) -> Result<(), Failure> {
     let begin = match files::open(path) {
@@ -102,46 +77,6 @@ fn check_ours(path: &Path) -> Result<(), Failure> {
         ))),
         Err(error) => Err(Failure::Work(format!("{}: {error}", path.display()))),
     }
-}
-
-/// The engines on which every row is measured. Those that are not there are noted in the file.
-pub(super) fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice> {
-    if args.compare.is_empty() {
-        return vec![choice];
-    }
-    let mut choices = Vec::new();
-    for engine in &args.compare {
-        let asked = engine.choice(choice);
-        let made = match engine {
-            EngineArg::Cpu => Ok(asked),
-            EngineArg::Wgpu => WgpuRasteriser::new(AdapterChoice::Any)
-                .map(|gpu| {
-                    let note = format!("`wgpu` is {}", gpu.device());
-                    if gpu.device().contains("software") && !file.environment.fallbacks.contains(&note) {
-                        file.environment.fallbacks.push(note);
-                    }
-                    asked
-                })
-                .map_err(|error| error.to_string()),
-            EngineArg::WgpuRays | EngineArg::Cuda | EngineArg::Optix => traced_by(asked, file),
-        };
-        match made {
-            Ok(choice) if choices.contains(&choice) => {}
-            Ok(choice) => choices.push(choice),
-            Err(why) => {
-                failure::print_warning(&format!("{}: {why}", engine.name()));
-                file.miss(engine.name(), why);
-            }
-        }
-    }
-    choices
-}
-
-/// The choice, if its ray backend is there; the file names its devices.
-fn traced_by(choice: Choice, file: &mut BenchFile) -> Result<Choice, String> {
-    let rays = ray_backend(choice).map_err(|error| error.to_string())?;
-    file.environment.add_gpus(rays.as_ref());
-    Ok(choice)
 }
 
 /// Measures what the file lacks. Returns the first failure of a row; the others are measured all the same.

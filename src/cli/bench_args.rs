@@ -1,8 +1,7 @@
 //! The arguments of `bench`.
 
-use super::args::MAX_MEMORY;
 use clap::{Args, ValueEnum, ValueHint};
-use curitiba::args::{Backend, FidelityArg, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_size};
+use curitiba::args::{Backend, FidelityArg, MAX_MEMORY, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_size};
 use curitiba::pipeline::color::{ColorSpace, Tone};
 use curitiba::shard::{Request, Shard};
 use curitiba::{Choice, Gpus};

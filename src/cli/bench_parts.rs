@@ -1,7 +1,7 @@
 //! `curitiba bench --list` and `--shard`: rows that several processes measure, each into a file of its own.
 
-use super::bench::{begin, check_folder_of_references, choices, references_folder};
 use super::bench_args::BenchArgs;
+use super::bench_begin::{begin, check_folder_of_references, choices, references_folder};
 use super::bench_jobs::{Job, all_choices, jobs};
 use super::bench_rows::{Missing, Rows};
 use super::bench_table::Table;

@@ -1,6 +1,6 @@
 //! `curitiba compare`: how far two pictures are apart, or two ways to render a project.
 
-use super::args::CompareArgs;
+use super::compare_args::{CompareArgs, Z_TEST};
 use super::progress::Bars;
 use super::{Failure, failure, set_threads};
 use anstyle::{AnsiColor, Style};
@@ -8,23 +8,18 @@ use curitiba::OpenError;
 use curitiba::compare::{CompareError, Compared, Operand, Rendered, Side};
 use curitiba::environment::Environment;
 use curitiba::pipeline::color::{ColorSpace, Display};
-use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::files::{self, check_outputs, record_files_read};
-use curitiba::pipeline::image::displayed;
-use curitiba::pipeline::image::{Image, write_png};
+use curitiba::pipeline::image::{Image, displayed, write_png};
 use curitiba::pipeline::metrics::{
     Better, Comparison, EXPECTED_BEYOND_2, EXPECTED_BEYOND_3, METRICS, Options, Verdict, ZTest, heat_map, strip,
 };
-use curitiba::spec::{SETTINGS, SpecError};
+use curitiba::spec::SpecError;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 const HEADER: Style = Style::new().bold();
 const WITHIN: Style = AnsiColor::Green.on_default();
 const BEYOND: Style = AnsiColor::Red.on_default().bold();
-
-/// Name of the z-test among the metrics.
-const Z_TEST: &str = "z";
 
 /// Compares, prints the table or the JSON, and fails beyond a limit.
 pub fn run(args: &CompareArgs) -> Result<(), Failure> {
@@ -314,49 +309,6 @@ fn print_json(compared: &Compared, checked: &[Limit], files: &[PathBuf], options
     Ok(())
 }
 
-/// A name for `--metric`.
-pub fn parse_metric(text: &str) -> Result<String, String> {
-    let names = METRICS.iter().map(|metric| metric.name).chain([Z_TEST]);
-    if names.clone().any(|name| name == text) { Ok(text.to_owned()) } else { Err(valid_names(text, names)) }
-}
-
-/// A limit: a number of 0 or more. SSIM may be negative.
-pub fn parse_limit(text: &str) -> Result<f64, String> {
-    let value: Option<f64> = text.trim().parse().ok().filter(|value: &f64| value.is_finite() && *value >= 0.0);
-    value.ok_or_else(|| format!("`{text}` is no number of 0 or more"))
-}
-
-/// What `--help` says below the options: settings, formulas, examples and exit codes.
-pub fn long_help() -> String {
-    let settings: String = SETTINGS.iter().map(|(name, value)| format!("  {name:10} {value}\n")).collect();
-    let formulas: String = METRICS.iter().map(|metric| format!("  {:10} {}\n", metric.name, metric.formula)).collect();
-    format!(
-        "\
-Settings of a project, PROJECT.xml@NAME=VALUE,NAME=VALUE (all may be left out):
-{settings}
-Metrics, of A (t) against B (r), over the colours of all pixels; alpha is not compared:
-{formulas}  {Z_TEST:10} (c - 1) sqrt(n / 2), c = mean over n tiles of 8 x 8 pixels of z^2, z = sum(t - r) / sqrt(sum(vt + vr)), vt \
-and vr the variances of the means; z of estimated variances is mapped from Student's t (Welch) to the normal value \
-of the same probability. Above 4 the difference is more than noise.
-  Values are compared as stored where no side is linear radiance (a project or scene with color=linear, and its .exr). Where one is, the
-  other's are decoded from sRGB if they are display values (.png; color=report), and the result says so.
-  SSIM and FLIP are of displayed values: values cut to 0 to 1, and of linear radiance encoded in sRGB, as the .png of `render` holds
-  them without exposure or tone curve.
-  Positions and normals (.exr of --show) are compared as if they were colours.
-
-Examples:
-  curitiba compare a.exr b.exr --max-rmse 0.01 --max-flip 0.05
-  curitiba compare final.png old/final.png --strip strip.png
-  curitiba compare p.xml@fidelity=thesis p.xml@fidelity=corrected --heat heat.png
-  curitiba compare p.xml@raster=wgpu p.xml@raster=cpu --metric rmse,flip
-  curitiba compare SceneSSAO.xml@pass2.samples=4 SceneSSAO.xml@pass2.samples=100 --seeds 8 --max-z 4
-
-Exit codes: 0 within all limits, or none given; 1 beyond a limit (`beyond:` is printed), or the work failed (`error:`); \
-2 the command line is wrong; 3 a file is wrong: a picture cannot be read, holds NaN, or has another size or other channels \
-than the other."
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -375,15 +327,5 @@ mod tests {
         ] {
             assert_eq!(number(value), text);
         }
-    }
-
-    #[test]
-    fn help_names_every_metric_and_setting() {
-        let help = long_help();
-        for name in METRICS.iter().map(|metric| metric.name).chain(SETTINGS.iter().map(|(name, _)| *name)) {
-            assert!(help.contains(&format!("\n  {name:10} ")), "{name}");
-        }
-        assert!(parse_metric("flpi").expect_err("a typing error").contains("did you mean `flip`?"));
-        assert!(parse_limit("-1").is_err() && parse_limit("NaN").is_err() && parse_limit("0.5") == Ok(0.5));
     }
 }

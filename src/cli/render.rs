@@ -3,15 +3,16 @@
 use super::args::{Frames, RenderArgs};
 use super::inspect::Inspector;
 use super::progress::Bars;
+use super::render_output::{check_extension, default_output, print_header};
 use super::{Failure, failure, print_warnings, render_path, set_threads, table};
+use curitiba::bench::case::fidelity_name;
 use curitiba::environment::{Environment, peak_memory};
-use curitiba::pipeline::diagnostic::Decision;
-use curitiba::pipeline::diagnostic::WarningGroup;
+use curitiba::pipeline::diagnostic::{Decision, WarningGroup};
 use curitiba::pipeline::executor::{AccumulatedPass, Fallback, Goal, RenderError, Renderer, Row, Written};
 use curitiba::pipeline::files::{check_outputs, record_files_read};
 use curitiba::pipeline::memory::mebibytes;
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Renders, writes the pictures and prints the table or the JSON report.
 pub fn run(args: &RenderArgs) -> Result<(), Failure> {
@@ -142,52 +143,6 @@ fn accumulate(renderer: &mut Renderer, goal: Goal, inspector: &mut Inspector) ->
     Ok(accumulation.passes().iter().map(told).collect())
 }
 
-/// The name of the project, scene file or folder, in this folder.
-pub(super) fn default_output(path: &Path) -> PathBuf {
-    // A folder may be `.`, and what follows its last point is no extension.
-    let whole = std::fs::canonicalize(path).ok().filter(|whole| whole.is_dir());
-    let name = whole.as_deref().map_or(path.file_stem(), Path::file_name);
-    let mut name = name.unwrap_or_else(|| "picture".as_ref()).to_owned();
-    name.push(".png");
-    PathBuf::from(name)
-}
-
-/// Whether a file name asks for a picture that can be written.
-pub(super) fn check_extension(output: &Path) -> Result<(), Failure> {
-    let extension = output.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
-    if !matches!(extension.as_str(), "png" | "exr") {
-        return Err(Failure::Usage(format!("{}: a picture is written as .png or .exr", output.display())));
-    }
-    Ok(())
-}
-
-pub(super) fn print_header(renderer: &Renderer) {
-    let plan = renderer.plan();
-    let environment = Environment::here();
-    let engines = renderer.engines();
-    let [width, height] = plan.window;
-    crate::say!(
-        "{}: pipeline `{}`, {width} x {height}, {}, seed {}",
-        plan.project.path.display(),
-        plan.project.pipelines[plan.pipeline].name,
-        fidelity(renderer),
-        plan.settings.seed
-    );
-    for decision in plan.decisions.iter().filter(|decision| decision.what.starts_with("parts of")) {
-        crate::say!("{}: {}", decision.what, decision.why);
-    }
-    crate::say!("raster {}: {}", engines.raster.name(), engines.raster.device());
-    crate::say!("rays   {}: {}", engines.rays.name(), engines.rays.device());
-    crate::say!("{}, {} threads, {} build", environment.cpu, environment.threads, environment.profile);
-}
-
-fn fidelity(renderer: &Renderer) -> &'static str {
-    match renderer.plan().settings.fidelity {
-        curitiba::pipeline::programs::Fidelity::Corrected => "corrected",
-        curitiba::pipeline::programs::Fidelity::Thesis => "thesis",
-    }
-}
-
 #[derive(Serialize)]
 struct Report<'a> {
     project: &'a Path,
@@ -230,7 +185,7 @@ fn print_json(renderer: &Renderer, frames: u32, accumulated: &[Accumulated], fil
         project: &plan.project.path,
         pipeline: &plan.project.pipelines[plan.pipeline].name,
         window: plan.window,
-        fidelity: fidelity(renderer),
+        fidelity: fidelity_name(renderer.plan().settings.fidelity),
         seed: plan.settings.seed,
         frames,
         environment: Environment::here().with_engines(engines),

@@ -3,7 +3,7 @@
 use super::args::{Frames, RenderArgs};
 use super::bench_parts::shard;
 use super::progress::Bars;
-use super::render::{check_extension, default_output, print_header};
+use super::render_output::{check_extension, default_output, print_header};
 use super::{Failure, failure, print_warnings, set_threads};
 use curitiba::camera_path::{CameraPath, FrameRecord, Origin, PathError, RecordError, mean_and_p99};
 use curitiba::environment::Environment;

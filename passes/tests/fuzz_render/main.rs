@@ -54,7 +54,7 @@ fn inputs_that_broke_a_promise_keep_it_now() {
         include_bytes!("regressions/cosine_2"),
         include_bytes!("regressions/cosine_3"),
     ] {
-        assert!(matches!(render(input), fuzz_targets::Outcome::Loaded));
+        assert!(matches!(render(input), fuzz_targets::check::Outcome::Loaded));
     }
 }
 

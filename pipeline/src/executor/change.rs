@@ -3,7 +3,6 @@
 //! A setter makes another plan and checks it; the renderer takes it up when the next frame begins. Which passes then have to run
 //! again is not written down anywhere: each pass is compared with what it was given when it last ran ([`super::dirty`]).
 
-use super::show::read_back_everything;
 use super::{Observer, RenderError, Renderer, prepare};
 use crate::backend::{Attachments, GBuffer, NO_TRIANGLE};
 use crate::memory::Refused;
@@ -108,7 +107,7 @@ impl Renderer {
         let (raster, rays) = (&self.engines.raster, &self.engines.rays);
         plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))?;
         if self.shows_everything {
-            read_back_everything(&mut plan);
+            plan.read_back_everything();
         }
         self.next = Some(plan);
         Ok(())

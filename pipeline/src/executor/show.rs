@@ -2,30 +2,18 @@
 
 use super::{ChangeError, Observer, Output, Range, Renderer, Triangles, channel_of};
 use crate::backend::GBuffer;
-use crate::plan::{Plan, PlannedPass, Work};
+use crate::plan::{PlannedPass, Work};
 use crate::programs::Writes;
 use crate::project::ChannelRef;
-
-/// See [`Renderer::read_back_everything`].
-pub(super) fn read_back_everything(plan: &mut Plan) {
-    for planned in &mut plan.passes {
-        match &mut planned.work {
-            Work::Raster { attachments, host, .. } => *host = *attachments,
-            // Observers are shown what ray passes read, too.
-            Work::Rays { resident, .. } => *resident = None,
-            Work::Effect { .. } | Work::Off { .. } | Work::Quad { .. } => {}
-        }
-    }
-}
 
 impl Renderer {
     /// Copies every attachment of raster passes into host memory from now on, so that observers see all that is written.
     /// Without this, attachments that only the rasteriser's device reads are not shown to them.
     pub fn read_back_everything(&mut self) {
         self.shows_everything = true;
-        read_back_everything(&mut self.plan);
+        self.plan.read_back_everything();
         if let Some(next) = &mut self.next {
-            read_back_everything(next);
+            next.read_back_everything();
         }
     }
 

@@ -12,6 +12,7 @@ pub use closed::{Closedness, closedness};
 pub use decide::{Decided, TRANSPARENT, decide};
 pub use spectrum::{MOST_STRATA, Stratum, color_matching, daylight, strata};
 
+use crate::scene::dispersion::{CAUCHY, CAUCHY_AT_D};
 use glam::Vec3;
 
 /// What decides what glass is.
@@ -144,20 +145,10 @@ pub fn transmittance(extinction: Vec3, length: f32) -> Vec3 {
     extinction.to_array().map(|share| if share > 0.0 { (-share * length).exp() } else { 1.0 }).into()
 }
 
-/// 1 / (1 / F² - 1 / C²) of the lines F (486.13 nm) and C (656.27 nm), square nanometres, and its share at the line d.
-const CAUCHY: f32 = 523_655.0;
-const CAUCHY_AT_D: f32 = 1.5168;
-
-/// Index at the line d and [`Dielectric::spread`] of a material whose index is A + B / λ², with λ in micrometres.
-#[must_use]
-pub fn of_cauchy([a, b]: [f64; 2]) -> [f64; 2] {
-    let spread = b * 1e6 / f64::from(CAUCHY);
-    [a + spread * f64::from(CAUCHY_AT_D), spread]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::dispersion::of_cauchy;
 
     /// A glass like BK7 at the lines F, d and C, and the angle by which a prism of 60 degrees turns light at the least.
     #[test]

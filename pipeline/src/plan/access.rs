@@ -19,6 +19,18 @@ pub struct Access {
 }
 
 impl Plan {
+    /// Asks for every attachment of raster passes in host memory, where observers are shown them.
+    pub(crate) fn read_back_everything(&mut self) {
+        for planned in &mut self.passes {
+            match &mut planned.work {
+                Work::Raster { attachments, host, .. } => *host = *attachments,
+                // Observers are shown what ray passes read, too.
+                Work::Rays { resident, .. } => *resident = None,
+                Work::Effect { .. } | Work::Off { .. } | Work::Quad { .. } => {}
+            }
+        }
+    }
+
     /// What a planned pass reads and writes.
     #[must_use]
     pub fn access(&self, planned: &PlannedPass) -> Access {

@@ -3,6 +3,7 @@
 mod bytes;
 mod cbo;
 mod context;
+pub(crate) mod dispersion;
 mod error;
 mod fingerprint;
 mod gltf;

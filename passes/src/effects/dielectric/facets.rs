@@ -5,7 +5,7 @@
 //! and lets it through. What it sends on that other facets stop is lost (see [`Facet::passes`]): light that meets several facets is no
 //! part of the model.
 
-use super::walk::Branch;
+use super::branch::Branch;
 use crate::effects::reflect;
 use crate::sampling::hemisphere::{Basis, concentric_disk};
 use glam::{Vec2, Vec3};

@@ -2,12 +2,13 @@
 //!
 //! From the ground up: `media` knows in which bodies a point of a path lies, `eye` in which the camera is,
 //! `slab` what a wall with two faces does, `filter` what a surface takes beside Fresnel's share, `shadow` what is
-//! left of light that falls straight through, `facets` are those of a rough surface, `walk` follows paths, and
+//! left of light that falls straight through, `branch` is a way on from a surface, `facets` are those of a rough one, `walk` follows paths, and
 //! `solid` is the surface of a body. May use: what is about one point, beside this folder.
 //!
 //! Radiance is not scaled by the square of the index inside a body, as basic radiance would be: it cancels where light leaves again,
 //! and the light that falls on a surface inside is not scaled either.
 
+mod branch;
 mod eye;
 mod facets;
 mod filter;

@@ -1,8 +1,9 @@
 //! The surface of a body: light is reflected and refracted, and where colours are bent apart each wavelength goes its own way.
 
+use super::branch::Branch;
 use super::facets::Facet;
 use super::media::{Border, Crossing, Media};
-use super::walk::{Branch, Met, Path, Walk};
+use super::walk::{Met, Path, Walk};
 use crate::effects::optics::{interface, reflect};
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, Workspace};

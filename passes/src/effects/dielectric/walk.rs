@@ -1,5 +1,6 @@
 //! Paths through glass: each surface splits a path in two, down to the depth of the pass.
 
+use super::branch::Branch;
 use super::facets::Facet;
 use super::media::Media;
 use super::slab::{kept_across, slab};
@@ -39,16 +40,6 @@ impl Path {
     fn own_key(&self) -> u32 {
         self.sample.map_or(self.key, |sample| path_key(self.key, SCATTERED + sample))
     }
-}
-
-/// One of the two ways on from a surface.
-#[derive(Clone, Copy)]
-pub(super) struct Branch {
-    pub(super) purpose: Purpose,
-    pub(super) direction: Vec3,
-    /// What its radiance counts, by colour.
-    pub(super) weight: Vec3,
-    pub(super) media: Media,
 }
 
 /// Where a path has come to, and from where.

@@ -1,6 +1,7 @@
 //! Materials and textures of a glTF asset.
 
 use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file};
+use super::super::dispersion::of_cauchy;
 use super::super::error::SceneError;
 use super::super::texture::Wrap;
 use super::super::{Material, TextureSource};
@@ -8,7 +9,6 @@ use super::accessor::Data;
 use super::container::{Target, base64, shortened, uri_target};
 use crate::color::encode;
 use crate::diagnostic::Warnings;
-use crate::glass::of_cauchy;
 use ::gltf::json::deserialize::from_str;
 use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, validation::Checked};
 use glam::{Mat2, Vec2, Vec3, Vec4};

@@ -1,0 +1,15 @@
+//! Ways on from a surface of glass.
+
+use super::media::Media;
+use crate::trace::Purpose;
+use glam::Vec3;
+
+/// One of the two ways on from a surface.
+#[derive(Clone, Copy)]
+pub(super) struct Branch {
+    pub(super) purpose: Purpose,
+    pub(super) direction: Vec3,
+    /// What its radiance counts, by colour.
+    pub(super) weight: Vec3,
+    pub(super) media: Media,
+}

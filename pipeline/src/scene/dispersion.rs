@@ -1,0 +1,12 @@
+//! How an index of refraction falls with the wavelength, as files give it.
+
+/// 1 / (1 / F² - 1 / C²) of the lines F (486.13 nm) and C (656.27 nm), square nanometres, and its share at the line d.
+pub(crate) const CAUCHY: f32 = 523_655.0;
+pub(crate) const CAUCHY_AT_D: f32 = 1.5168;
+
+/// Index at the line d and [`Dielectric::spread`](crate::glass::Dielectric::spread) of a material whose index is A + B / λ², with λ in micrometres.
+#[must_use]
+pub fn of_cauchy([a, b]: [f64; 2]) -> [f64; 2] {
+    let spread = b * 1e6 / f64::from(CAUCHY);
+    [a + spread * f64::from(CAUCHY_AT_D), spread]
+}
