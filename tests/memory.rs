@@ -67,7 +67,8 @@ fn watch(mut command: Command) -> Run {
 
 fn program(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
-    command.current_dir(folder).env("NO_COLOR", "1");
+    // What is measured is the program, and not the reader of its debug information.
+    command.current_dir(folder).env("NO_COLOR", "1").env_remove("RUST_BACKTRACE");
     command
 }
 

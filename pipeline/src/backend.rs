@@ -88,7 +88,7 @@ pub struct RasterJob<'a> {
     /// it is empty.
     pub culled: &'a [bool],
     /// The part of the picture that is seen by [`Self::view`]. What of it the target holds is cleared and drawn into: the
-    /// whole viewport, unless the target is cut at multiples of [`ALIGNMENT`] pixels from its corner.
+    /// whole viewport, unless the target is cut at multiples of [`ALIGNMENT`](crate::gbuffer::ALIGNMENT) pixels from its corner.
     pub viewport: Rect,
     /// What clears the colour; the other attachments are cleared to 0, and the triangle id to [`NO_TRIANGLE`].
     pub clear_color: Vec4,

@@ -481,12 +481,16 @@ fn objects_count_against_the_memory_cap() {
 }
 
 #[test]
-fn a_cutoff_and_an_opacity_beyond_f32_give_a_cutoff_that_is_a_number() {
+fn numbers_beyond_f32_are_refused_with_their_place() {
     let (mut json, binary) = square();
     json["materials"][0] = json!({"alphaMode": "MASK", "alphaCutoff": 1e39,
         "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1e39]}});
-    let scene = read(&json, &binary).unwrap();
-    assert_eq!(scene.materials[0].alpha_cutoff, Some(f32::INFINITY));
+    let error = read(&json, &binary).unwrap_err();
+    assert!(error.contains("number out of range at line 1 column"), "{error}");
+    // The largest that is one.
+    json["materials"][0]["alphaCutoff"] = 3.4e38.into();
+    json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = json!([1, 1, 1, 1e-3]);
+    assert_eq!(read(&json, &binary).unwrap().materials[0].alpha_cutoff, Some(f32::INFINITY));
 }
 
 /// A wavy grid of `side * side` vertices as Draco's own encoder packs it, with positions (id 0), normals (1) and texture coordinates (2).
