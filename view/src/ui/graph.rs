@@ -43,7 +43,8 @@ pub fn draw(app: &mut App, ui: &mut Ui, facts: Option<&Facts>) {
         let line = area.bottom() - longest * scale;
         painter.hline(area.x_range(), line, Stroke::new(1.0, Color32::from_gray(70)));
         let font = FontId::proportional(11.0);
-        let text = format!("longest of {} frames {}", history.frames().len(), milliseconds(longest.into()));
+        let (count, time) = (history.frames().len(), milliseconds(longest.into()));
+        let text = format!("longest of {count} frame{} {time}", if count == 1 { "" } else { "s" });
         let at = pos2(area.left() + 6.0, line + 2.0);
         let galley = painter.layout_no_wrap(text, font, Color32::from_gray(190));
         painter.rect_filled(Rect::from_min_size(at, galley.size()).expand(2.0), 2.0, Color32::from_black_alpha(160));
