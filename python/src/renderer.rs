@@ -67,6 +67,7 @@ impl SceneArguments {
             sun: vector(&self.sun, SceneOptions::parse_direction)?,
             up: self.up.as_ref().map_or(Ok(Up::Y), |up| up.parse().map_err(invalid))?,
             background: vector(&self.background, SceneOptions::parse_color)?,
+            ..SceneOptions::default()
         })
     }
 }
