@@ -75,6 +75,17 @@ pub enum OpenError {
     Render(#[from] RenderError),
 }
 
+impl OpenError {
+    /// The message for a row of a table: problems are joined by semicolons.
+    #[must_use]
+    pub fn joined(&self) -> String {
+        match self {
+            Self::Project(problems) => problems.0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
+            other => other.to_string(),
+        }
+    }
+}
+
 impl From<SourceError> for OpenError {
     fn from(error: SourceError) -> Self {
         match error {

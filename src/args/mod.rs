@@ -2,9 +2,11 @@
 
 mod project;
 mod scene;
+mod words;
 
 pub use project::{Backend, FidelityArg, ProjectArgs, Raster, parse_bytes, parse_pixel, parse_size};
 pub use scene::SceneFlags;
+pub use words::{parse_error_bound, quoted};
 
 /// Most memory that a command may take, unless it is told otherwise.
 pub const MAX_MEMORY: u64 = 8 << 30;

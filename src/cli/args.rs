@@ -6,7 +6,9 @@ use super::merge::MergeArgs;
 use super::tune_args::TuneArgs;
 use super::visibility_args::VisibilityArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
-use curitiba::args::{Backend, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_pixel, parse_size};
+use curitiba::args::{
+    Backend, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_error_bound, parse_pixel, parse_size,
+};
 use curitiba::pipeline::executor::Goal;
 use curitiba::shard::Request;
 use curitiba::{BackendChoice, Choice, Gpus};
@@ -311,7 +313,7 @@ pub struct ReportArgs {
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(5..=86_400))]
     pub time: Option<u32>,
     /// Root mean square error of an effect within which the cheapest setting is advised
-    #[arg(long, value_name = "RMSE", default_value_t = curitiba::report::model::WITHIN, value_parser = parse_within)]
+    #[arg(long, value_name = "RMSE", default_value_t = curitiba::report::model::WITHIN, value_parser = parse_error_bound)]
     pub within: f64,
     /// Most triangles of the generated squares of the scaling plot [default: 10 000 000, with --quick 1 000 000]
     #[arg(long, value_name = "N")]
@@ -362,11 +364,6 @@ impl RenderArgs {
         }
         Choice { fallback, ..self.project.choice() }
     }
-}
-
-fn parse_within(text: &str) -> Result<f64, String> {
-    let error = text.parse::<f64>().ok().filter(|error| error.is_finite() && *error >= 0.0);
-    error.ok_or_else(|| format!("`{text}` is not an error; valid: a number from 0 on, such as 0.02"))
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! The arguments of `bench`.
 
 use clap::{Args, ValueEnum, ValueHint};
-use curitiba::args::{Backend, FidelityArg, MAX_MEMORY, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_size};
+use curitiba::args::{
+    Backend, FidelityArg, MAX_MEMORY, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_size, quoted,
+};
 use curitiba::pipeline::color::{ColorSpace, Tone};
 use curitiba::shard::{Request, Shard};
 use curitiba::{Choice, Gpus};
@@ -263,30 +265,6 @@ fn named(name: &str, value: String) -> [String; 2] {
     [format!("--{name}"), value]
 }
 
-/// A word as a shell reads it.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
-}
-
 fn name_of(value: impl ValueEnum) -> Option<String> {
     value.to_possible_value().map(|value| value.get_name().to_owned())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::quoted;
-
-    #[test]
-    fn words_that_a_shell_would_take_apart_are_quoted() {
-        assert_eq!(quoted("a/b.xml"), "a/b.xml");
-        assert_eq!(quoted("pass2.samples=4"), "pass2.samples=4");
-        assert_eq!(quoted("my scene.xml"), "'my scene.xml'");
-        assert_eq!(quoted("it's $HOME"), "'it'\\''s $HOME'");
-        assert_eq!(quoted(""), "''");
-    }
 }

@@ -86,16 +86,9 @@ impl Rows {
 fn missing(job: &Job, error: OpenError) -> Missing {
     let (case, choice) = (&job.case, job.case.choice);
     let engines = format!("{} and {}", choice.raster.name(), choice.rays_in_words());
-    let what = Unavailable { what: format!("{}, {} on {engines}", case.label, case.view), why: error_text(&error) };
+    let what = Unavailable { what: format!("{}, {} on {engines}", case.label, case.view), why: error.joined() };
     failure::print_warning(&format!("{}: {}", what.what, what.why));
     Missing { what, failure: (!is_unsupported(&error)).then(|| Failure::from(error)) }
-}
-
-fn error_text(error: &OpenError) -> String {
-    match error {
-        OpenError::Project(problems) => problems.0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "),
-        other => other.to_string(),
-    }
 }
 
 /// Whether an engine says that it cannot do this at all, which is an answer and no failure.

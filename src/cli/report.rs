@@ -3,6 +3,7 @@
 use super::args::ReportArgs;
 use super::progress::Bars;
 use super::{Failure, check_references, set_threads};
+use curitiba::args::quoted;
 use curitiba::pipeline::files::{TemporaryFolder, create_folder};
 use curitiba::pipeline::project::{self, names_scenes};
 use curitiba::reference::References;
@@ -117,14 +118,6 @@ fn print(told: &Told<'_>) {
 
 /// The command as it can be typed again.
 fn command() -> String {
-    let quote = |argument: String| {
-        let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@".contains(c);
-        if !argument.is_empty() && argument.chars().all(plain) {
-            argument
-        } else {
-            format!("'{}'", argument.replace('\'', "'\\''"))
-        }
-    };
-    let arguments = std::env::args_os().skip(1).map(|argument| quote(argument.to_string_lossy().into_owned()));
+    let arguments = std::env::args_os().skip(1).map(|argument| quoted(&argument.to_string_lossy()));
     std::iter::once("curitiba".to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
 }

@@ -6,7 +6,7 @@ use super::{Failure, check_references, failure, set_threads};
 use curitiba::bench::{Interval, MeasureOptions};
 use curitiba::pipeline::files::{OutputError, TemporaryFolder};
 use curitiba::reference::References;
-use curitiba::tune::{self, Bench, Found, Goal, Trial, machine::Request};
+use curitiba::tune::{self, Bench, Found, Goal, Slot, Trial, label, machine::Request};
 use std::path::Path;
 use std::time::Duration;
 
@@ -29,7 +29,7 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
         settings: args.project.settings(),
         choice: args.project.choice(),
         options: MeasureOptions { frames: args.frames, warmup: 1 },
-        metric: args.metric.metric(),
+        metric: args.metric,
     };
     let mut bench = Bench::open(request, references, folder.path(), &mut bars)?;
     let counts: Vec<usize> = bench.slots().iter().map(|slot| slot.candidates.len()).collect();
@@ -39,19 +39,19 @@ pub fn run(args: &TuneArgs) -> Result<(), Failure> {
             args.project.path.display()
         )));
     }
-    let labels = Labels::of(&bench);
+    let slots = bench.slots().to_vec();
     let first = 1 + counts.iter().map(|count| count - 1).sum::<usize>();
     let mut done = 0;
     let mut told = |variant: &[usize]| {
         done += 1;
         let of = if done <= first { format!(" of {first}") } else { ", again or combined".to_owned() };
-        crate::tell!("{done}{of}: {}", labels.of_variant(variant));
+        crate::tell!("{done}{of}: {}", label(&slots, variant));
     };
     let found = tune::search(&counts, args.goal(), &mut bench, &mut told);
     bench.take_warnings().iter().for_each(|warning| failure::print_warning(warning));
-    print(&found, args, &labels);
+    print(&found, args, &slots);
     let Some(chosen) = found.ranked.first() else {
-        return Err(Failure::Beyond(nothing_fits(&found, args, &labels)));
+        return Err(Failure::Beyond(nothing_fits(&found, args, &slots)));
     };
     let written = bench.project(&found.trials[*chosen].variant).write(&args.output)?;
     written.iter().for_each(|file| crate::say!("wrote {}", file.display()));
@@ -63,7 +63,7 @@ fn confirm(bench: &mut Bench<'_>, args: &TuneArgs) -> Result<(), Failure> {
     let run = bench.run_file(&args.output).map_err(Failure::Work)?;
     let trial = Trial::new(Vec::new(), run);
     let (time, error) = (times(&trial), trial.error);
-    crate::say!("rendered again: {time} ms, {} {error:.4}", args.metric.metric().title());
+    crate::say!("rendered again: {time} ms, {} {error:.4}", args.metric.title);
     let kept = match args.goal() {
         Goal::Time(most) => trial.median() <= most,
         Goal::Error(most) => error <= most,
@@ -75,26 +75,6 @@ fn confirm(bench: &mut Bench<'_>, args: &TuneArgs) -> Result<(), Failure> {
         "rendered again it does not keep the goal: the machine is busier than it was; run this again, or with more --frames (now {})",
         args.frames
     )))
-}
-
-/// Names of the variants, kept apart from the machine that renders them.
-struct Labels(Vec<(String, Vec<String>)>);
-
-impl Labels {
-    fn of(bench: &Bench<'_>) -> Self {
-        let slot = |slot: &tune::Slot| {
-            (slot.name.clone(), slot.candidates.iter().map(|candidate| candidate.label.clone()).collect())
-        };
-        Self(bench.slots().iter().map(slot).collect())
-    }
-
-    fn of_variant(&self, variant: &[usize]) -> String {
-        let one = |((pass, labels), candidate): (&(String, Vec<String>), &usize)| match self.0.len() {
-            1 => labels[*candidate].clone(),
-            _ => format!("{pass}: {}", labels[*candidate]),
-        };
-        self.0.iter().zip(variant).map(one).collect::<Vec<_>>().join("; ")
-    }
 }
 
 /// `tune` measures whole frames of the window.
@@ -132,14 +112,14 @@ fn times(trial: &Trial) -> String {
 /// The goal in words.
 fn goal(args: &TuneArgs) -> String {
     match args.goal() {
-        Goal::Time(most) => format!("the least {} within {most} ms", args.metric.metric().title()),
-        Goal::Error(most) => format!("the least time with a {} of at most {most}", args.metric.metric().title()),
+        Goal::Time(most) => format!("the least {} within {most} ms", args.metric.title),
+        Goal::Error(most) => format!("the least time with a {} of at most {most}", args.metric.title),
     }
 }
 
 /// What was measured, the fastest first.
-fn print(found: &Found, args: &TuneArgs, labels: &Labels) {
-    let title = args.metric.metric().title();
+fn print(found: &Found, args: &TuneArgs, slots: &[Slot]) {
+    let title = args.metric.title;
     crate::say!("  {:>26}  {title:>8}  {:>6}  ", "ms a frame (95 % of median)", "frames");
     let mut order: Vec<usize> = (0..found.trials.len()).collect();
     order.sort_by(|a, b| found.trials[*a].median().total_cmp(&found.trials[*b].median()));
@@ -156,26 +136,26 @@ fn print(found: &Found, args: &TuneArgs, labels: &Labels) {
             times(trial),
             trial.error,
             trial.frames_ms.len(),
-            labels.of_variant(&trial.variant)
+            label(slots, &trial.variant)
         );
     }
     for (variant, why) in &found.missing {
-        failure::print_warning(&format!("not measured: {}: {why}", labels.of_variant(variant)));
+        failure::print_warning(&format!("not measured: {}: {why}", label(slots, variant)));
     }
     if let Some(chosen) = found.ranked.first() {
-        crate::say!("* {}: {}", goal(args), labels.of_variant(&found.trials[*chosen].variant));
+        crate::say!("* {}: {}", goal(args), label(slots, &found.trials[*chosen].variant));
     }
 }
 
 /// What comes nearest to a goal that nothing reaches.
-fn nothing_fits(found: &Found, args: &TuneArgs, labels: &Labels) -> String {
+fn nothing_fits(found: &Found, args: &TuneArgs, slots: &[Slot]) -> String {
     let key = |trial: &&Trial| match args.goal() {
         Goal::Time(_) => trial.median(),
         Goal::Error(_) => trial.error,
     };
     let nearest = found.trials.iter().min_by(|a, b| key(a).total_cmp(&key(b)));
     let nearest = nearest.map_or_else(String::new, |trial| {
-        format!("; nearest: {} ms, {:.4}: {}", times(trial), trial.error, labels.of_variant(&trial.variant))
+        format!("; nearest: {} ms, {:.4}: {}", times(trial), trial.error, label(slots, &trial.variant))
     });
     format!("nothing measured gives {}{nearest}", goal(args))
 }

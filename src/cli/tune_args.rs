@@ -1,8 +1,10 @@
 //! The arguments of `tune`.
 
-use clap::{ArgGroup, Args, ValueEnum, ValueHint};
-use curitiba::args::ProjectArgs;
-use curitiba::tune::{Goal, Metric};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{ArgGroup, Args, ValueHint};
+use curitiba::args::{ProjectArgs, parse_error_bound};
+use curitiba::pipeline::metrics::{Better, METRICS, MetricInfo};
+use curitiba::tune::Goal;
 use std::path::PathBuf;
 
 /// Arguments of `tune`.
@@ -15,11 +17,11 @@ pub struct TuneArgs {
     #[arg(long, value_name = "TIME", value_parser = parse_time)]
     time: Option<f64>,
     /// The least time of frames whose error is at most this
-    #[arg(long, value_name = "ERROR", value_parser = parse_error)]
+    #[arg(long, value_name = "ERROR", value_parser = parse_error_bound)]
     error: Option<f64>,
-    /// What the error is: the root mean square of linear differences, or FLIP
-    #[arg(long, value_enum, default_value_t = MetricArg::Rmse)]
-    pub metric: MetricArg,
+    /// What the error is: a metric of `curitiba compare` of which less is better
+    #[arg(long, value_name = "NAME", default_value = "rmse", value_parser = metric_parser())]
+    pub metric: &'static MetricInfo,
     /// The project that is written; its library gets the same name
     #[arg(short, long, value_name = "FILE.xml", default_value = "tuned.xml", value_hint = ValueHint::FilePath)]
     pub output: PathBuf,
@@ -29,22 +31,6 @@ pub struct TuneArgs {
     /// Seconds that refining a reference may take
     #[arg(long, value_name = "N", default_value_t = 60)]
     pub reference_seconds: u32,
-}
-
-/// A metric by its name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum MetricArg {
-    Rmse,
-    Flip,
-}
-
-impl MetricArg {
-    pub fn metric(self) -> Metric {
-        match self {
-            Self::Rmse => Metric::Rmse,
-            Self::Flip => Metric::Flip,
-        }
-    }
 }
 
 impl TuneArgs {
@@ -57,6 +43,12 @@ impl TuneArgs {
     }
 }
 
+fn metric_parser() -> impl TypedValueParser<Value = &'static MetricInfo> {
+    let errors = || METRICS.iter().filter(|metric| metric.better == Better::Lower);
+    PossibleValuesParser::new(errors().map(|metric| metric.name))
+        .try_map(move |name| errors().find(|metric| metric.name == name).ok_or("no metric"))
+}
+
 /// Milliseconds of `16.6ms` or `0.5s`.
 fn parse_time(text: &str) -> Result<f64, String> {
     let wrong = || format!("`{text}` is no time; valid: a number above 0 with its unit, such as 16.6ms or 0.5s");
@@ -67,11 +59,6 @@ fn parse_time(text: &str) -> Result<f64, String> {
     };
     let ms = number.trim().parse::<f64>().map_err(|_| wrong())? * scale;
     if ms.is_finite() && ms > 0.0 { Ok(ms) } else { Err(wrong()) }
-}
-
-fn parse_error(text: &str) -> Result<f64, String> {
-    let error = text.parse::<f64>().ok().filter(|error| error.is_finite() && *error >= 0.0);
-    error.ok_or_else(|| format!("`{text}` is not an error; valid: a number from 0 on, such as 0.01"))
 }
 
 #[cfg(test)]

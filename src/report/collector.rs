@@ -215,7 +215,7 @@ impl<'a> Collector<'a> {
         if entry.on_cpu {
             choice.raster = RasterChoice::Cpu;
         }
-        let mut case = Case::new(&path, settings, choice).map_err(|error| error.to_string())?;
+        let mut case = Case::new(&path, settings, choice).map_err(|error| error.joined())?;
         case.label.clone_from(&entry.label);
         case.effect = entry.effect.to_owned();
         case.technique = entry.technique;

@@ -1,6 +1,6 @@
 //! What can stand in the place of a pass: its program with other settings, the same by raster, or the same by rays.
 
-use crate::pipeline::plan::{Plan, Work};
+use crate::pipeline::plan::{Plan, PlannedPass, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, Sampler};
 use crate::pipeline::project::{EffectPass, PassKind, RayPass};
 use crate::pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo};
@@ -36,11 +36,21 @@ pub struct Slot {
     pub candidates: Vec<Candidate>,
 }
 
+/// The candidates that a variant has, with the names of their passes where there are several.
+#[must_use]
+pub fn label(slots: &[Slot], variant: &[usize]) -> String {
+    let of_slot = |(slot, candidate): (&Slot, &usize)| match slots.len() {
+        1 => slot.candidates[*candidate].label.clone(),
+        _ => format!("{}: {}", slot.name, slot.candidates[*candidate].label),
+    };
+    slots.iter().zip(variant).map(of_slot).collect::<Vec<_>>().join("; ")
+}
+
 /// The passes of a plan that have more than one candidate.
 #[must_use]
 pub fn slots(plan: &Plan) -> Vec<Slot> {
     let fidelity = plan.settings.fidelity;
-    let slot = |planned: &crate::pipeline::plan::PlannedPass| {
+    let slot = |planned: &PlannedPass| {
         let pass = plan.pass(planned);
         let candidates = match (&pass.kind, &planned.work) {
             (PassKind::Ray(ray), Work::Rays { params, .. }) => {
@@ -51,8 +61,7 @@ pub fn slots(plan: &Plan) -> Vec<Slot> {
             }
             _ => return None,
         };
-        let index = plan.project.pipelines[plan.pipeline].passes.iter().position(|other| other.name == pass.name)?;
-        (candidates.len() > 1).then(|| Slot { pass: index, name: pass.name.clone(), candidates })
+        (candidates.len() > 1).then(|| Slot { pass: planned.pass, name: pass.name.clone(), candidates })
     };
     plan.passes.iter().filter_map(slot).collect()
 }
@@ -60,7 +69,7 @@ pub fn slots(plan: &Plan) -> Vec<Slot> {
 fn of_rays(declared: &RayPass, fidelity: Fidelity) -> Vec<Candidate> {
     let mut candidates = vec![Candidate { label: ray_label(declared), kind: PassKind::Ray(declared.clone()) }];
     add_rays(&mut candidates, declared, fidelity);
-    add_effects(&mut candidates, declared.program, &effect_of(declared));
+    add_effects(&mut candidates, declared.program, |program| effect_of(declared, program));
     candidates
 }
 
@@ -69,7 +78,7 @@ fn of_effect(declared: &EffectPass, fidelity: Fidelity) -> Vec<Candidate> {
     let rays = rays_of(declared);
     add(&mut candidates, Candidate { label: ray_label(&rays), kind: PassKind::Ray(rays.clone()) });
     add_rays(&mut candidates, &rays, fidelity);
-    add_effects(&mut candidates, rays.program, declared);
+    add_effects(&mut candidates, rays.program, |program| EffectPass { program, ..declared.clone() });
     candidates
 }
 
@@ -98,10 +107,11 @@ fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity)
 }
 
 /// The raster effects that stand for a ray program, with settings of their own.
-fn add_effects(candidates: &mut Vec<Candidate>, program: RayProgram, like: &EffectPass) {
+fn add_effects(candidates: &mut Vec<Candidate>, program: RayProgram, pass_of: impl Fn(EffectProgram) -> EffectPass) {
     for info in EFFECT_PROGRAMS.iter().filter(|info| info.counterpart == program) {
+        let like = pass_of(info.program);
         for params in settings(info, shared(info.program, &like.params)) {
-            let pass = EffectPass { program: info.program, params, ..like.clone() };
+            let pass = EffectPass { params, ..like.clone() };
             add(candidates, Candidate { label: effect_label(&pass), kind: PassKind::Effect(pass) });
         }
     }
@@ -125,16 +135,15 @@ fn settings(info: &EffectProgramInfo, base: EffectParams) -> Vec<EffectParams> {
     }
 }
 
-fn effect_of(rays: &RayPass) -> EffectPass {
+fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
     let RayParams { radius, intensity, index, fresnel, .. } = rays.params;
-    // Each program gets the rest of its own defaults.
-    let params = EffectParams { radius, intensity, index, fresnel, ..EffectParams::default() };
+    let params = EffectParams { radius, intensity, index, fresnel, ..EffectParams::of(program) };
     let rays = rays.clone();
     EffectPass {
         scenes: rays.scenes,
         camera: rays.camera,
         light: rays.light,
-        program: EffectProgram::ShadowMap,
+        program,
         params,
         position: rays.position,
         normal: rays.normal,

@@ -1,10 +1,11 @@
 //! This machine: variants as project files, rendered and compared with their reference.
 
 use super::candidates::{Slot, slots};
-use super::{Machine, Metric, Run};
+use super::{Machine, Run};
 use crate::bench::model::RowError;
 use crate::bench::{Case, MeasureOptions, measure};
 use crate::pipeline::executor::Observer;
+use crate::pipeline::metrics::MetricInfo;
 use crate::pipeline::plan::{Plan, Settings};
 use crate::pipeline::project::{Project, SceneOptions};
 use crate::reference::References;
@@ -19,7 +20,7 @@ pub struct Bench<'a> {
     settings: Settings,
     choice: Choice,
     options: MeasureOptions,
-    metric: Metric,
+    metric: &'static MetricInfo,
     references: References,
     folder: PathBuf,
     observer: &'a mut dyn Observer,
@@ -35,8 +36,8 @@ pub struct Request<'a> {
     pub choice: Choice,
     /// Frames of each run.
     pub options: MeasureOptions,
-    /// What pictures are judged by.
-    pub metric: Metric,
+    /// What pictures are judged by; lower is better.
+    pub metric: &'static MetricInfo,
 }
 
 impl<'a> Bench<'a> {
@@ -67,16 +68,6 @@ impl<'a> Bench<'a> {
         &self.slots
     }
 
-    /// The candidates that a variant has, with the names of their passes where there are several.
-    #[must_use]
-    pub fn label(&self, variant: &[usize]) -> String {
-        let of_slot = |(slot, candidate): (&Slot, &usize)| match self.slots.len() {
-            1 => slot.candidates[*candidate].label.clone(),
-            _ => format!("{}: {}", slot.name, slot.candidates[*candidate].label),
-        };
-        self.slots.iter().zip(variant).map(of_slot).collect::<Vec<_>>().join("; ")
-    }
-
     /// The project with the candidates of a variant.
     #[must_use]
     pub fn project(&self, variant: &[usize]) -> Project {
@@ -92,13 +83,13 @@ impl<'a> Bench<'a> {
     /// # Errors
     /// Why it cannot be rendered or judged.
     pub fn run_file(&mut self, path: &Path) -> Result<Run, String> {
-        let case = Case::new(path, self.settings.clone(), self.choice).map_err(|error| error.to_string())?;
-        let measured = measure(&case, &self.options, self.observer).map_err(|error| error.to_string())?;
+        let case = Case::new(path, self.settings.clone(), self.choice).map_err(|error| error.joined())?;
+        let measured = measure(&case, &self.options, self.observer).map_err(|error| error.joined())?;
         let (frames_ms, picture) = (measured.row.frame.samples, measured.picture);
         // Its scene need not stay beside the reference's.
         drop(measured.renderer);
         match self.references.compare(&case, &picture, self.observer).map_err(|error| error.to_string())? {
-            RowError::Against { comparison, .. } => Ok(Run { frames_ms, error: self.metric.of(&comparison) }),
+            RowError::Against { comparison, .. } => Ok(Run { frames_ms, error: (self.metric.value)(&comparison) }),
             RowError::Missing(why) => Err(why),
         }
     }

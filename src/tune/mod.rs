@@ -13,42 +13,10 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-pub use candidates::{Candidate, Slot};
+pub use candidates::{Candidate, Slot, label};
 pub use choose::{Goal, Trial, ranked};
 pub use machine::Bench;
 pub use search::{Found, search};
-
-use crate::pipeline::metrics::Comparison;
-
-/// What a variant's picture is judged by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Metric {
-    /// Root mean square error of the colours.
-    #[default]
-    Rmse,
-    /// FLIP, 0 to 1.
-    Flip,
-}
-
-impl Metric {
-    /// Its value in a comparison.
-    #[must_use]
-    pub fn of(self, comparison: &Comparison) -> f64 {
-        match self {
-            Self::Rmse => comparison.rmse,
-            Self::Flip => comparison.flip,
-        }
-    }
-
-    /// Its name in tables.
-    #[must_use]
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Rmse => "RMSE",
-            Self::Flip => "FLIP",
-        }
-    }
-}
 
 /// By slot, the index of the candidate that stands there.
 pub type Variant = Vec<usize>;

@@ -1,5 +1,6 @@
 //! Writing the picture with what reproduces it.
 
+use curitiba::args::quoted;
 use curitiba::environment::Environment;
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::plan::Settings;
@@ -71,16 +72,6 @@ pub(super) fn save(renderer: &mut Renderer, path: &Path, taken: &Taken) -> Resul
     Ok(vec![png, exr, json])
 }
 
-/// A word of a shell.
-fn word(text: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@".contains(c);
-    if !text.is_empty() && text.chars().all(plain) {
-        text.to_owned()
-    } else {
-        format!("'{}'", text.replace('\'', "'\\''"))
-    }
-}
-
 fn command(
     source: &Path,
     settings: &Settings,
@@ -89,8 +80,8 @@ fn command(
     raster: &str,
     rays: &str,
 ) -> String {
-    let mut words = vec!["curitiba".to_owned(), "render".to_owned(), word(&source.display().to_string())];
-    let mut option = |name: &str, value: &str| words.extend([format!("--{name}"), word(value)]);
+    let mut words = vec!["curitiba".to_owned(), "render".to_owned(), quoted(&source.display().to_string())];
+    let mut option = |name: &str, value: &str| words.extend([format!("--{name}"), quoted(value)]);
     option("size", &format!("{width}x{height}"));
     option("raster", raster);
     option("backend", rays);
