@@ -6,7 +6,6 @@ use crate::pipeline::files::{self, write_atomically};
 use serde::Deserialize as _;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -77,13 +76,10 @@ impl BenchFile {
     /// # Errors
     /// If it cannot be read or holds anything else.
     pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
-        let text = match files::read(path, MOST_BYTES) {
-            // An empty file is one that something made to be written into.
-            Ok(text) if text.is_empty() => return Ok(None),
-            Ok(text) => text,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(FileError::Io { path: path.to_owned(), message: error.to_string() }),
-        };
+        let text = files::read_if_there(path, MOST_BYTES)
+            .map_err(|error| FileError::Io { path: path.to_owned(), message: error.to_string() })?;
+        // An empty file is one that something made to be written into.
+        let Some(text) = text.filter(|text| !text.is_empty()) else { return Ok(None) };
         Self::parse(&text).map(Some).map_err(|message| FileError::Broken { path: path.to_owned(), message })
     }
 

@@ -10,7 +10,6 @@ use super::model::{BenchFile, FORMAT, PartOf};
 use crate::environment::Environment;
 use crate::pipeline::files::{self, write_atomically};
 use serde::{Deserialize, Serialize};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Name of the list of all rows, in the folder of the parts.
@@ -107,11 +106,7 @@ impl RowList {
     /// If it cannot be read or is no list.
     pub fn read(folder: &Path) -> Result<Option<Self>, PartError> {
         let path = folder.join(LIST);
-        let text = match files::read(&path, MOST_BYTES) {
-            Ok(text) => text,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(PartError::Io { path, message: error.to_string() }),
-        };
+        let Some(text) = text_of(&path)? else { return Ok(None) };
         let list: Self = serde_json::from_slice(&text)
             .map_err(|error| PartError::Broken { path: path.clone(), message: error.to_string() })?;
         if list.format != FORMAT {
@@ -221,11 +216,11 @@ impl Parts {
 
 /// Reads a benchmark, whole or a part; `None` if there is no file.
 pub(super) fn read(path: &Path) -> Result<Option<BenchFile>, PartError> {
-    match files::read(path, MOST_BYTES) {
-        Ok(text) => {
-            BenchFile::parse(&text).map(Some).map_err(|message| PartError::Broken { path: path.to_owned(), message })
-        }
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(PartError::Io { path: path.to_owned(), message: error.to_string() }),
-    }
+    let Some(text) = text_of(path)? else { return Ok(None) };
+    BenchFile::parse(&text).map(Some).map_err(|message| PartError::Broken { path: path.to_owned(), message })
+}
+
+fn text_of(path: &Path) -> Result<Option<Vec<u8>>, PartError> {
+    files::read_if_there(path, MOST_BYTES)
+        .map_err(|error| PartError::Io { path: path.to_owned(), message: error.to_string() })
 }

@@ -10,7 +10,6 @@ use crate::pipeline::files::{self, write_atomically};
 use crate::pipeline::plan::Settings;
 use crate::pipeline::project::Pose;
 use serde::{Deserialize, Serialize};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Largest record that is read, bytes.
@@ -157,11 +156,9 @@ impl FrameRecord {
     /// # Errors
     /// If what is there is no record, or of another picture.
     pub fn find(path: &Path, origin: &Origin, files: &[PathBuf]) -> Result<Option<Self>, RecordError> {
-        let text = match files::read(path, MOST_BYTES) {
-            Ok(text) => text,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(RecordError::Io { path: path.to_owned(), message: error.to_string() }),
-        };
+        let text = files::read_if_there(path, MOST_BYTES)
+            .map_err(|error| RecordError::Io { path: path.to_owned(), message: error.to_string() })?;
+        let Some(text) = text else { return Ok(None) };
         let record: Self = serde_json::from_slice(&text)
             .map_err(|error| RecordError::Broken { path: path.to_owned(), message: error.to_string() })?;
         if let Some(field) = origin.differs_from(&record.origin) {

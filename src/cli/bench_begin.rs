@@ -1,6 +1,7 @@
 //! What a benchmark begins with: the machine, the engines, where references are kept.
 
 use super::bench_args::{BenchArgs, EngineArg};
+use super::bench_jobs::engines;
 use super::{Failure, check_references, failure};
 use curitiba::Choice;
 use curitiba::bench::model::BenchFile;
@@ -33,12 +34,11 @@ pub(super) fn references_folder(args: &BenchArgs) -> PathBuf {
 
 /// The engines on which every row is measured. Those that are not there are noted in the file.
 pub(super) fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) -> Vec<Choice> {
-    if args.compare.is_empty() {
-        return vec![choice];
-    }
     let mut choices = Vec::new();
-    for engine in &args.compare {
-        let asked = engine.choice(choice);
+    if args.compare.is_empty() {
+        choices.push(choice);
+    }
+    for (engine, asked) in engines(args, choice) {
         let made = match engine {
             EngineArg::Cpu => Ok(asked),
             EngineArg::Wgpu => WgpuRasteriser::new(AdapterChoice::Any)
@@ -53,7 +53,6 @@ pub(super) fn choices(args: &BenchArgs, choice: Choice, file: &mut BenchFile) ->
             EngineArg::WgpuRays | EngineArg::Cuda | EngineArg::Optix => traced_by(asked, file),
         };
         match made {
-            Ok(choice) if choices.contains(&choice) => {}
             Ok(choice) => choices.push(choice),
             Err(why) => {
                 failure::print_warning(&format!("{}: {why}", engine.name()));

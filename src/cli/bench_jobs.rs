@@ -28,18 +28,16 @@ impl EngineArg {
     }
 }
 
+/// The engines of `--compare`, each once; what they do not name is as in `choice`.
+pub(super) fn engines(args: &BenchArgs, choice: Choice) -> impl Iterator<Item = (EngineArg, Choice)> {
+    let named = args.compare.iter().enumerate();
+    let first = named.filter(|(index, engine)| !args.compare[..*index].contains(engine));
+    first.map(move |(_, engine)| (*engine, engine.choice(choice)))
+}
+
 /// All engines on which every row is to be measured, whether they are here or not: the same on every machine.
 pub(super) fn all_choices(args: &BenchArgs, choice: Choice) -> Vec<Choice> {
-    if args.compare.is_empty() {
-        return vec![choice];
-    }
-    let mut choices = Vec::new();
-    for made in args.compare.iter().map(|engine| engine.choice(choice)) {
-        if !choices.contains(&made) {
-            choices.push(made);
-        }
-    }
-    choices
+    if args.compare.is_empty() { vec![choice] } else { engines(args, choice).map(|(_, asked)| asked).collect() }
 }
 
 /// Everything that is to be measured, checked before anything is.

@@ -4,7 +4,6 @@ use crate::pipeline::files;
 use crate::pipeline::image::{Image, Layer, read_image, write_exr};
 use crate::pipeline::scene::fnv1a;
 use serde::{Deserialize, Serialize};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -54,11 +53,8 @@ impl Folder {
     pub fn load(&self, material: &str, size: [u32; 2]) -> Result<Option<Entry>, String> {
         let (exr, json) = self.files(material);
         // The JSON file is written last: without it there is nothing, or what an interrupted run left.
-        let text = match files::read(&json, MOST_SIDECAR) {
-            Ok(text) => text,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(damaged(&json, error)),
-        };
+        let text = files::read_if_there(&json, MOST_SIDECAR).map_err(|error| damaged(&json, error))?;
+        let Some(text) = text else { return Ok(None) };
         let sidecar: Sidecar = serde_json::from_slice(&text).map_err(|error| damaged(&json, error))?;
         if sidecar.material.join("\n") != material {
             return Err(damaged(&json, "it is of another reference"));

@@ -18,7 +18,7 @@ mod target;
 mod temporary;
 
 pub use confine::{check_place, confine, confined_to, outside, read_so_far, record_files_read, refused};
-pub use input::{Input, open, read};
+pub use input::{Input, open, read, read_if_there};
 pub use output::{Replacement, create_folder, write_atomically};
 pub use target::{OutputError, check_folder, check_outputs};
 pub use temporary::{TemporaryFolder, abandon};

@@ -6,7 +6,6 @@ use crate::environment::Environment;
 use crate::pipeline::executor::StepKind;
 use crate::pipeline::files::{self, write_atomically};
 use serde::{Deserialize, Serialize};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -118,13 +117,10 @@ impl ThreadsFile {
     /// # Errors
     /// If it cannot be read or holds anything else.
     pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
-        let text = match files::read(path, MOST_BYTES) {
-            // An empty file is one that something made to be written into.
-            Ok(text) if text.is_empty() => return Ok(None),
-            Ok(text) => text,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(FileError::Io { path: path.to_owned(), message: error.to_string() }),
-        };
+        let text = files::read_if_there(path, MOST_BYTES)
+            .map_err(|error| FileError::Io { path: path.to_owned(), message: error.to_string() })?;
+        // An empty file is one that something made to be written into.
+        let Some(text) = text.filter(|text| !text.is_empty()) else { return Ok(None) };
         let broken = |message: String| FileError::Broken { path: path.to_owned(), message };
         let file: Self = serde_json::from_slice(&text).map_err(|error| broken(error.to_string()))?;
         match (file.format, &file.kind[..]) {
