@@ -10,9 +10,9 @@ use crate::guard;
 use crate::memory;
 use exr::block::{BlockIndex, UncompressedBlock};
 use exr::math::Vec2;
-use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType};
 use exr::meta::header::Header;
+use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::Text;
 use half::f16;
 use image::{ImageDecoder as _, ImageFormat, ImageReader, Limits};
@@ -150,6 +150,12 @@ fn read_exr(path: &Path) -> Result<Picture, String> {
         bytes += width * height * header.channels.bytes_per_pixel as u64;
         if header.channels.list.iter().any(|channel| channel.sampling.0 != 1 || channel.sampling.1 != 1) {
             return Err("a channel has fewer samples than pixels (chroma subsampling); write it with all".to_owned());
+        }
+        // The crate takes as much memory as a part of the file says that it has, up to a whole tile.
+        if let BlockDescription::Tiles(tiles) = header.blocks {
+            let [width, height] = [tiles.tile_size.0, tiles.tile_size.1].map(|side| side as u64);
+            let tile = width.saturating_mul(height).saturating_mul(header.channels.bytes_per_pixel as u64);
+            check_held(&format!("tiles of {width} x {height} pixels"), tile, size)?;
         }
     }
     check_held(&format!("{samples} values"), bytes, size)?;
@@ -401,6 +407,22 @@ mod tests {
         bytes[start + 8..start + 12].copy_from_slice(&16_383_i32.to_le_bytes());
         bytes[start + 12..start + 16].copy_from_slice(&16_383_i32.to_le_bytes());
         assert!(fails("claims.exr", Some(&bytes)).contains("the file claims"));
+        // A small picture in one tile of a size that no memory has.
+        {
+            use exr::prelude::*;
+            let layer = Layer::new(
+                (8, 8),
+                LayerAttributes::named("window"),
+                Encoding {
+                    compression: Compression::Uncompressed,
+                    blocks: Blocks::Tiles(Vec2(1 << 20, 1 << 10)),
+                    line_order: LineOrder::Increasing,
+                },
+                SpecificChannels::rgba(|_| (0.0_f32, 0.5_f32, 1.0_f32, 1.0_f32)),
+            );
+            Image::from_layer(layer).write().to_file(&exr).expect("written");
+        }
+        assert!(fails("b.exr", None).contains("the file claims tiles of 1048576 x 1024 pixels"));
         // A PNG that claims 65535 x 65535 pixels, with a right checksum of its header.
         let mut bytes = std::fs::read(&png).expect("there");
         bytes[16..24].copy_from_slice(&[0, 0, 0xff, 0xff, 0, 0, 0xff, 0xff]);
