@@ -3,6 +3,7 @@
 
 use crate::pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
 use crate::pipeline::executor::{Progress, median};
+use crate::pipeline::glass::Dielectric;
 use crate::pipeline::image::Image;
 use crate::pipeline::programs::{Fidelity, RayParams, RayProgram};
 use crate::pipeline::scene::RenderScene;
@@ -250,8 +251,13 @@ impl RayBackend for Beside {
         self.others.iter().try_for_each(|other| other.supports(program, fidelity))
     }
 
-    fn supports_glass(&self, program: RayProgram, params: &RayParams) -> Result<(), BackendError> {
-        self.others.iter().try_for_each(|other| other.supports_glass(program, params))
+    fn supports_glass(
+        &self,
+        program: RayProgram,
+        params: &RayParams,
+        dielectrics: &[Dielectric],
+    ) -> Result<(), BackendError> {
+        self.others.iter().try_for_each(|other| other.supports_glass(program, params, dielectrics))
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {

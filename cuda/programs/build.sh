@@ -34,9 +34,12 @@ for tracer in bvh optix; do
     # Keeps what OptiX looks for by name: the launch parameters and the programs.
     extra=()
     [ "$tracer" = optix ] && extra=(-rdc=true)
-    for fidelity in corrected thesis; do
+    # `bodies` is corrected fidelity with glass as each material says.
+    for fidelity in corrected thesis bodies; do
         mkdir -p "ptx/$tracer/$fidelity"
-        for program in dummy deferredShadows reflection refraction ssao final; do
+        programs="dummy deferredShadows reflection refraction ssao final"
+        [ "$fidelity" = bodies ] && programs="refraction final"
+        for program in $programs; do
             # OptiX's functions are calls that the driver resolves when it compiles a module.
             out=ptx/$tracer/$fidelity/$program.ptx
             "$nvcc" "${flags[@]}" "${extra[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" -DCURITIBA_FIDELITY="$fidelity" \

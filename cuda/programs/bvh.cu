@@ -13,7 +13,7 @@ DEVICE Pass<Bvh> pass_at(const Params &params, const Bvh &tracer, unsigned colum
 }
 
 // What is called for the picture.
-#if defined(CURITIBA_FINAL) && defined(CURITIBA_CORRECTED)
+#if defined(CURITIBA_FINAL) && !defined(CURITIBA_THESIS)
 #include "final_stages.cuh"
 #define CURITIBA_LISTS
 #define CURITIBA_PICTURE sum_surfaces
@@ -44,6 +44,16 @@ KERNEL(RESIDENT_BLOCKS) buffer_camera(const __grid_constant__ Params params) {
         if (pass.inside) params.output[pass.pixel.index] = result;
     });
 }
+
+#ifdef CURITIBA_BODIES
+// One thread finds out what the camera is in.
+extern "C" __global__ void find_eye(const __grid_constant__ Params params) {
+    Bvh tracer = {params};
+    Pass<Bvh> pass = {params, tracer, {}, true, {}};
+    find_bodies_around_eye(pass);
+    count_rays(params, 0, pass.rays);
+}
+#endif
 
 // Of listed surfaces: as many blocks as the device runs at once take surfaces from the list until none is left.
 template <class Stage> DEVICE void of_surfaces(const Params &params, Stage &&stage) {

@@ -1,6 +1,9 @@
 // `final`: glass as in `refraction`, shadows and ambient occlusion, at pixels and at every hit.
 #pragma once
 #include "glass.cuh"
+#ifdef CURITIBA_BODIES
+#include "bodies.cuh"
+#endif
 
 // The fastest of 1, 8, 10, 12 and 16 on an H100.
 constexpr unsigned RESIDENT_BLOCKS = 8;
@@ -8,13 +11,42 @@ constexpr unsigned RESIDENT_BLOCKS = 8;
 #define CURITIBA_FINAL
 constexpr unsigned LISTING_BLOCKS = 8, LIGHTING_BLOCKS = 10;
 
+// What glass is: what each material says, with shares of light by colour, or the report's panes.
+#ifdef CURITIBA_BODIES
+using Walk = BodyWalk;
+using End = BodyEnd;
+using Share = float3;
+DEVICE Share share_of(float value) { return splat(value); }
+template <class Tracer> DEVICE Share light_from(Pass<Tracer> &pass, float3 origin) { return light_through_bodies(pass, origin); }
+// The part of a surface's weight that is not in its colour.
+DEVICE float weigh(const End &end, float3 &color) {
+    color = end.weight * color;
+    return 1.0f;
+}
+DEVICE float3 missed_by(const Walk &walk) { return walk.missed; }
+#else
+using Walk = GlassWalk;
+using End = GlassEnd;
+using Share = float;
+DEVICE Share share_of(float value) { return value; }
+template <class Tracer> DEVICE Share light_from(Pass<Tracer> &pass, float3 origin) { return pass.light_at(origin); }
+DEVICE float weigh(const End &end, float3 &) { return end.weight; }
+#endif
+
+// What reaches a surface of the light, on the side to which it is lit.
+template <class Tracer> DEVICE Share light_share(Pass<Tracer> &pass, const Surface &surface, float3 lit_side) {
+    if (dot(lit_side, pass.to_light()) <= 0.0f) return share_of(SHADOWED);
+    pass.rays.shadow += 1;
+    return light_from(pass, spawn(surface.point, pass.to_light()));
+}
+
 // A colour times the light's share and ambient occlusion. Black stays black, without a ray. All threads of a warp call it
 // together, those that have no surface with black.
 template <class Tracer>
 static __device__ OUTLINED float3 visible(Pass<Tracer> &pass, float3 color, const Surface &surface, float3 lit_side,
                                               unsigned key) {
-    bool black = color.x == 0.0f && color.y == 0.0f && color.z == 0.0f;
-    float light = black ? 0.0f : pass.light_share(surface, lit_side);
+    bool black = is_black(color);
+    Share light = black ? share_of(0.0f) : light_share(pass, surface, lit_side);
     float open = pass.template occlusion<ACCEPT_STOPS>(!black, surface, key);
     return black ? color : color * light * open;
 }
@@ -44,8 +76,8 @@ struct VisibleSurface {
 struct PixelSurfaces {
     bool glass, here;
     float3 color, lit_side;
-    GlassWalk walk;
-    GlassEnd end;
+    Walk walk;
+    End end;
 
     template <class Tracer> DEVICE_MEMBER void begin(Pass<Tracer> &pass) {
         const Params &params = pass.params;
@@ -58,10 +90,10 @@ struct PixelSurfaces {
         color = xyz(pass.color());
         end.surface = pass.surface_at(triangle, stored_normal, view);
         end.key = pixel_key(pass.pixel.x, pass.pixel.y, params.seed);
-        end.weight = 1.0f;
+        end.weight = share_of(1.0f);
         lit_side = dot(stored_normal, end.surface.facing) < 0.0f ? -end.surface.facing : end.surface.facing;
         glass = is_glass(params, triangle);
-        if (glass) walk.enter(end.surface, view, end.key, 1.0f, 0);
+        if (glass) walk.enter_pixel(pass, triangle, end.surface, view, end.key);
         here = !glass;
     }
     // Finds the next surface of glass; the others have one, found already.
@@ -82,13 +114,21 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
         surfaces.advance(pass);
         if (!pass.tracer.any(surfaces.here)) break;
         bool here = surfaces.here;
-        const GlassEnd &end = surfaces.end;
-        float3 share = visible(pass, here ? surfaces.color : splat(0.0f), end.surface, surfaces.lit_side, end.key);
-        if (here) sum = surfaces.glass ? sum + end.weight * share : share;
+        const End &end = surfaces.end;
+        float3 color = here ? surfaces.color : splat(0.0f);
+        float weight = weigh(end, color);
+        float3 share = visible(pass, color, end.surface, surfaces.lit_side, end.key);
+        if (here) sum = surfaces.glass ? sum + weight * share : share;
         surfaces.here = false;
     }
+#ifdef CURITIBA_BODIES
+    sum = sum + missed_by(surfaces.walk);
+#endif
     return pass.triangle() != NO_TRIANGLE ? opaque(sum) : pass.color();
 }
+#ifdef CURITIBA_BODIES
+template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) { return corrected(pass); }
+#endif
 
 template <class Tracer> DEVICE float4 thesis(Pass<Tracer> &pass) {
     float4 stored = pass.color();

@@ -41,9 +41,10 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
     while (true) {
         surfaces.advance(pass);
         if (!pass.tracer.any(surfaces.here)) break;
-        float3 color = surfaces.color;
+        float3 color = surfaces.here ? surfaces.color : splat(0.0f);
+        float weight = weigh(surfaces.end, color);
         // Black stays black, without a ray.
-        bool wanted = surfaces.here && head != NO_ROOM && !(color.x == 0.0f && color.y == 0.0f && color.z == 0.0f);
+        bool wanted = surfaces.here && head != NO_ROOM && !is_black(color);
         surfaces.here = false;
         unsigned mask = __ballot_sync(WHOLE_WARP, wanted), first = 0;
         if (mask == 0) continue;
@@ -67,14 +68,14 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
             surfaces.glass = false;
             continue;
         }
-        const GlassEnd &end = surfaces.end;
+        const End &end = surfaces.end;
         const Surface &surface = end.surface;
         float step = OFFSET_UNITS * surface.point.error;
         bool turned = dot(surfaces.lit_side, pass.to_light()) <= 0.0f;
         float3 start = surface.point.start, facing = surface.facing, normal = surface.normal;
         listed(params)[place] = {make_float4(start.x, start.y, start.z, turned ? -step : step),
                                  make_float4(facing.x, facing.y, facing.z, __uint_as_float(end.key)),
-                                 make_float4(normal.x, normal.y, normal.z, end.weight),
+                                 make_float4(normal.x, normal.y, normal.z, weight),
                                  make_float4(color.x, color.y, color.z, __uint_as_float(NO_SURFACE))};
         if (head == NO_SURFACE) {
             head = place;
@@ -83,6 +84,9 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         }
         last = place;
     }
+#ifdef CURITIBA_BODIES
+    if (pass.inside) params.output[pass.pixel.index] = opaque(missed_by(surfaces.walk));
+#endif
     if (head == NO_ROOM) pass.rays = {};
     if (pass.inside) params.first_surface[pass.pixel.index] = head;
 }
@@ -96,13 +100,13 @@ DEVICE void light_surfaces(Pass<Bvh> &pass) {
         if (!here) continue;
         float4 color = listed(params)[index].color;
         float4 start = listed(params)[index].start, facing = listed(params)[index].facing;
-        if (color.x == 0.0f && color.y == 0.0f && color.z == 0.0f) continue;
-        float light = SHADOWED;
+        if (is_black(xyz(color))) continue;
+        Share light = share_of(SHADOWED);
         if (!signbit(start.w)) {
             pass.rays.shadow += 1;
             float3 to_light = pass.to_light();
             float step = dot(xyz(facing), to_light) < 0.0f ? -start.w : start.w;
-            light = pass.light_at(xyz(start) + xyz(facing) * step);
+            light = light_from(pass, xyz(start) + xyz(facing) * step);
         }
         float3 lit = xyz(color) * light;
         listed(params)[index].color = make_float4(lit.x, lit.y, lit.z, color.w);
@@ -117,7 +121,7 @@ DEVICE bool listed_fan(const Params &params, unsigned index, bool here, Fan &fan
     float4 start = surface.start, facing = surface.facing;
     lit = xyz(surface.color);
     fan = {xyz(start) + xyz(facing) * fabsf(start.w), xyz(facing), xyz(surface.normal), __float_as_uint(facing.w)};
-    return params.samples != 0 && !(lit.x == 0.0f && lit.y == 0.0f && lit.z == 0.0f);
+    return params.samples != 0 && !is_black(lit);
 }
 
 // Writes what is near listed surfaces.
@@ -173,5 +177,8 @@ DEVICE float4 sum_surfaces(Pass<Bvh> &pass) {
         sum = sum + listed(params)[surface].normal.w * (lit * share);
         surface = __float_as_uint(listed(params)[surface].color.w);
     }
+#ifdef CURITIBA_BODIES
+    sum = sum + xyz(params.output[pass.pixel.index]);
+#endif
     return opaque(sum);
 }

@@ -34,6 +34,11 @@ struct GlassWalk {
     float weight;
     unsigned key, bounces;
 
+    // Starts at a pixel that shows glass.
+    template <class Tracer>
+    DEVICE_MEMBER void enter_pixel(Pass<Tracer> &, unsigned, const Surface &at, float3 direction, unsigned path) {
+        enter(at, direction, path, 1.0f, 0);
+    }
     // Starts at glass that is seen in a direction.
     DEVICE_MEMBER void enter(const Surface &at, float3 direction, unsigned path, float share, unsigned bounce) {
         surface = at;

@@ -8,6 +8,14 @@
 extern "C" __global__ void __raygen__buffer_camera() {
     unsigned x = launch_x(), y = picture_row(params, launch_y());
     Optix tracer = {params};
+#ifdef CURITIBA_BODIES
+    if ((params.asks & ASKS_EYE) != 0u) {
+        Pass<Optix> pass = {params, tracer, {}, true, {}};
+        find_bodies_around_eye(pass);
+        count_rays(params, 0, pass.rays);
+        return;
+    }
+#endif
     Pass<Optix> pass = {params, tracer, {x, y, y * params.width + x}, true, {}};
     params.output[pass.pixel.index] = CURITIBA_FIDELITY(pass);
     count_rays(params, pass.pixel.index, pass.rays);
@@ -25,7 +33,7 @@ extern "C" __global__ void __anyhit__any_hit_shadow() {
 extern "C" __global__ void __anyhit__any_hit_shadow_glass() {
     Hit hit = current_hit();
     Crossings *crossings = asked_crossings();
-    if (crossings != nullptr && covers(params, hit)) add_crossing(*crossings, hit.t);
+    if (crossings != nullptr && covers(params, hit)) add_crossing(*crossings, hit);
     ignore_intersection();
 }
 // For radiance rays; no project names it, since the material says by itself that it has holes.

@@ -8,7 +8,7 @@
 #include "fan.cuh"
 
 struct RayCounts {
-    unsigned shadow, occlusion, reflected, refracted, certain;
+    unsigned shadow, occlusion, reflected, refracted, certain, lost;
 };
 
 // The row of the picture that a row of this launch is.
@@ -96,12 +96,7 @@ template <class Tracer> struct Pass {
         return wanted ? params.open_share[open] : 1.0f;
     }
 
-    // What reaches a surface of the light in `final`.
-    __device__ __forceinline__ float light_share(const Surface &surface, float3 facing) {
-        if (dot(facing, to_light()) <= 0.0f) return SHADOWED;
-        rays.shadow += 1;
-        return light_at(spawn(surface.point, to_light()));
-    }
+    // What reaches an origin off its surface of the light in `final`, where each surface of glass dims it alike.
     __device__ __forceinline__ float light_at(float3 origin) const {
         Crossings crossings;
         crossings.stored = crossings.beyond = 0;
@@ -117,7 +112,8 @@ DEVICE float4 splat4(float s) { return make_float4(s, s, s, s); }
 // Adds a pixel's rays to the sums, which are spread so that threads seldom meet.
 DEVICE void count_rays(const Params &params, unsigned index, const RayCounts &rays) {
     unsigned long long *slot = params.ray_counts + (index >> 5) % RAY_COUNT_SLOTS * RAY_COUNT_KINDS;
-    const unsigned counts[RAY_COUNT_KINDS] = {rays.shadow, rays.occlusion, rays.reflected, rays.refracted, rays.certain};
+    const unsigned counts[RAY_COUNT_KINDS] = {rays.shadow,    rays.occlusion, rays.reflected,
+                                              rays.refracted, rays.certain,   rays.lost};
 #pragma unroll
     for (int kind = 0; kind < RAY_COUNT_KINDS; ++kind) {
         if (counts[kind] != 0) atomicAdd(slot + kind, (unsigned long long)counts[kind]);

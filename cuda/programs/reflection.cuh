@@ -15,7 +15,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
         float3 direction = reflect(view, interface_normal(surface, view));
         pass.rays.reflected += 1;
         Hit hit;
-        if (!pass.closest(spawn(surface.point, direction), direction, hit)) break;
+        if (!pass.closest(spawn(surface.point, direction), direction, hit)) return opaque(vector_of(params.beyond));
         surface = surface_hit(params, direction, hit);
         if (!is_glass(params, hit.triangle)) return opaque(lit_color(params, hit, surface.normal));
         view = direction;

@@ -19,12 +19,30 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     float3 view;
     Surface surface = pass.surface_at(triangle, pass.normal(), view);
     GlassWalk walk;
-    walk.enter(surface, view, 0u, 1.0f, 0);
+    walk.enter_pixel(pass, triangle, surface, view, 0u);
     GlassEnd end;
     float3 color = splat(0.0f);
     while (walk.advance(pass, end)) color = color + end.weight * lit_color(pass.params, end.hit, end.surface.normal);
     return opaque(color);
 }
+
+#ifdef CURITIBA_BODIES
+#include "bodies.cuh"
+
+// As `corrected`, of glass as each material says.
+template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
+    unsigned triangle = pass.triangle();
+    if (triangle == NO_TRIANGLE || !is_glass(pass.params, triangle)) return pass.color();
+    float3 view;
+    Surface surface = pass.surface_at(triangle, pass.normal(), view);
+    BodyWalk walk;
+    walk.enter_pixel(pass, triangle, surface, view, 0u);
+    BodyEnd end;
+    float3 color = splat(0.0f);
+    while (walk.advance(pass, end)) color = color + end.weight * lit_color(pass.params, end.hit, end.surface.normal);
+    return opaque(color + walk.missed);
+}
+#endif
 
 template <class Tracer> DEVICE float4 thesis(Pass<Tracer> &pass) {
     float4 color = pass.color();

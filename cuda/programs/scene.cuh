@@ -128,24 +128,38 @@ enum Accept : unsigned {
 // The distances of the glass surfaces that a shadow ray crosses. A tracer may show a hit twice, and a ray through the edge
 // between two triangles meets both: distances no farther apart than the rounding of their computation are one surface.
 // Beyond MAX_CROSSINGS distances, each counts as a surface of its own; light has less than 3 percent left there.
+#ifdef CURITIBA_BODIES
+// Where light falls straight through glass, what it meets counts as well.
+using Crossing = Hit;
+DEVICE Crossing crossing_of(const Hit &hit) { return hit; }
+DEVICE float distance_of(const Crossing &crossing) { return crossing.t; }
+DEVICE bool is_before(const Crossing &a, const Crossing &b) { return a.t < b.t || (a.t == b.t && a.triangle < b.triangle); }
+#else
+using Crossing = float;
+DEVICE Crossing crossing_of(const Hit &hit) { return hit.t; }
+DEVICE float distance_of(Crossing crossing) { return crossing; }
+DEVICE bool is_before(Crossing a, Crossing b) { return a < b; }
+#endif
 struct Crossings {
-    float distance[MAX_CROSSINGS];
+    Crossing met[MAX_CROSSINGS];
     unsigned stored, beyond;
 };
-DEVICE void add_crossing(Crossings &crossings, float t) {
+DEVICE void add_crossing(Crossings &crossings, const Hit &hit) {
     if (crossings.stored == MAX_CROSSINGS) {
         crossings.beyond += 1;
         return;
     }
+    Crossing crossing = crossing_of(hit);
     unsigned slot = crossings.stored++;
-    for (; slot > 0 && crossings.distance[slot - 1] > t; --slot) crossings.distance[slot] = crossings.distance[slot - 1];
-    crossings.distance[slot] = t;
+    for (; slot > 0 && is_before(crossing, crossings.met[slot - 1]); --slot) crossings.met[slot] = crossings.met[slot - 1];
+    crossings.met[slot] = crossing;
 }
 DEVICE unsigned distinct(const Crossings &crossings) {
     constexpr float ROUNDING = 16.0f * UNIT_ROUNDOFF;
     unsigned count = crossings.beyond + (crossings.stored > 0);
     for (unsigned i = 1; i < crossings.stored; ++i) {
-        count += crossings.distance[i] - crossings.distance[i - 1] > ROUNDING * crossings.distance[i];
+        float t = distance_of(crossings.met[i]);
+        count += t - distance_of(crossings.met[i - 1]) > ROUNDING * t;
     }
     return count;
 }
@@ -159,7 +173,7 @@ DEVICE bool accepts(const Params &params, Accept accept, const Hit &hit, Crossin
     default:
         if (!covers(params, hit)) return false;
         if (!passes_light(params, hit.triangle)) return true;
-        add_crossing(*crossings, hit.t);
+        add_crossing(*crossings, hit);
         return false;
     }
 }

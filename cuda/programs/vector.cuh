@@ -14,6 +14,7 @@
 
 DEVICE float3 vec3(float x, float y, float z) { return make_float3(x, y, z); }
 DEVICE float3 splat(float s) { return make_float3(s, s, s); }
+DEVICE float3 vector_of(const float (&v)[3]) { return make_float3(v[0], v[1], v[2]); }
 DEVICE float3 xyz(float4 v) { return make_float3(v.x, v.y, v.z); }
 DEVICE float3 operator+(float3 a, float3 b) { return vec3(a.x + b.x, a.y + b.y, a.z + b.z); }
 DEVICE float3 operator-(float3 a, float3 b) { return vec3(a.x - b.x, a.y - b.y, a.z - b.z); }
@@ -28,6 +29,7 @@ DEVICE float3 cross(float3 a, float3 b) {
 }
 DEVICE float3 absolute(float3 a) { return vec3(fabsf(a.x), fabsf(a.y), fabsf(a.z)); }
 DEVICE float length_recip(float3 a) { return 1.0f / sqrtf(dot(a, a)); }
+DEVICE bool is_black(float3 a) { return a.x == 0.0f && a.y == 0.0f && a.z == 0.0f; }
 DEVICE bool is_finite(float3 a) { return isfinite(a.x) && isfinite(a.y) && isfinite(a.z); }
 
 // Whether a unit vector of this direction exists; then `out` is it.

@@ -1,10 +1,12 @@
 //! Our own wide tree, built by the processor and traversed by kernels.
 
 use crate::device::{Buffer, Device};
-use crate::layout::{BLOCK_HEIGHT, BLOCK_WIDTH, LISTED, Params, REACHES, SETTLED_BYTES, SURFACE_BYTES, TRACING_WARPS};
+use crate::layout::{
+    ASKS_EYE, BLOCK_HEIGHT, BLOCK_WIDTH, LISTED, Params, REACHES, SETTLED_BYTES, SURFACE_BYTES, TRACING_WARPS,
+};
 use crate::nodes::WideNode;
 use crate::one_gpu::DeviceTracer;
-use crate::programs;
+use crate::programs::{self, Variant};
 use crate::scene::SceneBuffers;
 use cudarc::driver::{CudaFunction, DriverError, LaunchConfig, PushKernelArg as _};
 use cudarc::nvrtc::Ptx;
@@ -28,6 +30,8 @@ enum Dealt {
     Tiles,
     /// Work of a list: as many blocks of so many warps as the device runs at once take some until none is left.
     List { warps: u32 },
+    /// One thread.
+    Once,
 }
 
 /// A kernel that runs before the one that writes the picture.
@@ -53,10 +57,11 @@ const OF_FINAL: [Stage; 4] = [
     Stage { entry: "trace_surfaces", dealt: Dealt::List { warps: TRACING_WARPS }, settles: true },
 ];
 
-fn stages(program: RayProgram, fidelity: Fidelity) -> &'static [Stage] {
-    match (program, fidelity) {
-        (RayProgram::Ssao, Fidelity::Corrected) => &OF_OCCLUSION,
-        (RayProgram::Final, Fidelity::Corrected) => &OF_FINAL,
+fn stages(program: RayProgram, variant: Variant) -> &'static [Stage] {
+    match (program, variant) {
+        (_, Variant::Panes(Fidelity::Thesis)) => &[],
+        (RayProgram::Ssao, _) => &OF_OCCLUSION,
+        (RayProgram::Final, _) => &OF_FINAL,
         _ => &[],
     }
 }
@@ -84,11 +89,13 @@ const PROGRESS: usize = 5;
 /// Blocks of a kernel that takes work from a list, for each multiprocessor: as many as one can hold.
 const BLOCKS: u32 = 32;
 
-/// The kernels of a program in one fidelity.
+/// The kernels of a program in one variant.
 #[derive(Debug)]
 struct Kernel {
     program: RayProgram,
-    fidelity: Fidelity,
+    variant: Variant,
+    /// Finds the bodies that the camera is in.
+    find_eye: Option<CudaFunction>,
     /// What runs before.
     stages: Vec<(Stage, CudaFunction)>,
     /// Writes the picture.
@@ -169,6 +176,7 @@ fn start(device: &Device, kernel: &CudaFunction, dealt: Dealt, params: &Params) 
     let (grid_dim, block_dim) = match dealt {
         Dealt::Pixels => (pixels((BLOCK_WIDTH, BLOCK_HEIGHT)), (BLOCK_WIDTH, BLOCK_HEIGHT, 1)),
         Dealt::Tiles => (pixels(tile), (tile.0, tile.1, 1)),
+        Dealt::Once => ((1, 1, 1), (1, 1, 1)),
         Dealt::List { warps } => ((device.multiprocessors()? * BLOCKS, 1, 1), (tile.0, tile.1, warps)),
     };
     let mut launch = device.stream().launch_builder(kernel);
@@ -214,8 +222,8 @@ impl DeviceTracer for BvhTracer {
         Ok(BuildStats { bytes: self.nodes.bytes() + self.leaves.bytes(), nodes: tree.nodes.len() as u64 })
     }
 
-    fn program(program: RayProgram, fidelity: Fidelity) -> Option<&'static str> {
-        programs::on_bvh(program, fidelity)
+    fn program(program: RayProgram, variant: Variant) -> Option<&'static str> {
+        programs::on_bvh(program, variant)
     }
 
     fn clear(&mut self) {
@@ -230,16 +238,17 @@ impl DeviceTracer for BvhTracer {
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
-        let (program, fidelity, info) = (job.program, job.fidelity, job.program.info());
-        if self.kernels.iter().any(|kernel| (kernel.program, kernel.fidelity) == (program, fidelity)) {
+        let (program, variant, info) = (job.program, Variant::of(job), job.program.info());
+        if self.kernels.iter().any(|kernel| (kernel.program, kernel.variant) == (program, variant)) {
             return Ok(());
         }
-        let text = Self::program(program, fidelity).ok_or_else(|| programs::not_written(Self::NAME, program))?;
+        let text = Self::program(program, variant).ok_or_else(|| programs::not_written(Self::NAME, program))?;
         let loaded = device.context().load_module(Ptx::from_src(text));
         let kernel = loaded.and_then(|module| {
             let load = |stage: &Stage| Ok((*stage, module.load_function(stage.entry)?));
-            let stages = stages(program, fidelity).iter().map(load).collect::<Result<_, DriverError>>()?;
-            Ok(Kernel { program, fidelity, stages, function: module.load_function(info.entry)? })
+            let find_eye = (variant == Variant::Bodies).then(|| module.load_function("find_eye")).transpose()?;
+            let stages = stages(program, variant).iter().map(load).collect::<Result<_, DriverError>>()?;
+            Ok(Kernel { program, variant, find_eye, stages, function: module.load_function(info.entry)? })
         });
         let failed = |error| device.fault(&format!("loading the kernels of `{}`", info.stem), &error);
         self.kernels.push(kernel.map_err(failed)?);
@@ -252,13 +261,16 @@ impl DeviceTracer for BvhTracer {
         params.node_count = self.node_count;
         [params.scene_low, params.scene_high] = self.bounds;
         params.listed = self.listed(params.radius);
-        let is_this = |kernel: &Kernel| (kernel.program, kernel.fidelity) == (job.program, job.fidelity);
+        let is_this = |kernel: &Kernel| (kernel.program, kernel.variant) == (job.program, Variant::of(job));
         let index = self.kernels.iter().position(is_this).expect("loaded before");
+        let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
+        if let Some(find_eye) = self.kernels[index].find_eye.as_ref().filter(|_| params.asks & ASKS_EYE != 0) {
+            return start(device, find_eye, Dealt::Once, params).map_err(failed);
+        }
         if !self.kernels[index].stages.is_empty() {
             self.make_room(device, job.program, params)?;
         }
         let Kernel { stages, function, .. } = &self.kernels[index];
-        let failed = |error| device.fault(&format!("running `{}`", job.program.info().stem), &error);
         for (stage, kernel) in stages.iter().filter(|(stage, _)| !stage.settles || params.settled != 0) {
             start(device, kernel, stage.dealt, params).map_err(failed)?;
         }

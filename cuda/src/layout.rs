@@ -65,6 +65,26 @@ shared_structs! {
         glow_texture: u32 = "unsigned",
     }
 
+    /// A material as rays in glass see it: `Dielectric` of the pipeline, smooth and without dispersion.
+    struct Body {
+        /// [`SHAPE_OPAQUE`], [`SHAPE_PANE`], [`SHAPE_THIN`] or [`SHAPE_SOLID`].
+        shape: u32 = "unsigned",
+        /// Index of refraction.
+        index: f32 = "float",
+        /// Extinction by colour, per scene unit.
+        extinction: [f32; 3] = "float[3]",
+        /// Share of the light by colour that passes a surface, beside Fresnel's.
+        filter: [f32; 3] = "float[3]",
+        /// What that is multiplied by: index into [`Params::textures`], or [`NO_TEXTURE`].
+        filter_texture: u32 = "unsigned",
+        /// Share of the light that enters and is scattered back.
+        veil: f32 = "float",
+        /// Thickness of a thin wall that absorbs, scene units; else 0.
+        thickness: f32 = "float",
+        /// Where bodies overlap, the one of the higher priority fills the place.
+        priority: u32 = "unsigned",
+    }
+
     /// Level 0 of a texture.
     struct TextureInfo {
         /// Index of its first texel in [`Params::texels`].
@@ -133,6 +153,10 @@ shared_structs! {
         capacity: u64 = "unsigned long long",
         /// The structure that OptiX built.
         handle: Address = "unsigned long long",
+        /// By material, where glass is what each says; 0 where all of it is panes.
+        bodies: Address = "const Body *",
+        /// The bodies that the camera is in ([`MEDIA_BYTES`]); 0 where there is none to be in.
+        around_eye: Address = "void *",
         /// Number of nodes.
         node_count: u32 = "unsigned",
         /// Pixels a row.
@@ -171,6 +195,10 @@ shared_structs! {
         scene_low: [f32; 3] = "float[3]",
         /// Greatest coordinates of all triangles.
         scene_high: [f32; 3] = "float[3]",
+        /// Colour of rays that leave the scene through glass or from a mirror.
+        beyond: [f32; 3] = "float[3]",
+        /// [`ASKS_STRAIGHT`], [`ASKS_EYE`].
+        asks: u32 = "unsigned",
         /// 1: Schlick's weights of glass; 0: Fresnel's.
         schlick: u32 = "unsigned",
         /// Triangles of a list of what is near some points, within parts of the radius, at most: no more than [`LISTED`].
@@ -187,6 +215,9 @@ unsafe impl DeviceRepr for Shade {}
 #[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
 // SAFETY: as above.
 unsafe impl DeviceRepr for TextureInfo {}
+#[allow(unsafe_code, reason = "says that the struct may be copied to the device")]
+// SAFETY: as above.
+unsafe impl DeviceRepr for Body {}
 
 /// Rays bounce on the material.
 pub const SHADE_GLASS: u32 = 1;
@@ -196,6 +227,22 @@ pub const SHADE_SHADOW_GLASS: u32 = 2;
 pub const SHADE_CUT: u32 = 4;
 /// The material sends out light.
 pub const SHADE_GLOW: u32 = 8;
+/// Light falls straight through glass, weakened by what each material does; else each surface of glass dims it alike.
+pub const ASKS_STRAIGHT: u32 = 1;
+/// The launch is one thread, which finds the bodies that the camera is in.
+pub const ASKS_EYE: u32 = 2;
+/// No glass.
+pub const SHAPE_OPAQUE: u32 = 0;
+/// The report's plane that stands for a whole pane.
+pub const SHAPE_PANE: u32 = 1;
+/// A plane-parallel wall.
+pub const SHAPE_THIN: u32 = 2;
+/// The border of a body.
+pub const SHAPE_SOLID: u32 = 3;
+/// Where there is no body.
+pub const NO_BODY: u32 = u32::MAX;
+/// Bytes of a list of bodies: [`effects::MOST_BODIES`] and their number.
+pub const MEDIA_BYTES: u32 = 4 * (effects::MOST_BODIES + 1);
 /// A texture is seen again beyond its sides.
 pub const WRAP_REPEAT: u32 = 0;
 /// Mirrored.
@@ -218,8 +265,8 @@ pub const REACHES: u32 = 3;
 pub const LISTED: u32 = 768;
 /// Over how many sums the counts of rays are spread, so that threads seldom meet.
 pub const RAY_COUNT_SLOTS: u32 = 1024;
-/// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain.
-pub const RAY_COUNT_KINDS: u32 = 5;
+/// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain; and paths that got lost in glass.
+pub const RAY_COUNT_KINDS: u32 = 6;
 /// Where among the counts OptiX's exception program writes why a ray was stopped; 0 if none was.
 pub const EXCEPTION_SLOT: u32 = RAY_COUNT_SLOTS * RAY_COUNT_KINDS;
 /// Types of rays that OptiX's programs tell apart: of radiance (`Phong` in project files) and of shadow.
@@ -242,6 +289,16 @@ pub fn header() -> String {
         ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
         ("SHADE_CUT", SHADE_CUT),
         ("SHADE_GLOW", SHADE_GLOW),
+        ("ASKS_STRAIGHT", ASKS_STRAIGHT),
+        ("ASKS_EYE", ASKS_EYE),
+        ("SHAPE_OPAQUE", SHAPE_OPAQUE),
+        ("SHAPE_PANE", SHAPE_PANE),
+        ("SHAPE_THIN", SHAPE_THIN),
+        ("SHAPE_SOLID", SHAPE_SOLID),
+        ("NO_BODY", NO_BODY),
+        ("MOST_BODIES", effects::MOST_BODIES),
+        ("MOST_SURFACES", effects::MOST_SURFACES),
+        ("MEDIA_BYTES", MEDIA_BYTES),
         ("WRAP_REPEAT", WRAP_REPEAT),
         ("WRAP_MIRROR", WRAP_MIRROR),
         ("WRAP_CLAMP", WRAP_CLAMP),
@@ -274,6 +331,7 @@ pub fn header() -> String {
     let floats = [
         ("AMBIENT", effects::AMBIENT),
         ("SHADOWED", effects::SHADOWED),
+        ("THROUGH_GLASS", effects::THROUGH_GLASS),
         ("THESIS_EPSILON", effects::EPSILON),
         ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
         ("GLASS_BOUNCE", effects::BOUNCE),

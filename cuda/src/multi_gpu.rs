@@ -6,12 +6,14 @@
 use crate::device::Device;
 use crate::layout::BLOCK_HEIGHT;
 use crate::one_gpu::{DeviceTracer, OneGpu, Stripe, launches};
-use crate::{peers, programs, shared_gbuffer};
+use crate::programs::{self, Variant};
+use crate::{peers, shared_gbuffer};
 use curitiba_passes::cpu::check;
 use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, Limits, RayBackend, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::{DeviceUuid, SharedGBuffer};
 use std::sync::Arc;
@@ -141,10 +143,19 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
     }
 
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
-        match T::program(program, fidelity) {
+        match T::program(program, Variant::Panes(fidelity)) {
             Some(_) => Ok(()),
             None => Err(programs::not_written(T::NAME, program)),
         }
+    }
+
+    fn supports_glass(
+        &self,
+        _: RayProgram,
+        params: &RayParams,
+        dielectrics: &[Dielectric],
+    ) -> Result<(), BackendError> {
+        programs::check_glass(T::NAME, params, dielectrics)
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {

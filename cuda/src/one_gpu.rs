@@ -1,9 +1,13 @@
 //! The ray programs on one GPU, whichever tracer it asks. [`crate::multi_gpu`] makes a backend of one or several.
 
 use crate::device::{Address, Buffer, Device};
-use crate::layout::{BLOCK_HEIGHT, EXCEPTION_SLOT, MAX_DEPTH, Params, RAY_COUNT_KINDS, REACHES, THROUGH_GLASS_ENTRIES};
+use crate::layout::{
+    ASKS_EYE, ASKS_STRAIGHT, BLOCK_HEIGHT, Body, EXCEPTION_SLOT, MAX_DEPTH, MEDIA_BYTES, Params, RAY_COUNT_KINDS,
+    REACHES, THROUGH_GLASS_ENTRIES,
+};
 use crate::peers::{Copies, Lent, copy_here, copy_parts};
-use crate::scene::{SceneBuffers, shades};
+use crate::programs::Variant;
+use crate::scene::{SceneBuffers, bodies, shades};
 use crate::shared_gbuffer::Joined;
 use crate::sobol_table::table;
 use crate::staging::Staging;
@@ -15,6 +19,7 @@ use curitiba_passes::effects::constants::THROUGH_GLASS;
 use curitiba_passes::sampling::HemisphereSampler;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::glass::{GlassShadow, Shape};
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::SharedGBuffer;
@@ -39,7 +44,7 @@ pub trait DeviceTracer: Sized + Send {
     /// If something is missing; says what, and what to do.
     fn new(device: &Device) -> Result<Self, BackendError>;
     /// The device program of a ray program; `None` if it has none, and the pass runs elsewhere.
-    fn program(program: RayProgram, fidelity: Fidelity) -> Option<&'static str>;
+    fn program(program: RayProgram, variant: Variant) -> Option<&'static str>;
     /// What is to be known of it beyond the device; may be empty.
     fn description(&self) -> String;
     /// Builds the structure; the old one is released first.
@@ -58,7 +63,7 @@ pub trait DeviceTracer: Sized + Send {
     fn clear(&mut self);
     /// Bytes of device memory that passes hold besides the structure, from one to the next.
     fn held_bytes(&self) -> u64;
-    /// Makes the job's program ready to launch; compiled once for each fidelity.
+    /// Makes the job's program ready to launch; compiled once for each variant.
     ///
     /// # Errors
     /// If the driver refuses it.
@@ -154,6 +159,8 @@ struct Images {
     open_share: Table<f32>,
     through_glass: Table<f32>,
     shades: Table<crate::layout::Shade>,
+    bodies: Table<Body>,
+    around_eye: Buffer<u32>,
 }
 
 impl Images {
@@ -161,7 +168,8 @@ impl Images {
     fn bytes(&self) -> u64 {
         let attachments = [&self.position, &self.normal, &self.color, &self.output].map(Buffer::bytes);
         let tables = [self.open_share.buffer.bytes(), self.through_glass.buffer.bytes(), self.sobol.buffer.bytes()];
-        let others = [self.triangle.bytes(), self.counts.bytes(), self.shades.buffer.bytes()];
+        let others =
+            [self.triangle.bytes(), self.counts.bytes(), self.shades.buffer.bytes(), self.bodies.buffer.bytes()];
         [&attachments[..], &tables, &others].concat().iter().sum()
     }
 }
@@ -346,6 +354,14 @@ impl<T: DeviceTracer> OneGpu<T> {
         let through: Vec<f32> = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count)).collect();
         images.through_glass.set(device, "the table of glass", through)?;
         images.shades.set(device, "the materials", shades(job))?;
+        let has_bodies = job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid);
+        if !job.dielectrics.is_empty() {
+            images.bodies.set(device, "the glass", bodies(job))?;
+        }
+        let falls_straight = !job.dielectrics.is_empty() && job.params.shadow == GlassShadow::Straight;
+        if has_bodies {
+            device.clear("what the camera is in", &mut images.around_eye, MEDIA_BYTES as usize / size_of::<u32>())?;
+        }
         device.clear("the ray counts", &mut images.counts, EXCEPTION_SLOT as usize + 1)?;
         Ok(Params {
             position,
@@ -374,6 +390,8 @@ impl<T: DeviceTracer> OneGpu<T> {
             settled: 0,
             capacity: 0,
             handle: 0,
+            bodies: if job.dielectrics.is_empty() { 0 } else { images.bodies.address(device) },
+            around_eye: if has_bodies { images.around_eye.address(device) } else { 0 },
             node_count: 0,
             width: job.width,
             height: job.height,
@@ -395,6 +413,8 @@ impl<T: DeviceTracer> OneGpu<T> {
             light_color: light_color.to_array(),
             scene_low: [0.0; 3],
             scene_high: [0.0; 3],
+            beyond: job.beyond.to_array(),
+            asks: if falls_straight { ASKS_STRAIGHT } else { 0 },
             schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
             listed: [0; REACHES as usize - 1],
         })
@@ -417,6 +437,10 @@ impl<T: DeviceTracer> OneGpu<T> {
             progress.advance(1);
             Ok(f64::from(milliseconds))
         };
+        if params.around_eye != 0 {
+            let mut once = Params { width: 1, rows: 1, asks: params.asks | ASKS_EYE, ..*params };
+            self.tracer.launch(device, job, &mut once)?;
+        }
         for Launch { first_row, rows, stripe, skipped } in launches(stripes, job.width) {
             if ahead.len() == LAUNCHES_AHEAD
                 && let Some(first) = ahead.pop_front()
@@ -449,8 +473,8 @@ impl<T: DeviceTracer> OneGpu<T> {
         for slot in sums.chunks_exact(kinds.len()) {
             kinds.iter_mut().zip(slot).for_each(|(kind, count)| *kind += count);
         }
-        let [shadow, occlusion, reflected, refracted, certain] = kinds;
-        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost: 0 })
+        let [shadow, occlusion, reflected, refracted, certain, lost] = kinds;
+        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost })
     }
 
     fn synchronise(&self, doing: &str) -> Result<(), BackendError> {

@@ -2,11 +2,12 @@
 
 use crate::device::{Address, Buffer, Device};
 use crate::layout::{
-    NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_SHADOW_GLASS, Shade, TextureInfo, WRAP_CLAMP,
-    WRAP_MIRROR, WRAP_REPEAT,
+    Body, NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_SHADOW_GLASS, SHAPE_OPAQUE, SHAPE_PANE,
+    SHAPE_SOLID, SHAPE_THIN, Shade, TextureInfo, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::color::DECODED;
+use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Wrap;
@@ -109,6 +110,26 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
         }
     };
     job.shades.iter().enumerate().map(shade).collect()
+}
+
+/// What the job knows of glass.
+pub fn bodies(job: &RayJob<'_>) -> Vec<Body> {
+    let body = |dielectric: &Dielectric| Body {
+        shape: match dielectric.shape {
+            Shape::Opaque => SHAPE_OPAQUE,
+            Shape::Pane => SHAPE_PANE,
+            Shape::Thin => SHAPE_THIN,
+            Shape::Solid => SHAPE_SOLID,
+        },
+        index: dielectric.index,
+        extinction: dielectric.extinction.to_array(),
+        filter: dielectric.filter.to_array(),
+        filter_texture: dielectric.filter_texture.unwrap_or(NO_TEXTURE),
+        veil: dielectric.veil,
+        thickness: dielectric.thickness,
+        priority: dielectric.priority.into(),
+    };
+    job.dielectrics.iter().map(body).collect()
 }
 
 #[cfg(test)]

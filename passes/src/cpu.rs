@@ -10,6 +10,7 @@ use crate::sampling::HemisphereSampler;
 use crate::trace::{Bvh, Quality, Tracer};
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::{Geometry, RenderScene, TriangleRanges};
@@ -50,7 +51,7 @@ impl RayBackend for CpuRays {
         Ok(())
     }
 
-    fn supports_glass(&self, _: RayProgram, _: &RayParams) -> Result<(), BackendError> {
+    fn supports_glass(&self, _: RayProgram, _: &RayParams, _: &[Dielectric]) -> Result<(), BackendError> {
         Ok(())
     }
 

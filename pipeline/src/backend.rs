@@ -433,12 +433,17 @@ pub trait RayBackend {
     /// # Errors
     /// [`BackendError::Unsupported`] with the reason.
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError>;
-    /// Why a program cannot run here with what these parameters ask of glass (corrected fidelity, in a scene that has glass), or
-    /// `Ok`. A backend knows the report's panes alone, unless it says otherwise.
+    /// Why a program cannot run here with what these parameters ask of glass (corrected fidelity, in a scene that has glass), which
+    /// the materials are ([`RayJob::dielectrics`]), or `Ok`. A backend knows the report's panes alone, unless it says otherwise.
     ///
     /// # Errors
     /// [`BackendError::Unsupported`] with the reason, and what would help.
-    fn supports_glass(&self, program: RayProgram, params: &RayParams) -> Result<(), BackendError> {
+    fn supports_glass(
+        &self,
+        program: RayProgram,
+        params: &RayParams,
+        _dielectrics: &[Dielectric],
+    ) -> Result<(), BackendError> {
         program.asks_of_glass(params).map_or(Ok(()), |asked| Err(panes_only(self.name(), program, &asked)))
     }
     /// Builds the acceleration structure; the executor times it. `filtered` tells by material whether some pass may let

@@ -4,6 +4,7 @@ use crate::passes::cpu::{self, CpuRays};
 use crate::passes::trace::Double;
 use crate::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
 use crate::pipeline::executor::Progress;
+use crate::pipeline::glass::Dielectric;
 use crate::pipeline::image::Image;
 use crate::pipeline::programs::{Fidelity, RayParams, RayProgram};
 use crate::pipeline::scene::RenderScene;
@@ -51,7 +52,7 @@ impl RayBackend for ReferenceRays {
         Ok(())
     }
 
-    fn supports_glass(&self, _: RayProgram, _: &RayParams) -> Result<(), BackendError> {
+    fn supports_glass(&self, _: RayProgram, _: &RayParams, _: &[Dielectric]) -> Result<(), BackendError> {
         Ok(())
     }
 

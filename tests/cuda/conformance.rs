@@ -99,6 +99,43 @@ fn every_program_on_optix_computes_what_the_processor_does() {
     matrix(BackendChoice::Optix);
 }
 
+/// Balls of several kinds, a filled glass with a bubble, panes: glass as each material says, before a background, with straight shadows.
+fn glass(backend: BackendChoice) {
+    if there(Choice::CPU.traced_by(backend)).is_none() {
+        return;
+    }
+    let found = Arc::new(Mutex::new(Found::default()));
+    for name in ["glass/balls", "glass/filled", "glass/panes"] {
+        for set in [&["pass2.samples=0"][..], &["pass2.fresnel=schlick", "pass2.shadow=report", "pass2.samples=9"]] {
+            let set = set.iter().map(|one| (*one).to_owned()).collect();
+            record(backend, name, "MainCamera", (Fidelity::Corrected, set), None, &found);
+        }
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 6, "a pass did not run");
+    for record in &found.records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        let cpu = record.cpu_rays.expect("the processor ran");
+        assert!(record.rays.refracted > 1000, "no glass is seen: {words}");
+        if record.backend == "cuda" {
+            let others = |rays: curitiba::pipeline::backend::RayCounts| [rays.reflected, rays.refracted, rays.lost];
+            assert_eq!(others(record.rays), others(cpu), "{words}");
+        }
+    }
+}
+
+#[test]
+fn glass_as_each_material_says_on_our_own_tracer_is_the_processors() {
+    glass(BackendChoice::Cuda);
+}
+
+#[test]
+fn glass_as_each_material_says_on_optix_is_the_processors() {
+    glass(BackendChoice::Optix);
+}
+
 /// Few and many rays a point, of any length, take other ways through the kernels.
 #[test]
 fn occlusion_on_our_own_tracer_is_the_processors_whatever_the_rays() {

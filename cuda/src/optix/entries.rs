@@ -98,7 +98,7 @@ pub fn records(headers: &Headers, job: &RayJob<'_>, materials: usize) -> Vec<u8>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::programs::on_optix;
+    use crate::programs::{Variant, on_optix};
     use curitiba_pipeline::backend::Shade;
     use curitiba_pipeline::programs::{RAY_PROGRAMS, RayParams, RayProgram};
     use curitiba_pipeline::scene::RenderScene;
@@ -112,8 +112,9 @@ mod tests {
     #[test]
     fn every_program_that_is_called_is_in_the_module() {
         for info in RAY_PROGRAMS {
-            for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
-                let Some(ptx) = on_optix(info.program, fidelity) else { continue };
+            let panes = [Fidelity::Corrected, Fidelity::Thesis].map(Variant::Panes);
+            for variant in panes.into_iter().chain([Variant::Bodies]) {
+                let Some(ptx) = on_optix(info.program, variant) else { continue };
                 for group in groups(info).iter().flatten() {
                     for name in names(group) {
                         assert!(ptx.contains(&format!(".entry {name}(")), "{}: {name}", info.stem);

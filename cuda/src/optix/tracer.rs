@@ -6,10 +6,10 @@ use super::entries;
 use crate::device::{Buffer, Device};
 use crate::layout::Params;
 use crate::one_gpu::{DeviceTracer, Table};
-use crate::programs;
+use crate::programs::{self, Variant};
 use crate::scene::SceneBuffers;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};
-use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::programs::RayProgram;
 use curitiba_pipeline::scene::RenderScene;
 
 /// OptiX's structure of a scene, and the programs that were loaded so far.
@@ -29,7 +29,7 @@ pub struct OptixTracer {
 #[derive(Debug)]
 struct Loaded {
     program: RayProgram,
-    fidelity: Fidelity,
+    variant: Variant,
     pipeline: Pipeline,
     records: Table<u8>,
 }
@@ -146,8 +146,8 @@ impl DeviceTracer for OptixTracer {
         Ok(BuildStats { bytes: self.structure.bytes(), nodes: 0 })
     }
 
-    fn program(program: RayProgram, fidelity: Fidelity) -> Option<&'static str> {
-        programs::on_optix(program, fidelity)
+    fn program(program: RayProgram, variant: Variant) -> Option<&'static str> {
+        programs::on_optix(program, variant)
     }
 
     fn clear(&mut self) {
@@ -160,13 +160,13 @@ impl DeviceTracer for OptixTracer {
     }
 
     fn load(&mut self, device: &Device, job: &RayJob<'_>) -> Result<(), BackendError> {
-        let (program, fidelity, info) = (job.program, job.fidelity, job.program.info());
-        let is_this = |loaded: &Loaded| (loaded.program, loaded.fidelity) == (program, fidelity);
+        let (program, variant, info) = (job.program, Variant::of(job), job.program.info());
+        let is_this = |loaded: &Loaded| (loaded.program, loaded.variant) == (program, variant);
         if !self.programs.iter().any(is_this) {
-            let text = Self::program(program, fidelity).ok_or_else(|| programs::not_written(Self::NAME, program))?;
+            let text = Self::program(program, variant).ok_or_else(|| programs::not_written(Self::NAME, program))?;
             let compiled = self.api.pipeline(info, text);
             let pipeline = compiled.map_err(|why| refused(device, &format!("loading `{}`", info.stem), why))?;
-            self.programs.push(Loaded { program, fidelity, pipeline, records: Table::default() });
+            self.programs.push(Loaded { program, variant, pipeline, records: Table::default() });
         }
         let materials = self.materials;
         let Some(loaded) = self.programs.iter_mut().find(|loaded| is_this(loaded)) else { return Ok(()) };
@@ -180,7 +180,7 @@ impl DeviceTracer for OptixTracer {
         // SAFETY: plain numbers without padding, as the unit test of this module checks.
         let bytes = unsafe { std::slice::from_raw_parts((&raw const *params).cast::<u8>(), size_of::<Params>()) };
         device.replace("the launch parameters", &mut self.params, bytes)?;
-        let is_this = |loaded: &&Loaded| (loaded.program, loaded.fidelity) == (job.program, job.fidelity);
+        let is_this = |loaded: &&Loaded| (loaded.program, loaded.variant) == (job.program, Variant::of(job));
         let Loaded { pipeline, records, .. } = self.programs.iter().find(is_this).expect("loaded before");
         let stream = device.stream().cu_stream().cast();
         let parameters = (self.params.address(device), size_of::<Params>());
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn launch_parameters_have_no_padding() {
-        let (addresses, words) = (26 * 8, 12 * 4 + 2 * 4 + 5 * 12 + 3 * 4);
+        let (addresses, words) = (28 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4);
         assert_eq!(size_of::<Params>(), addresses + words);
     }
 }

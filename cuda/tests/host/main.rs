@@ -3,6 +3,8 @@
 //!
 //! Each comparison has a negative control: with one constant of the header changed, it fails.
 
+mod glass;
+
 use curitiba_passes::effects::{fresnel, schlick};
 use curitiba_passes::sampling::hash::{dimensions, path_key, pixel_key, unit};
 use curitiba_passes::sampling::hemisphere::{Basis, cosine};
@@ -29,6 +31,11 @@ fn compiler() -> Option<String> {
 /// The functions of the headers, as a program of the host; `change` is made to `params.cuh` before it is compiled. `None` without a
 /// compiler.
 fn compiled(name: &str, change: Option<[&str; 2]>) -> Option<PathBuf> {
+    compiled_with("functions.cpp", name, change.map(|change| ("params.cuh", change)))
+}
+
+/// A source of this folder with the headers; `change` is made to one of them before it is compiled.
+fn compiled_with(source: &str, name: &str, change: Option<(&str, [&str; 2])>) -> Option<PathBuf> {
     let Some(compiler) = compiler() else {
         println!("skipped: there is no C++ compiler (c++, g++ or clang++)");
         return None;
@@ -40,8 +47,8 @@ fn compiled(name: &str, change: Option<[&str; 2]>) -> Option<PathBuf> {
         let path = entry.expect("readable").path();
         if path.extension().is_some_and(|extension| extension == "cuh") {
             let mut text = std::fs::read_to_string(&path).expect("text");
-            if path.ends_with("params.cuh")
-                && let Some([from, to]) = change
+            if let Some((header, [from, to])) = change
+                && path.ends_with(header)
             {
                 assert_eq!(text.matches(from).count(), 1, "`{from}` is in the header once");
                 text = text.replace(from, to);
@@ -55,7 +62,7 @@ fn compiled(name: &str, change: Option<[&str; 2]>) -> Option<PathBuf> {
         .arg(crate_folder.join("tests/host"))
         .arg("-I")
         .arg(&folder)
-        .arg(crate_folder.join("tests/host/functions.cpp"))
+        .arg(crate_folder.join("tests/host").join(source))
         .arg("-o")
         .arg(&program)
         .output()

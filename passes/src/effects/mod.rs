@@ -71,6 +71,7 @@ pub use workspace::Workspace;
 
 /// What other spellings of the programs must have in common with these, beside the formulas.
 pub mod constants {
+    pub use super::dielectric::MOST_SURFACES;
     pub use super::light::{SHADOWED, THROUGH_GLASS};
     pub use super::material::AMBIENT;
     pub use super::optics::{REFLECTED, REFRACTED};
@@ -79,6 +80,8 @@ pub mod constants {
 
     /// In tables of device programs: a material without a texture.
     pub const NO_TEXTURE: u32 = u32::MAX;
+    /// Bodies that a point of a path is known to lie in, at most.
+    pub const MOST_BODIES: u32 = super::dielectric::MOST as u32;
     /// Deepest glass bounce that a device program has room for: the greatest value of the parameter `depth`.
     pub const MAX_DEPTH: u32 = 16;
     /// Glass surfaces on the way of a shadow ray that device programs tell apart.

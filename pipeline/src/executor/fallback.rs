@@ -71,8 +71,8 @@ impl Renderer {
             let pass = self.plan.pass(planned);
             let (PassKind::Ray(ray), Work::Rays { params, .. }) = (&pass.kind, &planned.work) else { return None };
             let rays = &self.engines.rays;
-            let shows_glass = self.materials.get(index).is_some_and(|materials| materials.glass.contains(&true));
-            let glass = || if shows_glass { rays.supports_glass(ray.program, params) } else { Ok(()) };
+            let materials = self.materials.get(index).filter(|materials| materials.glass.contains(&true));
+            let glass = || materials.map_or(Ok(()), |m| rays.supports_glass(ray.program, params, &m.dielectrics));
             let error = rays.supports(ray.program, self.plan.settings.fidelity).and_then(|()| glass()).err()?;
             Some((pass.name.clone(), error))
         })

@@ -3,7 +3,7 @@
 use curitiba_pipeline::glass::Dielectric;
 
 /// Bodies that are kept; a path that lies in more is counted as lost.
-const MOST: usize = 8;
+pub const MOST: usize = 8;
 
 /// A surface of a body that a line crosses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

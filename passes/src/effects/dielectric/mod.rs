@@ -19,8 +19,9 @@ mod solid;
 mod walk;
 
 pub(crate) use eye::around_eye;
-pub use media::{Border, Crossing, Media};
+pub use media::{Border, Crossing, MOST, Media};
 pub use slab::{Slab, slab};
+pub use walk::MOST_SURFACES;
 pub(super) use walk::Walk;
 
 use crate::sampling::owen_sobol::reversed_sobol;

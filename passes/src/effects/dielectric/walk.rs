@@ -16,7 +16,7 @@ use curitiba_pipeline::glass::{Dielectric, Shape, transmittance};
 use glam::{Vec2, Vec3};
 
 /// Surfaces of glass that a path meets, at most: beyond, it is lost. Light that is mirrored in a body of many faces may take long.
-const MOST_SURFACES: u32 = 128;
+pub const MOST_SURFACES: u32 = 128;
 
 /// A path that has come to a surface.
 #[derive(Debug, Clone, Copy)]

@@ -1,0 +1,125 @@
+// The programs that know glass as each material says, on the host: the same text with a tracer that asks all triangles.
+#define CURITIBA_BODIES
+#include "cuda.h"
+#include "triangle.cuh"
+#ifdef CURITIBA_OF_FINAL
+#include "final.cuh"
+#else
+#include "refraction.cuh"
+#endif
+#include "words.h"
+
+struct AllTriangles {
+    const Params &params;
+    unsigned count;
+
+    template <Accept ACCEPT> bool closest(const Ray &ray, Hit &best) const {
+        Query query;
+        if (!prepare(ray, query)) return false;
+        float limit = query.t_max;
+        bool any = false;
+        for (unsigned id = 0; id < count; ++id) {
+            Corners corners = positions_of(params, id);
+            Hit hit;
+            if (!intersect(params, query, corners.a, corners.b, corners.c, limit, hit) || hit.t >= limit) continue;
+            hit.triangle = id;
+            if (!accepts(params, ACCEPT, hit, nullptr)) continue;
+            best = hit;
+            limit = hit.t;
+            any = true;
+        }
+        return any;
+    }
+    template <Accept ACCEPT> bool occluded(const Ray &ray, Crossings *crossings) const {
+        Query query;
+        if (!prepare(ray, query)) return false;
+        for (unsigned id = 0; id < count; ++id) {
+            Corners corners = positions_of(params, id);
+            Hit hit;
+            float limit = query.t_max;
+            if (!intersect(params, query, corners.a, corners.b, corners.c, limit, hit) || hit.t >= limit) continue;
+            hit.triangle = id;
+            if (accepts(params, ACCEPT, hit, crossings)) return true;
+        }
+        return false;
+    }
+    template <Accept ACCEPT, class Rays>
+    unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
+        return wanted ? count_open_alone<ACCEPT>(*this, fan, samples, rays) : 0u;
+    }
+    static bool any(bool value) { return value; }
+};
+
+template <class T> static void numbers(T &values) {
+    for (auto &value : values) value = number();
+}
+
+int main() {
+    read_all();
+    Scene scene(word());
+    Params &params = scene.params;
+    std::vector<float> normals(9 * scene.count());
+    numbers(normals);
+    std::vector<unsigned> materials(scene.count());
+    for (unsigned &material : materials) material = word();
+    std::vector<Body> bodies(word());
+    std::vector<Shade> shades(bodies.size());
+    for (size_t i = 0; i < bodies.size(); ++i) {
+        bodies[i].shape = word();
+        bodies[i].index = number();
+        numbers(bodies[i].extinction);
+        numbers(bodies[i].filter);
+        bodies[i].filter_texture = NO_TEXTURE;
+        bodies[i].veil = number();
+        bodies[i].thickness = number();
+        bodies[i].priority = word();
+        shades[i] = {};
+        shades[i].texture = shades[i].glow_texture = NO_TEXTURE;
+        numbers(shades[i].diffuse);
+        shades[i].flags = bodies[i].shape != SHAPE_OPAQUE ? SHADE_GLASS | SHADE_SHADOW_GLASS : 0;
+    }
+    params.normals = normals.data();
+    params.materials = materials.data();
+    params.bodies = bodies.data();
+    params.shades = shades.data();
+    params.index = number();
+    params.depth = word();
+    params.schlick = word();
+    params.asks = word();
+    numbers(params.beyond);
+    numbers(params.eye);
+    numbers(params.to_light);
+    numbers(params.light_color);
+    params.width = word();
+    params.height = word();
+    unsigned pixels = params.width * params.height;
+    std::vector<float4> position(pixels), normal(pixels), color(pixels);
+    std::vector<unsigned> triangle(pixels);
+    for (unsigned i = 0; i < pixels; ++i) {
+        float3 p = vector(), n = vector(), c = vector();
+        position[i] = make_float4(p.x, p.y, p.z, 1.0f);
+        normal[i] = make_float4(n.x, n.y, n.z, 0.0f);
+        color[i] = make_float4(c.x, c.y, c.z, 1.0f);
+        triangle[i] = word();
+    }
+    params.position = position.data();
+    params.normal = normal.data();
+    params.color = color.data();
+    params.triangle = triangle.data();
+    std::vector<float> through(THROUGH_GLASS_ENTRIES);
+    for (size_t i = 0; i < through.size(); ++i) through[i] = std::pow(THROUGH_GLASS, (float)i);
+    params.through_glass = through.data();
+    Media around_eye;
+    params.around_eye = &around_eye;
+    AllTriangles tracer = {params, scene.count()};
+    Pass<AllTriangles> eye = {params, tracer, {}, true, {}};
+    find_bodies_around_eye(eye);
+    for (unsigned i = 0; i < pixels; ++i) {
+        Pass<AllTriangles> pass = {params, tracer, {i % params.width, i / params.width, i}, true, {}};
+        put(xyz(::bodies(pass)));
+        put(pass.rays.reflected);
+        put(pass.rays.refracted);
+        put(pass.rays.lost);
+    }
+    return write_all();
+}

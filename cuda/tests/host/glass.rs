@@ -1,0 +1,358 @@
+//! `refraction` and `final` with glass as each material says: the text of the device programs, compiled for the host with a tracer that
+//! asks all triangles, against the processor's programs.
+
+use super::{compiled_with, run, words};
+use curitiba_passes::cpu;
+use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, Tracer};
+use curitiba_pipeline::backend::{NO_TRIANGLE, RayJob, Shade, Sun};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram};
+use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
+use glam::{Vec3, Vec4};
+use std::path::Path;
+
+const SIZE: u32 = 40;
+const BEYOND: Vec3 = Vec3::new(0.2, 0.5, 0.9);
+
+/// A scene, what its materials are to rays, and what is seen of it.
+struct Scene {
+    scene: RenderScene,
+    dielectrics: Vec<Dielectric>,
+    diffuse: Vec<Vec3>,
+    eye: Vec3,
+    target: Vec3,
+}
+
+impl Scene {
+    fn new(eye: Vec3, target: Vec3) -> Self {
+        Self { scene: RenderScene::default(), dielectrics: Vec::new(), diffuse: Vec::new(), eye, target }
+    }
+
+    /// Triangles of a material of their own, with corners of their own; `normal` gives that of a corner.
+    fn add(&mut self, what: Dielectric, diffuse: Vec3, triangles: &[[Vec3; 3]], normal: impl Fn(Vec3, Vec3) -> Vec3) {
+        let geometry = &mut self.scene.geometry;
+        let (first, material) = (geometry.triangles.len() as u32, self.dielectrics.len() as u32);
+        for corners in triangles {
+            let flat = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+            let vertex = geometry.positions.len() as u32;
+            geometry.positions.extend(corners);
+            geometry.normals.extend(corners.map(|corner| normal(corner, flat)));
+            geometry.triangles.push([vertex, vertex + 1, vertex + 2]);
+        }
+        geometry.batches.push(Batch { material, first, count: triangles.len() as u32 });
+        self.scene.materials.push(Material::default());
+        self.dielectrics.push(what);
+        self.diffuse.push(diffuse);
+    }
+}
+
+/// A box, its outer sides counter-clockwise.
+fn cuboid(low: Vec3, high: Vec3) -> Vec<[Vec3; 3]> {
+    let corner = |i: usize| {
+        Vec3::new(
+            if i & 1 == 0 { low.x } else { high.x },
+            if i & 2 == 0 { low.y } else { high.y },
+            if i & 4 == 0 { low.z } else { high.z },
+        )
+    };
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).map(|ids| ids.map(corner)).collect()
+}
+
+/// A sphere of triangles.
+fn ball(center: Vec3, radius: f32) -> Vec<[Vec3; 3]> {
+    let (rings, sectors) = (10, 16);
+    let at = |ring: u32, sector: u32| {
+        let (polar, azimuth) = (
+            std::f32::consts::PI * ring as f32 / rings as f32,
+            std::f32::consts::TAU * (sector % sectors) as f32 / sectors as f32,
+        );
+        center + radius * Vec3::new(polar.sin() * azimuth.cos(), polar.cos(), polar.sin() * azimuth.sin())
+    };
+    let mut triangles = Vec::new();
+    for ring in 0..rings {
+        for sector in 0..sectors {
+            let [a, b] = [at(ring, sector), at(ring, sector + 1)];
+            let [c, d] = [at(ring + 1, sector), at(ring + 1, sector + 1)];
+            if ring > 0 {
+                triangles.push([a, b, d]);
+            }
+            if ring + 1 < rings {
+                triangles.push([a, d, c]);
+            }
+        }
+    }
+    triangles
+}
+
+fn flat(_: Vec3, normal: Vec3) -> Vec3 {
+    normal
+}
+
+fn solid(index: f32) -> Dielectric {
+    Dielectric { shape: Shape::Solid, index, filter: Vec3::ONE, ..Dielectric::default() }
+}
+
+/// A tinted ball with water in it, a veiled box that overlaps another of a higher priority, an absorbing wall and a pane, over a floor.
+fn several() -> Scene {
+    let mut scene = Scene::new(Vec3::new(0.3, 1.4, 5.0), Vec3::new(0.0, 0.7, 0.0));
+    let opaque = Dielectric::default();
+    scene.add(opaque, Vec3::new(0.8, 0.7, 0.5), &cuboid(Vec3::new(-6.0, -0.5, -6.0), Vec3::new(6.0, 0.0, 6.0)), flat);
+    scene.add(opaque, Vec3::new(0.9, 0.1, 0.2), &cuboid(Vec3::new(-0.4, 0.1, -2.5), Vec3::new(0.4, 1.6, -2.0)), flat);
+    let center = Vec3::new(-1.2, 1.0, 0.0);
+    let round = move |corner: Vec3, _: Vec3| (corner - center).normalize();
+    let tinted = Dielectric { extinction: Vec3::new(0.1, 0.4, 0.9), ..solid(1.5) };
+    scene.add(tinted, Vec3::ONE, &ball(center, 0.9), round);
+    scene.add(solid(1.33), Vec3::ONE, &ball(center, 0.6), round);
+    let veiled = Dielectric { veil: 0.3, filter: Vec3::new(0.9, 1.0, 0.8), priority: 1, ..solid(1.8) };
+    scene.add(veiled, Vec3::splat(0.6), &cuboid(Vec3::new(0.6, 0.1, -0.5), Vec3::new(1.4, 1.3, 0.4)), flat);
+    scene.add(solid(1.2), Vec3::ONE, &cuboid(Vec3::new(1.1, 0.2, -0.3), Vec3::new(2.0, 0.9, 0.2)), flat);
+    let wall = Dielectric {
+        shape: Shape::Thin,
+        index: 1.5,
+        thickness: 0.2,
+        extinction: Vec3::new(2.0, 0.5, 0.1),
+        filter: Vec3::new(1.0, 0.8, 0.9),
+        ..Dielectric::default()
+    };
+    let upright = |x: f32, z: f32| {
+        let at = |x: f32, y: f32| Vec3::new(x, y, z);
+        [[at(x, 0.1), at(x + 0.9, 0.1), at(x + 0.9, 1.8)], [at(x, 0.1), at(x + 0.9, 1.8), at(x, 1.8)]]
+    };
+    scene.add(wall, Vec3::ONE, &upright(-0.3, 1.2), flat);
+    let pane = Dielectric { shape: Shape::Pane, index: 1.5, filter: Vec3::ONE, ..Dielectric::default() };
+    scene.add(pane, Vec3::ONE, &upright(0.7, 1.4), flat);
+    scene
+}
+
+/// The camera in water, in a room.
+fn under_water() -> Scene {
+    let mut scene = Scene::new(Vec3::new(0.1, 0.2, 0.3), Vec3::new(-0.3, 0.4, -1.0));
+    scene.add(
+        Dielectric::default(),
+        Vec3::new(0.9, 0.8, 0.4),
+        &cuboid(Vec3::new(-4.0, -2.0, -3.5), Vec3::new(4.0, -1.0, -3.0)),
+        flat,
+    );
+    let water = Dielectric { extinction: Vec3::new(0.5, 0.2, 0.05), ..solid(1.33) };
+    scene.add(water, Vec3::ONE, &cuboid(Vec3::splat(-1.0), Vec3::splat(1.0)), flat);
+    scene.add(solid(1.5), Vec3::ONE, &cuboid(Vec3::new(-0.9, 0.0, -0.8), Vec3::new(-0.3, 0.7, -0.2)), flat);
+    scene
+}
+
+struct GBuffer {
+    position: Vec<[f32; 4]>,
+    normal: Vec<[f32; 4]>,
+    color: Vec<[f32; 4]>,
+    triangle: Vec<u32>,
+}
+
+fn rasterised(scene: &Scene, tree: &Bvh) -> GBuffer {
+    let geometry: &Geometry = &scene.scene.geometry;
+    let forward = (scene.target - scene.eye).normalize();
+    let right = forward.cross(Vec3::Y).normalize();
+    let up = right.cross(forward);
+    let mut seen = GBuffer { position: Vec::new(), normal: Vec::new(), color: Vec::new(), triangle: Vec::new() };
+    for pixel in 0..SIZE * SIZE {
+        let [x, y] = [pixel % SIZE, pixel / SIZE].map(|i| (i as f32 + 0.5) / SIZE as f32 - 0.5);
+        let direction = (forward + right * x - up * y).normalize();
+        let ray = Ray { origin: scene.eye, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let Some(hit) = tree.closest(&ray, |_: &Hit| true) else {
+            seen.position.push([0.0; 4]);
+            seen.normal.push([0.0; 4]);
+            seen.color.push(BEYOND.extend(1.0).to_array());
+            seen.triangle.push(NO_TRIANGLE);
+            continue;
+        };
+        let at = |values: &[Vec3]| {
+            let [a, b, c] = geometry.triangles[hit.triangle as usize].map(|vertex| values[vertex as usize]);
+            a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v
+        };
+        let material = geometry.material_of(hit.triangle) as usize;
+        seen.position.push(at(&geometry.positions).extend(1.0).to_array());
+        seen.normal.push(at(&geometry.normals).normalize().extend(0.0).to_array());
+        seen.color.push((0.7 * scene.diffuse[material]).extend(1.0).to_array());
+        seen.triangle.push(hit.triangle);
+    }
+    seen
+}
+
+/// What a program is asked.
+#[derive(Clone, Copy)]
+struct Asked {
+    program: RayProgram,
+    fresnel: Fresnel,
+    shadow: GlassShadow,
+    depth: u32,
+}
+
+/// The largest difference of a colour, how many kinds of rays are counted otherwise, and how many pixels show glass.
+fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usize) {
+    let geometry = &scene.scene.geometry;
+    let tree = Bvh::build(geometry, &vec![true; scene.dielectrics.len()], Quality::default());
+    let seen = rasterised(scene, &tree);
+    let shade = |diffuse: &Vec3| Shade {
+        diffuse: diffuse.extend(1.0),
+        emission: Vec4::ZERO,
+        texture: None,
+        alpha_cutoff: None,
+        glow: None,
+    };
+    let shades: Vec<Shade> = scene.diffuse.iter().map(shade).collect();
+    let glass: Vec<bool> = scene.dielectrics.iter().map(|dielectric| dielectric.shape != Shape::Opaque).collect();
+    let sun = Sun { direction: Vec3::new(-0.4, -0.8, -0.5).normalize(), color: Vec3::new(0.9, 0.8, 0.7) };
+    let params = RayParams {
+        samples: 0,
+        index: 1.1,
+        depth: asked.depth,
+        fresnel: asked.fresnel,
+        shadow: asked.shadow,
+        glass: GlassRule::Auto,
+        ..RayParams::default()
+    };
+    let job = RayJob {
+        origin: [0; 2],
+        scene: &scene.scene,
+        program: asked.program,
+        params,
+        fidelity: Fidelity::Corrected,
+        seed: 0,
+        eye: scene.eye,
+        sun: Some(sun),
+        width: SIZE,
+        height: SIZE,
+        position: &seen.position,
+        normal: &seen.normal,
+        color: &seen.color,
+        triangle: &seen.triangle,
+        shared: None,
+        shades: &shades,
+        glass: &glass,
+        shadow_glass: &glass,
+        beyond: BEYOND,
+        dielectrics: &scene.dielectrics,
+    };
+    let mut expected = Image::filled(SIZE, SIZE, [0.0; 4]);
+    let stats = cpu::trace(&tree, &job, &mut expected, &Progress::default()).expect("the job is whole");
+    let input = serialised(scene, &seen, &job);
+    let found = run(program, "", &input);
+    let found = found.as_chunks::<6>().0;
+    assert_eq!(found.len(), expected.pixels.len());
+    let (mut largest, mut shown) = (0.0_f32, 0);
+    let mut counts = [0_u64; 3];
+    for (pixel, (found, expected)) in found.iter().zip(&expected.pixels).enumerate() {
+        for channel in 0..3 {
+            let difference = (f32::from_bits(found[channel]) - expected[channel]).abs();
+            largest = if difference.is_nan() { f32::INFINITY } else { largest.max(difference) };
+        }
+        counts.iter_mut().zip(&found[3..]).for_each(|(count, found)| *count += u64::from(*found));
+        let triangle = seen.triangle[pixel];
+        shown += usize::from(triangle != NO_TRIANGLE && glass[geometry.material_of(triangle) as usize]);
+    }
+    let rays = stats.rays;
+    // Not shadow rays: the processor traces some of a tile's together first, and those through glass again.
+    let expected = [rays.reflected, rays.refracted, rays.lost];
+    let differ = counts.iter().zip(&expected).filter(|(a, b)| a != b).count();
+    (largest, differ, shown)
+}
+
+fn serialised(scene: &Scene, seen: &GBuffer, job: &RayJob<'_>) -> Vec<u32> {
+    let geometry = &scene.scene.geometry;
+    let mut input = vec![geometry.triangles.len() as u32];
+    input.extend(words(geometry.positions.iter().copied()));
+    input.extend(words(geometry.normals.iter().copied()));
+    input.extend(geometry.materials());
+    input.push(scene.dielectrics.len() as u32);
+    for (dielectric, diffuse) in scene.dielectrics.iter().zip(&scene.diffuse) {
+        input.push(dielectric.shape as u32);
+        input.push(dielectric.index.to_bits());
+        input.extend(words([dielectric.extinction, dielectric.filter]));
+        input.extend([dielectric.veil, dielectric.thickness].map(f32::to_bits));
+        input.push(dielectric.priority.into());
+        input.extend(words([*diffuse]));
+    }
+    let sun = job.sun.expect("there is one");
+    input.extend([job.params.index.to_bits(), job.params.depth]);
+    input.push(u32::from(job.params.fresnel == Fresnel::Schlick));
+    input.push(u32::from(job.params.shadow == GlassShadow::Straight));
+    input.extend(words([job.beyond, job.eye, -sun.direction, sun.color]));
+    input.extend([job.width, job.height]);
+    for pixel in 0..seen.triangle.len() {
+        let vectors =
+            [&seen.position, &seen.normal, &seen.color].map(|image| Vec4::from_array(image[pixel]).truncate());
+        input.extend(words(vectors));
+        input.push(seen.triangle[pixel]);
+    }
+    input
+}
+
+/// Rounds of the exponential function differ between libraries, and so does the order in which colours are summed.
+const ROUNDING: f32 = 2e-5;
+
+fn compiled_program(program: RayProgram, name: &str, change: Option<(&str, [&str; 2])>) -> Option<std::path::PathBuf> {
+    let source = if program == RayProgram::Final { "glass_final.cpp" } else { "glass.cpp" };
+    compiled_with(source, name, change)
+}
+
+#[test]
+fn glass_of_the_device_programs_looks_as_on_the_processor() {
+    for program in [RayProgram::Refraction, RayProgram::Final] {
+        let name = format!("glass-{program:?}");
+        let Some(compiled) = compiled_program(program, &name, None) else { return };
+        for scene in [several(), under_water()] {
+            for (fresnel, shadow, depth) in [
+                (Fresnel::Exact, GlassShadow::Straight, 5),
+                (Fresnel::Schlick, GlassShadow::Report, 2),
+                (Fresnel::Exact, GlassShadow::Straight, 0),
+            ] {
+                let asked = Asked { program, fresnel, shadow, depth };
+                let (largest, counts, shown) = differences(&compiled, &scene, asked);
+                let what = format!("{program:?}, {fresnel:?}, {shadow:?}, depth {depth}");
+                assert!(largest < ROUNDING && counts == 0, "{what}: {largest}, {counts} counts differ");
+                assert!(shown > 300, "{what}: {shown} pixels show glass");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_wrong_word_of_the_device_programs_is_noticed() {
+    let asked = |program| Asked { program, fresnel: Fresnel::Exact, shadow: GlassShadow::Straight, depth: 5 };
+    for (program, scene, change) in [
+        // Absorption of a way that is twice as long.
+        (
+            RayProgram::Refraction,
+            several(),
+            ["(double)(-extinction * length)", "(double)(-extinction * 2.0f * length)"],
+        ),
+        // The ratio of the indices upside down.
+        (
+            RayProgram::Refraction,
+            several(),
+            [
+                "index_in(params, border.after) / index_in(params, before)",
+                "index_in(params, before) / index_in(params, border.after)",
+            ],
+        ),
+        // Of overlapping bodies the one entered first.
+        (RayProgram::Refraction, several(), ["priority <= priority) ++place", "priority < priority) ++place"]),
+        // A camera that is in nothing.
+        (
+            RayProgram::Refraction,
+            under_water(),
+            ["params.around_eye ? *(const Media *)params.around_eye : no_media()", "no_media()"],
+        ),
+        // Shadows by the cosine inside.
+        (
+            RayProgram::Final,
+            several(),
+            ["fmaxf(border.ratio, 1.0f / border.ratio)", "fminf(border.ratio, 1.0f / border.ratio)"],
+        ),
+    ] {
+        let Some(compiled) = compiled_program(program, "glass-changed", Some(("bodies.cuh", change))) else { return };
+        let (largest, _, _) = differences(&compiled, &scene, asked(program));
+        assert!(largest > 1e-3, "{change:?} is not noticed: {largest}");
+    }
+}

@@ -1,0 +1,3 @@
+// `final`, as `glass.cpp` has `refraction`.
+#define CURITIBA_OF_FINAL
+#include "glass.cpp"

@@ -1,0 +1,45 @@
+// The words that a program reads and writes, and a scene of triangles that it reads. Included after a device header.
+#pragma once
+#include <cstdio>
+#include <string>
+#include <vector>
+
+static std::vector<unsigned> input, output;
+static size_t place = 0;
+static unsigned word() { return input[place++]; }
+static float number() { return __uint_as_float(word()); }
+static float3 vector() { float x = number(), y = number(), z = number(); return vec3(x, y, z); }
+[[maybe_unused]] static void put(unsigned value) { output.push_back(value); }
+[[maybe_unused]] static void put(float value) { put(__float_as_uint(value)); }
+[[maybe_unused]] static void put(float3 v) { put(v.x); put(v.y); put(v.z); }
+
+// A scene of triangles with corners of their own.
+struct Scene {
+    std::vector<float> positions;
+    std::vector<unsigned> triangles;
+    Params params = {};
+
+    explicit Scene(unsigned count) {
+        for (unsigned i = 0; i < 9 * count; ++i) positions.push_back(number());
+        for (unsigned i = 0; i < 3 * count; ++i) triangles.push_back(i);
+        params.positions = positions.data();
+        params.triangles = triangles.data();
+        for (int axis = 0; axis < 3; ++axis) {
+            params.scene_low[axis] = INFINITY;
+            params.scene_high[axis] = -INFINITY;
+            for (unsigned i = axis; i < positions.size(); i += 3) {
+                params.scene_low[axis] = fminf(params.scene_low[axis], positions[i]);
+                params.scene_high[axis] = fmaxf(params.scene_high[axis], positions[i]);
+            }
+        }
+    }
+    unsigned count() const { return (unsigned)triangles.size() / 3; }
+};
+
+// Reads all of standard input.
+static void read_all() {
+    unsigned value;
+    while (std::fread(&value, sizeof value, 1, stdin) == 1) input.push_back(value);
+}
+// Writes what was put.
+static int write_all() { return std::fwrite(output.data(), 4, output.size(), stdout) == output.size() ? 0 : 1; }
