@@ -48,7 +48,7 @@ fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBu
         emission: material.emission,
         texture: material.texture,
         alpha_cutoff: material.alpha_cutoff,
-        glow: None,
+        ..Shade::default()
     };
     let shades: Vec<Shade> = scene.materials.iter().map(shade).collect();
     let attachments = Attachments { color: true, position: true, normal: true, triangle: true };

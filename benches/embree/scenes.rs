@@ -222,7 +222,7 @@ impl RayBackend for Listener {
 /// A scene file, white, with a G-buffer from primary rays.
 fn open_file(name: &str, file: &Path, view: View, size: u32) -> Result<Subject, String> {
     let text = |error: &dyn std::fmt::Display| format!("{name}: {error}");
-    let needs = Needs { normals: true, textures: false };
+    let needs = Needs { normals: true, ..Needs::NOTHING };
     let options = LoadOptions { needs, max_bytes: LoadOptions::DEFAULT_MAX_BYTES };
     let loaded = load(&[file.to_owned()], &options, &|_| {}).map_err(|error| text(&error))?;
     let (scene, _) =
@@ -231,7 +231,7 @@ fn open_file(name: &str, file: &Path, view: View, size: u32) -> Result<Subject, 
     let materials = scene.materials.len();
     let bvh = Bvh::build(&scene.geometry, &[], Quality::Balanced);
     let pixels = (size * size) as usize;
-    let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None, glow: None };
+    let shade = Shade::default();
     let mut base = OwnedJob {
         program: RayProgram::Ssao,
         params: RayParams { radius: view.radius, ..RayParams::default() },

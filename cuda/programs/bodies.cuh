@@ -112,7 +112,12 @@ DEVICE float3 filter_of(const Params &params, const Body &body, const Hit &hit) 
         // A share of light is linear whatever the colours of the pass are.
         if (params.decoded == nullptr) texel = vec3(decoded(texel.x), decoded(texel.y), decoded(texel.z));
     }
-    return (1.0f - body.veil) * vector_of(body.filter) * texel;
+    float3 vertices = splat(1.0f);
+    if (body.filter_vertex_colors != VERTEX_COLORS_NONE) {
+        vertices = xyz(vertex_color(params, hit));
+        if (body.filter_vertex_colors == VERTEX_COLORS_DISPLAY) vertices = vec3(decoded(vertices.x), decoded(vertices.y), decoded(vertices.z));
+    }
+    return (1.0f - body.veil) * vector_of(body.filter) * texel * vertices;
 }
 
 // The barycentric coordinates of a point in the plane of a triangle, as a hit at distance 0.

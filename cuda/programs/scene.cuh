@@ -40,6 +40,13 @@ DEVICE float2 texture_coordinates(const Params &params, const Hit &hit) {
     float w = 1.0f - hit.u - hit.v;
     return make_float2(a.x * w + b.x * hit.u + c.x * hit.v, a.y * w + b.y * hit.u + c.y * hit.v);
 }
+DEVICE float4 vertex_color(const Params &params, const Hit &hit) {
+    uint3 i = corners_of(params, hit.triangle);
+    float4 a = __ldg(params.colors + i.x), b = __ldg(params.colors + i.y), c = __ldg(params.colors + i.z);
+    float w = 1.0f - hit.u - hit.v;
+    return make_float4(a.x * w + b.x * hit.u + c.x * hit.v, a.y * w + b.y * hit.u + c.y * hit.v,
+                       a.z * w + b.z * hit.u + c.z * hit.v, a.w * w + b.w * hit.u + c.w * hit.v);
+}
 
 DEVICE float4 lerp(float4 a, float4 b, float s) {
     float r = 1.0f - s;
@@ -94,11 +101,15 @@ DEVICE bool passes_light(const Params &params, unsigned triangle) {
 DEVICE bool covers(const Params &params, const Hit &hit) {
     if (!params.cut) return true;
     const Shade &shade = shade_of(params, hit.triangle);
-    if (shade.texture == NO_TEXTURE || !(shade.flags & SHADE_CUT)) return true;
-    return sample_texture(params, shade.texture, texture_coordinates(params, hit)).w >= shade.cutoff;
+    if (!(shade.flags & SHADE_CUT)) return true;
+    bool colored = shade.flags & SHADE_VERTEX_COLORS;
+    if (shade.texture == NO_TEXTURE) return !colored || vertex_color(params, hit).w >= shade.cutoff;
+    float alpha = sample_texture(params, shade.texture, texture_coordinates(params, hit)).w;
+    if (colored) alpha = alpha * vertex_color(params, hit).w;
+    return alpha >= shade.cutoff;
 }
 
-// Diffuse light, ambient light and texture, with this unit normal, and the light that the surface sends out.
+// Diffuse light, ambient light and texture, with this unit normal, times the vertex colour, and the light that the surface sends out.
 DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
     const Shade &shade = shade_of(params, hit.triangle);
     float3 diffuse = vec3(shade.diffuse[0], shade.diffuse[1], shade.diffuse[2]);
@@ -109,6 +120,7 @@ DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
     if (shade.texture != NO_TEXTURE) {
         reflected = (lit + splat(AMBIENT)) * xyz(sample_texture(params, shade.texture, texture_coordinates(params, hit)));
     }
+    if (shade.flags & SHADE_VERTEX_COLORS) reflected = reflected * xyz(vertex_color(params, hit));
     if (!(shade.flags & SHADE_GLOW)) return reflected;
     float3 glow = vec3(shade.glow[0], shade.glow[1], shade.glow[2]);
     if (shade.glow_texture == NO_TEXTURE) return reflected + glow;

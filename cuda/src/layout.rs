@@ -53,7 +53,7 @@ shared_structs! {
     struct Shade {
         /// Diffuse colour.
         diffuse: [f32; 3] = "float[3]",
-        /// [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`], [`SHADE_GLOW`].
+        /// [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`], [`SHADE_GLOW`], [`SHADE_VERTEX_COLORS`].
         flags: u32 = "unsigned",
         /// Index into [`Params::textures`], or [`NO_TEXTURE`].
         texture: u32 = "unsigned",
@@ -77,6 +77,9 @@ shared_structs! {
         filter: [f32; 3] = "float[3]",
         /// What that is multiplied by: index into [`Params::textures`], or [`NO_TEXTURE`].
         filter_texture: u32 = "unsigned",
+        /// What it is multiplied by of the colours of vertices: [`VERTEX_COLORS_NONE`], [`VERTEX_COLORS_LINEAR`] or
+        /// [`VERTEX_COLORS_DISPLAY`].
+        filter_vertex_colors: u32 = "unsigned",
         /// Share of the light that enters and is scattered back.
         veil: f32 = "float",
         /// Thickness of a thin wall that absorbs, scene units; else 0.
@@ -117,6 +120,8 @@ shared_structs! {
         normals: Address = "const float *",
         /// Texture coordinates of the vertices.
         texcoords: Address = "const float2 *",
+        /// Colours of the vertices, with [`SHADE_VERTEX_COLORS`].
+        colors: Address = "const float4 *",
         /// Vertices of the triangles, three indices each.
         triangles: Address = "const unsigned *",
         /// Material of each triangle.
@@ -223,10 +228,12 @@ unsafe impl DeviceRepr for Body {}
 pub const SHADE_GLASS: u32 = 1;
 /// Shadow rays pass through it, dimmed.
 pub const SHADE_SHADOW_GLASS: u32 = 2;
-/// It is cut out by its texture's alpha.
+/// It is cut out by the alpha of its texture and vertices.
 pub const SHADE_CUT: u32 = 4;
 /// The material sends out light.
 pub const SHADE_GLOW: u32 = 8;
+/// What it reflects, and its alpha, is multiplied by the colours of its vertices.
+pub const SHADE_VERTEX_COLORS: u32 = 16;
 /// Light falls straight through glass, weakened by what each material does; else each surface of glass dims it alike.
 pub const ASKS_STRAIGHT: u32 = 1;
 /// The launch is one thread, which finds the bodies that the camera is in.
@@ -239,6 +246,12 @@ pub const SHAPE_PANE: u32 = 1;
 pub const SHAPE_THIN: u32 = 2;
 /// The border of a body.
 pub const SHAPE_SOLID: u32 = 3;
+/// The colours of vertices are no part of a filter.
+pub const VERTEX_COLORS_NONE: u32 = 0;
+/// They are shares of light.
+pub const VERTEX_COLORS_LINEAR: u32 = 1;
+/// They are display values of shares of light.
+pub const VERTEX_COLORS_DISPLAY: u32 = 2;
 /// Where there is no body.
 pub const NO_BODY: u32 = u32::MAX;
 /// Bytes of a list of bodies: [`effects::MOST_BODIES`] and their number.
@@ -289,12 +302,16 @@ pub fn header() -> String {
         ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
         ("SHADE_CUT", SHADE_CUT),
         ("SHADE_GLOW", SHADE_GLOW),
+        ("SHADE_VERTEX_COLORS", SHADE_VERTEX_COLORS),
         ("ASKS_STRAIGHT", ASKS_STRAIGHT),
         ("ASKS_EYE", ASKS_EYE),
         ("SHAPE_OPAQUE", SHAPE_OPAQUE),
         ("SHAPE_PANE", SHAPE_PANE),
         ("SHAPE_THIN", SHAPE_THIN),
         ("SHAPE_SOLID", SHAPE_SOLID),
+        ("VERTEX_COLORS_NONE", VERTEX_COLORS_NONE),
+        ("VERTEX_COLORS_LINEAR", VERTEX_COLORS_LINEAR),
+        ("VERTEX_COLORS_DISPLAY", VERTEX_COLORS_DISPLAY),
         ("NO_BODY", NO_BODY),
         ("MOST_BODIES", effects::MOST_BODIES),
         ("MOST_SURFACES", effects::MOST_SURFACES),

@@ -372,6 +372,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             positions: 0,
             normals: 0,
             texcoords: 0,
+            colors: 0,
             triangles: 0,
             materials: 0,
             shades: images.shades.address(device),

@@ -2,11 +2,12 @@
 
 use crate::device::{Address, Buffer, Device};
 use crate::layout::{
-    Body, NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_SHADOW_GLASS, SHAPE_OPAQUE, SHAPE_PANE,
-    SHAPE_SOLID, SHAPE_THIN, Shade, TextureInfo, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    Body, NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS,
+    SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, Shade, TextureInfo, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR,
+    VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use curitiba_pipeline::backend::{BackendError, RayJob};
-use curitiba_pipeline::color::DECODED;
+use curitiba_pipeline::color::{ColorSpace, DECODED};
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::scene::RenderScene;
@@ -18,6 +19,8 @@ pub struct SceneBuffers {
     positions: Buffer<f32>,
     normals: Buffer<f32>,
     texcoords: Buffer<f32>,
+    /// Empty where no mesh has colours.
+    colors: Buffer<f32>,
     triangles: Buffer<u32>,
     materials: Buffer<u32>,
     textures: Buffer<TextureInfo>,
@@ -35,6 +38,7 @@ impl SceneBuffers {
             positions: device.upload("vertex positions", bytemuck::cast_slice(&geometry.positions))?,
             normals: device.upload("vertex normals", bytemuck::cast_slice(&geometry.normals))?,
             texcoords: device.upload("texture coordinates", bytemuck::cast_slice(&geometry.texcoords))?,
+            colors: device.upload("vertex colours", bytemuck::cast_slice(&geometry.colors))?,
             triangles: device.upload("triangles", bytemuck::cast_slice(&geometry.triangles))?,
             materials: device.upload("the materials of triangles", &geometry.materials().collect::<Vec<_>>())?,
             textures: device.upload("texture sizes", &textures)?,
@@ -48,6 +52,7 @@ impl SceneBuffers {
         params.positions = self.positions.address(device);
         params.normals = self.normals.address(device);
         params.texcoords = self.texcoords.address(device);
+        params.colors = self.colors.address(device);
         params.triangles = self.triangles.address(device);
         params.materials = self.materials.address(device);
         params.textures = self.textures.address(device);
@@ -65,6 +70,7 @@ impl SceneBuffers {
         self.positions.bytes()
             + self.normals.bytes()
             + self.texcoords.bytes()
+            + self.colors.bytes()
             + self.triangles.bytes()
             + self.materials.bytes()
             + self.textures.bytes()
@@ -102,7 +108,8 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
             flags: set(job.glass, material, SHADE_GLASS)
                 | set(job.shadow_glass, material, SHADE_SHADOW_GLASS)
                 | if cutoff.is_some() { SHADE_CUT } else { 0 }
-                | if shade.glow.is_some() { SHADE_GLOW } else { 0 },
+                | if shade.glow.is_some() { SHADE_GLOW } else { 0 }
+                | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 },
             texture: shade.texture.unwrap_or(NO_TEXTURE),
             cutoff: cutoff.unwrap_or(0.0),
             glow: shade.glow.map_or([0.0; 3], |glow| glow.color.to_array()),
@@ -125,6 +132,11 @@ pub fn bodies(job: &RayJob<'_>) -> Vec<Body> {
         extinction: dielectric.extinction.to_array(),
         filter: dielectric.filter.to_array(),
         filter_texture: dielectric.filter_texture.unwrap_or(NO_TEXTURE),
+        filter_vertex_colors: match job.scene.geometry.color_space {
+            _ if !dielectric.filter_vertex_colors || job.scene.geometry.colors.is_empty() => VERTEX_COLORS_NONE,
+            ColorSpace::Report => VERTEX_COLORS_DISPLAY,
+            ColorSpace::Linear => VERTEX_COLORS_LINEAR,
+        },
         veil: dielectric.veil,
         thickness: dielectric.thickness,
         priority: dielectric.priority.into(),

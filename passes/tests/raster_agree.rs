@@ -9,7 +9,7 @@ use common::ALL;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect};
 use glam::{DVec2, Vec3, Vec4};
-use scenes::{Setup, cut_out, grazing, hills, marked, soup};
+use scenes::{Setup, cut_out, grazing, hills, marked, soup, tinted};
 use support::rasteriser;
 
 /// Largest distance of positions (in distances from the eye), normals, cosines and untextured colours, besides [`slack`].
@@ -166,7 +166,7 @@ fn render(rasteriser: &mut dyn Rasteriser, setup: &Setup, job: &RasterJob<'_>, w
 }
 
 fn setups() -> Vec<(Setup, Allowed)> {
-    let scenes = [hills(160), hills(16), grazing(), cut_out()];
+    let scenes = [hills(160), hills(16), grazing(), cut_out(), tinted()];
     let kinds = [0, 2, 3, 4, 5, 6];
     // Triangles below a pixel and needles must be many, or they cover nothing.
     let soups = kinds.map(|kind| soup(kind, if kind == 2 { 20_000 } else { 3000 }));

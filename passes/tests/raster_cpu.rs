@@ -249,6 +249,59 @@ fn light_of_their_own_is_added_to_what_surfaces_reflect() {
 }
 
 #[test]
+fn colours_of_vertices_multiply_what_is_reflected_and_not_what_is_sent_out() {
+    // One large triangle that faces the eye at a slant: the colours between its corners are perspective-correct.
+    let corners = [Vec3::new(-9.0, -6.0, -12.0), Vec3::new(12.0, -5.0, -30.0), Vec3::new(0.0, 9.0, -16.0)];
+    let mut scene = common::triangles(&[corners]);
+    scene.textures = vec![Texture::new("red".to_owned(), 4, 4, vec![[255, 0, 51, 255]; 16])];
+    let colors = [Vec4::new(1.0, 0.0, 0.5, 1.0), Vec4::new(0.0, 1.0, 0.5, 0.25), Vec4::new(0.2, 0.4, 0.0, 0.0)];
+    scene.geometry.colors = colors.to_vec();
+    let glow = Vec3::new(0.5, 0.0, 0.25);
+    for (texture, cutoff) in [(None, None), (Some(0), None), (None, Some(0.5)), (Some(0), Some(0.5))] {
+        let glow_shade = Some(Glow { color: glow, texture: None });
+        let shades = [Shade { texture, vertex_colors: true, alpha_cutoff: cutoff, glow: glow_shade, ..grey() }];
+        let job = job(&scene, &shades, camera(1.25), 150, 120, ALL);
+        let sun = job.sun.expect("the job has light").color.extend(1.0);
+        for set in InstructionSet::ALL {
+            let Some(mut rasteriser) = CpuRasteriser::with_instruction_set(set) else { continue };
+            let mut target = GBuffer::new(150, 120, ALL);
+            rasteriser.draw(&job, &mut target).expect("drawn");
+            let mut seen = 0;
+            for (index, _) in target.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
+                // Where the stored position lies in the triangle, in double precision.
+                let at = Vec4::from(target.position[index]).truncate().as_dvec3();
+                let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+                let normal = (b - a).cross(c - a);
+                let area = normal.length_squared();
+                let (u, v) = ((at - a).cross(c - a).dot(normal) / area, (b - a).cross(at - a).dot(normal) / area);
+                let [ca, cb, cc] = colors.map(|color| color.as_dvec4());
+                let tint = (ca * (1.0 - u - v) + cb * u + cc * v).as_vec4();
+                assert!(cutoff.is_none_or(|cutoff| tint.w > cutoff - 1e-4), "{tint} is a hole");
+                let lit = shades[0].diffuse * sun * target.position[index][3];
+                let reflected = match texture {
+                    Some(_) => (lit + shades[0].emission + 0.3) * Vec4::new(1.0, 0.0, 0.2, 1.0),
+                    None => lit + shades[0].diffuse * 0.3,
+                };
+                let expected = reflected * tint + glow.extend(0.0);
+                let error = (Vec4::from(target.color[index]) - expected).abs().max_element();
+                assert!(error < 2e-5, "{set:?}, pixel {index}: {:?}, not {expected}", target.color[index]);
+                seen += 1;
+            }
+            let least = if cutoff.is_some() { 200 } else { 1500 };
+            assert!(seen > least, "{seen} pixels");
+            assert!(cutoff.is_none() || seen < 1500, "{seen} pixels: nothing was cut");
+        }
+    }
+    let mut bare = scene.clone();
+    bare.geometry.colors.clear();
+    let shades = [Shade { vertex_colors: true, ..grey() }];
+    let error = CpuRasteriser::new()
+        .draw(&job(&bare, &shades, camera(1.25), 150, 120, ALL), &mut GBuffer::new(150, 120, ALL))
+        .expect_err("there are no colours");
+    assert!(error.to_string().contains("vertex colours"), "{error}");
+}
+
+#[test]
 fn triangles_side_by_side_have_their_own_textures_or_none() {
     let mut scene = soup(0, 300, 4);
     let solid = |name: &str, size: u32, texel: [u8; 4]| {

@@ -194,6 +194,7 @@ fn coincident() -> Setup {
         texcoords: vec![Vec2::ZERO; 3],
         triangles: vec![[0, 1, 2]; 2],
         batches: (0..2).map(|i| Batch { material: i, first: i, count: 1 }).collect(),
+        ..Geometry::default()
     };
     let white = Texture::new("white".to_owned(), 1, 1, vec![[255; 4]]);
     Setup {

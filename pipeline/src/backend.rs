@@ -40,12 +40,39 @@ pub struct Shade {
     pub emission: Vec4,
     /// Index into [`RenderScene::textures`], where the material has a texture and the pass reads it.
     pub texture: Option<u32>,
-    /// Where the texture's alpha alone is below this, there is no surface, whatever the diffuse colour's alpha; infinite
-    /// where nothing is left of the material. `None` in thesis fidelity and for opaque materials; without effect where
-    /// there is no texture.
+    /// Whether what the surface reflects, and its alpha, is multiplied by the colours of its vertices
+    /// ([`Geometry::colors`](crate::scene::Geometry::colors)).
+    pub vertex_colors: bool,
+    /// Where the alpha of texture and vertices alone is below this, there is no surface, whatever the diffuse colour's alpha;
+    /// infinite where nothing is left of the material. `None` in thesis fidelity and for opaque materials; without effect where
+    /// there are neither.
     pub alpha_cutoff: Option<f32>,
     /// Light that the surface adds to what it reflects. `None` in thesis fidelity and where it sends out none.
     pub glow: Option<Glow>,
+}
+
+impl Default for Shade {
+    fn default() -> Self {
+        Self::WHITE
+    }
+}
+
+impl Shade {
+    /// White and whole, without a texture and light of its own.
+    pub const WHITE: Self = Self {
+        diffuse: Vec4::ONE,
+        emission: Vec4::ZERO,
+        texture: None,
+        vertex_colors: false,
+        alpha_cutoff: None,
+        glow: None,
+    };
+
+    /// Whether an alpha says where the surface is.
+    #[must_use]
+    pub fn is_cut(&self) -> bool {
+        self.alpha_cutoff.is_some() && (self.texture.is_some() || self.vertex_colors)
+    }
 }
 
 /// Light that a surface sends out by itself.

@@ -217,11 +217,37 @@ fn swap_yz_turns_a_model_with_z_up_and_unitize_fits_it_into_the_unit_box() {
 }
 
 #[test]
+fn meshes_without_colours_are_white_beside_others_and_creases_keep_the_colours_of_their_corners() {
+    let mut cube = cube();
+    cube.colors = cube.positions.iter().map(|at| (0.5 * *at + 0.5).extend(1.0)).collect();
+    let mut plain = triangle(1);
+    plain.name = "plain".to_owned();
+    let objects = vec![object(0, Mat4::IDENTITY), object(1, Mat4::from_translation(Vec3::X * 9.0))];
+    let (built, _) = build(scene(vec![cube, plain], objects, 2), &BuildOptions::default());
+    assert_eq!(built.geometry.positions.len(), 24 + 3, "the cube's corners are split");
+    assert_eq!(built.geometry.colors.len(), 24 + 3);
+    for (at, color) in built.geometry.positions.iter().zip(&built.geometry.colors) {
+        let expected = if at.x > 2.0 { Vec3::ONE } else { 0.5 * *at + 0.5 };
+        assert_eq!(*color, expected.extend(1.0), "at {at}");
+    }
+    assert_eq!(built.materials.iter().map(|m| m.vertex_colors).collect::<Vec<_>>(), [true, false]);
+    // Scenes with and without are one.
+    let (bare, _) = build(scene(vec![triangle(0)], vec![object(0, Mat4::IDENTITY)], 1), &BuildOptions::default());
+    assert!(bare.geometry.colors.is_empty());
+    let mut both = bare.clone();
+    both.append(built.clone());
+    both.append(bare);
+    assert_eq!(both.geometry.colors.len(), both.geometry.positions.len());
+    assert_eq!(both.geometry.colors[3..30], built.geometry.colors[..]);
+    assert!(both.geometry.colors[..3].iter().chain(&both.geometry.colors[30..]).all(|color| *color == Vec4::ONE));
+}
+
+#[test]
 fn what_passes_do_not_need_is_left_empty() {
     let mut mesh = triangle(0);
     mesh.texcoords = vec![Vec2::splat(f32::NAN); 3];
     let scene = scene(vec![mesh], vec![object(0, Mat4::IDENTITY)], 1);
-    let nothing = BuildOptions { needs: Needs { normals: false, textures: false }, ..BuildOptions::default() };
+    let nothing = BuildOptions { needs: Needs::NOTHING, ..BuildOptions::default() };
     let (built, warnings) = build(scene.clone(), &nothing);
     assert!(built.geometry.normals.is_empty() && warnings.is_empty());
     let (built, warnings) = build(scene, &BuildOptions::default());

@@ -144,7 +144,7 @@ fn octrees_are_read_to_their_leaves_and_missing_index_lists_mean_vertices_in_ord
 fn what_is_not_needed_is_not_stored() {
     let folder = Folder::new();
     let path = folder.write("a.cbo", object_list(Layout::Cbo2014).0);
-    let needs = Needs { normals: false, textures: false };
+    let needs = Needs::NOTHING;
     let scene = load(&[path], &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
     assert!(scene.meshes[0].normals.is_empty() && scene.meshes[0].texcoords.is_empty());
     assert_eq!(triangles(&scene), 2);

@@ -270,12 +270,11 @@ fn contents_that_are_not_drawn_are_counted_each_by_its_kind() {
     json["materials"][0] = json!({"emissiveTexture": {"index": 0}, "emissiveFactor": [1.0, 1.0, 1.0]});
     json["textures"] = json!([{"source": 0}]);
     json["images"] = json!([{"uri": "none.png"}]);
-    json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 0.into();
     let scene = read(&json, &binary).unwrap();
-    for what in ["extensions that are not read", "missing textures", "primitives with vertex colours"] {
+    for what in ["extensions that are not read", "missing textures"] {
         assert_eq!(count(&scene.warnings, what), 1, "{what}");
     }
-    assert_eq!(scene.warnings.groups().len(), 3, "{:?}", scene.warnings.groups());
+    assert_eq!(scene.warnings.groups().len(), 2, "{:?}", scene.warnings.groups());
     assert_eq!(scene.materials[0].emission, Vec4::W, "the factor alone would make all of it shine");
 }
 
@@ -309,6 +308,110 @@ fn emission_is_the_factor_times_its_texture() {
     assert_eq!(scene.meshes[0].texcoords[0], Vec2::new(0.5, 1.0), "without a base texture its own coordinates serve");
     let (built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
     assert_eq!((built.textures.len(), built.materials[1].emission_texture), (1, Some(0)));
+}
+
+/// Adds an accessor over bytes of its own.
+fn add_accessor(json: &mut Value, binary: &mut Vec<u8>, bytes: &[u8], mut accessor: Value) -> usize {
+    binary.resize(binary.len().next_multiple_of(4), 0);
+    let view = json!({"buffer": 0, "byteOffset": binary.len(), "byteLength": bytes.len()});
+    binary.extend(bytes);
+    let views = json["bufferViews"].as_array_mut().unwrap();
+    views.push(view);
+    accessor["bufferView"] = (views.len() - 1).into();
+    json["buffers"][0]["byteLength"] = binary.len().into();
+    let accessors = json["accessors"].as_array_mut().unwrap();
+    accessors.push(accessor);
+    accessors.len() - 1
+}
+
+/// sRGB by its formula.
+fn encoded(linear: f64) -> f32 {
+    (if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }) as f32
+}
+
+#[test]
+fn vertex_colours_of_every_component_type_are_linear_and_have_alpha_where_the_material_asks() {
+    let linear = [[0.0, 0.2, 1.0, 1.0], [0.4, 0.6, 0.8, 0.2], [1.0, 1.0, 1.0, 0.0], [0.2, 0.0, 0.4, 0.6]];
+    let bytes = |components: usize, largest: f64, size: usize| -> Vec<u8> {
+        let numbers = linear.iter().flat_map(|color| &color[..components]);
+        numbers.flat_map(|c| ((c * largest).round() as u32).to_le_bytes().into_iter().take(size)).collect()
+    };
+    let float =
+        |components: usize| floats(&linear.map(|c| c.map(|c| c as f32)).map(|c| c[..components].to_vec()).concat());
+    for (components, kind) in [(3, "VEC3"), (4, "VEC4")] {
+        for (component, data) in
+            [(5126, float(components)), (5121, bytes(components, 255.0, 1)), (5123, bytes(components, 65535.0, 2))]
+        {
+            for mode in ["OPAQUE", "MASK", "BLEND"] {
+                let (mut json, mut binary) = square();
+                let accessor =
+                    json!({"componentType": component, "normalized": component != 5126, "count": 4, "type": kind});
+                let index = add_accessor(&mut json, &mut binary, &data, accessor);
+                json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = index.into();
+                json["materials"][0] = json!({"alphaMode": mode, "alphaCutoff": 0.25});
+                if mode != "MASK" {
+                    json["materials"][0].as_object_mut().unwrap().remove("alphaCutoff");
+                }
+                let scene = read(&json, &binary).unwrap();
+                let alpha = |written: f64| if components == 4 && mode != "OPAQUE" { written as f32 } else { 1.0 };
+                for (found, [r, g, b, a]) in scene.meshes[0].colors.iter().zip(linear) {
+                    let expected = Vec4::new(encoded(r), encoded(g), encoded(b), alpha(a));
+                    assert!(found.distance(expected) < 1e-6, "{kind} of {component}, {mode}: {found}, not {expected}");
+                }
+                assert_eq!(scene.meshes[0].colors.len(), 4);
+                let cutoff = match mode {
+                    "MASK" => Some(0.25),
+                    // What is mostly clear is a hole, as where a texture says so.
+                    "BLEND" if components == 4 => Some(0.5),
+                    _ => None,
+                };
+                assert_eq!(scene.materials[0].alpha_cutoff, cutoff, "{kind} {mode}");
+                // In linear light the file's numbers come back.
+                let options =
+                    BuildOptions { color: curitiba_pipeline::color::ColorSpace::Linear, ..BuildOptions::default() };
+                let (built, _) = RenderScene::build(scene, &options).unwrap();
+                for (found, [r, g, b, _]) in built.geometry.colors.iter().zip(linear) {
+                    let expected = Vec3::new(r as f32, g as f32, b as f32);
+                    assert!(found.truncate().distance(expected) < 1e-6, "{found}");
+                }
+                assert!(built.materials[0].vertex_colors);
+                assert_eq!(built.materials[0].alpha_cutoff, cutoff, "it is cut without a texture");
+            }
+        }
+    }
+}
+
+#[test]
+fn vertex_colours_cost_nothing_where_nobody_asks_and_wrong_ones_are_errors_or_mended() {
+    let (mut json, mut binary) = square();
+    let colors = floats(&[0.5, f32::NAN, -1.0, 7.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, f32::INFINITY, 1.0]);
+    let index =
+        add_accessor(&mut json, &mut binary, &colors, json!({"componentType": 5126, "count": 4, "type": "VEC3"}));
+    json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = index.into();
+    let scene = read(&json, &binary).unwrap();
+    let (built, warnings) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
+    assert_eq!(count(&warnings, "meshes with vertex colours that are not from 0 to 1"), 1);
+    let found: Vec<Vec3> = built.geometry.colors.iter().map(|color| color.truncate()).collect();
+    assert!(found[0].distance(Vec3::new(encoded(0.5), 1.0, 0.0)) < 1e-6, "{}", found[0]);
+    assert_eq!(found[1..], [Vec3::ONE, Vec3::ONE, Vec3::new(0.0, 1.0, 1.0)]);
+
+    let folder = Folder::new();
+    let path = folder.write("a.glb", glb(&json, &binary));
+    let needs = Needs { colors: false, ..Needs::ALL };
+    let scene = load(&[path], &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
+    assert!(scene.meshes[0].colors.is_empty());
+    let (built, _) = RenderScene::build(scene, &BuildOptions::default()).unwrap();
+    assert!(built.geometry.colors.is_empty() && !built.materials[0].vertex_colors);
+
+    json["accessors"][index]["count"] = 3.into();
+    let error = read(&json, &binary).unwrap_err();
+    assert!(error.contains("4 positions but 3 colours"), "{error}");
+    json["accessors"][index]["count"] = 5.into();
+    let error = read(&json, &binary).unwrap_err();
+    assert!(error.contains("reach beyond its 48 bytes"), "{error}");
+    json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 2.into();
+    let error = read(&json, &binary).unwrap_err();
+    assert!(error.contains("accessor 2: it is not of type VEC4"), "{error}");
 }
 
 #[test]
@@ -370,7 +473,7 @@ fn images_in_views_data_and_files_are_found_and_urls_are_warnings() {
     let converted = load_one(&folder.path("b.cbo")).unwrap();
     assert_eq!(std::fs::read(converted.textures[0].name()).unwrap(), png);
 
-    let nothing = LoadOptions { needs: Needs { normals: false, textures: false }, ..LoadOptions::default() };
+    let nothing = LoadOptions { needs: Needs::NOTHING, ..LoadOptions::default() };
     let scene = load(&[path], &nothing, &|_| {}).unwrap();
     assert!(scene.textures.is_empty() && scene.meshes[0].texcoords.is_empty());
 }

@@ -172,7 +172,7 @@ fn files_without_triangles_are_counted() {
 fn what_is_not_needed_is_not_stored() {
     let folder = Folder::new();
     let path = folder.write("a.obj", format!("{SQUARE}vt 0 0\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\n"));
-    let options = LoadOptions { needs: Needs { normals: false, textures: false }, ..LoadOptions::default() };
+    let options = LoadOptions { needs: Needs::NOTHING, ..LoadOptions::default() };
     let scene = load(&[path], &options, &|_| {}).unwrap();
     assert!(scene.meshes[0].normals.is_empty() && scene.meshes[0].texcoords.is_empty());
     assert_eq!(triangles(&scene), 1);

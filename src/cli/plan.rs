@@ -104,7 +104,7 @@ fn glass(plan: &Plan, scenes: &[Scene]) -> Result<Vec<Decision>, Failure> {
         if !plan.passes.iter().any(asks) {
             continue;
         }
-        let needs = Needs { normals: false, textures: false };
+        let needs = Needs::NOTHING;
         let options = BuildOptions { needs, max_bytes: plan.settings.max_memory, ..BuildOptions::default() };
         let (mut built, _) = RenderScene::build(scene.clone(), &options)?;
         let decided = decide(&mut built, &plan.project.path);

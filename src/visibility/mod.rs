@@ -74,11 +74,12 @@ pub fn load_project(project: &Project, max_bytes: u64) -> Result<Loaded, SceneEr
     Ok(all)
 }
 
-const NEEDS: Needs = Needs { normals: false, textures: false };
+const NEEDS: Needs = Needs::NOTHING;
 
 fn load(read: &dyn Fn(&LoadOptions) -> Result<Scene, SceneError>, options: BuildOptions) -> Result<Loaded, SceneError> {
-    // Which materials textures cut out is said with the textures' files; they are not decoded.
-    let load = LoadOptions { needs: Needs { normals: false, textures: true }, max_bytes: options.max_bytes };
+    // Which materials textures and vertices cut out is said with the files; textures are not decoded.
+    let load =
+        LoadOptions { needs: Needs { textures: true, colors: true, ..Needs::NOTHING }, max_bytes: options.max_bytes };
     let mut read = read(&load)?;
     let see_through = read.materials.iter().map(is_see_through).collect();
     let mut warnings = std::mem::take(&mut read.warnings);

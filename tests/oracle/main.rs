@@ -151,13 +151,7 @@ fn render(stored: &Stored, change: impl Fn(&mut RayParams)) -> Ours {
 /// The same with the eye moved.
 fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) -> Ours {
     let scene = Arc::new(scene(stored));
-    let paint = |paint: &Paint| Shade {
-        diffuse: Vec3::splat(paint.diffuse).extend(1.0),
-        emission: Vec4::ZERO,
-        texture: None,
-        alpha_cutoff: None,
-        glow: None,
-    };
+    let paint = |paint: &Paint| Shade { diffuse: Vec3::splat(paint.diffuse).extend(1.0), ..Shade::default() };
     let mut shades: Vec<Shade> = stored.materials.iter().map(paint).collect();
     let mut glass: Vec<bool> = stored.materials.iter().map(|paint| paint.glass).collect();
     if stored.sphere.is_some() {

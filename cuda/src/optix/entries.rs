@@ -149,8 +149,13 @@ mod tests {
     #[test]
     fn each_material_of_a_pass_has_a_record_for_each_type_of_ray() {
         let headers: Headers = std::array::from_fn(|group| [group as u8; SBT_RECORD_HEADER]);
-        let shade =
-            |alpha_cutoff| Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff, glow: None };
+        let shade = |alpha_cutoff| Shade {
+            diffuse: Vec4::ONE,
+            emission: Vec4::ZERO,
+            texture: None,
+            alpha_cutoff,
+            ..Shade::default()
+        };
         let scene = RenderScene::default();
         let mut job = RayJob {
             origin: [0; 2],

@@ -97,6 +97,16 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError
             return Err(missing(backend, job, &why));
         }
     }
+    let tinted = |(_, shade): &(usize, &curitiba_pipeline::backend::Shade)| {
+        shade.vertex_colors && (hits_are_shaded || cuts && shade.alpha_cutoff.is_some())
+    };
+    if let Some((material, _)) = job.shades.iter().enumerate().find(tinted)
+        && geometry.colors.len() != geometry.positions.len()
+    {
+        let name = &scene.materials[material].name;
+        let why = format!("material `{name}` has vertex colours, and the scene was prepared without");
+        return Err(missing(backend, job, &why));
+    }
     let known = geometry.triangles.len();
     if job.fidelity == Fidelity::Corrected && most_triangles(job.triangle) > known {
         return Err(missing(backend, job, &format!("the triangle ids name more than the scene's {known} triangles")));

@@ -1,6 +1,6 @@
 //! Where surfaces are cut out.
 
-use super::interpolate::texture_coordinates;
+use super::interpolate::{interpolate, texture_coordinates};
 use crate::trace::Hit;
 use curitiba_pipeline::backend::Shade;
 use curitiba_pipeline::scene::RenderScene;
@@ -21,7 +21,7 @@ impl Coverage for Opaque {
     }
 }
 
-/// Triangles are cut out where the texture's alpha (level 0) is below the material's cutoff.
+/// Triangles are cut out where the alpha of texture (level 0) and vertices is below the material's cutoff.
 #[derive(Debug, Clone, Copy)]
 pub struct AlphaTested<'a> {
     /// Whose triangles are hit.
@@ -33,8 +33,12 @@ pub struct AlphaTested<'a> {
 impl Coverage for AlphaTested<'_> {
     fn covers(&self, hit: &Hit) -> bool {
         let shade = &self.shades[self.scene.geometry.material_of(hit.triangle) as usize];
-        let (Some(texture), Some(cutoff)) = (shade.texture, shade.alpha_cutoff) else { return true };
-        let uv = texture_coordinates(&self.scene.geometry, hit);
-        self.scene.textures[texture as usize].sample(uv, 0.0).w >= cutoff
+        let Some(cutoff) = shade.alpha_cutoff.filter(|_| shade.is_cut()) else { return true };
+        let geometry = &self.scene.geometry;
+        let alpha = shade.texture.map_or(1.0, |texture| {
+            self.scene.textures[texture as usize].sample(texture_coordinates(geometry, hit), 0.0).w
+        });
+        let vertices = if shade.vertex_colors { interpolate(geometry, &geometry.colors, hit).w } else { 1.0 };
+        alpha * vertices >= cutoff
     }
 }

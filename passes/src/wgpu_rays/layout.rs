@@ -9,8 +9,10 @@ use std::fmt::Write as _;
 pub const SHADE_GLASS: u32 = 1;
 /// Shadow rays pass through it, dimmed.
 pub const SHADE_SHADOW_GLASS: u32 = 2;
-/// It is cut out by its texture's alpha.
+/// It is cut out by the alpha of its texture and vertices.
 pub const SHADE_CUT: u32 = 4;
+/// What it reflects, and its alpha, is multiplied by the colours of its vertices.
+pub const SHADE_VERTEX_COLORS: u32 = 8;
 /// Words of a material in the tables.
 pub const SHADE_WORDS: u32 = 6;
 /// No child, no tree.
@@ -74,7 +76,7 @@ pub struct Params {
     pub radius: f32,
     pub index: f32,
     pub decoded_at: u32,
-    pub unused: u32,
+    pub colors_at: u32,
 }
 
 /// The constants of the programs, as WGSL.
@@ -92,6 +94,7 @@ pub fn constants() -> String {
         ("SHADE_GLASS", SHADE_GLASS),
         ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
         ("SHADE_CUT", SHADE_CUT),
+        ("SHADE_VERTEX_COLORS", SHADE_VERTEX_COLORS),
         ("SHADE_WORDS", SHADE_WORDS),
         ("HASH_PIXEL", effects::PIXEL),
         ("HASH_PATH", effects::PATH),

@@ -1,6 +1,6 @@
 //! What a pass knows beside the scene: materials, sizes of textures, occlusion points, and tables of weights.
 
-use super::layout::{Params, SHADE_CUT, SHADE_GLASS, SHADE_SHADOW_GLASS, SHADE_WORDS};
+use super::layout::{Params, SHADE_CUT, SHADE_GLASS, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHADE_WORDS};
 use crate::effects::Preparation;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
 use crate::sampling::HemisphereSampler;
@@ -89,7 +89,8 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
         let cutoff = shade.alpha_cutoff.filter(|_| job.fidelity == Fidelity::Corrected);
         let flags = set(job.glass, material, SHADE_GLASS)
             | set(job.shadow_glass, material, SHADE_SHADOW_GLASS)
-            | if cutoff.is_some() { SHADE_CUT } else { 0 };
+            | if cutoff.is_some() { SHADE_CUT } else { 0 }
+            | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 };
         let [red, green, blue, _] = shade.diffuse.to_array().map(f32::to_bits);
         // An infinite cutoff, which leaves nothing, is above every alpha; programs know no infinities.
         let cutoff = cutoff.unwrap_or(0.0).min(f32::MAX);

@@ -76,7 +76,7 @@ pub fn scene(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> RenderScene {
     let normals = normals.into_iter().map(|normal| normal.normalize_or(Vec3::Y)).collect();
     let texcoords = positions.iter().map(|p| Vec2::new(p.x, p.y)).collect();
     let batches = vec![Batch { material: 0, first: 0, count: triangles.len() as u32 }];
-    let geometry = Geometry { positions, normals, texcoords, triangles, batches };
+    let geometry = Geometry { positions, normals, texcoords, triangles, batches, ..Geometry::default() };
     RenderScene { geometry, materials: vec![Material::default()], textures: Vec::new() }
 }
 
@@ -88,13 +88,7 @@ pub fn triangles(corners: &[[Vec3; 3]]) -> RenderScene {
 
 /// Plain grey.
 pub fn grey() -> Shade {
-    Shade {
-        diffuse: Vec4::new(0.8, 0.6, 0.4, 1.0),
-        emission: Vec4::new(0.0, 0.1, 0.0, 1.0),
-        texture: None,
-        alpha_cutoff: None,
-        glow: None,
-    }
+    Shade { diffuse: Vec4::new(0.8, 0.6, 0.4, 1.0), emission: Vec4::new(0.0, 0.1, 0.0, 1.0), ..Shade::default() }
 }
 
 /// A draw of the whole target, with light.

@@ -36,17 +36,8 @@ fn setting(offset: Vec3) -> Setting {
     for material in &mut scene.materials {
         material.alpha_cutoff = None;
     }
-    let shades: Vec<Shade> = scene
-        .materials
-        .iter()
-        .map(|material| Shade {
-            diffuse: material.diffuse,
-            emission: Vec4::ZERO,
-            texture: None,
-            alpha_cutoff: None,
-            glow: None,
-        })
-        .collect();
+    let shades: Vec<Shade> =
+        scene.materials.iter().map(|material| Shade { diffuse: material.diffuse, ..Shade::default() }).collect();
     let eye = Vec3::new(7.42, 18.61, -38.62) + offset;
     let toward = Vec3::new(0.31, -0.36, 0.87);
     let projection = rh::proj::directx::perspective(60_f32.to_radians(), 1.0, FAR, NEAR);

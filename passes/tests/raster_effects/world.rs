@@ -41,14 +41,13 @@ impl World {
     }
 
     pub fn paint(&mut self, diffuse: Vec3) -> u32 {
-        let shade =
-            Shade { diffuse: diffuse.extend(1.0), emission: Vec4::ZERO, texture: None, alpha_cutoff: None, glow: None };
+        let shade = Shade { diffuse: diffuse.extend(1.0), ..Shade::default() };
         self.material(shade, false)
     }
 
     pub fn pane(&mut self) -> u32 {
         let diffuse = Vec4::new(1.0, 0.0, 1.0, 0.0);
-        self.material(Shade { diffuse, emission: Vec4::ZERO, texture: None, alpha_cutoff: None, glow: None }, true)
+        self.material(Shade { diffuse, ..Shade::default() }, true)
     }
 
     /// Cut out in the left half: two texels side by side, the left one transparent.
@@ -56,7 +55,8 @@ impl World {
         let texels = vec![[255, 255, 255, 0], [255; 4]];
         self.scene.textures.push(Texture::new("half".to_owned(), 2, 1, texels));
         let texture = Some(self.scene.textures.len() as u32 - 1);
-        let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture, alpha_cutoff: Some(0.5), glow: None };
+        let shade =
+            Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture, alpha_cutoff: Some(0.5), ..Shade::default() };
         self.material(shade, false)
     }
 

@@ -52,13 +52,7 @@ pub fn sun() -> Option<Sun> {
 }
 
 pub fn plain(diffuse: [f32; 3]) -> Shade {
-    Shade {
-        diffuse: Vec3::from(diffuse).extend(1.0),
-        emission: Vec4::ZERO,
-        texture: None,
-        alpha_cutoff: None,
-        glow: None,
-    }
+    Shade { diffuse: Vec3::from(diffuse).extend(1.0), ..Shade::default() }
 }
 
 /// Hills of `2 * side * side` triangles in four materials, seen from above one corner.
@@ -176,8 +170,7 @@ pub fn grazing() -> Setup {
         diffuse,
         emission,
         texture: Some(texture),
-        alpha_cutoff: None,
-        glow: None,
+        ..Shade::default()
     };
     Setup {
         name: "grazing textures",
@@ -223,6 +216,23 @@ pub fn cut_out() -> Setup {
         far: 50.0,
         sun: sun(),
     }
+}
+
+/// Hills in colours of their vertices, whose alpha cuts holes into every second material.
+pub fn tinted() -> Setup {
+    let mut setup = hills(40);
+    let mut scene = RenderScene::clone(&setup.scene);
+    let tint = |at: &Vec3| {
+        let wave = |phase: f32| 0.5 + 0.5 * (0.9 * at.x + phase).sin() * (0.8 * at.z).cos();
+        Vec4::new(wave(0.0), wave(2.0), wave(4.0), wave(5.0))
+    };
+    scene.geometry.colors = scene.geometry.positions.iter().map(tint).collect();
+    setup.scene = Arc::new(scene);
+    for (material, shade) in setup.shades.iter_mut().enumerate() {
+        shade.vertex_colors = material < 3;
+        shade.alpha_cutoff = (material % 2 == 0).then_some(0.4);
+    }
+    Setup { name: "vertex colours", ..setup }
 }
 
 /// A target that shows what was written: nothing that a pass writes looks like it.

@@ -308,7 +308,8 @@ fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
         diffuse: material.diffuse,
         emission: material.emission,
         texture: material.texture,
-        alpha_cutoff: material.texture_cutoff().filter(|_| corrected),
+        vertex_colors: material.vertex_colors && corrected,
+        alpha_cutoff: material.cutoff().filter(|_| corrected),
         glow: None,
     };
     if corrected && material.emission_added {
@@ -323,6 +324,7 @@ fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
         }
         if map.drops_texture {
             shade.texture = None;
+            shade.vertex_colors = false;
             shade.alpha_cutoff = None;
         }
     }

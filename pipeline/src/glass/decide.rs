@@ -72,6 +72,7 @@ fn properties(material: &Material) -> Dielectric {
         extinction: Dielectric::extinction_of(material.attenuation_color, material.attenuation_distance),
         filter: material.filter,
         filter_texture: material.texture.filter(|_| material.filter_textured),
+        filter_vertex_colors: material.vertex_colors && material.filter_textured,
         veil: material.veil,
         thickness: material.thickness,
         priority: material.priority,

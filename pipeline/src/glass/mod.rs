@@ -96,6 +96,8 @@ pub struct Dielectric {
     pub filter: Vec3,
     /// A texture whose colour (decoded from sRGB) is part of the filter: an index into the scene's textures.
     pub filter_texture: Option<u32>,
+    /// Whether the colours of vertices are part of the filter.
+    pub filter_vertex_colors: bool,
     /// Share of the light that enters and is scattered back by the diffuse colour: 0 to 1.
     pub veil: f32,
     /// Thickness of a thin wall that absorbs, scene units; else 0.

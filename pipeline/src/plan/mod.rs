@@ -189,7 +189,7 @@ impl Plan {
             passes: Vec::new(),
             targets,
             scene_sets: Vec::new(),
-            needs: Needs { normals: false, textures: false },
+            needs: Needs::NOTHING,
             shown,
             decisions: Vec::new(),
             warnings: Warnings::default(),
@@ -295,7 +295,10 @@ impl Plan {
                 Work::Off { .. } | Work::Quad { .. } => {}
             }
         }
-        self.needs = Needs { normals: lit || !hits.is_empty(), textures: !colored.is_empty() || !hits.is_empty() };
+        let textures = !colored.is_empty() || !hits.is_empty();
+        // The report's programs know no colours of vertices.
+        let colors = textures && self.settings.fidelity == Fidelity::Corrected;
+        self.needs = Needs { normals: lit || !hits.is_empty(), textures, colors };
         let why = if self.needs.normals { "the light's cosine needs them" } else { "no pass shades" };
         self.decide("vertex attribute `normal`".into(), self.needs.normals, why.into());
         let why = if self.needs.textures {
@@ -307,6 +310,9 @@ impl Plan {
             "no pass writes a textured colour".into()
         };
         self.decide("vertex attribute `texCoord0` and textures".into(), self.needs.textures, why);
+        if self.needs.colors {
+            self.decide("vertex colours".into(), true, "where files have them, they are part of these colours".into());
+        }
     }
 
     /// Whether the materials decide what is glass in a pass.

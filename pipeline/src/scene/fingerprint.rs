@@ -37,6 +37,9 @@ impl RenderScene {
             parts(format!("{:?}", geometry.batches).as_bytes()),
             parts(format!("{:?}", self.materials).as_bytes()),
         ];
+        if !geometry.colors.is_empty() {
+            hashes.push(parts(bytemuck::cast_slice(&geometry.colors)));
+        }
         for texture in self.textures.iter().filter(|texture| !texture.repeats()) {
             hashes.push(parts(format!("{:?}", texture.wrap).as_bytes()));
         }
@@ -56,7 +59,7 @@ impl RenderScene {
 mod tests {
     use super::*;
     use crate::scene::{Batch, Geometry, Material, Texture};
-    use glam::Vec3;
+    use glam::{Vec3, Vec4};
 
     #[test]
     fn the_hash_is_the_published_one() {
@@ -77,10 +80,11 @@ mod tests {
             materials: vec![Material::default()],
             textures: vec![Texture::new("t".to_owned(), 2, 1, vec![[1, 2, 3, 4]; 2])],
         };
-        let changes: [fn(&mut RenderScene); 6] = [
+        let changes: [fn(&mut RenderScene); 7] = [
             |scene| scene.geometry.positions[1].x = 1e-30,
             |scene| scene.geometry.triangles[0] = [0, 2, 1],
             |scene| scene.geometry.normals = vec![Vec3::X; 3],
+            |scene| scene.geometry.colors = vec![Vec4::ONE; 3],
             |scene| scene.materials[0].diffuse.x = 0.1,
             |scene| scene.textures[0].levels[0].texels[1][2] = 9,
             |scene| scene.textures[0].space = ColorSpace::Linear,

@@ -25,6 +25,7 @@ pub use render::BuildOptions;
 pub use shapes::{Placement, Shape, ShapeKind};
 pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics};
 
+use crate::color::ColorSpace;
 use crate::diagnostic::Warnings;
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use std::path::PathBuf;
@@ -75,6 +76,8 @@ pub struct Mesh {
     pub normals: Vec<Vec3>,
     /// Texture coordinates of unit 0, `v = 0` at the bottom row: as many as positions, or none.
     pub texcoords: Vec<Vec2>,
+    /// What the colour and alpha of the surface are multiplied by, display values in 0..=1: as many as positions, or none.
+    pub colors: Vec<Vec4>,
     /// Triangles by material.
     pub groups: Vec<Group>,
 }
@@ -208,6 +211,8 @@ pub struct Material {
     pub texture: Option<u32>,
     /// Where the texture's alpha times [`Self::diffuse`]'s is below this, there is no surface. `None`: opaque.
     pub alpha_cutoff: Option<f32>,
+    /// Whether some of its triangles have vertex colours ([`Geometry::colors`]). Found by [`RenderScene::build`]; `false` before.
+    pub vertex_colors: bool,
     /// Whether the camera does not see its triangles from behind, where their corners go clockwise (glTF unless `doubleSided`).
     /// Rays meet both sides: light that entered glass must leave it, and a wall keeps light off from either side.
     pub single_sided: bool,
@@ -256,6 +261,7 @@ impl Default for Material {
             shininess: 0.0,
             texture: None,
             alpha_cutoff: None,
+            vertex_colors: false,
             single_sided: false,
             transmission: 0.0,
             volume: false,
@@ -284,12 +290,13 @@ impl Material {
         [self.texture, self.emission_texture].into_iter().flatten()
     }
 
-    /// What the texture's alpha alone is compared with, from [`Self::alpha_cutoff`] and the diffuse opacity; infinite
-    /// where the opacity is 0. `None` where nothing is cut.
-    pub(crate) fn texture_cutoff(&self) -> Option<f32> {
+    /// What the alpha of texture and vertices alone is compared with, from [`Self::alpha_cutoff`] and the diffuse opacity;
+    /// infinite where the opacity is 0. `None` where nothing is cut.
+    pub(crate) fn cutoff(&self) -> Option<f32> {
         let opacity = self.diffuse.w;
         let scaled = |cutoff: f32| if opacity > 0.0 { cutoff / opacity } else { f32::INFINITY };
-        self.alpha_cutoff.filter(|cutoff| *cutoff > 0.0 && self.texture.is_some()).map(scaled)
+        let cuts = self.texture.is_some() || self.vertex_colors;
+        self.alpha_cutoff.filter(|cutoff| *cutoff > 0.0 && cuts).map(scaled)
     }
 }
 
@@ -300,17 +307,22 @@ pub struct Needs {
     pub normals: bool,
     /// Texture coordinates of unit 0, and the textures.
     pub textures: bool,
+    /// Vertex colours, where files have them.
+    pub colors: bool,
 }
 
 impl Needs {
     /// Everything, for conversions.
-    pub const ALL: Needs = Needs { normals: true, textures: true };
+    pub const ALL: Needs = Needs { normals: true, textures: true, colors: true };
+
+    /// Positions alone.
+    pub const NOTHING: Needs = Needs { normals: false, textures: false, colors: false };
 }
 
 /// Triangles in world space, sorted by material: what rasterisers draw and tracers build on.
 ///
-/// Every index is below `positions.len()`, every position is finite, no triangle has zero area, and `normals` and
-/// `texcoords` are either empty (not needed) or as long as `positions`. Normals are unit length.
+/// Every index is below `positions.len()`, every position is finite, no triangle has zero area, and `normals`, `texcoords`
+/// and `colors` are either empty (not needed, or without contents) or as long as `positions`. Normals are unit length.
 #[derive(Debug, Clone, Default)]
 pub struct Geometry {
     /// World positions.
@@ -319,6 +331,11 @@ pub struct Geometry {
     pub normals: Vec<Vec3>,
     /// Texture coordinates of unit 0, `v = 0` at the bottom row.
     pub texcoords: Vec<Vec2>,
+    /// What the colour and alpha of the surface are multiplied by, in the scene's colour space; white where a mesh has none. Empty
+    /// where no mesh has any.
+    pub colors: Vec<Vec4>,
+    /// The colour space of [`Self::colors`].
+    pub color_space: ColorSpace,
     /// Vertex indices; the position in this list is the triangle's id everywhere.
     pub triangles: Vec<[u32; 3]>,
     /// Runs of triangles with one material, in ascending order, covering all of them.
@@ -422,9 +439,18 @@ impl RenderScene {
         let index =
             |length: usize| u32::try_from(length).expect("at most 2^32 vertices, triangles, materials and textures");
         let geometry = &mut self.geometry;
+        let whole = geometry.positions.len() + other.geometry.positions.len();
+        if !other.geometry.colors.is_empty() {
+            geometry.color_space = other.geometry.color_space;
+        }
+        if !(geometry.colors.is_empty() && other.geometry.colors.is_empty()) {
+            geometry.colors.resize(geometry.positions.len(), Vec4::ONE);
+            geometry.colors.extend(&other.geometry.colors);
+            geometry.colors.resize(whole, Vec4::ONE);
+        }
         let (vertices, triangles) = (index(geometry.positions.len()), index(geometry.triangles.len()));
         let (materials, textures) = (index(self.materials.len()), index(self.textures.len()));
-        index(geometry.positions.len() + other.geometry.positions.len());
+        index(whole);
         index(geometry.triangles.len() + other.geometry.triangles.len());
         geometry.positions.extend(other.geometry.positions);
         geometry.normals.extend(other.geometry.normals);

@@ -320,6 +320,7 @@ impl Builder {
             normals: self.normals,
             texcoords: self.texcoords,
             groups,
+            ..Mesh::default()
         }
     }
 

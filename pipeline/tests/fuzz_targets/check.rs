@@ -158,7 +158,9 @@ pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
     let geometry = &built.geometry;
     let vertices = geometry.positions.len();
     assert!(geometry.positions.iter().all(|position| position.is_finite()));
-    let Needs { normals, textures } = options.needs;
+    let Needs { normals, textures, colors } = options.needs;
+    assert!(geometry.colors.is_empty() || (colors && geometry.colors.len() == vertices));
+    assert!(geometry.colors.iter().all(|color| color.min_element() >= 0.0 && color.max_element() <= 1.0));
     assert_eq!(geometry.normals.len(), if normals { vertices } else { 0 });
     assert_eq!(geometry.texcoords.len(), if textures { vertices } else { 0 });
     assert!(geometry.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-5), "unit normals");
@@ -193,6 +195,7 @@ pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
     }
     assert!(built.materials.iter().all(|m| m.texture.is_none_or(|t| (t as usize) < built.textures.len())));
     let vertex = 12 + if normals { 12 } else { 0 } + if textures { 8 } else { 0 };
+    let vertex = vertex + if geometry.colors.is_empty() { 0 } else { 16 };
     let bytes = 4 * texels + vertices as u64 * vertex + 12 * geometry.triangles.len() as u64;
     // The mip chain of a texture one texel wide is twice its image, not 4/3.
     assert!(bytes <= MAX_BYTES + MAX_BYTES / 2, "{bytes} bytes built");

@@ -142,6 +142,7 @@ fn triangle(source: TextureSource) -> Scene {
             normals: Vec::new(),
             texcoords: vec![Vec2::ZERO, Vec2::X, Vec2::Y],
             groups: vec![Group { material: 0, triangles: vec![[0, 1, 2]] }],
+            ..Mesh::default()
         }],
         objects: vec![Object { name: "triangle".to_owned(), mesh: 0, transform: Mat4::IDENTITY }],
         materials: vec![Material { texture: Some(0), alpha_cutoff: Some(0.5), ..Material::default() }],
@@ -163,7 +164,7 @@ fn scene(folder: &Folder, path: &Path) -> Outcome {
         }
     };
     loaded.check();
-    match load(Needs { normals: false, textures: false }) {
+    match load(Needs::NOTHING) {
         Ok(bare) => loaded.check_positions_only(&bare),
         Err(error) => panic!("what loads whole loads without normals and textures: {error}"),
     }

@@ -106,6 +106,7 @@ fn scene(folder: &Folder) -> Scene {
         normals: vec![Vec3::Z; 4],
         texcoords: vec![Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE],
         groups: vec![Group { material: 0, triangles: vec![[0, 1, 2], [2, 1, 3]] }],
+        ..Mesh::default()
     };
     let pane = Mesh {
         name: "pane".to_owned(),

@@ -1,6 +1,6 @@
 //! What a surface of glass takes beside Fresnel's share.
 
-use crate::effects::interpolate::texture_coordinates;
+use crate::effects::interpolate::{interpolate, texture_coordinates};
 use crate::effects::{Coverage, Pass};
 use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::color::{ColorSpace, decode};
@@ -17,6 +17,12 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             // A share of light is linear whatever the colours of the pass are.
             if texture.space == ColorSpace::Linear { texel } else { texel.map(decode) }
         });
-        (1.0 - dielectric.veil) * dielectric.filter * texel
+        let vertices = if dielectric.filter_vertex_colors && !scene.geometry.colors.is_empty() {
+            let color = interpolate(&scene.geometry, &scene.geometry.colors, hit).truncate();
+            if scene.geometry.color_space == ColorSpace::Linear { color } else { color.map(decode) }
+        } else {
+            Vec3::ONE
+        };
+        (1.0 - dielectric.veil) * dielectric.filter * texel * vertices
     }
 }

@@ -3,7 +3,7 @@ use curitiba_pipeline::backend::Glow;
 use curitiba_pipeline::programs::Fidelity::{Corrected, Thesis};
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use curitiba_pipeline::scene::texture::Wrap;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 const PROGRAM: RayProgram = RayProgram::Reflection;
 
@@ -51,6 +51,36 @@ fn a_mirror_shows_the_texture_where_the_mirrored_ray_meets_it() {
         assert_close(pixel, 0.3 * texel, 2e-6, target);
     }
     assert!((world.scene.textures[0].sample(Vec2::new(0.4, 0.5), 0.0).x - 0.5).abs() > 0.05, "texels are blended");
+}
+
+#[test]
+fn a_mirror_shows_the_colours_of_vertices_and_passes_where_their_alpha_cuts() {
+    let mut world = World::lit_along(Vec3::new(0.0, 0.0, 1.0));
+    let glass = world.glass();
+    let (wall, beyond) = (world.paint(Vec3::new(0.9, 0.6, 0.3)), world.paint(Vec3::new(0.1, 0.2, 0.4)));
+    world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
+    world.quad(wall, Vec3::new(0.0, 0.0, 6.0), Vec3::X * 5.0, Vec3::NEG_Y * 5.0);
+    world.quad(beyond, Vec3::new(0.0, 0.0, 9.0), Vec3::X * 50.0, Vec3::NEG_Y * 50.0);
+    // Linear in the place, so that both triangles of a quad agree.
+    let tint = |at: Vec3| Vec4::new(0.5 + 0.1 * at.x, 0.5 - 0.1 * at.x, 0.5 + 0.1 * at.y, 0.5 + 0.1 * at.x);
+    world.scene.geometry.colors = world.scene.geometry.positions.iter().map(|at| tint(*at)).collect();
+    let shade = &mut world.shades[wall as usize];
+    (shade.vertex_colors, shade.alpha_cutoff) = (true, Some(0.45));
+    let eye = Vec3::new(0.1, 0.0, 3.0);
+    let targets = [Vec3::new(-0.6, 0.1, 0.0), Vec3::new(0.2, -0.3, 0.0), Vec3::new(0.7, 0.5, 0.0)];
+    let shot = Shot::of(&world, eye, targets);
+    let (pixels, _) = shot.run(PROGRAM, Corrected, RayParams::default());
+    let mut cut = 0;
+    for (target, pixel) in targets.iter().zip(pixels) {
+        let direction = (*target - eye) * Vec3::new(1.0, 1.0, -1.0);
+        let met = *target + direction * (6.0 / direction.z);
+        let color = tint(met);
+        let hole = color.w < 0.45;
+        cut += usize::from(hole);
+        let expected = if hole { world.lit(beyond, 1.0) } else { world.lit(wall, 1.0) * color.truncate() };
+        assert_close(pixel, expected, 4e-6, target);
+    }
+    assert_eq!(cut, 1, "one of three rays passes");
 }
 
 #[test]

@@ -70,14 +70,13 @@ impl World {
 
     /// An opaque material.
     pub fn paint(&mut self, diffuse: Vec3) -> u32 {
-        let shade =
-            Shade { diffuse: diffuse.extend(1.0), emission: Vec4::ZERO, texture: None, alpha_cutoff: None, glow: None };
+        let shade = Shade { diffuse: diffuse.extend(1.0), ..Shade::default() };
         self.material(shade, false)
     }
 
     /// Glass, for radiance and shadow rays.
     pub fn glass(&mut self) -> u32 {
-        let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None, glow: None };
+        let shade = Shade::default();
         self.material(shade, true)
     }
 
@@ -93,7 +92,10 @@ impl World {
     pub fn picture(&mut self, texels: [[u8; 4]; 2], alpha_cutoff: Option<f32>) -> u32 {
         self.scene.textures.push(Texture::new("picture".to_owned(), 2, 1, texels.to_vec()));
         let texture = Some(self.scene.textures.len() as u32 - 1);
-        self.material(Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture, alpha_cutoff, glow: None }, false)
+        self.material(
+            Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture, alpha_cutoff, ..Shade::default() },
+            false,
+        )
     }
 
     /// A triangle; texture coordinates are (0, 0), (1, 0), (0, 1).

@@ -60,6 +60,9 @@ pub(super) fn scene(job: &RasterJob<'_>, held: Rect) -> Result<(), BackendError>
         if (batch.first as usize).saturating_add(batch.count as usize) > geometry.triangles.len() {
             return refuse("this scene", "a batch reaches beyond the triangles".to_owned());
         }
+        if shade.vertex_colors && (asked.color || shade.alpha_cutoff.is_some()) && geometry.colors.len() != vertices {
+            return refuse("vertex colours", "the scene was loaded without".to_owned());
+        }
         let color = shade.texture.filter(|_| asked.color || shade.alpha_cutoff.is_some());
         let glow = shade.glow.and_then(|glow| glow.texture).filter(|_| asked.color);
         for texture in [color, glow].into_iter().flatten() {

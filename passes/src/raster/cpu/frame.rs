@@ -2,7 +2,7 @@
 
 use super::clip::ClippedTriangle;
 use super::vertex::ScreenVertex;
-use curitiba_pipeline::backend::{RasterJob, Shade};
+use curitiba_pipeline::backend::RasterJob;
 use curitiba_pipeline::scene::Geometry;
 
 /// Triangles that one [`bin`](super::bins::Bins) holds at most.
@@ -49,11 +49,6 @@ impl Part {
             Err(((value >> 16 & 0x3fff) as usize, (value & 0xffff) as usize))
         }
     }
-}
-
-/// Whether a material's texture says where its triangles are.
-pub(super) fn is_cut(shade: &Shade) -> bool {
-    shade.texture.is_some() && shade.alpha_cutoff.is_some()
 }
 
 /// One draw.

@@ -30,13 +30,13 @@ pub use simd::InstructionSet;
 use bins::Bins;
 use clip::ClippedTriangle;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, Limits, RasterJob, Rasteriser,
+    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, Limits, RasterJob, Rasteriser, Shade,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::memory::{Refused, resize};
 use curitiba_pipeline::scene::RenderScene;
-use frame::{BIN_TRIANGLES, Frame, is_cut};
+use frame::{BIN_TRIANGLES, Frame};
 use rayon::prelude::*;
 use simd::{Detected, Kernel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -151,7 +151,7 @@ impl CpuRasteriser {
         self.stages.vertices = start.elapsed();
 
         self.cuts.clear();
-        self.cuts.extend(job.shades.iter().map(is_cut));
+        self.cuts.extend(job.shades.iter().map(Shade::is_cut));
         // Parts are drawn in the order of their triangles, wherever bins begin.
         let per_bin = triangles.div_ceil(self.round).clamp(MIN_BIN, BIN_TRIANGLES);
         let bins = triangles.div_ceil(per_bin);

@@ -45,6 +45,8 @@ pub(super) struct Rows {
     diffuse: [Row; 4],
     unlit: [Row; 4],
     texel: [Row; 4],
+    /// Vertex colours, laid out as `position`.
+    tint: [[Row; 4]; 3],
     /// Light that the surface sends out, and its texture or [`NO_TEXTURE`].
     glow: [Row; 3],
     glow_texture: [u32; ROW],
@@ -86,6 +88,7 @@ impl Default for Rows {
             diffuse: [[0.0; ROW]; 4],
             unlit: [[0.0; ROW]; 4],
             texel: [[0.0; ROW]; 4],
+            tint: [[[0.0; ROW]; 4]; 3],
             glow: [[0.0; ROW]; 3],
             glow_texture: [NO_TEXTURE; ROW],
             texture: [NO_TEXTURE; ROW],
@@ -120,6 +123,7 @@ struct Wanted {
     light: bool,
     texture: bool,
     glow: bool,
+    tint: bool,
 }
 
 fn glow_texture(shade: &Shade) -> Option<u32> {
@@ -134,8 +138,9 @@ pub(super) fn shade(frame: &Frame<'_>, tile: &Tile, rows: &mut Rows, surface: &m
     let shades = || frame.job.shades.iter();
     let glow = asked.color && shades().any(|shade| shade.glow.is_some());
     let texture = asked.color && shades().any(|shade| shade.texture.is_some() || glow_texture(shade).is_some());
+    let tint = asked.color && shades().any(|shade| shade.vertex_colors);
     let normals = light || asked.normal;
-    let wanted = Wanted { color: asked.color, position: asked.position, normals, light, texture, glow };
+    let wanted = Wanted { color: asked.color, position: asked.position, normals, light, texture, glow, tint };
     rows.batch.count = 0;
     if !light {
         rows.light.fill(0.0);
@@ -239,10 +244,18 @@ impl Rows {
             }
         }
         if wanted.position {
-            spread_corners(&mut self.position, columns(), attribute(frame, &placed, &geometry.positions));
+            spread_corners(
+                &mut self.position,
+                columns(),
+                attribute(frame, &placed, &geometry.positions).map(|corner| corner.to_array()),
+            );
         }
         if wanted.normals {
-            spread_corners(&mut self.normal, columns(), attribute(frame, &placed, &geometry.normals));
+            spread_corners(
+                &mut self.normal,
+                columns(),
+                attribute(frame, &placed, &geometry.normals).map(|corner| corner.to_array()),
+            );
         }
         if wanted.color {
             if placed.triangle.wrapping_sub(self.batch.first) >= self.batch.count {
@@ -257,7 +270,7 @@ impl Rows {
     /// Perspective-correct attributes of the whole row.
     #[inline(always)]
     fn interpolate(&mut self, wanted: Wanted) {
-        if !(wanted.position | wanted.normals | wanted.texture) {
+        if !(wanted.position | wanted.normals | wanted.texture | wanted.tint) {
             return;
         }
         let Self { edges: [edge1, edge2], right: [right1, right2], inv_w: [inv_w0, inv_w1, inv_w2], .. } = self;
@@ -279,6 +292,9 @@ impl Rows {
         if wanted.normals {
             blend(&mut self.normal, &self.u, &self.v);
         }
+        if wanted.tint {
+            blend(&mut self.tint, &self.u, &self.v);
+        }
     }
 
     #[inline(always)]
@@ -291,6 +307,11 @@ impl Rows {
         barycentric: &Barycentric,
         run: Range<usize>,
     ) {
+        if wanted.tint {
+            let white = [Vec4::ONE; 3];
+            let colors = if shade.vertex_colors { attribute(frame, placed, &frame.geometry.colors) } else { white };
+            spread_corners(&mut self.tint, run.clone().step_by(LANES), colors.map(|corner| corner.to_array()));
+        }
         let unlit = if shade.texture.is_some() { shade.emission + AMBIENT } else { shade.diffuse * AMBIENT };
         for column in run.clone().step_by(LANES) {
             for component in 0..4 {
@@ -404,6 +425,9 @@ impl Rows {
             if wanted.texture {
                 color.iter_mut().zip(&self.texel[component]).for_each(|(color, texel)| *color *= texel);
             }
+            if wanted.tint {
+                color.iter_mut().zip(&self.tint[0][component]).for_each(|(color, tint)| *color *= tint);
+            }
             if wanted.glow
                 && let Some(glow) = self.glow.get(component)
             {
@@ -441,21 +465,24 @@ impl MappingRows {
 }
 
 #[inline(always)]
-fn spread_corners(rows: &mut [[Row; 3]; 3], columns: impl Iterator<Item = usize>, [a, b, c]: [Vec3; 3]) {
+fn spread_corners<const N: usize>(
+    rows: &mut [[Row; N]; 3],
+    columns: impl Iterator<Item = usize>,
+    [a, b, c]: [[f32; N]; 3],
+) {
     let [first, second, third] = rows;
-    let (a, ab, ac) = (a.to_array(), (b - a).to_array(), (c - a).to_array());
     for column in columns {
-        for component in 0..3 {
+        for component in 0..N {
             spread(&mut first[component], column, a[component]);
-            spread(&mut second[component], column, ab[component]);
-            spread(&mut third[component], column, ac[component]);
+            spread(&mut second[component], column, b[component] - a[component]);
+            spread(&mut third[component], column, c[component] - a[component]);
         }
     }
 }
 
 #[inline(always)]
-fn blend([first, second, third]: &mut [[Row; 3]; 3], u: &Row, v: &Row) {
-    for component in 0..3 {
+fn blend<const N: usize>([first, second, third]: &mut [[Row; N]; 3], u: &Row, v: &Row) {
+    for component in 0..N {
         let (first, second, third) = (&mut first[component], &second[component], &third[component]);
         for column in 0..TILE {
             first[column] += u[column] * second[column] + v[column] * third[column];

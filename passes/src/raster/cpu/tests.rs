@@ -32,7 +32,7 @@ fn scene(count: u32) -> RenderScene {
 fn the_number_of_rounds_does_not_show() {
     let scene = scene(5 * BIN_TRIANGLES as u32 + 17);
     let attachments = Attachments { position: true, triangle: true, ..Attachments::default() };
-    let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None, glow: None };
+    let shade = Shade::default();
     let job = RasterJob {
         scene: &scene,
         program: RasterProgram::Deferred,

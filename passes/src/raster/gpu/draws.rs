@@ -170,9 +170,9 @@ impl DrawList {
             }
             if new_variant || bound_chunk != Some(draw.chunk) {
                 let vertices = &geometry.vertices[chunk.vertices];
-                let (normals, texcoords) = slots(draw.variant);
+                let optional = [&vertices.normals, &vertices.texcoords, &vertices.colors];
                 pass.set_vertex_buffer(0, vertices.positions.slice(..));
-                for (slot, buffer) in [(normals, &vertices.normals), (texcoords, &vertices.texcoords)] {
+                for (slot, buffer) in slots(draw.variant).into_iter().zip(optional) {
                     if let (Some(slot), Some(buffer)) = (slot, buffer) {
                         pass.set_vertex_buffer(slot, buffer.slice(..));
                     }

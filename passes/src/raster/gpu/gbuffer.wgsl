@@ -8,7 +8,8 @@
 //   TEXCOORD                            the vertices carry texture coordinates: TEXTURED or GLOW_TEXTURED
 //   GLOW, GLOW_TEXTURED                 the material sends out light, and a texture says where
 //   WRAPPED                             the samplers say what lies beyond the sides of textures; without, all repeat
-//   ALPHA_CUT                           texels below the material's cutoff are no surface
+//   VERTEX_COLOR                        the vertices carry colours, and COLOR or ALPHA_CUT reads them
+//   ALPHA_CUT                           where alpha is below the material's cutoff there is no surface
 //#if TRIANGLE
 enable primitive_index;
 //#endif
@@ -53,6 +54,9 @@ struct Vertex {
 //#if TEXCOORD
     @location(2) texcoord: vec2<f32>,
 //#endif
+//#if VERTEX_COLOR
+    @location(3) color: vec4<f32>,
+//#endif
 }
 
 struct Varyings {
@@ -66,6 +70,9 @@ struct Varyings {
 //#endif
 //#if TEXCOORD
     @location(2) texcoord: vec2<f32>,
+//#endif
+//#if VERTEX_COLOR
+    @location(3) color: vec4<f32>,
 //#endif
 }
 
@@ -98,6 +105,9 @@ fn vertex_main(vertex: Vertex) -> Varyings {
 //#endif
 //#if TEXCOORD
     out.texcoord = vertex.texcoord;
+//#endif
+//#if VERTEX_COLOR
+    out.color = vertex.color;
 //#endif
     return out;
 }
@@ -154,11 +164,18 @@ fn fragment_main(
 //#endif
 //#if TEXTURED
     let texel = sample_texture(in.texcoord);
+//#endif
 //#if ALPHA_CUT
-    if texel.a < draw.alpha_cutoff {
+    var alpha = 1.0;
+//#if TEXTURED
+    alpha = texel.a;
+//#endif
+//#if VERTEX_COLOR
+    alpha *= in.color.a;
+//#endif
+    if alpha < draw.alpha_cutoff {
         discard;
     }
-//#endif
 //#endif
 //#if WRITES
     var normal = vec3<f32>(0.0);
@@ -178,6 +195,9 @@ fn fragment_main(
     out.color = (lit + draw.emission + 0.3) * texel;
 //#else
     out.color = lit + 0.3 * draw.diffuse;
+//#endif
+//#if VERTEX_COLOR
+    out.color *= in.color;
 //#endif
 //#if GLOW
 //#if GLOW_TEXTURED

@@ -4,13 +4,11 @@ use super::device::Gpu;
 use super::faults::failure;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::scene::Geometry;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use std::ops::Range;
 
 /// Bytes of one corner of a triangle in the index buffer, times three.
 const TRIANGLE_BYTES: u64 = size_of::<[u32; 3]>() as u64;
-/// Bytes of the widest vertex attribute.
-const ATTRIBUTE_BYTES: u64 = size_of::<Vec3>() as u64;
 
 /// A part of the triangles with one material, in one chunk: what one draw call draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,6 +40,7 @@ pub(super) struct Vertices {
     pub positions: wgpu::Buffer,
     pub normals: Option<wgpu::Buffer>,
     pub texcoords: Option<wgpu::Buffer>,
+    pub colors: Option<wgpu::Buffer>,
 }
 
 /// A scene's triangles in device memory.
@@ -60,12 +59,18 @@ impl DeviceGeometry {
     /// Uploads the attributes that the geometry has.
     pub fn upload(gpu: &Gpu, geometry: &Geometry) -> Result<Self, BackendError> {
         let vertex_count = geometry.positions.len();
-        for (name, count) in [("normals", geometry.normals.len()), ("texcoords", geometry.texcoords.len())] {
+        let counts = [
+            ("normals", geometry.normals.len()),
+            ("texcoords", geometry.texcoords.len()),
+            ("colors", geometry.colors.len()),
+        ];
+        for (name, count) in counts {
             if count != 0 && count != vertex_count {
                 return Err(failure(&format!("the scene has {vertex_count} positions and {count} {name}")));
             }
         }
-        let layout = Layout::new(geometry.triangles.len(), vertex_count, gpu.max_buffer_bytes)?;
+        let widest = if geometry.colors.is_empty() { size_of::<Vec3>() } else { size_of::<Vec4>() } as u64;
+        let layout = Layout::new(geometry.triangles.len(), vertex_count, widest, gpu.max_buffer_bytes)?;
         let mut this = Self {
             chunks: Vec::new(),
             vertices: Vec::new(),
@@ -74,7 +79,7 @@ impl DeviceGeometry {
             bytes: 0,
         };
         if layout.shared_vertices && layout.chunks().len() > 0 {
-            this.push_vertices(gpu, &geometry.positions, &geometry.normals, &geometry.texcoords)?;
+            this.push_vertices(gpu, geometry)?;
         }
         let mut compactor = Compactor::default();
         for range in layout.chunks() {
@@ -84,14 +89,14 @@ impl DeviceGeometry {
             } else {
                 let local = compactor.compact(triangles, vertex_count);
                 let used = compactor.used();
-                let gather = |list: &[Vec3]| -> Vec<Vec3> {
-                    if list.is_empty() { Vec::new() } else { used.iter().map(|v| list[*v as usize]).collect() }
+                let part = Geometry {
+                    positions: gather(&geometry.positions, used),
+                    normals: gather(&geometry.normals, used),
+                    texcoords: gather(&geometry.texcoords, used),
+                    colors: gather(&geometry.colors, used),
+                    ..Geometry::default()
                 };
-                let texcoords: Vec<_> = match geometry.texcoords.is_empty() {
-                    true => Vec::new(),
-                    false => used.iter().map(|vertex| geometry.texcoords[*vertex as usize]).collect(),
-                };
-                this.push_vertices(gpu, &gather(&geometry.positions), &gather(&geometry.normals), &texcoords)?;
+                this.push_vertices(gpu, &part)?;
                 this.push_indices(gpu, &local)?
             };
             this.chunks.push(Chunk { first: range.start as u32, indices, vertices: this.vertices.len() - 1 });
@@ -105,13 +110,9 @@ impl DeviceGeometry {
         gpu.upload_buffer("upload of the triangles", wgpu::BufferUsages::INDEX, bytes)
     }
 
-    fn push_vertices(
-        &mut self,
-        gpu: &Gpu,
-        positions: &[Vec3],
-        normals: &[Vec3],
-        texcoords: &[glam::Vec2],
-    ) -> Result<(), BackendError> {
+    /// The vertices of a geometry, whatever its triangles.
+    fn push_vertices(&mut self, gpu: &Gpu, geometry: &Geometry) -> Result<(), BackendError> {
+        let Geometry { positions, normals, texcoords, colors, .. } = geometry;
         let mut upload = |label: &str, bytes: &[u8]| {
             self.bytes += bytes.len() as u64;
             gpu.upload_buffer(label, wgpu::BufferUsages::VERTEX, bytes)
@@ -121,10 +122,16 @@ impl DeviceGeometry {
         };
         let normals = optional("upload of the normals", bytemuck::cast_slice(normals))?;
         let texcoords = optional("upload of the texture coordinates", bytemuck::cast_slice(texcoords))?;
+        let colors = optional("upload of the vertex colours", bytemuck::cast_slice(colors))?;
         let positions = upload("upload of the positions", bytemuck::cast_slice(positions))?;
-        self.vertices.push(Vertices { positions, normals, texcoords });
+        self.vertices.push(Vertices { positions, normals, texcoords, colors });
         Ok(())
     }
+}
+
+/// The values of some vertices, if there are any.
+fn gather<T: Copy>(list: &[T], vertices: &[u32]) -> Vec<T> {
+    if list.is_empty() { Vec::new() } else { vertices.iter().map(|vertex| list[*vertex as usize]).collect() }
 }
 
 /// How the triangles are cut into chunks.
@@ -137,10 +144,11 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(triangles: usize, vertices: usize, max_bytes: u64) -> Result<Self, BackendError> {
-        let shared_vertices = vertices as u64 * ATTRIBUTE_BYTES <= max_bytes;
+    /// `widest` is the size of the widest vertex attribute, bytes.
+    fn new(triangles: usize, vertices: usize, widest: u64, max_bytes: u64) -> Result<Self, BackendError> {
+        let shared_vertices = vertices as u64 * widest <= max_bytes;
         // Without sharing, a chunk may use three vertices for each triangle.
-        let triangle_bytes = if shared_vertices { TRIANGLE_BYTES } else { 3 * ATTRIBUTE_BYTES };
+        let triangle_bytes = if shared_vertices { TRIANGLE_BYTES } else { 3 * widest };
         let per_chunk = usize::try_from(max_bytes / triangle_bytes).unwrap_or(usize::MAX);
         if per_chunk == 0 {
             return Err(failure(&format!("buffers of at most {max_bytes} bytes cannot hold a triangle")));
@@ -222,7 +230,7 @@ mod tests {
     fn parts_cover_every_triangle_once_in_order_and_stay_within_their_chunk() {
         let geometry = strip(100);
         for max_bytes in [36, 37, 96, 120, 1200, 1224, 1 << 20] {
-            let layout = Layout::new(100, geometry.positions.len(), max_bytes).expect("room");
+            let layout = Layout::new(100, geometry.positions.len(), 12, max_bytes).expect("room");
             let mut next = 0;
             for part in parts(&geometry, &layout) {
                 assert_eq!(part.first, next, "{max_bytes}");
@@ -242,7 +250,7 @@ mod tests {
     fn no_chunk_exceeds_the_largest_buffer() {
         for (triangles, vertices) in [(10_000_000, 5_000_000), (10_000_000, 30_000_000)] {
             for max_bytes in [16 << 20, 256 << 20, 1 << 30] {
-                let layout = Layout::new(triangles, vertices, max_bytes).expect("room");
+                let layout = Layout::new(triangles, vertices, 12, max_bytes).expect("room");
                 let largest = layout.chunks().map(|range| range.len() as u64).max().expect("chunks");
                 assert!(largest * 12 <= max_bytes);
                 let chunk_vertices = if layout.shared_vertices { vertices as u64 } else { 3 * largest };
@@ -250,7 +258,7 @@ mod tests {
                 assert_eq!(layout.chunks().map(|range| range.len()).sum::<usize>(), triangles);
             }
         }
-        assert!(Layout::new(1, 3, 35).is_err(), "one triangle needs 36 bytes");
+        assert!(Layout::new(1, 3, 12, 35).is_err(), "one triangle needs 36 bytes");
     }
 
     #[test]

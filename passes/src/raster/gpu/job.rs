@@ -42,6 +42,12 @@ pub(super) fn check_scene(job: &RasterJob<'_>) -> Result<(), BackendError> {
         let Some(shade) = job.shades.get(batch.material as usize) else {
             return Err(unsupported("this scene", &format!("material {} has no colours;", batch.material)));
         };
+        if shade.vertex_colors
+            && (job.attachments.color || shade.alpha_cutoff.is_some())
+            && geometry.colors.len() != vertices
+        {
+            return Err(unsupported("vertex colours", "the scene was loaded without;"));
+        }
         let color = shade.texture.filter(|_| job.attachments.color || shade.alpha_cutoff.is_some());
         let glow = shade.glow.and_then(|glow| glow.texture).filter(|_| job.attachments.color);
         for texture in [color, glow].into_iter().flatten() {

@@ -122,10 +122,13 @@ impl Pipelines {
     }
 }
 
-/// Vertex buffer slots of normals and texture coordinates in a variant; positions have slot 0.
-pub(super) fn slots(variant: Variant) -> (Option<u32>, Option<u32>) {
-    let normals = variant.vertex_normal.then_some(1);
-    (normals, variant.texcoord().then_some(1 + u32::from(variant.vertex_normal)))
+/// Vertex buffer slots of normals, texture coordinates and colours in a variant; positions have slot 0.
+pub(super) fn slots(variant: Variant) -> [Option<u32>; 3] {
+    let mut next = 0;
+    [variant.vertex_normal, variant.texcoord(), variant.vertex_color].map(|read| {
+        next += u32::from(read);
+        read.then_some(next)
+    })
 }
 
 fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu::RenderPipeline {
@@ -136,6 +139,7 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
     const POSITIONS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![0 => Float32x3];
     const NORMALS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
     const TEXCOORDS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x2];
+    const COLORS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x4];
     let buffer = |attributes: &'static [wgpu::VertexAttribute]| {
         let array_stride = attributes.iter().map(|attribute| attribute.format.size()).sum();
         Some(wgpu::VertexBufferLayout { array_stride, step_mode: wgpu::VertexStepMode::Vertex, attributes })
@@ -146,6 +150,9 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
     }
     if variant.texcoord() {
         buffers.push(buffer(&TEXCOORDS));
+    }
+    if variant.vertex_color {
+        buffers.push(buffer(&COLORS));
     }
     let targets = stored.formats().map(|format| format.map(wgpu::ColorTargetState::from));
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {

@@ -21,8 +21,10 @@ pub(super) struct Variant {
     pub vertex_normal: bool,
     /// Reads the texture and its coordinates.
     pub textured: bool,
-    /// Drops texels below the cutoff; implies `textured`.
+    /// Drops what has less alpha than the cutoff; implies `textured` or `vertex_color`.
     pub alpha_cut: bool,
+    /// Reads the colours of the vertices.
+    pub vertex_color: bool,
     /// Adds the light that the material sends out; implies `color`.
     pub glow: bool,
     /// Multiplies it by a texture; implies `glow`.
@@ -38,15 +40,16 @@ impl Variant {
     pub fn new(attachments: Attachments, has_normals: bool, shade: &Shade) -> Self {
         let Attachments { color, position, normal, triangle } = attachments;
         let texture = shade.texture.is_some();
-        let alpha_cut = texture && shade.alpha_cutoff.is_some();
+        let alpha_cut = shade.is_cut();
         Self {
             color,
             position,
             normal,
             triangle,
             vertex_normal: has_normals && (color || position || normal),
-            textured: (texture && color) || alpha_cut,
+            textured: texture && (color || alpha_cut),
             alpha_cut,
+            vertex_color: shade.vertex_colors && (color || alpha_cut),
             glow: color && shade.glow.is_some(),
             glow_textured: color && shade.glow.is_some_and(|glow| glow.texture.is_some()),
             wrapped: false,
@@ -84,6 +87,7 @@ impl Variant {
             "VERTEX_NORMAL" => self.vertex_normal,
             "TEXTURED" => self.textured,
             "ALPHA_CUT" => self.alpha_cut,
+            "VERTEX_COLOR" => self.vertex_color,
             "TEXCOORD" => self.texcoord(),
             "GLOW" => self.glow,
             "WRAPPED" => self.wrapped,
@@ -183,7 +187,7 @@ mod tests {
 
     /// Every combination that [`Variant::new`] can give, and the others with `alpha_cut` implying `textured`.
     fn variants() -> impl Iterator<Item = Variant> {
-        (0_u32..1024)
+        (0_u32..2048)
             .map(|bits| {
                 let bit = |index: u32| bits >> index & 1 == 1;
                 Variant {
@@ -197,13 +201,15 @@ mod tests {
                     glow: bit(7),
                     glow_textured: bit(8),
                     wrapped: bit(9),
+                    vertex_color: bit(10),
                     culled: false,
                 }
             })
-            .filter(|v| (v.textured || !v.alpha_cut) && (v.color || !v.glow) && (v.glow || !v.glow_textured))
+            .filter(|v| (v.textured || v.vertex_color || !v.alpha_cut) && (v.color || v.alpha_cut || !v.vertex_color))
+            .filter(|v| (v.color || !v.glow) && (v.glow || !v.glow_textured))
             .filter(|v| v.texcoord() || !v.wrapped)
             // What only has depth has nothing to shade.
-            .filter(|v| v.writes() || (!v.vertex_normal && v.textured == v.alpha_cut))
+            .filter(|v| v.writes() || (!v.vertex_normal && v.alpha_cut == (v.textured || v.vertex_color)))
     }
 
     fn validate(source: &str, capabilities: naga::valid::Capabilities) -> Result<naga::Module, String> {
@@ -239,8 +245,7 @@ mod tests {
 
     #[test]
     fn depth_alone_has_a_fragment_stage_only_where_something_is_cut() {
-        let shade =
-            Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), alpha_cutoff: None, glow: None };
+        let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), ..Shade::default() };
         let whole = Variant::new(Attachments::default(), true, &shade);
         assert!(!whole.has_fragment_stage() && !whole.textured && !whole.vertex_normal && !whole.reads_material());
         let cut = Variant::new(Attachments::default(), true, &Shade { alpha_cutoff: Some(0.5), ..shade });
@@ -289,8 +294,7 @@ mod tests {
 
     #[test]
     fn a_variant_reads_only_what_its_attachments_need() {
-        let shade =
-            Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), alpha_cutoff: None, glow: None };
+        let shade = Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: Some(0), ..Shade::default() };
         let only_triangle = Attachments { triangle: true, ..Attachments::default() };
         let variant = Variant::new(only_triangle, true, &shade);
         assert!(!variant.vertex_normal && !variant.textured && !variant.reads_material());

@@ -47,13 +47,8 @@ pub(super) fn squares(side: u32) -> Arc<RenderScene> {
 }
 
 pub(super) fn shades() -> [Shade; 2] {
-    [Vec4::new(0.5, 0.25, 1.0, 1.0), Vec4::new(1.0, 0.75, 0.5, 1.0)].map(|diffuse| Shade {
-        diffuse,
-        emission: Vec4::ZERO,
-        texture: None,
-        alpha_cutoff: None,
-        glow: None,
-    })
+    [Vec4::new(0.5, 0.25, 1.0, 1.0), Vec4::new(1.0, 0.75, 0.5, 1.0)]
+        .map(|diffuse| Shade { diffuse, ..Shade::default() })
 }
 
 pub(super) const ALL: Attachments = Attachments { color: true, position: true, normal: true, triangle: true };

@@ -40,7 +40,8 @@ struct Params {
     index: f32,
     // Where the linear values of the codes of sRGB begin in `tables`; 0 where texels are read as stored.
     decoded_at: u32,
-    unused: u32,
+    // Where vertex colours begin in `vertices`.
+    colors_at: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -56,7 +57,7 @@ struct Params {
 @group(1) @binding(0) var<storage, read> nodes: array<vec4u>;
 // Three vectors a triangle of a leaf: its corners; in the first one's fourth place the id.
 @group(1) @binding(1) var<storage, read> leaves: array<vec4u>;
-// Positions, normals and texture coordinates, as bits of numbers.
+// Positions, normals, texture coordinates and colours, as bits of numbers.
 @group(1) @binding(2) var<storage, read> vertices: array<u32>;
 // Corners of the triangles, then their materials.
 @group(1) @binding(3) var<storage, read> mesh: array<u32>;

@@ -33,6 +33,16 @@ fn texture_coordinates(hit: Hit) -> vec2f {
     return weighed(texcoord_at(i.x), texcoord_at(i.y), texcoord_at(i.z), hit).xy;
 }
 
+fn color_at(vertex: u32) -> vec4f {
+    let place = params.colors_at + 4u * vertex;
+    return vec4f(vector_at(place), bitcast<f32>(vertices[place + 3u]));
+}
+fn vertex_color(hit: Hit) -> vec4f {
+    let i = corners_of(hit.triangle);
+    let w = 1.0 - hit.u - hit.v;
+    return sep4(sep4(color_at(i.x) * w) + sep4(color_at(i.y) * hit.u)) + sep4(color_at(i.z) * hit.v);
+}
+
 // Level 0 of a texture, which alone rays read.
 struct Texture { first: u32, width: u32, height: u32 }
 fn texture_of(index: u32) -> Texture {
@@ -81,16 +91,24 @@ fn passes_light(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_SHAD
 fn covers(hit: Hit) -> bool {
     if params.cut == 0u { return true; }
     let shade = shade_of(hit.triangle);
-    if shade.texture == NO_TEXTURE || (shade.flags & SHADE_CUT) == 0u { return true; }
-    return sample_texture(shade.texture, texture_coordinates(hit)).w >= shade.cutoff;
+    if (shade.flags & SHADE_CUT) == 0u { return true; }
+    let colored = (shade.flags & SHADE_VERTEX_COLORS) != 0u;
+    if shade.texture == NO_TEXTURE { return !colored || vertex_color(hit).w >= shade.cutoff; }
+    var alpha = sample_texture(shade.texture, texture_coordinates(hit)).w;
+    if colored { alpha = alpha * vertex_color(hit).w; }
+    return alpha >= shade.cutoff;
 }
 
-// Diffuse light, ambient light and texture, with this unit normal.
+// Diffuse light, ambient light and texture, with this unit normal, times the vertex colour.
 fn lit_color(hit: Hit, normal: vec3f) -> vec3f {
     let shade = shade_of(hit.triangle);
     let lit = sep3(shade.diffuse * (params.light_color * max(dot3(params.to_light, normal), 0.0)));
-    if shade.texture == NO_TEXTURE { return lit + sep3(AMBIENT * shade.diffuse); }
-    return (lit + vec3f(AMBIENT)) * sample_texture(shade.texture, texture_coordinates(hit)).xyz;
+    var reflected = lit + sep3(AMBIENT * shade.diffuse);
+    if shade.texture != NO_TEXTURE {
+        reflected = (lit + vec3f(AMBIENT)) * sample_texture(shade.texture, texture_coordinates(hit)).xyz;
+    }
+    if (shade.flags & SHADE_VERTEX_COLORS) != 0u { reflected = reflected * vertex_color(hit).xyz; }
+    return reflected;
 }
 
 // Which candidate hits on transparent materials count, as the ray asks.

@@ -7,7 +7,7 @@ use crate::wgpu_rays::WgpuRays;
 use curitiba_pipeline::backend::{RayBackend, RayJob, Shade, Sun};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::{Batch, Geometry, Material, RenderScene};
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 use std::sync::Arc;
 
 /// A closed ball of triangles with bumps, without those whose number `left_out` says.
@@ -74,8 +74,7 @@ fn inside(geometry: &Geometry, direction: Vec3, count: usize, random: &mut Rando
 }
 
 /// Of the ball's one material.
-static SHADES: [Shade; 1] =
-    [Shade { diffuse: Vec4::ONE, emission: Vec4::ZERO, texture: None, alpha_cutoff: None, glow: None }];
+static SHADES: [Shade; 1] = [Shade::WHITE];
 
 fn job<'a>(scene: &'a RenderScene, position: &'a [[f32; 4]], direction: Vec3) -> RayJob<'a> {
     let width = 500;

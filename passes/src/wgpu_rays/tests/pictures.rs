@@ -7,7 +7,7 @@ use crate::raster::gpu::AdapterKind;
 use curitiba_pipeline::backend::RayBackend;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use std::sync::Arc;
 
 const FIDELITIES: [Fidelity; 2] = [Fidelity::Corrected, Fidelity::Thesis];
@@ -17,9 +17,16 @@ fn world() -> World {
     let mut world = World::scattered();
     let picture = world.picture([[255, 0, 0, 255], [0, 255, 0, 10]], Some(0.5));
     world.quad(picture, Vec3::new(0.0, 2.0, 0.0), Vec3::X * 1.5, Vec3::Z * 1.5);
+    let tint = |at: &Vec3| Vec4::new(0.5 + 0.2 * at.x.sin(), 0.5 + 0.5 * at.y.cos(), 0.7, 0.5 + 0.5 * at.x.sin());
+    world.scene.geometry.colors = world.scene.geometry.positions.iter().map(tint).collect();
+    // Cut out by its texture times its vertices, and by these alone.
+    world.shades[picture as usize].vertex_colors = true;
+    (world.shades[0].vertex_colors, world.shades[0].alpha_cutoff) = (true, Some(0.2));
     let glass = world.glass();
     world.quad(glass, Vec3::new(0.5, -1.0, 0.5), Vec3::X * 2.0, Vec3::Z * 2.0);
     world.quad(glass, Vec3::new(0.0, 0.0, 3.0), Vec3::X, Vec3::Y);
+    let vertices = world.scene.geometry.positions.len();
+    world.scene.geometry.colors.resize(vertices, Vec4::ONE);
     world
 }
 

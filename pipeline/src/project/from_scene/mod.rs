@@ -69,7 +69,7 @@ impl SceneProjects {
         window: Option<[u32; 2]>,
         max_bytes: u64,
     ) -> Result<Self, FromSceneError> {
-        let needs = Needs { normals: false, textures: false };
+        let needs = Needs::NOTHING;
         let mut scene = scene::load(files, &LoadOptions { needs, max_bytes }, &|_| {})?;
         turn(&mut scene, options.up);
         Self::of(&scene, files, options, window)

@@ -219,6 +219,9 @@ impl SceneWriter<'_> {
         if seen {
             return Ok(());
         }
+        if !mesh.colors.is_empty() {
+            self.warnings.add(self.path, "meshes with vertex colours", "not written", || format!("`{}`", mesh.name));
+        }
         self.string("Mesh")?;
         let attributes = 1 + usize::from(!mesh.normals.is_empty()) + usize::from(!mesh.texcoords.is_empty());
         self.count(attributes)?;

@@ -88,15 +88,27 @@ impl<'a> Data<'a> {
             Checked::Valid(Type::Vec2) => 2,
             Checked::Valid(Type::Vec3) => 3,
             Checked::Valid(Type::Vec4) => 4,
+            Checked::Valid(Type::Mat4) => 16,
             _ => 0,
         };
         if components != N {
-            return Err(fail(format!("it is not of type VEC{N}")));
+            let kind = if N == 16 { "MAT4".to_owned() } else { format!("VEC{N}") };
+            return Err(fail(format!("it is not of type {kind}")));
         }
         let number = reader_of(component, accessor.normalized);
         let width = width(component);
         let read = |element: &[u8]| std::array::from_fn(|i| number(&element[i * width..]));
         self.values(accessor, N * width, [0.0; N], &read, context, &fail)
+    }
+
+    /// How many components the vectors of an accessor have; 0 where it holds no vectors, or does not exist.
+    pub(super) fn components(&self, index: Index<Accessor>) -> usize {
+        match self.root.accessors.get(index.value()).map(|accessor| accessor.type_) {
+            Some(Checked::Valid(Type::Vec2)) => 2,
+            Some(Checked::Valid(Type::Vec3)) => 3,
+            Some(Checked::Valid(Type::Vec4)) => 4,
+            _ => 0,
+        }
     }
 
     /// Vertex indices.

@@ -32,13 +32,33 @@ impl Coordinates {
     }
 }
 
+/// What alpha does to a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Alpha {
+    /// Nothing.
+    Ignored,
+    /// It is compared with the material's cutoff.
+    Cut,
+    /// As [`Alpha::Cut`] with this cutoff, which the material has only where something but its factor has alpha.
+    Blended(f32),
+}
+
+/// The material of a primitive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Surface {
+    /// Its index in the table.
+    pub(super) material: u32,
+    pub(super) coordinates: Coordinates,
+    alpha: Alpha,
+}
+
 /// The materials of an asset.
 #[derive(Debug, Default)]
 pub(super) struct Materials {
     pub(super) table: MaterialTable,
     pub(super) textures: Vec<TextureSource>,
-    /// By material of the asset: its index in the table, and how its coordinates are read.
-    by_index: Vec<(u32, Coordinates)>,
+    /// By material of the asset: its index in the table, and what else its primitives ask.
+    by_index: Vec<Surface>,
     /// The material of primitives that name none.
     default: Option<u32>,
 }
@@ -91,7 +111,13 @@ impl Materials {
                     material.emission = Material::default().emission;
                 }
             }
-            materials.by_index.push((materials.table.materials.len() as u32, coordinates));
+            let alpha = match written.alpha_mode {
+                Checked::Valid(AlphaMode::Mask) => Alpha::Cut,
+                Checked::Valid(AlphaMode::Blend) => Alpha::Blended(MASK_CUTOFF * material.diffuse.w),
+                _ => Alpha::Ignored,
+            };
+            let index = materials.table.materials.len() as u32;
+            materials.by_index.push(Surface { material: index, coordinates, alpha });
             materials.table.declare(material);
         }
         Ok(materials)
@@ -102,9 +128,9 @@ impl Materials {
         &mut self,
         index: Option<json::Index<json::Material>>,
         file: &std::path::Path,
-    ) -> Result<(u32, Coordinates), SceneError> {
+    ) -> Result<Surface, SceneError> {
         let Some(index) = index else {
-            let default = *self.default.get_or_insert_with(|| {
+            let material = *self.default.get_or_insert_with(|| {
                 let mut name = "default".to_owned();
                 while self.table.get(&name).is_some() {
                     name.push('#');
@@ -113,12 +139,31 @@ impl Materials {
                 self.table.declare(Material { name, diffuse: Vec4::ONE, single_sided: true, ..Material::default() });
                 self.table.materials.len() as u32 - 1
             });
-            return Ok((default, Coordinates::PLAIN));
+            return Ok(Surface { material, coordinates: Coordinates::PLAIN, alpha: Alpha::Ignored });
         };
         self.by_index
             .get(index.value())
             .copied()
             .ok_or_else(|| SceneError::file(file, format!("material {} does not exist", index.value())))
+    }
+}
+
+impl Materials {
+    /// Vertex colours as a surface has them: display values, whose alpha is 1 where it means nothing.
+    pub(super) fn colored(&mut self, surface: Surface, colors: impl Iterator<Item = Vec4>) -> Vec<Vec4> {
+        let mut clear = false;
+        let colors = colors
+            .map(|color| {
+                let alpha = if surface.alpha == Alpha::Ignored { 1.0 } else { color.w };
+                clear |= alpha < 1.0;
+                color.truncate().map(encode).extend(alpha)
+            })
+            .collect();
+        if let (Alpha::Blended(cutoff), true) = (surface.alpha, clear) {
+            let material = &mut self.table.materials[surface.material as usize];
+            material.alpha_cutoff = material.alpha_cutoff.or(Some(cutoff).filter(|cutoff| *cutoff > 0.0));
+        }
+        colors
     }
 }
 

@@ -22,7 +22,7 @@ use ::gltf::json::{
 };
 use accessor::Data;
 use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
-use material::Materials;
+use material::{Materials, Surface};
 use std::path::Path;
 
 /// Extensions whose contents are used, or whose absence changes nothing that is drawn.
@@ -183,13 +183,11 @@ impl Assembler<'_> {
             self.scene.warnings.add(file, "primitives without positions", "left out", || format!("`{name}`"));
             return Ok(None);
         };
-        if primitive.attributes.keys().any(|key| matches!(key, Checked::Valid(Semantic::Colors(_)))) {
-            self.scene.warnings.add(file, "primitives with vertex colours", "ignored", || format!("`{name}`"));
-        }
         if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
             self.scene.warnings.add(file, "primitives with morph targets", "drawn without", || format!("`{name}`"));
         }
-        let (material, coordinates) = self.materials.of(primitive.material, file)?;
+        let surface = self.materials.of(primitive.material, file)?;
+        let (material, coordinates) = (surface.material, surface.coordinates);
         let packed = draco::decode(primitive, self.data, context)?;
         let vectors = Vectors { data: self.data, packed: packed.as_ref() };
         let positions = vectors.read::<3>(positions, "POSITION", context)?.into_iter().map(Vec3::from).collect();
@@ -203,8 +201,16 @@ impl Assembler<'_> {
             let texcoords = vectors.read::<2>(texcoords, &semantic, context)?.into_iter();
             mesh.texcoords = texcoords.map(|texcoord| coordinates.apply(Vec2::from(texcoord))).collect();
         }
+        if let Some(colors) = attribute(Semantic::Colors(0)).filter(|_| context.needs.colors) {
+            mesh.colors = self.colors(surface, &vectors, colors, context)?;
+        }
         let vertices = mesh.positions.len();
-        for (what, count) in [("normals", mesh.normals.len()), ("texture coordinates", mesh.texcoords.len())] {
+        let counts = [
+            ("normals", mesh.normals.len()),
+            ("texture coordinates", mesh.texcoords.len()),
+            ("colours", mesh.colors.len()),
+        ];
+        for (what, count) in counts {
             if count != 0 && count != vertices {
                 return Err(SceneError::file(
                     file,
@@ -235,6 +241,26 @@ impl Assembler<'_> {
         }
         mesh.groups.push(Group { material, triangles: assemble(mode, &indices) });
         Ok(Some(mesh))
+    }
+}
+
+impl Assembler<'_> {
+    /// `COLOR_0` of a primitive (glTF 2.0, section 3.7.2.1): linear, with or without alpha.
+    fn colors(
+        &mut self,
+        surface: Surface,
+        vectors: &Vectors<'_>,
+        accessor: Index<Accessor>,
+        context: &mut Context<'_>,
+    ) -> Result<Vec<Vec4>, SceneError> {
+        const SEMANTIC: &str = "COLOR_0";
+        if self.data.components(accessor) == 3 {
+            let colors = vectors.read::<3>(accessor, SEMANTIC, context)?;
+            context.take("the vertex colours", colors.len(), size_of::<Vec4>())?;
+            return Ok(self.materials.colored(surface, colors.into_iter().map(|color| Vec3::from(color).extend(1.0))));
+        }
+        let colors = vectors.read::<4>(accessor, SEMANTIC, context)?;
+        Ok(self.materials.colored(surface, colors.into_iter().map(Vec4::from)))
     }
 }
 

@@ -3,7 +3,7 @@
 use super::super::Needs;
 use super::lines::{Lines, split_word, text, words};
 use super::scan::{Numbers, Start, name_of};
-use super::{Allowance, Purse, stored};
+use super::{Allowance, Purse};
 use crate::diagnostic::Warnings;
 use std::collections::HashMap;
 use std::path::Path;
@@ -108,7 +108,7 @@ pub(super) fn read(
     file: &Path,
     allowance: &Allowance,
 ) -> Faces {
-    let [textures, shading] = stored(needs);
+    let Needs { textures, normals: shading, .. } = needs;
     let mut faces = Faces::default();
     let object = faces.objects.index_of(&start.object);
     let material = faces.materials.index_of(&start.material);

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// A vertex's contents, for finding equal ones.
-type Key = [u32; 8];
+type Key = [u32; 11];
 
 /// Vertices with their hashes that one task looks at.
 const CHUNK: usize = 1 << 14;
@@ -54,11 +54,12 @@ pub(super) fn join(
 
 fn mesh_of(mut parts: Vec<(u32, Welded)>, context: &mut Context<'_>) -> Result<Mesh, SceneError> {
     if parts.len() == 1 {
-        let (material, Welded { positions, normals, texcoords, triangles }) = parts.remove(0);
+        let (material, Welded { positions, normals, texcoords, colors, triangles }) = parts.remove(0);
         return Ok(Mesh {
             positions,
             normals,
             texcoords,
+            colors,
             groups: vec![Group { material, triangles }],
             ..Mesh::default()
         });
@@ -87,6 +88,7 @@ fn mesh_of(mut parts: Vec<(u32, Welded)>, context: &mut Context<'_>) -> Result<M
         positions: index.gather(&parts, |part| &part.positions),
         normals: index.gather(&parts, |part| &part.normals),
         texcoords: index.gather(&parts, |part| &part.texcoords),
+        colors: index.gather(&parts, |part| &part.colors),
         ..Mesh::default()
     };
     let mut group_of = HashMap::new();
@@ -223,7 +225,8 @@ fn key(part: &Welded, vertex: usize) -> Key {
     let [x, y, z] = part.positions[vertex].to_array();
     let [nx, ny, nz] = part.normals.get(vertex).copied().unwrap_or_default().to_array();
     let [u, v] = part.texcoords.get(vertex).copied().unwrap_or_default().to_array();
-    [x, y, z, nx, ny, nz, u, v].map(f32::to_bits)
+    let [red, green, blue, _] = part.colors.get(vertex).copied().unwrap_or_default().to_array();
+    [x, y, z, nx, ny, nz, u, v, red, green, blue].map(f32::to_bits)
 }
 
 /// FNV-1a by words, mixed once more: equal hashes only cost a comparison of the contents.

@@ -24,9 +24,9 @@ mod serial;
 mod tests;
 mod weld;
 
+use super::Scene;
 use super::context::Context;
 use super::error::SceneError;
-use super::{Needs, Scene};
 use crate::diagnostic::Warnings;
 use faces::Faces;
 use lines::{Lines, pieces};
@@ -147,9 +147,4 @@ impl Drop for Purse<'_> {
     fn drop(&mut self) {
         self.book();
     }
-}
-
-/// Whether texture coordinates and normals are stored.
-fn stored(needs: Needs) -> [bool; 2] {
-    [needs.textures, needs.normals]
 }

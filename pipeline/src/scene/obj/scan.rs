@@ -4,9 +4,9 @@ use super::super::Needs;
 use super::super::error::SceneError;
 use super::super::parallel::concatenate;
 use super::lines::{Lines, number, split_word, text, words};
-use super::{Allowance, Purse, stored};
+use super::{Allowance, Purse};
 use bytemuck::Zeroable;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -15,6 +15,8 @@ use std::path::Path;
 #[derive(Default)]
 pub(super) struct Numbers {
     pub(super) positions: Vec<Vec3>,
+    /// Of the positions; white where a line has none. Empty where none are needed, or no line has any.
+    pub(super) colors: Vec<Vec4>,
     /// Empty where none are needed.
     pub(super) texcoords: Vec<Vec2>,
     /// Empty where none are needed.
@@ -58,7 +60,7 @@ pub(super) fn scan(pieces: &[Lines<'_>], needs: Needs, allowance: &Allowance) ->
 }
 
 fn scan_piece(mut lines: Lines<'_>, needs: Needs, allowance: &Allowance) -> Scan {
-    let [textures, normals] = stored(needs);
+    let Needs { textures, normals, colors } = needs;
     let mut found = Scan::default();
     let mut purse = Purse::new(allowance);
     while let Some((_, statement)) = lines.next() {
@@ -69,7 +71,12 @@ fn scan_piece(mut lines: Lines<'_>, needs: Needs, allowance: &Allowance) -> Scan
             b"v" => {
                 let values = finite_numbers(rest, 3);
                 push(&mut numbers.positions, &mut numbers.bad_positions, values.map(Vec3::from_array), Vec3::ZERO);
-                24
+                let color = if colors { color_of(rest) } else { None };
+                if color.is_some() || !numbers.colors.is_empty() {
+                    numbers.colors.resize(numbers.positions.len() - 1, Vec4::ONE);
+                    numbers.colors.push(color.unwrap_or(Vec4::ONE));
+                }
+                if numbers.colors.is_empty() { 24 } else { 56 }
             }
             b"vt" => {
                 found.texcoords += 1;
@@ -146,12 +153,19 @@ pub(super) fn combine(scans: Vec<Scan>, file: &Path) -> Result<(Numbers, Vec<Sta
             .help(format!("valid: fewer than {limit} of each")));
     }
     let (mut positions, mut texcoords, mut normals) = (Vec::new(), Vec::new(), Vec::new());
-    for Scan { numbers, .. } in scans {
+    let colored = scans.iter().any(|scan| !scan.numbers.colors.is_empty());
+    let mut colors = Vec::new();
+    for Scan { mut numbers, .. } in scans {
+        if colored {
+            numbers.colors.resize(numbers.positions.len(), Vec4::ONE);
+        }
+        colors.push(numbers.colors);
         positions.push(numbers.positions);
         texcoords.push(numbers.texcoords);
         normals.push(numbers.normals);
     }
     numbers.positions = whole(positions);
+    numbers.colors = if colored { whole(colors) } else { Vec::new() };
     numbers.texcoords = whole(texcoords);
     numbers.normals = whole(normals);
     Ok((numbers, starts))
@@ -162,6 +176,14 @@ fn whole<T: Copy + Zeroable + Send + Sync>(mut lists: Vec<Vec<T>>) -> Vec<T> {
         return lists.remove(0);
     }
     concatenate(&lists.iter().map(Vec::as_slice).collect::<Vec<_>>())
+}
+
+/// The red, green and blue that some programs write behind a position, display values; `None` unless there are just these three.
+fn color_of(rest: &[u8]) -> Option<Vec4> {
+    let mut behind = words(rest).skip(3);
+    let [red, green, blue] = std::array::from_fn(|_| behind.next().and_then(number));
+    let color = Vec4::new(red?, green?, blue?, 1.0);
+    behind.next().is_none().then_some(color)
 }
 
 /// Up to three finite numbers, zeros for those that are missing; `None` for fewer than `least`, or where one is none.

@@ -6,6 +6,7 @@ use super::super::{Needs, Scene, SceneError};
 use super::lines::{Lines, pieces};
 use super::{MAX_RUN, read_in_pieces, serial};
 use crate::diagnostic::WarningGroup;
+use glam::Vec4;
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -23,7 +24,7 @@ fn contents(scene: &Scene) -> String {
         let _ = writeln!(text, "mesh {:?}", mesh.name);
         let lists = [bytemuck::cast_slice(&mesh.positions), bytemuck::cast_slice(&mesh.normals)];
         let _ = writeln!(text, "{:?} {:?}", lists.map(bits), bits(bytemuck::cast_slice(&mesh.texcoords)));
-        let _ = writeln!(text, "{:?}", mesh.groups);
+        let _ = writeln!(text, "{:?}\n{:?}", bits(bytemuck::cast_slice(&mesh.colors)), mesh.groups);
     }
     let _ = writeln!(text, "{:?}\n{:?}\n{:?}", scene.objects, scene.materials, scene.textures);
     for warnings in scene.warnings.groups().iter().map(WarningGroup::to_string) {
@@ -44,7 +45,7 @@ fn check(file: &Path, bytes: &[u8], needs: Needs, piece: usize, max_run: usize) 
 }
 
 fn needs(textures: bool, normals: bool) -> Needs {
-    Needs { textures, normals }
+    Needs { textures, normals, colors: textures }
 }
 
 /// Statements as exporters, and people who break their files, write them.
@@ -120,6 +121,25 @@ proptest! {
         let cut: Vec<_> = pieces(text.as_bytes(), piece).into_iter().flat_map(all).collect();
         prop_assert_eq!(whole, cut);
     }
+}
+
+#[test]
+fn colours_behind_positions_are_read_and_keep_vertices_apart() {
+    // Corner 4 has the place of corner 1 and another colour; the third line has none.
+    let text = "v 0 0 0 1 0 0\nv 1 0 0 0 .5 0\nv 0 1 0\nv 0 0 0 0 0 1\nusemtl a\nf 1 2 3\nusemtl b\nf 4 3 2\nv 0 0 0 1\nv 0 0 0 1 2 3 4\n";
+    for piece in 1..text.len() + 1 {
+        check(Path::new("a.obj"), text.as_bytes(), Needs::ALL, piece, MAX_RUN).unwrap();
+    }
+    let read = |needs| {
+        with_context(Path::new("a.obj"), needs, u64::MAX, |context| {
+            super::read(text.as_bytes(), context).expect("it loads")
+        })
+    };
+    let color = |r: f32, g: f32, b: f32| Vec4::new(r, g, b, 1.0);
+    let expected = [color(1.0, 0.0, 0.0), color(0.0, 0.5, 0.0), Vec4::ONE, color(0.0, 0.0, 1.0)];
+    assert_eq!(read(Needs::ALL).meshes[0].colors, expected);
+    assert!(read(Needs { colors: false, ..Needs::ALL }).meshes[0].colors.is_empty());
+    assert_eq!(read(Needs::NOTHING).meshes[0].positions.len(), 3, "without colours the corners are one");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::faces::{Faces, Part, Run};
 use super::runs::{Runs, Segment};
 use super::scan::Numbers;
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -15,6 +15,8 @@ pub(super) struct Welded {
     pub(super) normals: Vec<Vec3>,
     /// As many as positions, or none.
     pub(super) texcoords: Vec<Vec2>,
+    /// As many as positions, or none.
+    pub(super) colors: Vec<Vec4>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
@@ -49,6 +51,7 @@ fn weld_run(run: Run, segments: &[Segment], faces: &[Faces], numbers: &Numbers) 
                 let vertex = vertices.find_or_insert([position, texcoord, normal], next);
                 if vertex == next {
                     welded.positions.push(numbers.positions[position as usize]);
+                    welded.colors.extend(numbers.colors.get(position as usize));
                     welded.texcoords.extend(run.texcoords.then(|| numbers.texcoords[texcoord as usize]));
                     welded.normals.extend(run.normals.then(|| numbers.normals[normal as usize]));
                 }

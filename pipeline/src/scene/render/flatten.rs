@@ -5,7 +5,7 @@ use super::super::parallel::concatenate;
 use super::super::{Batch, Geometry, Material, Mesh, Object};
 use super::{BuildOptions, FilesOfObjects, normals};
 use crate::diagnostic::Warnings;
-use glam::{DVec3, Mat3, Mat4, Vec2, Vec3};
+use glam::{DVec3, Mat3, Mat4, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -50,7 +50,12 @@ pub(super) fn flatten(
     if options.needs.normals {
         ensure_normals(&mut meshes, &first_users, &uses, files, warnings);
     }
-    let vertices = total_size(&meshes, objects, options, files, budget)?;
+    let colored = options.needs.colors
+        && meshes.iter().zip(&uses).any(|(mesh, uses)| *uses > 0 && mesh.colors.len() == mesh.positions.len());
+    if options.needs.colors {
+        mend_colors(&mut meshes, &first_users, &uses, files, warnings);
+    }
+    let vertices = total_size(&meshes, objects, colored, options, files, budget)?;
     if options.needs.textures {
         mend_texcoords(&mut meshes, &first_users, &uses, files, warnings);
     }
@@ -60,6 +65,7 @@ pub(super) fn flatten(
         geometry.positions.reserve_exact(vertices);
         geometry.normals.reserve_exact(if options.needs.normals { vertices } else { 0 });
         geometry.texcoords.reserve_exact(if options.needs.textures { vertices } else { 0 });
+        geometry.colors.reserve_exact(if colored { vertices } else { 0 });
     }
     let mut parts: Vec<(Run, Vec<[u32; 3]>)> = Vec::new();
     for (index, object) in objects.iter().enumerate() {
@@ -80,6 +86,9 @@ pub(super) fn flatten(
             });
             let run = Run { material: group.material, object: index, group: group_index, triangles: triangles.len() };
             parts.push((run, triangles));
+        }
+        if colored {
+            append_colors(&mut geometry, mesh, last);
         }
         append_vertices(&mut geometry, mesh, last, object.transform, options);
     }
@@ -110,6 +119,7 @@ pub(super) fn flatten(
 fn total_size(
     meshes: &[Mesh],
     objects: &[Object],
+    colored: bool,
     options: &BuildOptions,
     files: &FilesOfObjects,
     budget: &mut Budget,
@@ -133,7 +143,10 @@ fn total_size(
         return Err(SceneError::file(file, format!("{vertices} vertices and {triangles} triangles are too many"))
             .help(format!("valid: fewer than {limit} of each, with every placed copy counted")));
     }
-    let vertex_size = 12 + if options.needs.normals { 12 } else { 0 } + if options.needs.textures { 8 } else { 0 };
+    let vertex_size = 12
+        + if options.needs.normals { 12 } else { 0 }
+        + if options.needs.textures { 8 } else { 0 }
+        + if colored { 16 } else { 0 };
     budget.take(file, "the placed vertices", vertices * vertex_size)?;
     budget.take(file, "the placed triangles", triangles * 12)?;
     Ok(vertices as usize)
@@ -192,6 +205,27 @@ fn mend_texcoords(
     }
 }
 
+fn mend_colors(
+    meshes: &mut [Mesh],
+    first_users: &[usize],
+    uses: &[u32],
+    files: &FilesOfObjects,
+    warnings: &mut Warnings,
+) {
+    const WHAT: &str = "meshes with vertex colours that are not from 0 to 1";
+    for (index, mesh) in meshes.iter_mut().enumerate().filter(|(index, _)| uses[*index] > 0) {
+        let bad = |color: &&mut Vec4| !(color.cmpge(Vec4::ZERO) & color.cmple(Vec4::ONE)).all();
+        let mended = mesh.colors.par_iter_mut().filter(bad);
+        let count =
+            mended.map(|color| *color = color.map(|c| if c.is_nan() { 1.0 } else { c.clamp(0.0, 1.0) })).count();
+        if count > 0 {
+            warnings.add(files.of(first_users[index]), WHAT, "the nearest number that is serves, 1 for none", || {
+                format!("{count} in `{}`", mesh.name)
+            });
+        }
+    }
+}
+
 /// The list itself when this is its last use, and a view of it otherwise.
 fn claim<T: Clone>(list: &mut Vec<T>, last: bool) -> Cow<'_, [T]> {
     if last { Cow::Owned(std::mem::take(list)) } else { Cow::Borrowed(list) }
@@ -201,6 +235,16 @@ fn append<T: Clone>(target: &mut Vec<T>, source: Cow<'_, [T]>) {
     match source {
         Cow::Owned(list) if target.capacity() == 0 => *target = list,
         list => target.extend_from_slice(&list),
+    }
+}
+
+/// Appends the colours of a mesh's vertices; white where it has none.
+fn append_colors(geometry: &mut Geometry, mesh: &mut Mesh, last: bool) {
+    let vertices = mesh.positions.len();
+    if mesh.colors.len() == vertices {
+        append(&mut geometry.colors, claim(&mut mesh.colors, last));
+    } else {
+        geometry.colors.resize(geometry.colors.len() + vertices, Vec4::ONE);
     }
 }
 
@@ -350,6 +394,7 @@ fn drop_unused_vertices(geometry: &mut Geometry) {
     retain(&mut geometry.positions, &used);
     retain(&mut geometry.normals, &used);
     retain(&mut geometry.texcoords, &used);
+    retain(&mut geometry.colors, &used);
     geometry
         .triangles
         .par_iter_mut()

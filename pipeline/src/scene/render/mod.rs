@@ -5,10 +5,11 @@ mod normals;
 pub(crate) mod texture;
 
 use super::error::{Budget, SceneError};
-use super::{Material, Needs, RenderScene, Scene};
+use super::{Geometry, Material, Needs, RenderScene, Scene};
 use crate::color::{BRIGHTEST, ColorSpace, in_range};
 use crate::diagnostic::Warnings;
 use glam::{Mat4, Vec3, Vec4};
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// How a scene is made ready.
@@ -61,6 +62,7 @@ impl RenderScene {
     ///   60 degrees are not averaged, and the vertices there are split; vertices that are not shared stay flat.
     /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
     ///   its material has none.
+    /// - Vertex colours are there where a mesh that is placed has some; the vertices of the others are white.
     /// - Colours of materials are kept within [`BRIGHTEST`]; those that were not are counted.
     /// - In linear light colours of materials are decoded from sRGB, and textures when they are read ([`Texture::space`](super::texture::Texture::space)).
     ///   What light keeps in a filter, and what is absorbed, is linear as it is.
@@ -76,9 +78,14 @@ impl RenderScene {
         let mut budget = Budget::new(options.max_bytes);
         let Scene { meshes, objects, mut materials, textures: sources, .. } = scene;
 
-        let (geometry, scale) =
+        let (mut geometry, scale) =
             flatten::flatten(meshes, (&objects, &materials), options, &files, &mut budget, &mut warnings)?;
 
+        geometry.color_space = options.color;
+        if options.color == ColorSpace::Linear {
+            geometry.colors.par_iter_mut().for_each(|color| *color = options.color.of_display(*color));
+        }
+        mark_colored(&geometry, &mut materials);
         let mut in_use = vec![false; materials.len()];
         for batch in &geometry.batches {
             in_use[batch.material as usize] = true;
@@ -106,6 +113,19 @@ impl RenderScene {
     #[must_use]
     pub fn decodes_texels(&self) -> bool {
         self.textures.iter().any(|texture| texture.space == ColorSpace::Linear)
+    }
+}
+
+/// Says of each material whether some of its triangles have colours.
+fn mark_colored(geometry: &Geometry, materials: &mut [Material]) {
+    if geometry.colors.is_empty() {
+        return;
+    }
+    for batch in &geometry.batches {
+        let triangles = &geometry.triangles[batch.first as usize..][..batch.count as usize];
+        let colored =
+            |triangle: &[u32; 3]| triangle.iter().any(|vertex| geometry.colors[*vertex as usize] != Vec4::ONE);
+        materials[batch.material as usize].vertex_colors |= triangles.par_iter().any(colored);
     }
 }
 

@@ -158,6 +158,9 @@ fn split(mesh: &mut Mesh, splits: &[Split]) {
         if let Some(texcoord) = mesh.texcoords.get(from).copied() {
             mesh.texcoords.push(texcoord);
         }
+        if let Some(color) = mesh.colors.get(from).copied() {
+            mesh.colors.push(color);
+        }
         moved.extend(split.corners.iter().map(|corner| (*corner, to)));
     }
     moved.par_sort_unstable();

@@ -96,8 +96,8 @@ pub(super) fn decode_used(
         for texture in material.textures_mut() {
             *texture = texture.and_then(|texture| new_index[texture as usize]);
         }
-        if material.texture.is_none() {
-            // Without a texture there is nothing to cut by.
+        if material.texture.is_none() && !material.vertex_colors {
+            // Without an alpha there is nothing to cut by.
             material.alpha_cutoff = None;
         }
     }
@@ -163,7 +163,7 @@ fn within_limits((width, height): (u32, u32)) -> Result<(u32, u32), String> {
 fn cutoffs(materials: &[Material], textures: usize) -> Vec<Option<f32>> {
     let mut cutoffs: Vec<Option<f32>> = vec![None; textures];
     for material in materials {
-        if let (Some(texture), Some(cutoff)) = (material.texture, material.texture_cutoff()) {
+        if let (Some(texture), Some(cutoff)) = (material.texture, material.cutoff()) {
             let known = &mut cutoffs[texture as usize];
             *known = Some(known.map_or(cutoff, |known| known.min(cutoff)));
         }

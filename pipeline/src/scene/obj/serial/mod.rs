@@ -7,7 +7,7 @@ use super::super::context::Context;
 use super::super::error::SceneError;
 use super::super::{Group, Mesh, Object, Scene};
 use super::mtl::{self, Library};
-use glam::{Mat4, Vec2, Vec3};
+use glam::{Mat4, Vec2, Vec3, Vec4};
 use sanitise::{Run, Sanitiser};
 use std::collections::HashMap;
 
@@ -48,7 +48,7 @@ pub(in crate::scene) fn read(bytes: &[u8], max_run: usize, context: &mut Context
 }
 
 /// A vertex's contents, for finding equal ones.
-type Key = [u32; 8];
+type Key = [u32; 11];
 
 /// The mesh that an object's faces with one set of attributes come together in.
 struct Piece {
@@ -75,6 +75,7 @@ impl Joiner<'_> {
             positions: read.positions.chunks_exact(3).map(Vec3::from_slice).collect(),
             normals: read.normals.chunks_exact(3).map(Vec3::from_slice).collect(),
             texcoords,
+            colors: colors(&read),
             groups: Vec::new(),
         };
         let mut triangles: Vec<[u32; 3]> = read.indices.chunks_exact(3).map(|i| [i[0], i[1], i[2]]).collect();
@@ -126,6 +127,7 @@ impl Piece {
                     target.positions.push(added.positions[vertex]);
                     target.normals.extend(added.normals.get(vertex));
                     target.texcoords.extend(added.texcoords.get(vertex));
+                    target.colors.extend(added.colors.get(vertex));
                     target.positions.len() as u32 - 1
                 })
             })
@@ -141,5 +143,10 @@ fn key(mesh: &Mesh, vertex: usize) -> Key {
     let [x, y, z] = mesh.positions[vertex].to_array();
     let [nx, ny, nz] = mesh.normals.get(vertex).copied().unwrap_or_default().to_array();
     let [u, v] = mesh.texcoords.get(vertex).copied().unwrap_or_default().to_array();
-    [x, y, z, nx, ny, nz, u, v].map(f32::to_bits)
+    let [red, green, blue, _] = mesh.colors.get(vertex).copied().unwrap_or_default().to_array();
+    [x, y, z, nx, ny, nz, u, v, red, green, blue].map(f32::to_bits)
+}
+
+fn colors(read: &tobj::Mesh) -> Vec<Vec4> {
+    read.vertex_color.chunks_exact(3).map(|color| Vec4::new(color[0], color[1], color[2], 1.0)).collect()
 }

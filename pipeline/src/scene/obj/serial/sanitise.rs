@@ -74,6 +74,8 @@ pub(super) struct Sanitiser<'b, 'c, 'f> {
     run_length: usize,
     /// Faces that `tobj` may hold at once.
     max_run: usize,
+    /// Whether some position has a colour behind it and colours are needed: then every one is handed on with one.
+    colored: bool,
     corners: Vec<Corner>,
     unbooked: u64,
     pub(super) runs: Vec<Run>,
@@ -88,6 +90,10 @@ pub(super) struct Sanitiser<'b, 'c, 'f> {
 
 impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
     pub(super) fn new(bytes: &'b [u8], max_run: usize, context: &'c mut Context<'f>) -> Self {
+        let mut all = Lines::new(bytes);
+        let mut statements = std::iter::from_fn(|| all.next());
+        let is_colored = |line: &[u8]| matches!(split_word(line), (b"v", rest) if color_of(rest).is_some());
+        let colored = context.needs.colors && statements.any(|(_, line)| is_colored(&line));
         let mut objects = Names::default();
         let mut materials = Names::default();
         Self {
@@ -103,6 +109,7 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
             material: materials.index_of("default".to_owned()),
             run_length: 0,
             max_run,
+            colored,
             corners: Vec::new(),
             unbooked: 0,
             runs: Vec::new(),
@@ -184,6 +191,13 @@ impl<'b, 'c, 'f> Sanitiser<'b, 'c, 'f> {
             self.unusable.insert(self.positions.len());
         }
         self.emit_numbers(b"v", if values.is_some() { rest } else { b"" }, 3);
+        if self.colored {
+            self.out.pop();
+            for color in color_of(rest).unwrap_or([1.0; 3]) {
+                self.out.extend_from_slice(format!(" {color}").as_bytes());
+            }
+            self.out.push(b'\n');
+        }
         self.positions.push(values.map_or(Vec3::ZERO, Vec3::from_array));
         self.unbooked += POSITION_BYTES;
     }
@@ -350,6 +364,13 @@ impl BufRead for Sanitiser<'_, '_, '_> {
     fn consume(&mut self, amount: usize) {
         self.consumed += amount;
     }
+}
+
+/// The three numbers behind a position, where there are as many and no more.
+fn color_of(rest: &[u8]) -> Option<[f32; 3]> {
+    let all: Vec<&[u8]> = words(rest).collect();
+    let [_, _, _, red, green, blue] = all[..] else { return None };
+    Some([number(red)?, number(green)?, number(blue)?])
 }
 
 fn finite_numbers(rest: &[u8], least: usize) -> Option<[f32; 3]> {
