@@ -861,3 +861,216 @@ fn images_of_other_formats_are_taken_from_their_extensions() {
     let error = load_one(&folder.write("b.gltf", json.to_string())).unwrap_err().to_string();
     assert!(error.contains("KHR_texture_basisu") && error.contains("PNG, JPEG or WebP"), "{error}");
 }
+
+/// The square in a skin of two joints: A, which lifts by 5, and under it B, which turns by 90 degrees about (1, 0). Its node would move
+/// it by 100. `weights` are of A and B, vertex by vertex.
+fn skinned(weights: [[f32; 2]; 4]) -> (Value, Vec<u8>) {
+    let (mut json, mut binary) = square();
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    json["nodes"] = json!([
+        {"mesh": 0, "name": "square", "skin": 0, "translation": [100.0, 0.0, 0.0]},
+        {"translation": [0.0, 0.0, 5.0], "children": [2]},
+        {"translation": [1.0, 0.0, 0.0], "rotation": [0.0, 0.0, half, half]}
+    ]);
+    json["scenes"] = json!([{"nodes": [0, 1]}]);
+    let joints: Vec<u8> = (0..4).flat_map(|_| [0, 1, 0, 0]).collect();
+    let joints =
+        add_accessor(&mut json, &mut binary, &joints, json!({"componentType": 5121, "count": 4, "type": "VEC4"}));
+    let weights: Vec<f32> = weights.iter().flat_map(|[a, b]| [*a, *b, 0.0, 0.0]).collect();
+    let weights = add_accessor(
+        &mut json,
+        &mut binary,
+        &floats(&weights),
+        json!({"componentType": 5126, "count": 4, "type": "VEC4"}),
+    );
+    let inverse = [Mat4::IDENTITY, Mat4::from_translation(Vec3::NEG_X)].map(|m| m.to_cols_array()).concat();
+    let inverse = add_accessor(
+        &mut json,
+        &mut binary,
+        &floats(&inverse),
+        json!({"componentType": 5126, "count": 2, "type": "MAT4"}),
+    );
+    let normals = floats(&[1.0, 0.0, 0.0].repeat(4));
+    let normals =
+        add_accessor(&mut json, &mut binary, &normals, json!({"componentType": 5126, "count": 4, "type": "VEC3"}));
+    json["skins"] = json!([{"joints": [1, 2], "inverseBindMatrices": inverse}]);
+    let attributes = &mut json["meshes"][0]["primitives"][0]["attributes"];
+    attributes["JOINTS_0"] = joints.into();
+    attributes["WEIGHTS_0"] = weights.into();
+    attributes["NORMAL"] = normals.into();
+    (json, binary)
+}
+
+/// Of A, of B, of both alike, and of B by half: the sum of weights is made 1.
+const WEIGHTS: [[f32; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [0.25, 0.25], [0.0, 0.5]];
+
+#[test]
+fn skinned_meshes_are_where_their_joints_are() {
+    let (json, binary) = skinned(WEIGHTS);
+    let scene = read(&json, &binary).unwrap();
+    // B turns about (1, 0): (0, 1) goes to (0, -1), which with A's (0, 1) has the middle (0, 0); (1, 1) goes to (0, 0).
+    let expected = [[0.0, 0.0, 5.0], [1.0, 0.0, 5.0], [0.0, 0.0, 5.0], [0.0, 0.0, 5.0]].map(Vec3::from);
+    let mesh = &scene.meshes[0];
+    for (found, expected) in mesh.positions.iter().zip(expected) {
+        assert!(found.distance(expected) < 1e-6, "{found}, not {expected}");
+    }
+    let turned = [Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 0.0).normalize(), Vec3::Y];
+    for (found, expected) in mesh.normals.iter().zip(turned) {
+        assert!(found.normalize().distance(expected) < 1e-6, "{found}, not {expected}");
+    }
+    assert_eq!(scene.objects[0].transform, Mat4::IDENTITY, "the node of a skinned mesh does not move it");
+    assert!(scene.warnings.groups().is_empty(), "{:?}", scene.warnings.groups());
+    assert_eq!(mesh.groups[0].triangles, [[0, 1, 2], [2, 1, 3]]);
+
+    // A joint that mirrors turns the triangles with it.
+    let mut mirrored = json.clone();
+    mirrored["nodes"][1]["scale"] = json!([1.0, 1.0, -1.0]);
+    let scene = read(&mirrored, &binary).unwrap();
+    assert_eq!(scene.meshes[0].groups[0].triangles, [[0, 2, 1], [2, 3, 1]]);
+    // The same mesh without a skin stays where its node is, beside it.
+    let mut both = json.clone();
+    both["nodes"].as_array_mut().unwrap().push(json!({"mesh": 0, "translation": [7.0, 0.0, 0.0]}));
+    both["scenes"][0]["nodes"] = json!([0, 1, 3]);
+    let scene = read(&both, &binary).unwrap();
+    assert_eq!((scene.meshes.len(), scene.objects[1].transform), (2, Mat4::from_translation(Vec3::X * 7.0)));
+    assert_eq!(scene.meshes[1].positions[3], Vec3::new(1.0, 1.0, 0.0));
+}
+
+#[test]
+fn joints_far_from_the_origin_move_vertices_without_loss() {
+    let (mut json, mut binary) = skinned([[0.0, 1.0]; 4]);
+    // In 32 bits both places are known to half a unit.
+    let far = Vec3::new(6_000_001.0, -3_000_002.0, 9_000_003.0);
+    json["nodes"][1] = json!({"children": [2]});
+    json["nodes"][2]["translation"] = json!(far.to_array());
+    let inverse = Mat4 { w_axis: (-far).extend(1.0), ..Mat4::IDENTITY };
+    let matrices = [Mat4::IDENTITY, inverse].map(|m| m.to_cols_array()).concat();
+    let index = add_accessor(
+        &mut json,
+        &mut binary,
+        &floats(&matrices),
+        json!({"componentType": 5126, "count": 2, "type": "MAT4"}),
+    );
+    json["skins"][0]["inverseBindMatrices"] = index.into();
+    let scene = read(&json, &binary).unwrap();
+    let half = f64::from(std::f32::consts::FRAC_1_SQRT_2);
+    let turn = glam::DMat3::from_quat(glam::DQuat::from_xyzw(0.0, 0.0, half, half).normalize());
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]].map(glam::DVec3::from);
+    for (found, corner) in scene.meshes[0].positions.iter().zip(corners) {
+        let expected = turn * (corner - far.as_dvec3()) + far.as_dvec3();
+        let error = (found.as_dvec3() - expected).length();
+        assert!(error < 0.75, "{found}, not {expected}: off by {error}, where 32 bits alone store it to half a unit");
+    }
+    // Where the joint stands as it was bound, nothing moves, however far it is.
+    json["nodes"][2].as_object_mut().unwrap().remove("rotation");
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!(scene.meshes[0].positions, corners.map(|corner| corner.as_vec3()));
+}
+
+#[test]
+fn skins_that_lead_nowhere_are_errors_that_say_where() {
+    type Damage = fn(&mut Value);
+    let damages: [(Damage, &str); 7] = [
+        (|json| json["nodes"][0]["skin"] = 4.into(), "skin 4 does not exist"),
+        (|json| json["skins"][0]["joints"] = json!([]), "skin 0 has no joint"),
+        (|json| json["skins"][0]["joints"] = json!([1, 9]), "skin 0 has node 9 as a joint, which does not exist"),
+        (|json| json["skins"][0]["joints"] = json!([1]), "joint 1 is none of the skin's 1; valid: 0 to 0"),
+        (|json| json["skins"][0]["joints"] = json!([1, 2, 1]), "skin 0 has 3 joints and 2 inverse bind matrices"),
+        (
+            |json| {
+                let nodes = json["nodes"].as_array_mut().unwrap();
+                nodes.push(json!({"children": [3]}));
+                json["skins"][0]["joints"] = json!([1, 3]);
+            },
+            "skin 0 has node 3 as a joint, which is its own ancestor",
+        ),
+        (|json| json["skins"][0]["inverseBindMatrices"] = 0.into(), "accessor 0: it is not of type MAT4"),
+    ];
+    for (damage, words) in damages {
+        let (mut json, binary) = skinned(WEIGHTS);
+        damage(&mut json);
+        let error = read(&json, &binary).unwrap_err();
+        assert!(error.contains(words) && error.contains("a.glb"), "{error}, without {words}");
+    }
+    for bad in [-0.5, f32::NAN, f32::INFINITY] {
+        let (json, binary) = skinned([[1.0, 0.0], [0.0, 1.0], [1.0, bad], [1.0, 0.0]]);
+        let error = read(&json, &binary).unwrap_err();
+        assert!(error.contains("`mesh 0`, vertex 2: the weight") && error.contains("no number from 0 on"), "{error}");
+    }
+    let (mut json, binary) = skinned(WEIGHTS);
+    let weights = json["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"].as_u64().unwrap() as usize;
+    json["accessors"][weights]["count"] = 3.into();
+    let error = read(&json, &binary).unwrap_err();
+    assert!(error.contains("4 positions but 3 of WEIGHTS_0"), "{error}");
+
+    let (json, binary) = skinned([[0.0; 2]; 4]);
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!(count(&scene.warnings, "meshes with vertices whose weights are all 0"), 1);
+    assert_eq!(scene.meshes[0].positions[3], Vec3::new(1.0, 1.0, 5.0), "the first joint's");
+    let (mut json, binary) = skinned(WEIGHTS);
+    json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("JOINTS_0");
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!(count(&scene.warnings, "primitives without joints in skinned meshes"), 1);
+    assert_eq!(scene.objects[0].transform, Mat4::from_translation(Vec3::X * 100.0));
+}
+
+#[test]
+fn morph_targets_move_vertices_by_the_default_weights() {
+    let (mut json, mut binary) = square();
+    let accessor = |count: usize| json!({"componentType": 5126, "count": count, "type": "VEC3"});
+    let up = floats(&[0.0, 0.0, 1.0].repeat(4));
+    let up = add_accessor(&mut json, &mut binary, &up, accessor(4));
+    let side = floats(&[0.0, 2.0, 0.0].repeat(4));
+    let side = add_accessor(&mut json, &mut binary, &side, accessor(4));
+    let normals = floats(&[0.0, 0.0, 1.0].repeat(4));
+    let normals = add_accessor(&mut json, &mut binary, &normals, accessor(4));
+    let bent = floats(&[1.0, 0.0, 0.0].repeat(4));
+    let bent = add_accessor(&mut json, &mut binary, &bent, accessor(4));
+    let primitive = &mut json["meshes"][0]["primitives"][0];
+    primitive["attributes"]["NORMAL"] = normals.into();
+    primitive["targets"] = json!([{"POSITION": up, "NORMAL": bent}, {"POSITION": side}]);
+    let moved = |json: &Value| {
+        let scene = read(json, &binary).unwrap();
+        (scene.meshes[0].positions[3], scene.meshes[0].normals[3])
+    };
+    let corner = Vec3::new(1.0, 1.0, 0.0);
+    assert_eq!(moved(&json), (corner, Vec3::Z), "without weights all are 0");
+    json["meshes"][0]["weights"] = json!([0.5, 0.25]);
+    assert_eq!(moved(&json), (corner + Vec3::new(0.0, 0.5, 0.5), Vec3::new(0.5, 0.0, 1.0)));
+    json["nodes"][0]["weights"] = json!([0.0, -1.0]);
+    assert_eq!(moved(&json), (corner - Vec3::Y * 2.0, Vec3::Z), "those of the node count");
+    // Targets whose weight is 0 are not even read.
+    json["meshes"][0]["primitives"][0]["targets"][0]["POSITION"] = 99.into();
+    assert_eq!(moved(&json).0, corner - Vec3::Y * 2.0);
+    json["nodes"][0]["weights"] = json!([1.0, -1.0]);
+    let error = read(&json, &binary).unwrap_err();
+    assert!(error.contains("accessor 99"), "{error}");
+
+    json["meshes"][0]["primitives"][0]["targets"][0]["POSITION"] = up.into();
+    json["accessors"][up]["count"] = 3.into();
+    let error = read(&json, &binary).unwrap_err();
+    assert!(error.contains("morph target 0 of `mesh 0` has 3 displacements for 4 positions"), "{error}");
+    json["nodes"][0]["weights"] = json!([0.0, 1.0, 3.0]);
+    let scene = read(&json, &binary).unwrap();
+    assert_eq!(count(&scene.warnings, "primitives with another number of morph targets than weights"), 1);
+    // Sparse targets without a view displace some vertices only.
+    let (mut json, mut binary) = square();
+    let at = binary.len();
+    binary.extend([2, 0, 0, 0]);
+    binary.extend(floats(&[0.0, 0.0, 4.0]));
+    json["bufferViews"].as_array_mut().unwrap().extend([
+        json!({"buffer": 0, "byteOffset": at, "byteLength": 4}),
+        json!({"buffer": 0, "byteOffset": at + 4, "byteLength": 12}),
+    ]);
+    json["accessors"].as_array_mut().unwrap().push(
+        json!({"componentType": 5126, "count": 4, "type": "VEC3", "sparse": {
+            "count": 1, "indices": {"bufferView": 3, "componentType": 5121}, "values": {"bufferView": 4}
+        }}),
+    );
+    json["buffers"][0]["byteLength"] = binary.len().into();
+    json["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 3}]);
+    json["meshes"][0]["weights"] = json!([0.5]);
+    let scene = read(&json, &binary).unwrap();
+    let expected = [Vec3::ZERO, Vec3::X, Vec3::new(0.0, 1.0, 2.0), Vec3::new(1.0, 1.0, 0.0)];
+    assert_eq!(scene.meshes[0].positions, expected);
+}

@@ -8,6 +8,8 @@ mod container;
 mod draco;
 mod material;
 mod meshopt;
+mod pose;
+mod vectors;
 mod view;
 
 use super::context::Context;
@@ -23,7 +25,10 @@ use ::gltf::json::{
 use accessor::Data;
 use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
 use material::{Materials, Surface};
+use pose::{Pose, Skins};
+use std::collections::HashMap;
 use std::path::Path;
+use vectors::Vectors;
 
 /// Extensions whose contents are used, or whose absence changes nothing that is drawn.
 const READ_EXTENSIONS: [&str; 13] = [
@@ -54,8 +59,8 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     let decoded = meshopt::views(&root, &buffers, &mut context)?;
     let data = Data { root: &root, buffers: &buffers, decoded: &decoded };
     let mut materials = Materials::read(&data, &mut context, &mut scene.warnings)?;
-    let mut assembler = Assembler { data: &data, materials: &mut materials, scene: &mut scene, placed: Vec::new() };
-    assembler.placed.resize_with(root.meshes.len(), || None);
+    let (skins, placed) = (Skins::default(), HashMap::new());
+    let mut assembler = Assembler { data: &data, materials: &mut materials, scene: &mut scene, skins, placed };
     assembler.nodes(&mut context)?;
     scene.materials = materials.table.materials;
     scene.textures = materials.textures;
@@ -90,10 +95,8 @@ fn count_unread(root: &json::Root, file: &Path, warnings: &mut Warnings) {
             warnings.add(file, "extensions that are not read", "the asset is drawn without them", || name.clone());
         }
     }
-    for (kind, count) in [("animation", root.animations.len()), ("skin", root.skins.len())] {
-        for index in 0..count {
-            warnings.add(file, "animations and skins", "ignored", || format!("{kind} {index}"));
-        }
+    for index in 0..root.animations.len() {
+        warnings.add(file, "animations", "what they move is drawn in its rest pose", || format!("animation {index}"));
     }
 }
 
@@ -101,8 +104,10 @@ struct Assembler<'a> {
     data: &'a Data<'a>,
     materials: &'a mut Materials,
     scene: &'a mut Scene,
-    /// By mesh of the asset: the first of its primitives in the scene and their number, once it was read.
-    placed: Vec<Option<(u32, u32)>>,
+    skins: Skins,
+    /// By mesh of the asset and its pose, once they were read: the first of the primitives in the scene, and of each whether it was
+    /// moved into the world.
+    placed: HashMap<(usize, Pose), (u32, Vec<bool>)>,
 }
 
 impl Assembler<'_> {
@@ -126,13 +131,8 @@ impl Assembler<'_> {
             }
             let transform = parent * local_transform(node);
             if let Some(mesh) = node.mesh {
-                let (first, count) = self.mesh(mesh.value(), context)?;
                 let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
-                // Every node may place every primitive of the asset: far more objects than the file has bytes.
-                context.take("the objects", count as usize, size_of::<Object>() + name.len())?;
-                for mesh in first..first + count {
-                    self.scene.objects.push(Object { name: name.clone(), mesh, transform });
-                }
+                self.place(mesh.value(), node, name, transform, context)?;
             }
             let Scene { cameras, lights, warnings, .. } = &mut *self.scene;
             cameras.extend(view::camera(root, node, &transform, context.file, warnings));
@@ -143,33 +143,62 @@ impl Assembler<'_> {
         Ok(())
     }
 
-    /// Reads a mesh when it is placed first.
-    fn mesh(&mut self, index: usize, context: &mut Context<'_>) -> Result<(u32, u32), SceneError> {
+    /// Places a mesh of the asset, which is read when it is placed first.
+    fn place(
+        &mut self,
+        index: usize,
+        node: &json::Node,
+        name: String,
+        transform: Mat4,
+        context: &mut Context<'_>,
+    ) -> Result<(), SceneError> {
+        let file = context.file;
         let Some(mesh) = self.data.root.meshes.get(index) else {
-            return Err(SceneError::file(context.file, format!("mesh {index} does not exist")));
+            return Err(SceneError::file(file, format!("mesh {index} does not exist")));
         };
-        if let Some(placed) = self.placed[index] {
-            return Ok(placed);
+        let key = (index, Pose::of(node, mesh));
+        if !self.placed.contains_key(&key) {
+            let read = self.mesh(index, mesh, &key.1, context)?;
+            self.placed.insert(key.clone(), read);
         }
+        let (first, moved) = &self.placed[&key];
+        // Every node may place every primitive of the asset: far more objects than the file has bytes.
+        context.take("the objects", moved.len(), size_of::<Object>() + name.len())?;
+        for (mesh, moved) in (*first..).zip(moved) {
+            let transform = if *moved { Mat4::IDENTITY } else { transform };
+            self.scene.objects.push(Object { name: name.clone(), mesh, transform });
+        }
+        Ok(())
+    }
+
+    /// Reads a mesh: its first primitive in the scene, and whether each was moved into the world.
+    fn mesh(
+        &mut self,
+        index: usize,
+        mesh: &json::Mesh,
+        pose: &Pose,
+        context: &mut Context<'_>,
+    ) -> Result<(u32, Vec<bool>), SceneError> {
         let first = self.scene.meshes.len() as u32;
+        let mut moved = Vec::new();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
             let name = mesh.name.clone().unwrap_or_else(|| format!("mesh {index}"));
             let name = if mesh.primitives.len() > 1 { format!("{name}[{number}]") } else { name };
-            if let Some(mesh) = self.primitive(primitive, name, context)? {
+            if let Some((mesh, by_skin)) = self.primitive(primitive, name, pose, context)? {
                 self.scene.meshes.push(mesh);
+                moved.push(by_skin);
             }
         }
-        let placed = (first, self.scene.meshes.len() as u32 - first);
-        self.placed[index] = Some(placed);
-        Ok(placed)
+        Ok((first, moved))
     }
 
     fn primitive(
         &mut self,
         primitive: &Primitive,
         name: String,
+        pose: &Pose,
         context: &mut Context<'_>,
-    ) -> Result<Option<Mesh>, SceneError> {
+    ) -> Result<Option<(Mesh, bool)>, SceneError> {
         let file = context.file;
         let mode = match primitive.mode {
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => mode,
@@ -183,9 +212,6 @@ impl Assembler<'_> {
             self.scene.warnings.add(file, "primitives without positions", "left out", || format!("`{name}`"));
             return Ok(None);
         };
-        if primitive.targets.as_ref().is_some_and(|targets| !targets.is_empty()) {
-            self.scene.warnings.add(file, "primitives with morph targets", "drawn without", || format!("`{name}`"));
-        }
         let surface = self.materials.of(primitive.material, file)?;
         let (material, coordinates) = (surface.material, surface.coordinates);
         let packed = draco::decode(primitive, self.data, context)?;
@@ -218,11 +244,28 @@ impl Assembler<'_> {
                 ));
             }
         }
-        if let Some(packed) = &packed {
-            let triangles = packed.triangles(context)?;
-            mesh.groups.push(Group { material, triangles });
-            return Ok(Some(mesh));
-        }
+        let triangles = match &packed {
+            Some(packed) => packed.triangles(context)?,
+            None => self.triangles(primitive, mode, &mesh, context)?,
+        };
+        mesh.groups.push(Group { material, triangles });
+        let warnings = &mut self.scene.warnings;
+        pose.morph(&mut mesh, primitive, &vectors, context, warnings)?;
+        let Some(skin) = pose.skin else { return Ok(Some((mesh, false))) };
+        self.skins.meet(skin, &vectors, context)?;
+        let moved = self.skins.apply(skin, &mut mesh, primitive, &vectors, context, warnings)?;
+        Ok(Some((mesh, moved)))
+    }
+
+    /// The triangles of a primitive that is not compressed.
+    fn triangles(
+        &mut self,
+        primitive: &Primitive,
+        mode: Mode,
+        mesh: &Mesh,
+        context: &mut Context<'_>,
+    ) -> Result<Vec<[u32; 3]>, SceneError> {
+        let vertices = mesh.positions.len();
         let indices = match primitive.indices {
             Some(indices) => self.data.indices(indices, context)?,
             None => {
@@ -233,14 +276,13 @@ impl Assembler<'_> {
         context.take("the triangles", indices.len(), if mode == Mode::Triangles { 4 } else { 12 })?;
         if mode == Mode::Triangles && indices.len() % 3 != 0 {
             self.scene.warnings.add(
-                file,
+                context.file,
                 "index counts that are no multiple of 3",
                 "the incomplete triangle is left out",
                 || format!("{} in `{}`", indices.len(), mesh.name),
             );
         }
-        mesh.groups.push(Group { material, triangles: assemble(mode, &indices) });
-        Ok(Some(mesh))
+        Ok(assemble(mode, &indices))
     }
 }
 
@@ -261,31 +303,6 @@ impl Assembler<'_> {
         }
         let colors = vectors.read::<4>(accessor, SEMANTIC, context)?;
         Ok(self.materials.colored(surface, colors.into_iter().map(Vec4::from)))
-    }
-}
-
-/// Where the vertex attributes of a primitive are.
-struct Vectors<'a> {
-    data: &'a Data<'a>,
-    packed: Option<&'a draco::Decoded<'a>>,
-}
-
-impl Vectors<'_> {
-    /// From the compressed stream if it holds the attribute, or else from the accessor's buffer view.
-    fn read<const N: usize>(
-        &self,
-        accessor: Index<Accessor>,
-        semantic: &str,
-        context: &mut Context<'_>,
-    ) -> Result<Vec<[f32; N]>, SceneError> {
-        if let Some(packed) = self.packed {
-            let declared = self.data.root.accessors.get(accessor.value());
-            let normalized = declared.is_some_and(|accessor| accessor.normalized);
-            if let Some(vectors) = packed.vectors(semantic, normalized, context)? {
-                return Ok(vectors);
-            }
-        }
-        self.data.vectors::<N>(accessor, context)
     }
 }
 
