@@ -6,11 +6,17 @@
 //! ```
 //!
 //! Paths in the table are relative to the folder. What is looked at are `.xml` files with a `<project>` element, and scene files;
-//! `--projects` or `--scenes` leaves the others out.
+//! `--projects` or `--scenes` leaves the others out. `--sheet FILE.png` puts the pictures side by side in the order of the table; what
+//! does not render is a cross there.
+//!
+//! ```sh
+//! cargo run --release --example survey -- path/to/models --side 300 --sheet models.png
+//! ```
 
 use clap::Parser;
 use curitiba::pipeline::diagnostic::Severity;
 use curitiba::pipeline::executor::Silent;
+use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::SCENE_EXTENSIONS;
 use curitiba::{Choice, OpenError};
@@ -30,6 +36,12 @@ struct Arguments {
     /// Pixels a side
     #[arg(long, default_value_t = 64)]
     side: u32,
+    /// Where all pictures go, as one
+    #[arg(long, value_name = "FILE.png")]
+    sheet: Option<PathBuf>,
+    /// Pictures a row of the sheet
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
+    across: u32,
     /// Bytes that each may hold
     #[arg(long, default_value_t = 2 << 30)]
     max_memory: u64,
@@ -49,6 +61,7 @@ fn main() {
     let mut files = Vec::new();
     collect(&arguments.folder, &mut files);
     files.sort();
+    let mut pictures = Vec::new();
     let mut counts: BTreeMap<&'static str, (u32, u32)> = BTreeMap::new();
     println!("| file | outcome | reason |\n|---|---|---|");
     for file in files {
@@ -56,7 +69,8 @@ fn main() {
         if is_scene && arguments.projects || !is_scene && (arguments.scenes || !is_project(&file)) {
             continue;
         }
-        let (outcome, reason) = match outcome(&file, &arguments) {
+        let mut picture = None;
+        let (outcome, reason) = match outcome(&file, &arguments, &mut picture) {
             Outcome::Renders => ("renders", String::new()),
             Outcome::Blank => ("renders", "all pixels have one colour".to_owned()),
             Outcome::Refused(reason, 0) => ("refused", reason),
@@ -65,11 +79,18 @@ fn main() {
         let (rendered, all) = counts.entry(if is_scene { "scenes" } else { "projects" }).or_default();
         *rendered += u32::from(outcome == "renders");
         *all += 1;
+        pictures.push(picture);
         println!("| {} | {outcome} | {} |", named(&file, &arguments.folder), reason.replace('|', "\\|"));
     }
     println!();
     for (kind, (rendered, all)) in counts {
         println!("Of {all} {kind} {rendered} render.");
+    }
+    if let Some(path) = &arguments.sheet
+        && let Err(error) = write_png(path, &sheet(&pictures, arguments.side, arguments.across))
+    {
+        eprintln!("{}: {error}", path.display());
+        std::process::exit(1);
     }
 }
 
@@ -99,18 +120,42 @@ fn is_project(file: &Path) -> bool {
         })
 }
 
-fn outcome(file: &Path, arguments: &Arguments) -> Outcome {
+/// The pictures in rows, on grey; a cross for what there is none of.
+fn sheet(pictures: &[Option<Image>], side: u32, across: u32) -> Image {
+    const GAP: u32 = 4;
+    let across = across.min(pictures.len().max(1) as u32);
+    let cell = side + GAP;
+    let rows = (pictures.len() as u32).div_ceil(across).max(1);
+    let mut sheet = Image::filled(across * cell + GAP, rows * cell + GAP, [0.25, 0.25, 0.25, 1.0]);
+    let cross = |x: u32, y: u32| if x.abs_diff(y) < 2 || (x + y).abs_diff(side - 1) < 2 { 0.6 } else { 0.15 };
+    for (number, picture) in (0..).zip(pictures) {
+        let (left, top) = (GAP + number % across * cell, GAP + number / across * cell);
+        for (x, y) in (0..side).flat_map(|y| (0..side).map(move |x| (x, y))) {
+            let pixel = match picture {
+                Some(picture) => picture.pixels[(y * picture.width + x) as usize],
+                None => [cross(x, y), 0.1, 0.1, 1.0],
+            };
+            sheet.pixels[((top + y) * sheet.width + left + x) as usize] = pixel;
+        }
+    }
+    sheet
+}
+
+/// What becomes of a file, and its picture as it is displayed where a sheet is asked for.
+fn outcome(file: &Path, arguments: &Arguments, shown: &mut Option<Image>) -> Outcome {
     let (size, max_memory) = (Some([arguments.side; 2]), arguments.max_memory);
     let settings = Settings { size, max_memory, ..Settings::default() };
-    let rendered = curitiba::open(file, settings, Choice::CPU, &mut Silent)
-        .and_then(|mut renderer| renderer.frame(&mut Silent).map_err(OpenError::from));
+    let rendered = curitiba::open(file, settings, Choice::CPU, &mut Silent).and_then(|mut renderer| {
+        let display = renderer.plan().display;
+        renderer.frame(&mut Silent).map(|picture| (picture, display)).map_err(OpenError::from)
+    });
     match rendered {
-        Ok(picture) => {
-            if picture.is_blank() {
-                Outcome::Blank
-            } else {
-                Outcome::Renders
+        Ok((picture, display)) => {
+            if arguments.sheet.is_some() {
+                let pixels = picture.pixels.iter().map(|pixel| display.displayed(*pixel)).collect();
+                *shown = Some(Image { pixels, ..picture.clone() });
             }
+            if picture.is_blank() { Outcome::Blank } else { Outcome::Renders }
         }
         Err(OpenError::Project(problems)) => {
             let errors: Vec<_> = problems.0.iter().filter(|problem| problem.severity == Severity::Error).collect();
