@@ -39,7 +39,7 @@ impl Operand {
             text: text.to_owned(),
             position: 1,
             message: "this is neither a picture nor a project or scene".to_owned(),
-            help: "valid: FILE.png, FILE.exr, or PROJECT.xml@SETTING,SETTING, or a scene (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml, a folder) likewise".to_owned(),
+            help: "valid: FILE.png, FILE.exr, or PROJECT.xml@SETTING,SETTING, or a scene (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .dae, .mesh.xml, a folder) likewise".to_owned(),
         })
     }
 }

@@ -330,7 +330,7 @@ fn several_files_share_equal_materials_and_the_first_of_different_ones_wins() {
 fn files_of_no_known_format_and_missing_files_are_errors_that_say_what_is_valid() {
     let folder = Folder::new();
     let error = load_one(&folder.write("a.stl", "solid")).unwrap_err().to_string();
-    assert!(error.contains(".cbo, .nbo, .obj, .gltf, .glb, .3ds, .mesh.xml"), "{error}");
+    assert!(error.contains(".cbo, .nbo, .obj, .gltf, .glb, .3ds, .dae, .mesh.xml"), "{error}");
     let error = load_one(&folder.path("none.obj")).unwrap_err().to_string();
     assert!(error.contains("none.obj") && error.contains("no such file"), "{error}");
     folder.write("Modelo.OBJ", format!("{SQUARE}f 1 2 3"));

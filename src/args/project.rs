@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// A project and what is asked of it.
 #[derive(Debug, Args)]
 pub struct ProjectArgs {
-    /// The project file; or a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml), or a folder of them, of which a project is made
+    /// The project file; or a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .dae, .mesh.xml), or a folder of them, of which a project is made
     #[arg(value_name = "PROJECT.xml|SCENE", value_hint = ValueHint::AnyPath)]
     pub path: PathBuf,
     /// Scene files that are joined with the first

@@ -265,7 +265,7 @@ impl FromStr for Frames {
 /// Arguments of `scene`.
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// Scene files (.cbo, .nbo, .obj, .gltf, .glb, .3ds, .mesh.xml), or folders of them; several are merged
+    /// Scene files (.cbo, .nbo, .obj, .gltf, .glb, .3ds, .dae, .mesh.xml), or folders of them; several are merged
     #[arg(value_name = "FILE", value_hint = ValueHint::FilePath, required_unless_present = "generate")]
     pub files: Vec<PathBuf>,
     /// Generate the stand-in square with about this many triangles (10 000 to 10 000 000)

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 /// Arguments of `visibility`.
 #[derive(Debug, Args)]
 pub struct VisibilityArgs {
-    /// Scene files (.cbo, .nbo, .obj, .gltf, .glb, .3ds, .mesh.xml), merged; or one project (.xml), of which all scenes are taken
+    /// Scene files (.cbo, .nbo, .obj, .gltf, .glb, .3ds, .dae, .mesh.xml), merged; or one project (.xml), of which all scenes are taken
     #[arg(value_name = "SCENE|PROJECT", value_hint = ValueHint::FilePath, required = true)]
     pub files: Vec<PathBuf>,
     /// Which pairs: near[:SHARE] (those that face each other and of which one may send the other at least this share of what

@@ -8,14 +8,13 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// Extensions of scene files, best first: where a folder holds one model in several formats, the first serves.
-pub const SCENE_EXTENSIONS: [&str; 7] = ["glb", "gltf", "nbo", "cbo", "obj", "3ds", "mesh.xml"];
+pub const SCENE_EXTENSIONS: [&str; 8] = ["glb", "gltf", "nbo", "cbo", "obj", "3ds", "dae", "mesh.xml"];
 
 /// Files that people have and that cannot be read, with what to do.
 const OTHER_FILES: &[(&str, &str)] = &[
     ("mlib", "this is a material library; name a project that lists it in <materialLibs>"),
     ("mtl", "this holds the materials of an .obj file; name that"),
     ("bin", "this holds the numbers of a .gltf file; name that"),
-    ("dae", "export it as .glb, for example with Blender"),
     ("fbx", "export it as .glb, for example with Blender"),
     ("blend", "export it as .glb with Blender"),
     ("ply", "export it as .glb or .obj, for example with Blender or MeshLab"),
@@ -152,7 +151,7 @@ pub fn scene_files(path: &Path) -> Result<Option<Vec<PathBuf>>, SourceError> {
     let text = start.as_deref().map(|start| start.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(start).trim_ascii_start());
     let is_xml = extension == "xml" || text.is_some_and(|text| text.is_empty() || text.starts_with(b"<"));
     let other = OTHER_FILES.iter().find(|(known, _)| *known == extension).map(|(_, remedy)| *remedy);
-    let valid = "valid: a project (.xml), scene files (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml), or a folder of scene files";
+    let valid = "valid: a project (.xml), scene files (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .dae, .mesh.xml), or a folder of scene files";
     match (start.is_some(), is_xml, other) {
         (true, _, Some(remedy)) => {
             Err(SceneError::file(path, "this is neither a project nor a scene that can be read")
@@ -199,7 +198,7 @@ pub(super) fn scenes_in(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     if found.is_empty() {
         projects.sort();
         let help = match &projects[..] {
-            [] => "valid: a folder with .glb, .gltf, .obj, .cbo, .nbo, .3ds or .mesh.xml files; folders in it are not searched"
+            [] => "valid: a folder with .glb, .gltf, .obj, .cbo, .nbo, .3ds, .dae or .mesh.xml files; folders in it are not searched"
                 .to_owned(),
             _ => format!(
                 "it has projects; name one: {}",
@@ -239,7 +238,7 @@ mod tests {
         assert_eq!(scene(Path::new("no.glb")), Ok(Some(vec!["no.glb".into()])));
         for (name, bytes, words) in [
             ("h.png", &b"\x89PNG"[..], ".glb"),
-            ("i.dae", b"<COLLADA/>", "Blender"),
+            ("i.fbx", b"; FBX 7.7.0", "Blender"),
             ("j.mtl", b"newmtl a", ".obj file; name that"),
         ] {
             let error = scene(&write(name, bytes)).expect_err(name);

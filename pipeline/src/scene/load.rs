@@ -46,10 +46,11 @@ enum Format {
     Gltf,
     Studio,
     Ogre,
+    Collada,
 }
 
 /// What may be loaded.
-const FORMATS: &str = "valid: .cbo, .nbo, .obj, .gltf, .glb, .3ds, .mesh.xml";
+const FORMATS: &str = "valid: .cbo, .nbo, .obj, .gltf, .glb, .3ds, .dae, .mesh.xml";
 
 /// By the first bytes where they tell, by the extension otherwise.
 fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, SceneError> {
@@ -66,6 +67,7 @@ fn format_of(file: &Path, bytes: &[u8]) -> Result<Format, SceneError> {
         "obj" => Ok(Format::Obj),
         "gltf" | "glb" => Ok(Format::Gltf),
         "3ds" => Ok(Format::Studio),
+        "dae" => Ok(Format::Collada),
         other => Err(SceneError::file(file, format!("`.{other}` is not a scene format")).help(FORMATS)),
     }
 }
@@ -132,6 +134,7 @@ fn load_one(file: &Path, size: u64, needs: Needs, budget: &mut Budget) -> Result
         Format::Gltf => super::gltf::read(&bytes, &mut context),
         Format::Studio => super::studio::read(&bytes, &mut context),
         Format::Ogre => super::ogre::read(&bytes, &mut context),
+        Format::Collada => super::collada::read(&bytes, &mut context),
     };
     drop(bytes);
     budget.give_back(size);

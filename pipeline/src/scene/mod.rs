@@ -2,6 +2,7 @@
 
 mod bytes;
 mod cbo;
+mod collada;
 mod context;
 pub(crate) mod dispersion;
 mod error;

@@ -37,13 +37,14 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 9] = [
+pub const TARGETS: [Target; 10] = [
     Target { name: "project_xml", run: project_xml },
     Target { name: "mlib", run: mlib },
     Target { name: "cbo", run: cbo },
     Target { name: "obj", run: obj },
     Target { name: "gltf", run: gltf },
     Target { name: "studio", run: studio },
+    Target { name: "collada", run: collada },
     Target { name: "ogre", run: ogre },
     Target { name: "texture", run: texture },
     Target { name: "picture", run: picture::picture },
@@ -97,6 +98,12 @@ pub fn gltf(input: &[u8]) -> Outcome {
 pub fn studio(input: &[u8]) -> Outcome {
     let folder = Folder::with_textures();
     scene(&folder, &folder.write("scene.3ds", input))
+}
+
+/// A COLLADA document.
+pub fn collada(input: &[u8]) -> Outcome {
+    let folder = Folder::with_textures();
+    scene(&folder, &folder.write("scene.dae", input))
 }
 
 /// A mesh of Ogre, as XML.

@@ -29,11 +29,13 @@ pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
             ("file.gltf", [gltf_json("\"scene.bin\"").as_bytes(), b"\0", &gltf_binary()].concat()),
             ("binary.glb", glb()),
             ("sparse.gltf", SPARSE_GLTF.into()),
+            ("posed.gltf", POSED_GLTF.into()),
             // Made by the encoders of the crates that read them; a test of `scene_gltf` writes them.
             ("draco.glb", include_bytes!("draco.glb").to_vec()),
             ("meshopt.glb", include_bytes!("meshopt.glb").to_vec()),
         ],
         "studio" => vec![("square.3ds", studio())],
+        "collada" => vec![("square.dae", COLLADA.into())],
         "ogre" => vec![("square.mesh.xml", OGRE.into())],
         "texture" => vec![
             ("rgba.png", encoded(ImageFormat::Png, true)),
@@ -62,6 +64,19 @@ g b c\nf 1/1 2/2 3/3\nf 1 2 3 4 5\nusemtl gone\nl 1 2\nf 3 4 5\n\0newmtl wall\nK
 Ns 20\nd 0.9\nillum 2\nmap_Kd -s 2 2 1 -o 0.5 0 0 t.tga\nmap_d m.tga\nnewmtl pane\nKd 1 1 1\nTf 0.9 0.9 0.8\nNi 1.52
 Tr 0.7\nd -halo 0.5\nillum 7\nmap_Kd t.tga\nmap_d t.tga\nmap_bump -bm 0.2 m.tga\n";
 
+const COLLADA: &str = r##"<COLLADA><asset><unit meter="0.1"/><up_axis>Z_UP</up_axis></asset>
+<library_images><image id="i"><init_from>t.tga</init_from></image></library_images>
+<library_effects><effect id="e"><profile_COMMON><newparam sid="s"><surface><init_from>i</init_from></surface></newparam>
+<newparam sid="t"><sampler2D><source>s</source></sampler2D></newparam><technique><phong><diffuse><texture texture="t"/></diffuse>
+<transparent opaque="A_ONE"><color>1 1 1 0.5</color></transparent><shininess><float>3</float></shininess></phong></technique>
+</profile_COMMON></effect></library_effects><library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a">0 0 0 1 0 0 0 1 0 1 1 .5</float_array><technique_common>
+<accessor source="#a" count="4" stride="3"/></technique_common></source><vertices id="v"><input semantic="POSITION" source="#p"/>
+</vertices><polylist material="w"><input semantic="VERTEX" source="#v" offset="0"/><input semantic="TEXCOORD" source="#p" offset="1"/>
+<vcount>3 3</vcount><p>0 0 1 1 2 2 2 2 1 1 3 3</p></polylist></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="n"><node><rotate>0 0 1 30</rotate><translate>1 2 3</translate><instance_geometry url="#g">
+<bind_material><technique_common><instance_material symbol="w" target="#m"/></technique_common></bind_material></instance_geometry>
+</node></visual_scene></library_visual_scenes><scene><instance_visual_scene url="#n"/></scene></COLLADA>"##;
 const OGRE: &str = r#"<?xml version="1.0"?><mesh><sharedgeometry vertexcount="4"><vertexbuffer positions="true" normals="true">
 <vertex><position x="0" y="0" z="0"/><normal x="0" y="0" z="1"/><texcoord u="0" v="1"/></vertex>
 <vertex><position x="1" y="0" z="0"/><normal x="0" y="0" z="1"/><texcoord u="1" v="1"/></vertex>
@@ -223,6 +238,18 @@ const SPARSE_GLTF: &str = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0}],
 "accessors":[{"componentType":5126,"count":3,"type":"VEC3","sparse":{"count":2,
 "indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0,"byteOffset":4}}},
 {"bufferView":1,"componentType":5120,"normalized":true,"count":3,"type":"VEC3"}],
+"bufferViews":[{"buffer":0,"byteLength":28},{"buffer":0,"byteLength":28,"byteStride":4}],
+"buffers":[{"byteLength":28,"uri":"data:;base64,AQIAAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAA=="}]}"#;
+
+/// The same positions in a skin, with a morph target and colours.
+const POSED_GLTF: &str = r#"{"asset":{"version":"2.0"},
+"nodes":[{"mesh":0,"skin":0,"weights":[0.5]},{"translation":[0,0,1],"children":[2]},{"rotation":[0,0,1,1]}],
+"meshes":[{"weights":[1],"primitives":[{"attributes":{"POSITION":0,"COLOR_0":1,"JOINTS_0":2,"WEIGHTS_0":3},"targets":[{"POSITION":0}]}]}],
+"skins":[{"joints":[1,2]}],
+"accessors":[{"componentType":5126,"count":3,"type":"VEC3","sparse":{"count":2,
+"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0,"byteOffset":4}}},
+{"bufferView":1,"componentType":5121,"normalized":true,"count":3,"type":"VEC4"},{"componentType":5121,"count":3,"type":"VEC4"},
+{"bufferView":1,"byteOffset":4,"componentType":5121,"normalized":true,"count":3,"type":"VEC4"}],
 "bufferViews":[{"buffer":0,"byteLength":28},{"buffer":0,"byteLength":28,"byteStride":4}],
 "buffers":[{"byteLength":28,"uri":"data:;base64,AQIAAAAAgD8AAAAAAAAAAAAAAAAAAIA/AAAAAA=="}]}"#;
 

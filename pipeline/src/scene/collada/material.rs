@@ -1,0 +1,157 @@
+//! Effects as materials: what the common profile says of a surface.
+
+use super::xml::{Document, Element, plain};
+use crate::diagnostic::Warnings;
+use crate::scene::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file_or_suffix};
+use crate::scene::{Material, TextureSource};
+use glam::{Vec3, Vec4};
+use std::collections::HashMap;
+
+/// Brightness of a colour, as the specification (1.4.1, "Determining transparency") weighs it.
+const LUMINANCE: Vec3 = Vec3::new(0.212_671, 0.715_160, 0.072_169);
+
+/// The materials that something was drawn with.
+#[derive(Debug, Default)]
+pub(super) struct Materials {
+    pub(super) table: MaterialTable,
+    pub(super) textures: Vec<TextureSource>,
+    /// By id in the file; without one where a primitive names none.
+    by_id: HashMap<Option<String>, u32>,
+}
+
+impl Materials {
+    /// The material of that URL, which is read when it is asked for first; a light grey one where there is none.
+    pub(super) fn of(
+        &mut self,
+        url: Option<&str>,
+        document: &Document<'_>,
+        context: &Context<'_>,
+        warnings: &mut Warnings,
+    ) -> u32 {
+        let id = url.map(|url| url.strip_prefix('#').unwrap_or(url).to_owned());
+        if let Some(known) = self.by_id.get(&id) {
+            return *known;
+        }
+        let written = id.as_deref().and_then(|id| document.find(id)).map(|index| document.get(index));
+        let written = written.filter(|written| written.name() == "material");
+        let named = written.and_then(|written| written.attribute("name")).or(id.as_deref()).unwrap_or("default");
+        let mut name = plain(named).into_owned();
+        // Names need not differ, ids must.
+        while self.table.get(&name).is_some() {
+            name = format!("{name}#{}", id.as_deref().unwrap_or("default"));
+        }
+        let mut material = Material { name, ..Material::default() };
+        let effect = written
+            .and_then(|written| document.descend(written, &["instance_effect"]))
+            .and_then(|instance| document.find(instance.attribute("url")?))
+            .and_then(|effect| document.descend(document.get(effect), &["profile_COMMON"]));
+        match effect {
+            Some(profile) => self.surface(&mut material, profile, document, context, warnings),
+            None if id.is_some() => {
+                let what = "materials that are used but not described";
+                warnings.add(context.file, what, "a light grey one serves", || format!("`{}`", material.name));
+            }
+            None => {}
+        }
+        let index = self.table.materials.len() as u32;
+        self.table.declare(material);
+        self.by_id.insert(id, index);
+        index
+    }
+
+    fn surface(
+        &mut self,
+        material: &mut Material,
+        profile: &Element<'_>,
+        document: &Document<'_>,
+        context: &Context<'_>,
+        warnings: &mut Warnings,
+    ) {
+        const SHADINGS: [&str; 4] = ["phong", "blinn", "lambert", "constant"];
+        let technique = document.descend(profile, &["technique"]);
+        let shading = technique.and_then(|technique| {
+            document.all_children(technique).map(|(_, child)| child).find(|child| SHADINGS.contains(&child.name()))
+        });
+        let Some(shading) = shading else {
+            let what = "materials of another shading than phong, blinn, lambert and constant";
+            warnings.add(context.file, what, "a light grey one serves", || format!("`{}`", material.name));
+            return;
+        };
+        let color = |name: &str| color(document.descend(shading, &[name, "color"])?);
+        let number = |name: &str| {
+            let written = document.descend(shading, &[name, "float"])?;
+            written.text().parse::<f32>().ok().filter(|number| number.is_finite())
+        };
+        let texture = |name: &str| document.descend(shading, &[name, "texture"])?.attribute("texture");
+        material.diffuse = color("diffuse").unwrap_or(material.diffuse).truncate().extend(1.0);
+        material.ambient = color("ambient").unwrap_or(material.ambient);
+        material.specular = color("specular").unwrap_or(material.specular);
+        material.emission = color("emission").unwrap_or(material.emission);
+        material.emission_added = true;
+        material.shininess = number("shininess").unwrap_or(material.shininess).max(0.0);
+        material.ior = number("index_of_refraction").filter(|index| *index >= 1.0).unwrap_or(material.ior);
+        if let Some(name) = texture("diffuse").filter(|_| context.needs.textures) {
+            let image = image(name, profile, document);
+            let path = image.as_deref().unwrap_or(name);
+            let found = texture_file_or_suffix(context, path, warnings, &material.name);
+            material.texture = found.map(|path| add_texture(&mut self.textures, TextureSource::File(path)));
+            // A texture carries the colour by itself.
+            material.diffuse = Vec4::ONE;
+        }
+        if texture("transparent").is_some() {
+            material.alpha_cutoff = material.texture.map(|_| MASK_CUTOFF);
+        } else if let Some(transparent) = document.descend(shading, &["transparent"]) {
+            let factor = number("transparency").unwrap_or(1.0);
+            let clear = color("transparent").unwrap_or(Vec4::ONE);
+            let opacity = match transparent.attribute("opaque").unwrap_or("A_ONE") {
+                "RGB_ZERO" => 1.0 - factor * clear.truncate().dot(LUMINANCE),
+                "A_ZERO" => 1.0 - factor * clear.w,
+                "RGB_ONE" => factor * clear.truncate().dot(LUMINANCE),
+                _ => factor * clear.w,
+            };
+            material.diffuse.w = if opacity.is_finite() { opacity.clamp(0.0, 1.0) } else { 1.0 };
+        }
+    }
+}
+
+fn color(written: &Element<'_>) -> Option<Vec4> {
+    let mut words = written.text().split_ascii_whitespace().map(|word| word.parse::<f32>().ok());
+    let [r, g, b] = std::array::from_fn(|_| words.next().flatten());
+    let color = Vec4::new(r?, g?, b?, words.next().flatten().unwrap_or(1.0));
+    color.is_finite().then_some(color)
+}
+
+/// The path of the image that a texture names: through a sampler and, in 1.4, a surface, which are parameters of the profile; some
+/// programs name the image itself.
+fn image(texture: &str, profile: &Element<'_>, document: &Document<'_>) -> Option<String> {
+    let parameter =
+        |sid: &str| document.children(profile, "newparam").find(|parameter| parameter.attribute("sid") == Some(sid));
+    let sampler = parameter(texture).and_then(|parameter| document.descend(parameter, &["sampler2D"]));
+    let id = sampler.map_or(Some(texture), |sampler| {
+        if let Some(instance) = document.descend(sampler, &["instance_image"]) {
+            return instance.attribute("url");
+        }
+        let surface = parameter(document.descend(sampler, &["source"])?.text())?;
+        // Borrowed from the document, not from this closure.
+        document.descend(surface, &["surface", "init_from"]).map(|init| init.text())
+    });
+    let image = document.get(document.find(id?)?);
+    let init = document.descend(image, &["init_from"])?;
+    let written = document.descend(init, &["ref"]).unwrap_or(init).text();
+    let path = plain(written);
+    let path = path.strip_prefix("file://").unwrap_or(&path);
+    Some(percent_decoded(path))
+}
+
+/// A URI's path without its escapes; as it is where they are broken.
+fn percent_decoded(uri: &str) -> String {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let [first, tail @ ..] = rest {
+        let digits = tail.get(..2).filter(|digits| *first == b'%' && digits.iter().all(u8::is_ascii_hexdigit));
+        let code = digits.and_then(|digits| u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok());
+        bytes.push(code.unwrap_or(*first));
+        rest = if code.is_some() { &tail[2..] } else { tail };
+    }
+    String::from_utf8(bytes).unwrap_or_else(|_| uri.to_owned())
+}

@@ -1,0 +1,237 @@
+//! Primitives as triangles, with one vertex for each set of indices.
+
+use super::xml::{Document, Element};
+use crate::diagnostic::Warnings;
+use crate::scene::context::Context;
+use crate::scene::error::{Place, SceneError};
+use crate::scene::{Group, Mesh};
+use glam::{Vec2, Vec3};
+use std::collections::HashMap;
+
+/// Stands for no index.
+const NONE: u32 = u32::MAX;
+
+/// Whether an element of a mesh is drawn.
+pub(super) fn is_drawn(name: &str) -> bool {
+    matches!(name, "triangles" | "polylist" | "polygons" | "tristrips" | "trifans")
+}
+
+/// Whether it is a primitive that is not drawn.
+pub(super) fn is_not_drawn(name: &str) -> bool {
+    matches!(name, "lines" | "linestrips")
+}
+
+/// The meshes that were read, by primitive and material.
+#[derive(Debug, Default)]
+pub(super) struct Meshes(HashMap<(u32, u32), u32>);
+
+impl Meshes {
+    pub(super) fn known(&self, primitive: (u32, u32)) -> Option<u32> {
+        self.0.get(&primitive).copied()
+    }
+
+    pub(super) fn add(&mut self, primitive: (u32, u32), mesh: Mesh, meshes: &mut Vec<Mesh>) -> u32 {
+        let index = meshes.len() as u32;
+        meshes.push(mesh);
+        self.0.insert(primitive, index);
+        index
+    }
+}
+
+/// An attribute: the numbers of a source, and where a corner's index of it is.
+struct Attribute {
+    offset: usize,
+    numbers: Vec<f32>,
+    first: usize,
+    stride: usize,
+    count: usize,
+}
+
+impl Attribute {
+    /// The values of an index, zeros for those that the source lacks.
+    fn at<const N: usize>(&self, index: u32) -> [f32; N] {
+        let first = self.first + index as usize * self.stride;
+        std::array::from_fn(|i| if i < self.stride { self.numbers[first + i] } else { 0.0 })
+    }
+}
+
+/// What a corner reads: position, normal, texture coordinates, colour.
+type Attributes = [Option<Attribute>; 4];
+
+/// Reads a primitive, an element of a mesh with its material.
+pub(super) fn read(
+    document: &Document<'_>,
+    (primitive, material): (u32, u32),
+    name: String,
+    context: &mut Context<'_>,
+    warnings: &mut Warnings,
+) -> Result<Mesh, SceneError> {
+    let element = document.get(primitive);
+    let file = context.file;
+    let fail = |(at, what): (u64, String)| SceneError::new(file, Place::Byte(at), what);
+    let mut attributes: Attributes = [None, None, None, None];
+    let mut stride = 0;
+    let wanted = [true, context.needs.normals, context.needs.textures, context.needs.colors];
+    let mut sets = [usize::MAX; 4];
+    for input in document.children(element, "input") {
+        let offset = input.count("offset", 0).map_err(fail)?;
+        stride = stride.max(offset.saturating_add(1));
+        let set = input.count("set", 0).map_err(fail)?;
+        let source = || {
+            let found = input.attribute("source").and_then(|source| document.find(source));
+            found.ok_or_else(|| fail(input.wrong("its `source` leads nowhere".to_owned())))
+        };
+        let mut add = |semantic: &str, source: u32, context: &mut Context<'_>| {
+            let slot = ["POSITION", "NORMAL", "TEXCOORD", "COLOR"].iter().position(|own| *own == semantic);
+            // Of several sets the first one.
+            let Some(slot) = slot.filter(|slot| wanted[*slot] && set < sets[*slot]) else { return Ok(()) };
+            sets[slot] = set;
+            attributes[slot] = Some(attribute(document, source, offset, context)?);
+            Ok::<(), SceneError>(())
+        };
+        match input.attribute("semantic") {
+            Some("VERTEX") => {
+                let vertices = source()?;
+                for inner in document.children(document.get(vertices), "input") {
+                    let source = inner.attribute("source").and_then(|source| document.find(source));
+                    let source = source.ok_or_else(|| fail(inner.wrong("its `source` leads nowhere".to_owned())))?;
+                    add(inner.attribute("semantic").unwrap_or_default(), source, context)?;
+                }
+            }
+            Some(semantic) => {
+                let source = source()?;
+                add(semantic, source, context)?;
+            }
+            None => {}
+        }
+    }
+    let mut builder = Builder::new(attributes, Mesh { name, ..Mesh::default() });
+    if builder.attributes[0].is_none() {
+        let what = "primitives of COLLADA files without positions";
+        warnings.add(file, what, "left out", || format!("`{}`", builder.mesh.name));
+        return Ok(builder.mesh);
+    }
+    let kind = element.name();
+    let counts = document.children(element, "vcount").next().filter(|_| kind == "polylist");
+    let counts = counts.map(|counts| counts.numbers::<u32>(context)).transpose()?;
+    let mut polygons: Vec<&Element<'_>> = document.children(element, "p").collect();
+    let holed: Vec<&Element<'_>> = document.children(element, "ph").collect();
+    if !holed.is_empty() {
+        let what = "polygons with holes";
+        warnings.add(file, what, "drawn without holes", || format!("{} in `{}`", holed.len(), builder.mesh.name));
+        polygons.extend(holed.iter().filter_map(|holed| document.descend(holed, &["p"])));
+    }
+    let mut bad = 0_u64;
+    for list in polygons {
+        let indices = list.numbers::<u32>(context)?;
+        let corners: Vec<&[u32]> = indices.chunks_exact(stride).collect();
+        context.take("the corners of a mesh", corners.len(), 96)?;
+        let mut draw = |triangle: [&[u32]; 3]| bad += u64::from(!builder.triangle(triangle));
+        match (kind, &counts) {
+            ("triangles", _) => corners.as_chunks::<3>().0.iter().for_each(|corners| draw(*corners)),
+            ("polylist", Some(counts)) => {
+                let mut rest = &corners[..];
+                for count in counts {
+                    let Some((polygon, after)) = rest.split_at_checked(*count as usize) else {
+                        let (at, what) = list.wrong(format!("{} corners are fewer than <vcount> says", corners.len()));
+                        return Err(SceneError::new(file, Place::Byte(at), what));
+                    };
+                    fan(polygon).for_each(&mut draw);
+                    rest = after;
+                }
+            }
+            ("tristrips", _) => corners.windows(3).enumerate().for_each(|(number, corners)| {
+                // Every second triangle turns the other way round.
+                let [a, b, c] = [corners[0], corners[1], corners[2]];
+                draw(if number % 2 == 0 { [a, b, c] } else { [a, c, b] });
+            }),
+            _ => fan(&corners).for_each(&mut draw),
+        }
+    }
+    let Builder { mut mesh, triangles, .. } = builder;
+    if bad > 0 {
+        let what = "triangles with indices out of range";
+        warnings.add(file, what, "left out", || format!("{bad} in `{}`", mesh.name));
+    }
+    mesh.groups.push(Group { material, triangles });
+    Ok(mesh)
+}
+
+/// The triangles of a convex polygon.
+fn fan<'c, 'i>(corners: &'c [&'i [u32]]) -> impl Iterator<Item = [&'i [u32]; 3]> + 'c {
+    (2..corners.len()).map(|last| [corners[0], corners[last - 1], corners[last]])
+}
+
+/// The numbers that a source's accessor describes; all of them are there.
+fn attribute(
+    document: &Document<'_>,
+    source: u32,
+    offset: usize,
+    context: &mut Context<'_>,
+) -> Result<Attribute, SceneError> {
+    let file = context.file;
+    let fail = |(at, what): (u64, String)| SceneError::new(file, Place::Byte(at), what);
+    let element = document.get(source);
+    let accessor = document.descend(element, &["technique_common", "accessor"]);
+    let accessor = accessor.ok_or_else(|| fail(element.wrong("the source has no accessor".to_owned())))?;
+    let array = accessor.attribute("source").and_then(|array| document.find(array)).map(|array| document.get(array));
+    let array = array.filter(|array| array.name() == "float_array");
+    let array = array.ok_or_else(|| fail(accessor.wrong("its `source` is no array of numbers".to_owned())))?;
+    let numbers = array.numbers::<f32>(context)?;
+    let (first, stride) = (accessor.count("offset", 0).map_err(fail)?, accessor.count("stride", 1).map_err(fail)?);
+    let count = accessor.count("count", 0).map_err(fail)?;
+    let end = count.checked_mul(stride).and_then(|length| length.checked_add(first));
+    if stride == 0 || end.is_none_or(|end| end > numbers.len()) {
+        let what =
+            format!("{count} times {stride} values from {first} on are more than the {} that there are", numbers.len());
+        return Err(fail(accessor.wrong(what)));
+    }
+    Ok(Attribute { offset, numbers, first, stride, count })
+}
+
+struct Builder {
+    attributes: Attributes,
+    mesh: Mesh,
+    triangles: Vec<[u32; 3]>,
+    /// Which vertex has which indices.
+    vertices: HashMap<[u32; 4], u32>,
+}
+
+impl Builder {
+    fn new(attributes: Attributes, mesh: Mesh) -> Self {
+        Self { attributes, mesh, triangles: Vec::new(), vertices: HashMap::new() }
+    }
+
+    /// Adds a triangle unless an index is out of range.
+    fn triangle(&mut self, corners: [&[u32]; 3]) -> bool {
+        let Self { attributes, .. } = self;
+        let mut keys = [[NONE; 4]; 3];
+        for (key, corner) in keys.iter_mut().zip(corners) {
+            for (index, attribute) in key.iter_mut().zip(attributes.iter()) {
+                let Some(attribute) = attribute else { continue };
+                *index = corner[attribute.offset];
+                if *index as usize >= attribute.count {
+                    return false;
+                }
+            }
+        }
+        let triangle = keys.map(|key| self.vertex(key));
+        self.triangles.push(triangle);
+        true
+    }
+
+    fn vertex(&mut self, key: [u32; 4]) -> u32 {
+        let Self { attributes, mesh, vertices, .. } = self;
+        let next = mesh.positions.len() as u32;
+        let vertex = *vertices.entry(key).or_insert(next);
+        if vertex == next {
+            let [positions, normals, texcoords, colors] = attributes;
+            let [position, normal, texcoord, color] = key;
+            mesh.positions.extend(positions.iter().map(|list| Vec3::from(list.at(position))));
+            mesh.normals.extend(normals.iter().map(|list| Vec3::from(list.at(normal))));
+            mesh.texcoords.extend(texcoords.iter().map(|list| Vec2::from(list.at(texcoord))));
+            mesh.colors.extend(colors.iter().map(|list| Vec3::from(list.at(color)).extend(1.0)));
+        }
+        vertex
+    }
+}

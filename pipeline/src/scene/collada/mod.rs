@@ -1,0 +1,265 @@
+//! COLLADA 1.4 and 1.5 (`.dae`): the geometry of a visual scene as it stands, its materials and their textures. Places are in metres
+//! with y up, whatever the file counts in. Skinned and morphed meshes are drawn as they were modelled; animations, cameras, lights and
+//! physics are passed over.
+
+mod material;
+mod mesh;
+mod xml;
+
+use super::context::Context;
+use super::error::{Place, SceneError};
+use super::{Object, Scene};
+use crate::diagnostic::Warnings;
+use glam::{DMat4, DVec3};
+use material::Materials;
+use mesh::Meshes;
+use std::path::Path;
+use xml::{Document, Element, plain};
+
+/// Nodes below nodes, at most: nobody's scene is deeper, and one that places itself has no end.
+const MAX_DEPTH: usize = 1024;
+
+pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, SceneError> {
+    let file = context.file;
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        SceneError::new(file, Place::Byte(error.valid_up_to() as u64), "this is not UTF-8").help("valid: UTF-8")
+    })?;
+    let document = Document::read(text, context)?;
+    let Some(root) = document.root().filter(|root| root.name() == "COLLADA") else {
+        return Err(SceneError::file(file, "this XML file is no COLLADA document").help("valid: <COLLADA>"));
+    };
+    let mut walk = Walk {
+        document: &document,
+        scene: Scene::default(),
+        materials: Materials::default(),
+        meshes: Meshes::default(),
+        warnings: Warnings::default(),
+    };
+    let upright = upright(&document, root, file, &mut walk.warnings);
+    let named = document.descend(root, &["scene", "instance_visual_scene"]);
+    let named = named.and_then(|instance| document.find(instance.attribute("url")?));
+    match named.or_else(|| document.first("visual_scene")) {
+        Some(scene) => walk.nodes(scene, upright, context)?,
+        None => {
+            for geometry in document.all("geometry") {
+                walk.place(geometry, None, upright, "", context)?;
+            }
+        }
+    }
+    let Walk { mut scene, materials, warnings, .. } = walk;
+    (scene.materials, scene.textures, scene.warnings) = (materials.table.materials, materials.textures, warnings);
+    Ok(scene)
+}
+
+/// From the file's axes and unit to metres with y up.
+fn upright(document: &Document<'_>, root: &Element<'_>, file: &Path, warnings: &mut Warnings) -> DMat4 {
+    let asset = |name: &str| document.descend(root, &["asset", name]);
+    let written = asset("unit").and_then(|unit| unit.attribute("meter"));
+    let meter = written.map_or(Some(1.0), |meter| meter.trim().parse::<f64>().ok());
+    let meter = meter.filter(|meter| *meter > 0.0 && meter.is_finite()).unwrap_or_else(|| {
+        let what = "units that are no length above 0";
+        warnings.add(file, what, "1 metre serves", || written.unwrap_or_default().chars().take(20).collect());
+        1.0
+    });
+    let axes = match asset("up_axis").map(|axis| axis.text()) {
+        Some("Z_UP") => [DVec3::X, DVec3::NEG_Z, DVec3::Y],
+        Some("X_UP") => [DVec3::Y, DVec3::NEG_X, DVec3::Z],
+        _ => [DVec3::X, DVec3::Y, DVec3::Z],
+    };
+    let [x, y, z] = axes.map(|axis| (axis * meter).extend(0.0));
+    DMat4::from_cols(x, y, z, glam::DVec4::W)
+}
+
+struct Walk<'d, 'a> {
+    document: &'d Document<'a>,
+    scene: Scene,
+    materials: Materials,
+    meshes: Meshes,
+    warnings: Warnings,
+}
+
+impl Walk<'_, '_> {
+    /// Places what the nodes below one hold, depth first, in order.
+    fn nodes(&mut self, scene: u32, upright: DMat4, context: &mut Context<'_>) -> Result<(), SceneError> {
+        let document = self.document;
+        let file = context.file;
+        // Of a scene its nodes, of a node its nodes and instances; transforms come first in a node.
+        let mut stack = vec![(scene, upright, 0)];
+        while let Some((index, parent, depth)) = stack.pop() {
+            let node = document.get(index);
+            let fail = |(at, what): (u64, String)| SceneError::new(file, Place::Byte(at), what);
+            // Instances of nodes within instances may be far more than the file has bytes.
+            context.take("the nodes", 1, 64)?;
+            if depth > MAX_DEPTH {
+                let what = format!("more than {MAX_DEPTH} nodes lie within each other, or one places itself");
+                return Err(fail(node.wrong(what)));
+            }
+            let transform = parent * self.transform(node, context)?;
+            let name = node.attribute("name").or(node.attribute("id")).unwrap_or_default();
+            let mut below = Vec::new();
+            for (child, element) in document.all_children(node) {
+                let target = || element.attribute("url").and_then(|url| document.find(url));
+                match element.name() {
+                    "node" => below.push((child, transform, depth + 1)),
+                    "instance_node" => {
+                        let found = target().filter(|found| document.get(*found).name() == "node");
+                        let found = found.ok_or_else(|| fail(element.wrong("it names no node".to_owned())))?;
+                        below.push((found, transform, depth + 1));
+                    }
+                    "instance_geometry" | "instance_controller" => {
+                        let found =
+                            target().ok_or_else(|| fail(element.wrong("its `url` leads nowhere".to_owned())))?;
+                        let (geometry, bind) = self.geometry_of(found, context)?;
+                        self.place(geometry, Some(element), transform * bind, name, context)?;
+                    }
+                    "instance_camera" | "instance_light" => {
+                        let what = "cameras and lights of COLLADA files";
+                        self.warnings.add(file, what, "ignored", || format!("`{}`", plain(name)));
+                    }
+                    _ => {}
+                }
+            }
+            stack.extend(below.into_iter().rev());
+        }
+        Ok(())
+    }
+
+    /// The geometry that a controller moves, and where it was when it was bound; a geometry is its own.
+    fn geometry_of(&mut self, mut index: u32, context: &mut Context<'_>) -> Result<(u32, DMat4), SceneError> {
+        let document = self.document;
+        let mut bind = DMat4::IDENTITY;
+        // A skin of a morph of a mesh; more would be a circle.
+        for _ in 0..4 {
+            let element = document.get(index);
+            let moved = ["skin", "morph"].iter().find_map(|kind| document.descend(element, &[kind]));
+            let Some(moved) = moved.filter(|_| element.name() == "controller") else { break };
+            let id = element.attribute("id").unwrap_or_default();
+            let what = "skinned and morphed meshes of COLLADA files";
+            self.warnings.add(context.file, what, "drawn as they were modelled", || format!("`{}`", plain(id)));
+            if let Some(shape) = document.descend(moved, &["bind_shape_matrix"]) {
+                bind *= matrix(shape, context)?;
+            }
+            let source = moved.attribute("source").and_then(|source| document.find(source));
+            index = source.ok_or_else(|| {
+                let (at, what) = moved.wrong("its `source` leads nowhere".to_owned());
+                SceneError::new(context.file, Place::Byte(at), what)
+            })?;
+        }
+        Ok((index, bind))
+    }
+
+    /// Places the meshes of a geometry.
+    fn place(
+        &mut self,
+        geometry: u32,
+        instance: Option<&Element<'_>>,
+        transform: DMat4,
+        name: &str,
+        context: &mut Context<'_>,
+    ) -> Result<(), SceneError> {
+        let document = self.document;
+        let element = document.get(geometry);
+        let Some(written) = document.descend(element, &["mesh"]).filter(|_| element.name() == "geometry") else {
+            let what = "geometries that are no meshes";
+            self.warnings.add(context.file, what, "left out", || format!("<{}>", element.name()));
+            return Ok(());
+        };
+        let technique = instance.and_then(|i| document.descend(i, &["bind_material", "technique_common"]));
+        let bound: Vec<(&str, &str)> = technique
+            .iter()
+            .flat_map(|technique| document.children(technique, "instance_material"))
+            .filter_map(|bound| Some((bound.attribute("symbol")?, bound.attribute("target")?)))
+            .collect();
+        let mut materials = Vec::new();
+        for (primitive, element) in document.all_children(written) {
+            if mesh::is_drawn(element.name()) {
+                let symbol = element.attribute("material");
+                let target = symbol.map(|symbol| {
+                    // Without a binding the symbol may be the name of a material.
+                    bound.iter().find(|(own, _)| *own == symbol).map_or(symbol, |(_, target)| *target)
+                });
+                materials.push((primitive, self.materials.of(target, document, context, &mut self.warnings)));
+            } else if mesh::is_not_drawn(element.name()) {
+                let what = "lines of COLLADA files";
+                self.warnings.add(context.file, what, "left out", || format!("<{}>", element.name()));
+            }
+        }
+        let id = element.attribute("name").or(element.attribute("id")).unwrap_or_default();
+        let name = plain(if name.is_empty() { id } else { name }).into_owned();
+        for primitive in materials {
+            let known = self.meshes.known(primitive);
+            let mesh = match known {
+                Some(mesh) => mesh,
+                None => {
+                    let read = mesh::read(document, primitive, plain(id).into_owned(), context, &mut self.warnings)?;
+                    self.meshes.add(primitive, read, &mut self.scene.meshes)
+                }
+            };
+            context.take("the objects", 1, size_of::<Object>() + name.len())?;
+            self.scene.objects.push(Object { name: name.clone(), mesh, transform: transform.as_mat4() });
+        }
+        Ok(())
+    }
+
+    /// The transforms of a node, which are applied from the last to the first.
+    fn transform(&mut self, node: &Element<'_>, context: &mut Context<'_>) -> Result<DMat4, SceneError> {
+        let document = self.document;
+        let mut whole = DMat4::IDENTITY;
+        for (_, element) in document.all_children(node) {
+            let kind = element.name();
+            let count = match kind {
+                "matrix" => 16,
+                "translate" | "scale" => 3,
+                "rotate" => 4,
+                "lookat" => 9,
+                "skew" => {
+                    let what = "skewed nodes of COLLADA files";
+                    self.warnings
+                        .add(context.file, what, "drawn without", || element.text().chars().take(60).collect());
+                    continue;
+                }
+                _ => continue,
+            };
+            let n = exactly(element, count, context)?;
+            let vector = |first: usize| DVec3::new(n[first], n[first + 1], n[first + 2]);
+            whole *= match kind {
+                "matrix" => rows(&n),
+                "translate" => DMat4::from_translation(vector(0)),
+                "scale" => DMat4::from_scale(vector(0)),
+                "rotate" => match vector(0).try_normalize() {
+                    Some(axis) => DMat4::from_axis_angle(axis, n[3].to_radians()),
+                    None => DMat4::IDENTITY,
+                },
+                _ => {
+                    let (eye, target) = (vector(0), vector(3));
+                    let back = (eye - target).normalize_or(DVec3::Z);
+                    let right = vector(6).cross(back).normalize_or(DVec3::X);
+                    let [x, y, z] = [right, back.cross(right), back].map(|axis| axis.extend(0.0));
+                    DMat4::from_cols(x, y, z, eye.extend(1.0))
+                }
+            };
+        }
+        Ok(whole)
+    }
+}
+
+fn matrix(element: &Element<'_>, context: &mut Context<'_>) -> Result<DMat4, SceneError> {
+    exactly(element, 16, context).map(|numbers| rows(&numbers))
+}
+
+/// Matrices are written row by row.
+fn rows(numbers: &[f64]) -> DMat4 {
+    DMat4::from_cols_slice(numbers).transpose()
+}
+
+fn exactly(element: &Element<'_>, count: usize, context: &mut Context<'_>) -> Result<Vec<f64>, SceneError> {
+    let numbers = element.numbers::<f64>(context)?;
+    if numbers.len() != count {
+        let (at, what) = element.wrong(format!("{} numbers; valid: {count}", numbers.len()));
+        return Err(SceneError::new(context.file, Place::Byte(at), what));
+    }
+    Ok(numbers)
+}
+
+#[cfg(test)]
+mod tests;

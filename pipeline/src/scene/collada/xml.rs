@@ -1,0 +1,210 @@
+//! The elements of an XML file, to be looked up by id: COLLADA refers to what comes later.
+
+use crate::guard;
+use crate::scene::context::Context;
+use crate::scene::error::{Place, SceneError};
+use quick_xml::escape::unescape;
+use quick_xml::events::Event;
+use std::borrow::Cow;
+use std::collections::HashMap;
+
+/// An element. Its children are numbers of [`Document::elements`].
+#[derive(Debug, Default)]
+pub(super) struct Element<'a> {
+    /// Without a prefix.
+    name: &'a str,
+    attributes: Vec<(&'a str, &'a str)>,
+    /// As written, what lies between its children joined.
+    text: Cow<'a, str>,
+    children: Vec<u32>,
+    /// Where it begins.
+    at: u64,
+}
+
+/// A file.
+#[derive(Debug)]
+pub(super) struct Document<'a> {
+    elements: Vec<Element<'a>>,
+    by_id: HashMap<&'a str, u32>,
+}
+
+/// Bytes that are booked at a time.
+const BLOCK: usize = 1 << 16;
+
+impl<'a> Document<'a> {
+    /// Reads a file; element 0 is its root.
+    pub(super) fn read(text: &'a str, context: &mut Context<'_>) -> Result<Self, SceneError> {
+        let file = context.file;
+        let mut reader = quick_xml::Reader::from_str(text);
+        let config = reader.config_mut();
+        config.check_end_names = false;
+        config.allow_dangling_amp = true;
+        let mut this = Self { elements: Vec::new(), by_id: HashMap::new() };
+        let mut open: Vec<u32> = Vec::new();
+        let (mut held, mut booked) = (0, 0);
+        loop {
+            let start = reader.buffer_position() as usize;
+            let fail = |what: String| SceneError::new(file, Place::Byte(start as u64), what);
+            let event = guard::call("quick-xml", || reader.read_event()).map_err(&fail)?;
+            let end = reader.buffer_position() as usize;
+            match event.map_err(|error| fail(error.to_string()))? {
+                Event::Eof => break,
+                Event::Start(_) | Event::Empty(_) => {
+                    let raw = text[start..end].trim_start_matches('<').trim_end_matches('>');
+                    let empty = raw.ends_with('/');
+                    let raw = raw.trim_end_matches('/');
+                    let element = element(raw, start as u64).map_err(&fail)?;
+                    held += size_of::<Element<'_>>() + 24 + element.attributes.len() * 32;
+                    let index = this.elements.len() as u32;
+                    if let Some(id) = element.attribute("id") {
+                        held += 32;
+                        this.by_id.entry(id).or_insert(index);
+                    }
+                    if let Some(parent) = open.last() {
+                        this.elements[*parent as usize].children.push(index);
+                    } else if index > 0 {
+                        return Err(fail("a second element beside the first one".to_owned()));
+                    }
+                    this.elements.push(element);
+                    if !empty {
+                        open.push(index);
+                    }
+                }
+                Event::End(_) => _ = open.pop(),
+                Event::Text(_) | Event::GeneralRef(_) => held += this.push(&open, &text[start..end]),
+                Event::CData(_) => {
+                    let raw = text[start..end].strip_prefix("<![CDATA[").and_then(|raw| raw.strip_suffix("]]>"));
+                    held += this.push(&open, raw.unwrap_or_default());
+                }
+                _ => {}
+            }
+            // Lists double.
+            if 2 * held > booked {
+                context.take("the elements", 1, 2 * BLOCK.max(2 * held - booked))?;
+                booked += 2 * BLOCK.max(2 * held - booked);
+            }
+        }
+        Ok(this)
+    }
+
+    /// Adds text to the element that is open; returns the bytes that it takes.
+    fn push(&mut self, open: &[u32], raw: &'a str) -> usize {
+        let Some(open) = open.last() else { return 0 };
+        // Between children there are blanks, which only separate words.
+        let raw = if raw.trim().is_empty() { " " } else { raw };
+        let text = &mut self.elements[*open as usize].text;
+        if text.trim().is_empty() {
+            *text = Cow::Borrowed(raw);
+            return 0;
+        }
+        let before = text.len();
+        let borrowed = matches!(text, Cow::Borrowed(_));
+        text.to_mut().push_str(raw);
+        raw.len() + if borrowed { before } else { 0 }
+    }
+
+    /// The root; `None` in an empty file.
+    pub(super) fn root(&self) -> Option<&Element<'a>> {
+        self.elements.first()
+    }
+
+    pub(super) fn get(&self, index: u32) -> &Element<'a> {
+        &self.elements[index as usize]
+    }
+
+    /// What a URL of this file (`#id`) or an id names.
+    pub(super) fn find(&self, url: &str) -> Option<u32> {
+        self.by_id.get(url.strip_prefix('#').unwrap_or(url)).copied()
+    }
+
+    /// The children of a name.
+    pub(super) fn children<'d>(&'d self, of: &'d Element<'a>, name: &'d str) -> impl Iterator<Item = &'d Element<'a>> {
+        self.all_children(of).map(|(_, child)| child).filter(move |child| child.name == name)
+    }
+
+    /// All children with their numbers.
+    pub(super) fn all_children<'d>(&'d self, of: &'d Element<'a>) -> impl Iterator<Item = (u32, &'d Element<'a>)> {
+        of.children.iter().map(|child| (*child, self.get(*child)))
+    }
+
+    /// The first descendant along these names.
+    pub(super) fn descend<'d>(&'d self, from: &'d Element<'a>, names: &[&str]) -> Option<&'d Element<'a>> {
+        names.iter().try_fold(from, |element, name| {
+            self.all_children(element).map(|(_, child)| child).find(|child| child.name == *name)
+        })
+    }
+
+    /// The first element of a name anywhere in the file.
+    pub(super) fn first(&self, name: &str) -> Option<u32> {
+        self.elements.iter().position(|element| element.name == name).map(|index| index as u32)
+    }
+
+    /// The numbers of all elements of a name.
+    pub(super) fn all<'d>(&'d self, name: &'d str) -> impl Iterator<Item = u32> {
+        (0..).zip(&self.elements).filter(move |(_, element)| element.name == name).map(|(index, _)| index)
+    }
+}
+
+impl<'a> Element<'a> {
+    pub(super) fn name(&self) -> &'a str {
+        self.name
+    }
+
+    /// An attribute as written.
+    pub(super) fn attribute(&self, name: &str) -> Option<&'a str> {
+        self.attributes.iter().find(|(own, _)| *own == name).map(|(_, value)| *value)
+    }
+
+    /// The text as written, without blanks around it.
+    pub(super) fn text(&self) -> &str {
+        self.text.trim()
+    }
+
+    /// An attribute that is a whole number; `otherwise` where it is missing.
+    pub(super) fn count(&self, name: &str, otherwise: usize) -> Result<usize, (u64, String)> {
+        let Some(written) = self.attribute(name) else { return Ok(otherwise) };
+        written.trim().parse().map_err(|_| self.wrong(format!("`{name}` is no whole number from 0 on")))
+    }
+
+    /// Something wrong with it, and where.
+    pub(super) fn wrong(&self, what: String) -> (u64, String) {
+        (self.at, format!("<{}>: {what}", self.name))
+    }
+
+    /// The numbers of its text; `None` for one that is none is an error.
+    pub(super) fn numbers<T: std::str::FromStr>(&self, context: &mut Context<'_>) -> Result<Vec<T>, SceneError> {
+        context.take("the numbers of an element", self.text.len() / 2 + 1, size_of::<T>())?;
+        let read = |word: &str| {
+            word.parse().map_err(|_| {
+                let word: String = word.chars().take(20).collect();
+                let (at, what) = self.wrong(format!("`{word}` is no number of its kind"));
+                SceneError::new(context.file, Place::Byte(at), what)
+            })
+        };
+        self.text.split_ascii_whitespace().map(read).collect()
+    }
+}
+
+/// The name and attributes of a tag, without its brackets.
+fn element(raw: &str, at: u64) -> Result<Element<'_>, String> {
+    let end = raw.find(|letter: char| letter.is_ascii_whitespace()).unwrap_or(raw.len());
+    let name = &raw[..end];
+    let name = name.rsplit_once(':').map_or(name, |(_, name)| name);
+    let mut attributes = Vec::new();
+    let mut rest = raw[end..].trim_start();
+    while let Some((key, after)) = rest.split_once('=') {
+        let after = after.trim_start();
+        let quote = after.chars().next().filter(|quote| matches!(quote, '"' | '\''));
+        let quote = quote.ok_or_else(|| format!("<{name}>: an attribute without quotes"))?;
+        let (value, after) =
+            after[1..].split_once(quote).ok_or_else(|| format!("<{name}>: an attribute without a closing quote"))?;
+        attributes.push((key.trim(), value));
+        rest = after.trim_start();
+    }
+    Ok(Element { name, attributes, at, ..Element::default() })
+}
+
+/// Text with its entities replaced; as written where they are none.
+pub(super) fn plain(text: &str) -> Cow<'_, str> {
+    unescape(text).unwrap_or(Cow::Borrowed(text))
+}
