@@ -257,6 +257,17 @@ fn colours_of_vertices_multiply_what_is_reflected_and_not_what_is_sent_out() {
     let colors = [Vec4::new(1.0, 0.0, 0.5, 1.0), Vec4::new(0.0, 1.0, 0.5, 0.25), Vec4::new(0.2, 0.4, 0.0, 0.0)];
     scene.geometry.colors = colors.to_vec();
     let glow = Vec3::new(0.5, 0.0, 0.25);
+    // Of a point of the triangle's plane, in double precision.
+    let tint_at = |position: [f32; 4]| {
+        let at = Vec4::from(position).truncate().as_dvec3();
+        let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+        let normal = (b - a).cross(c - a);
+        let area = normal.length_squared();
+        let (u, v) = ((at - a).cross(c - a).dot(normal) / area, (b - a).cross(at - a).dot(normal) / area);
+        let [ca, cb, cc] = colors.map(|color| color.as_dvec4());
+        (ca * (1.0 - u - v) + cb * u + cc * v).as_vec4()
+    };
+    let mut whole: Option<GBuffer> = None;
     for (texture, cutoff) in [(None, None), (Some(0), None), (None, Some(0.5)), (Some(0), Some(0.5))] {
         let glow_shade = Some(Glow { color: glow, texture: None });
         let shades = [Shade { texture, vertex_colors: true, alpha_cutoff: cutoff, glow: glow_shade, ..grey() }];
@@ -268,14 +279,7 @@ fn colours_of_vertices_multiply_what_is_reflected_and_not_what_is_sent_out() {
             rasteriser.draw(&job, &mut target).expect("drawn");
             let mut seen = 0;
             for (index, _) in target.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
-                // Where the stored position lies in the triangle, in double precision.
-                let at = Vec4::from(target.position[index]).truncate().as_dvec3();
-                let [a, b, c] = corners.map(|corner| corner.as_dvec3());
-                let normal = (b - a).cross(c - a);
-                let area = normal.length_squared();
-                let (u, v) = ((at - a).cross(c - a).dot(normal) / area, (b - a).cross(at - a).dot(normal) / area);
-                let [ca, cb, cc] = colors.map(|color| color.as_dvec4());
-                let tint = (ca * (1.0 - u - v) + cb * u + cc * v).as_vec4();
+                let tint = tint_at(target.position[index]);
                 assert!(cutoff.is_none_or(|cutoff| tint.w > cutoff - 1e-4), "{tint} is a hole");
                 let lit = shades[0].diffuse * sun * target.position[index][3];
                 let reflected = match texture {
@@ -287,9 +291,15 @@ fn colours_of_vertices_multiply_what_is_reflected_and_not_what_is_sent_out() {
                 assert!(error < 2e-5, "{set:?}, pixel {index}: {:?}, not {expected}", target.color[index]);
                 seen += 1;
             }
-            let least = if cutoff.is_some() { 200 } else { 1500 };
-            assert!(seen > least, "{seen} pixels");
-            assert!(cutoff.is_none() || seen < 1500, "{seen} pixels: nothing was cut");
+            assert!(seen > 1500, "{seen} pixels");
+            // What is missing of the whole triangle is below the cutoff.
+            if let (Some(cutoff), Some(whole)) = (cutoff, &whole) {
+                let holes = (0..target.triangle.len()).filter(|pixel| target.triangle[*pixel] == NO_TRIANGLE);
+                let holes: Vec<usize> = holes.filter(|pixel| whole.triangle[*pixel] != NO_TRIANGLE).collect();
+                assert!(holes.len() > 500, "{} pixels are cut out", holes.len());
+                assert!(holes.iter().all(|pixel| tint_at(whole.position[*pixel]).w < cutoff + 1e-4));
+            }
+            whole = whole.or(Some(target));
         }
     }
     let mut bare = scene.clone();

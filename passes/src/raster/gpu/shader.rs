@@ -237,10 +237,13 @@ mod tests {
             assert_eq!(source.contains("discard;"), variant.alpha_cut, "{variant:?}");
             count += 1;
         }
-        // 15 sets of attachments, with and without normals; untextured, textured, cut. The 8 with a colour also with light of their
-        // own, plain and textured. Depth alone, whole and cut. All that are textured in any way also with what lies beyond.
-        let (plain, glow, shining) = (15 * 2, 8 * 2, 8 * 2);
-        assert_eq!(count, plain * (1 + 2 * 2) + glow * (1 + 2 * 2) + shining * (3 * 2) + 1 + 2);
+        // With and without normals: 8 sets of attachments with a colour, 7 others. Of the ways to be textured, cut and coloured by the
+        // vertices a colour has 3 without a texture and 4 with one, which may end at its sides; the others, whose vertices' colours only
+        // cut, 2 and 3. With a colour also with light of their own, plain and textured. Depth alone: whole, cut by a texture, by the
+        // vertices, by both.
+        let (colored, others) = (8 * 2, 7 * 2);
+        let (plain, glowing) = (3 + 4 * 2, (3 + 4) * 2);
+        assert_eq!(count, colored * (2 * plain + glowing) + others * (2 + 3 * 2) + 1 + 2 + 1 + 2);
     }
 
     #[test]
