@@ -181,7 +181,7 @@ fn attribute(
     let (first, stride) = (accessor.count("offset", 0).map_err(fail)?, accessor.count("stride", 1).map_err(fail)?);
     let count = accessor.count("count", 0).map_err(fail)?;
     let end = count.checked_mul(stride).and_then(|length| length.checked_add(first));
-    if stride == 0 || end.is_none_or(|end| end > numbers.len()) {
+    if (stride == 0 && count > 0) || end.is_none_or(|end| end > numbers.len()) {
         let what =
             format!("{count} times {stride} values from {first} on are more than the {} that there are", numbers.len());
         return Err(fail(accessor.wrong(what)));

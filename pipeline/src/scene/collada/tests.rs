@@ -157,6 +157,10 @@ fn wrong_files_are_errors_with_their_place_and_never_more() {
     said(&HOUSE.replace("<scale>1 1 2</scale>", "<scale>1 2</scale>"), "<scale>: 2 numbers; valid: 3");
     said(&HOUSE.replace("url=\"#shared\"", "url=\"#g\""), "it names no node");
     said(&HOUSE.replace("<instance_light url=\"#sun\"/>", "<instance_node url=\"#l\"/>"), "one places itself");
+    // A source may be empty, as exporters leave it; what reads it is left out.
+    let empty = "count=\"0\" stride=\"0\"";
+    let nothing = load_text(&HOUSE.replace("count=\"5\" stride=\"3\"", empty), Needs::ALL, 1 << 24).expect("it loads");
+    assert!(nothing.meshes.iter().all(|mesh| mesh.positions.is_empty()), "{}", warnings(&nothing));
     // An index beyond all, and a corner of more numbers than there are.
     let far = HOUSE.replace("<p>0 1 2 0 1 9</p>", "<p>0 1 4294967295 0 1</p>");
     assert!(warnings(&load_text(&far, Needs::ALL, 1 << 24).expect("it loads")).contains("indices out of range"));
