@@ -193,13 +193,7 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
     let geometry = &scene.scene.geometry;
     let tree = Bvh::build(geometry, &vec![true; scene.dielectrics.len()], Quality::default());
     let seen = rasterised(scene, &tree);
-    let shade = |diffuse: &Vec3| Shade {
-        diffuse: diffuse.extend(1.0),
-        emission: Vec4::ZERO,
-        texture: None,
-        alpha_cutoff: None,
-        glow: None,
-    };
+    let shade = |diffuse: &Vec3| Shade { diffuse: diffuse.extend(1.0), ..Shade::default() };
     let shades: Vec<Shade> = scene.diffuse.iter().map(shade).collect();
     let glass: Vec<bool> = scene.dielectrics.iter().map(|dielectric| dielectric.shape != Shape::Opaque).collect();
     let sun = Sun { direction: Vec3::new(-0.4, -0.8, -0.5).normalize(), color: Vec3::new(0.9, 0.8, 0.7) };
