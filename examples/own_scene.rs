@@ -10,7 +10,7 @@ use curitiba::pipeline::image::write_png;
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::{SceneOptions, SceneProjects};
 use curitiba::pipeline::scene::{Group, Material, Mesh, Object, Scene};
-use glam::{Mat4, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec3, Vec4};
 
 /// The mesh of triangles whose corners do not share positions: faces are flat.
 fn mesh(name: &str, material: u32, corners: &[[Vec3; 3]]) -> Mesh {
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         materials: vec![painted("stone", Vec4::splat(0.7).truncate()), painted("clay", Vec3::new(0.8, 0.4, 0.3))],
         ..Scene::default()
     };
-    let options = SceneOptions { look_from: Some(Vec3::new(-3.0, 4.0, 7.0)), ..SceneOptions::default() };
+    let options = SceneOptions { look_from: Some(DVec3::new(-3.0, 4.0, 7.0)), ..SceneOptions::default() };
     let project = SceneProjects::in_memory(scene, &options, Some([512, 384]))?.project();
     let mut renderer = curitiba::open_project(project, Settings::default(), Choice::default(), &mut Silent)?;
     write_png("own_scene.png".as_ref(), &renderer.frame(&mut Silent)?)?;

@@ -145,14 +145,14 @@ impl Spec {
             "effects" => {
                 self.settings.scene.effects = Some(value.parse().map_err(|help| in_value(key, value, help))?);
             }
-            "look-from" | "look-at" | "sun" => {
-                let parse = if key == "sun" { SceneOptions::parse_direction } else { SceneOptions::parse_vector };
-                let vector = Some(parse(value).map_err(|help| in_value(key, value, help))?);
-                match key {
-                    "sun" => self.settings.scene.sun = vector,
-                    "look-at" => self.settings.scene.look_at = vector,
-                    _ => self.settings.scene.look_from = vector,
-                }
+            "look-from" | "look-at" => {
+                let point = Some(SceneOptions::parse_point(value).map_err(|help| in_value(key, value, help))?);
+                let scene = &mut self.settings.scene;
+                *(if key == "look-at" { &mut scene.look_at } else { &mut scene.look_from }) = point;
+            }
+            "sun" => {
+                let direction = SceneOptions::parse_direction(value).map_err(|help| in_value(key, value, help))?;
+                self.settings.scene.sun = Some(direction);
             }
             "fov" => {
                 self.settings.scene.fov =

@@ -7,7 +7,7 @@ use curitiba::pipeline::image::{Image, read_image, write_png};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::SceneOptions;
 use curitiba::{Choice, RasterChoice};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -47,8 +47,8 @@ fn patches(folder: &Path, factor: f32, code: u8) {
 fn settings(color: Option<ColorSpace>, sun: Vec3) -> Settings {
     let scene = SceneOptions {
         effects: Some("none".parse().expect("effects")),
-        look_from: Some(Vec3::new(0.0, 0.0, 6.0)),
-        look_at: Some(Vec3::ZERO),
+        look_from: Some(DVec3::new(0.0, 0.0, 6.0)),
+        look_at: Some(DVec3::ZERO),
         fov: Some(12.0),
         sun: Some(sun),
         ..SceneOptions::default()

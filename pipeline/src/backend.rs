@@ -13,13 +13,30 @@ use glam::{Mat4, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A camera ready for a viewport.
+/// A camera ready for a viewport. World positions are those of a scene as it is held: relative to [`RenderScene::origin`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     /// World to clip, right-handed, depth reversed: 1 at the near plane, 0 at the far plane.
     pub clip_from_world: Mat4,
     /// Camera position, world.
     pub eye: Vec3,
+    /// The same as [`Self::clip_from_world`] for positions from which the eye was subtracted: what rasterisers project with where it is
+    /// given. A product with a matrix that moves by a large distance loses digits that the difference keeps.
+    pub clip_from_eye: Option<Mat4>,
+}
+
+impl View {
+    /// A camera not far from the origin.
+    #[must_use]
+    pub fn new(clip_from_world: Mat4, eye: Vec3) -> Self {
+        Self { clip_from_world, eye, clip_from_eye: None }
+    }
+
+    /// What rasterisers project with: a matrix, and what is subtracted from positions before.
+    #[must_use]
+    pub fn projection(&self) -> (Mat4, Vec3) {
+        self.clip_from_eye.map_or((self.clip_from_world, Vec3::ZERO), |matrix| (matrix, self.eye))
+    }
 }
 
 /// The directional light of a pass.

@@ -6,7 +6,7 @@ use curitiba_pipeline::color::{BRIGHTEST, ColorSpace};
 use curitiba_pipeline::scene::{
     BuildOptions, Group, Material, Mesh, Needs, Object, RenderScene, Scene, TextureSource, statistics,
 };
-use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
+use glam::{DVec3, Mat4, Quat, Vec2, Vec3, Vec4};
 use scene_support::{Folder, count};
 
 fn material(name: &str) -> Material {
@@ -349,4 +349,32 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
     assert_eq!(one.positions, four.positions);
     assert_eq!(one.normals, four.normals);
     assert_eq!(one.triangles, four.triangles);
+}
+
+/// Whatever places a scene, far away it has the shape that it has at the origin.
+#[test]
+fn far_scenes_are_placed_before_they_are_rounded() {
+    let moved = DVec3::new(1e6, -5e6, 3e5);
+    let turn = Mat4::from_quat(Quat::from_rotation_y(0.7)) * Mat4::from_scale(Vec3::splat(1.5));
+    for swap_yz in [false, true] {
+        for unitize in [false, true] {
+            let build = |place: Mat4, transform: Mat4, origin| {
+                let options = BuildOptions { swap_yz, unitize, transform, origin, ..BuildOptions::default() };
+                RenderScene::build(scene(vec![cube()], vec![object(0, place)], 1), &options).unwrap().0
+            };
+            let near = build(turn, Mat4::IDENTITY, None);
+            let far = build(turn, Mat4::from_translation(moved.as_vec3()), None);
+            let told = build(turn, Mat4::from_translation(moved.as_vec3()), Some(moved));
+            assert_eq!((near.origin, told.origin), (DVec3::ZERO, moved));
+            assert!((far.origin - moved).length() < 16.0 && far.origin != DVec3::ZERO, "{}", far.origin);
+            for (scene, name) in [(&far, "far"), (&told, "told")] {
+                let all = scene.geometry.positions.iter().zip(&near.geometry.positions);
+                let worst = all
+                    .map(|(found, near)| (found.as_dvec3() + scene.origin - moved).distance(near.as_dvec3()))
+                    .fold(0.0, f64::max);
+                assert!(worst < 2e-6, "{name} {swap_yz} {unitize}: {worst}");
+                assert_eq!(scene.geometry.normals, near.geometry.normals, "{name} {swap_yz} {unitize}");
+            }
+        }
+    }
 }

@@ -4,7 +4,7 @@ mod scene_support;
 
 use curitiba_pipeline::scene::texture::Wrap;
 use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource, load};
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
 use serde_json::{Value, json};
 
@@ -1073,4 +1073,31 @@ fn morph_targets_move_vertices_by_the_default_weights() {
     let scene = read(&json, &binary).unwrap();
     let expected = [Vec3::ZERO, Vec3::X, Vec3::new(0.0, 1.0, 2.0), Vec3::new(1.0, 1.0, 0.0)];
     assert_eq!(scene.meshes[0].positions, expected);
+#[test]
+fn translations_have_all_digits_of_the_file() {
+    let (mut json, binary) = square();
+    let place = DVec3::new(554_321.123_456, 12.75, 5_812_345.678_912);
+    json["scenes"] = json!([{"nodes": [0]}]);
+    json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}]);
+    json["nodes"] = json!([
+        {"translation": [554_000.003, 0.0, 5_812_000.0], "children": [1, 2]},
+        {"mesh": 0, "translation": [321.120_456, 12.75, 345.678_912]},
+        {"camera": 0, "translation": [321.120_456, 12.75, 349.678_912]}
+    ]);
+    let scene = read(&json, &binary).unwrap();
+    assert!(scene.origin.distance(place) < 4.0, "{}", scene.origin);
+    let corner = scene.to_world(&scene.objects[0]).transform_point3(DVec3::ZERO);
+    assert!(corner.distance(place) < 1e-6, "{corner}: f32 alone has steps of half a unit");
+    let eye = scene.origin + scene.cameras[0].position.as_dvec3();
+    assert!(eye.distance(place + DVec3::Z * 4.0) < 1e-6, "{eye}");
+    let (built, _) = RenderScene::build(scene, &BuildOptions { origin: None, ..BuildOptions::default() }).unwrap();
+    let found = built.geometry.positions[0].as_dvec3() + built.origin;
+    assert!(found.distance(place) < 1e-6, "{found}");
+    // A matrix in the place of the translation.
+    json["nodes"][0] = json!({"children": [1, 2], "matrix": [
+        1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 554_000.003, 0.0, 5_812_000.0, 1.0
+    ]});
+    let scene = read(&json, &binary).unwrap();
+    let corner = scene.to_world(&scene.objects[0]).transform_point3(DVec3::ZERO);
+    assert!(corner.distance(place) < 1e-6, "{corner}");
 }

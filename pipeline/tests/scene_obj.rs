@@ -2,8 +2,10 @@
 
 mod scene_support;
 
-use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Material, Needs, RenderScene, Scene, TextureSource, load};
-use glam::{Vec2, Vec3, Vec4};
+use curitiba_pipeline::scene::{
+    BuildOptions, Layout, LoadOptions, Material, Needs, RenderScene, Scene, TextureSource, load, write_cbo,
+};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use scene_support::{Folder, assert_references_are_valid, count, load_capped, load_one, mutations, triangles};
 
 fn obj(text: &str) -> Scene {
@@ -363,4 +365,60 @@ fn changed_and_cut_files_never_panic_and_never_stop_the_load() {
         folder.write("a.mtl", bytes);
         assert_references_are_valid(&load_capped(&path).unwrap());
     }
+}
+
+/// A building in map coordinates: 0.12 units off where they are rounded to `f32`.
+const FAR: [[f64; 3]; 4] = [
+    [554_321.123, 12.25, 5_812_345.678],
+    [554_327.456, 12.5, 5_812_345.012],
+    [554_329.789, 19.125, 5_812_349.345],
+    [554_320.015_625, 12.75, 5_812_351.501],
+];
+
+#[test]
+fn files_far_from_their_origin_keep_their_digits() {
+    let folder = Folder::new();
+    let lines: String = FAR.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    let file = folder.write("far.obj", format!("{lines}f 1 2 3 4\n"));
+    let scene = load_one(&file).unwrap();
+    assert_ne!(scene.origin, DVec3::ZERO);
+    let exact = |corner: usize| DVec3::from(FAR[corner]);
+    let worst = |built: &RenderScene| {
+        let positions = built.geometry.positions.iter().enumerate();
+        positions.map(|(i, p)| (p.as_dvec3() + built.origin).distance(exact(i))).fold(0.0, f64::max)
+    };
+    let build = |scene: &Scene, origin| {
+        let options = BuildOptions { origin, ..BuildOptions::default() };
+        RenderScene::build(scene.clone(), &options).unwrap().0
+    };
+    // In f32 the positions have steps of half a unit; near the building of half a millionth.
+    let (world, near) = (build(&scene, Some(DVec3::ZERO)), build(&scene, None));
+    assert_eq!((world.origin, near.origin), (DVec3::ZERO, scene.origin));
+    assert!((0.05..0.5).contains(&worst(&world)), "{}", worst(&world));
+    assert!(worst(&near) < 2e-6, "{}", worst(&near));
+    // The world's positions are rounded once.
+    for (i, position) in world.geometry.positions.iter().enumerate() {
+        assert!(position.as_dvec3().distance(exact(i)) <= exact(i).as_vec3().as_dvec3().distance(exact(i)) + 1e-5);
+    }
+    // Another scene's origin is taken, and files that are converted keep theirs.
+    let elsewhere = build(&scene, Some(scene.origin + 32.0));
+    assert!(elsewhere.origin != near.origin && worst(&elsewhere) < 8e-6);
+    let copy = folder.path("far.nbo");
+    write_cbo(&scene, &copy, Layout::NboToday).unwrap();
+    assert!(worst(&build(&load_one(&copy).unwrap(), None)) < 2e-6);
+    // Of several files the first has the origin of all.
+    let near_it = folder.write("near.obj", "v 554300 0 5812300\nv 554301 0 5812300\nv 554300 1 5812300\nf 1 2 3\n");
+    let both = load(&[file, near_it], &LoadOptions::default(), &|_| {}).unwrap();
+    assert_eq!(both.origin, scene.origin);
+    let second = both.to_world(&both.objects[1]).transform_point3(both.meshes[1].positions[1].as_dvec3());
+    assert_eq!(second, DVec3::new(554_301.0, 0.0, 5_812_300.0));
+}
+
+#[test]
+fn files_near_their_origin_have_the_numbers_that_they_had() {
+    let scene = obj("v 100.1 0 0\nv 101.2 30 0\nv 100.3 0 9.9\nf 1 2 3\n");
+    assert_eq!(scene.origin, DVec3::ZERO);
+    assert_eq!(scene.meshes[0].positions[1], Vec3::new(101.2, 30.0, 0.0));
+    let (built, _) = RenderScene::build(scene, &BuildOptions { origin: None, ..BuildOptions::default() }).unwrap();
+    assert_eq!((built.origin, built.geometry.positions[1]), (DVec3::ZERO, Vec3::new(101.2, 30.0, 0.0)));
 }

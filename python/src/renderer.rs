@@ -39,15 +39,15 @@ fn text(value: &Bound<'_, PyAny>) -> PyResult<String> {
 }
 
 /// Numbers as the command line has them.
-fn written(values: &[f32]) -> String {
+fn written<T: ToString>(values: &[T]) -> String {
     values.iter().map(ToString::to_string).collect::<Vec<_>>().join(",")
 }
 
 #[derive(FromPyObject)]
 struct SceneArguments {
     effects: Option<String>,
-    look_from: Option<[f32; 3]>,
-    look_at: Option<[f32; 3]>,
+    look_from: Option<[f64; 3]>,
+    look_at: Option<[f64; 3]>,
     fov: Option<f32>,
     sun: Option<[f32; 3]>,
     up: Option<String>,
@@ -59,10 +59,13 @@ impl SceneArguments {
         let vector = |value: &Option<[f32; 3]>, parse: fn(&str) -> Result<Vec3, String>| {
             value.as_ref().map(|value| parse(&written(value)).map_err(invalid)).transpose()
         };
+        let point = |value: &Option<[f64; 3]>| {
+            value.as_ref().map(|value| SceneOptions::parse_point(&written(value)).map_err(invalid)).transpose()
+        };
         Ok(SceneOptions {
             effects: self.effects.as_ref().map(|effects| effects.parse().map_err(invalid)).transpose()?,
-            look_from: vector(&self.look_from, SceneOptions::parse_vector)?,
-            look_at: vector(&self.look_at, SceneOptions::parse_vector)?,
+            look_from: point(&self.look_from)?,
+            look_at: point(&self.look_at)?,
             fov: self.fov.map(|fov| SceneOptions::parse_fov(&fov.to_string()).map_err(invalid)).transpose()?,
             sun: vector(&self.sun, SceneOptions::parse_direction)?,
             up: self.up.as_ref().map_or(Ok(Up::Y), |up| up.parse().map_err(invalid))?,
@@ -94,8 +97,8 @@ pub fn open(
     off: Vec<String>,
     max_memory: u64,
     effects: Option<String>,
-    look_from: Option<[f32; 3]>,
-    look_at: Option<[f32; 3]>,
+    look_from: Option<[f64; 3]>,
+    look_at: Option<[f64; 3]>,
     fov: Option<f32>,
     sun: Option<[f32; 3]>,
     up: Option<String>,

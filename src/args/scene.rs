@@ -2,7 +2,7 @@
 
 use crate::pipeline::project::{Effects, SceneOptions, Up};
 use clap::Args;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::path::PathBuf;
 
 /// How a project is made where scene files are named instead of one.
@@ -13,11 +13,11 @@ pub struct SceneFlags {
     #[arg(long, value_name = "NAMES")]
     pub effects: Option<Effects>,
     /// Where the camera stands [default: the file's camera, or where all of the scene is seen]
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = SceneOptions::parse_vector)]
-    pub look_from: Option<Vec3>,
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = SceneOptions::parse_point)]
+    pub look_from: Option<DVec3>,
     /// What the camera looks at [default: the centre of the scene]
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = SceneOptions::parse_vector)]
-    pub look_at: Option<Vec3>,
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = SceneOptions::parse_point)]
+    pub look_at: Option<DVec3>,
     /// Vertical field of view [default: 45]
     #[arg(long, value_name = "DEGREES", value_parser = SceneOptions::parse_fov)]
     pub fov: Option<f32>,

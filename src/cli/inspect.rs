@@ -6,6 +6,7 @@ use curitiba::passes::explain;
 use curitiba::pipeline::backend::RayJob;
 use curitiba::pipeline::executor::{Fallback, Faults, Observer, Output, Progress, StepKind, Triangles};
 use curitiba::pipeline::image::Image;
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Shows progress, and looks into what passes write.
@@ -145,6 +146,10 @@ impl Observer for Inspector {
         match explain::pixel(job, x, y) {
             Ok(rays) => {
                 self.lines.push(title);
+                if job.scene.origin != DVec3::ZERO {
+                    let DVec3 { x, y, z } = job.scene.origin;
+                    self.lines.push(format!("  all positions are relative to {x} {y} {z}"));
+                }
                 self.lines.push(rays.to_string().trim_end().to_owned());
                 let drawn = picture.pixels[y as usize * job.width as usize + x as usize];
                 if drawn.map(f32::to_bits) != rays.value.map(f32::to_bits) {

@@ -132,7 +132,7 @@ fn scene(stored: &Stored) -> RenderScene {
             add(material, normals.map(|normal| Vec3::from(ball.center) + normal * ball.radius), normals);
         }
     }
-    RenderScene { geometry, materials, textures: Vec::new() }
+    RenderScene { geometry, materials, ..RenderScene::default() }
 }
 
 /// What a program of ours gives, and the G-buffer it started from.
@@ -162,7 +162,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
     let forward = (Vec3::from(target) - Vec3::from(eye)).normalize();
     let eye = Vec3::from(eye) + moved;
     let projection = rh::proj::directx::perspective(fov_y.to_radians(), width as f32 / height as f32, 1000.0, 0.01);
-    let view = View { clip_from_world: projection * rh::view::look_to_mat4(eye, forward, Vec3::from(up)), eye };
+    let view = View::new(projection * rh::view::look_to_mat4(eye, forward, Vec3::from(up)), eye);
     // Where no sun shines, ambient light is all there is: the radiance of the oracle's emitters.
     let sun = match stored.sun {
         Some(direction) => Sun { direction: Vec3::from(direction).normalize(), color: Vec3::ONE },

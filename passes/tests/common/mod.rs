@@ -49,7 +49,7 @@ pub fn perspective(fov_y: f32, aspect: f32, near: f32, far: f32) -> Mat4 {
 
 /// A camera at the origin that looks along -z.
 pub fn camera(aspect: f32) -> View {
-    View { clip_from_world: perspective(1.0, aspect, 0.1, 100.0), eye: Vec3::ZERO }
+    View::new(perspective(1.0, aspect, 0.1, 100.0), Vec3::ZERO)
 }
 
 /// World x and y are pixels of a viewport of this size (y down), world z in -1..=0 is depth + 1 reversed: -z is depth.
@@ -61,7 +61,7 @@ pub fn pixels(width: u32, height: u32) -> View {
         Vec4::new(0.0, 0.0, -1.0, 0.0),
         Vec4::new(-1.0, 1.0, 0.0, 1.0),
     );
-    View { clip_from_world, eye: Vec3::new(w * 0.5, h * 0.5, 1.0) }
+    View::new(clip_from_world, Vec3::new(w * 0.5, h * 0.5, 1.0))
 }
 
 /// A scene of one material; normals are the triangles' own where vertices are not shared.
@@ -77,7 +77,7 @@ pub fn scene(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> RenderScene {
     let texcoords = positions.iter().map(|p| Vec2::new(p.x, p.y)).collect();
     let batches = vec![Batch { material: 0, first: 0, count: triangles.len() as u32 }];
     let geometry = Geometry { positions, normals, texcoords, triangles, batches, ..Geometry::default() };
-    RenderScene { geometry, materials: vec![Material::default()], textures: Vec::new() }
+    RenderScene { geometry, materials: vec![Material::default()], ..RenderScene::default() }
 }
 
 /// A scene of separate triangles.
@@ -174,5 +174,5 @@ pub fn terrain(cells: u32) -> (RenderScene, View) {
         Mat4::from_cols(right.extend(0.0), back.cross(right).extend(0.0), back.extend(0.0), eye.extend(1.0));
     let view = world_from_view.inverse();
     let clip_from_world = perspective(60f32.to_radians(), 1.0, 0.1, 100.0) * view;
-    (scene(positions, triangles), View { clip_from_world, eye })
+    (scene(positions, triangles), View::new(clip_from_world, eye))
 }

@@ -41,7 +41,7 @@ fn setting(offset: Vec3) -> Setting {
     let eye = Vec3::new(7.42, 18.61, -38.62) + offset;
     let toward = Vec3::new(0.31, -0.36, 0.87);
     let projection = rh::proj::directx::perspective(60_f32.to_radians(), 1.0, FAR, NEAR);
-    let view = View { clip_from_world: projection * rh::view::look_to_mat4(eye, toward.normalize(), Vec3::Y), eye };
+    let view = View::new(projection * rh::view::look_to_mat4(eye, toward.normalize(), Vec3::Y), eye);
     let sun = Sun { direction: Vec3::new(0.597, -0.390, 0.700).normalize(), color: Vec3::splat(0.9) };
     let attachments = Attachments { color: false, position: true, normal: true, triangle: true };
     let scene = Arc::new(scene);

@@ -138,9 +138,9 @@ fn jobs_that_lack_something_or_ask_for_too_much_are_refused_with_what_is_valid()
 #[test]
 fn views_and_lights_that_make_no_sense_give_a_picture_without_a_panic() {
     let broken = [
-        View { clip_from_world: matrix_of([Vec4::ZERO; 4]), eye: Vec3::ZERO },
-        View { clip_from_world: matrix_of([Vec4::NAN; 4]), eye: Vec3::NAN },
-        View { clip_from_world: matrix_of([Vec4::splat(1e30); 4]), eye: Vec3::splat(1e30) },
+        View::new(matrix_of([Vec4::ZERO; 4]), Vec3::ZERO),
+        View::new(matrix_of([Vec4::NAN; 4]), Vec3::NAN),
+        View::new(matrix_of([Vec4::splat(1e30); 4]), Vec3::splat(1e30)),
     ];
     for info in EFFECT_PROGRAMS {
         for view in broken {

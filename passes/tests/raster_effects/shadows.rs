@@ -223,7 +223,7 @@ fn a_camera_that_moves_by_less_than_a_texel_does_not_make_edges_shimmer() {
     let view = |shift: f32| {
         let view = from_above(4.0);
         let moved = Vec3::new(shift, 0.0, 0.3 * shift);
-        View { clip_from_world: view.clip_from_world * Mat4::from_translation(-moved), eye: view.eye + moved }
+        View::new(view.clip_from_world * Mat4::from_translation(-moved), view.eye + moved)
     };
     let bounds = Bounds::of_scene(&town().scene.geometry);
     let sun = town().sun.expect("lit");

@@ -94,7 +94,7 @@ impl World {
     pub fn seen(self, eye: Vec3, target: Vec3, side: u32) -> Shot {
         let up = if (target - eye).normalize().y.abs() > 0.99 { Vec3::NEG_Z } else { Vec3::Y };
         let projection = rh::proj::directx::perspective(60f32.to_radians(), 1.0, 500.0, 0.01);
-        self.through(View { clip_from_world: projection * rh::view::look_at_mat4(eye, target, up), eye }, side, side)
+        self.through(View::new(projection * rh::view::look_at_mat4(eye, target, up), eye), side, side)
     }
 
     pub fn through(self, view: View, width: u32, height: u32) -> Shot {
@@ -213,7 +213,7 @@ impl Shot {
 pub fn from_above(half: f32) -> View {
     let eye = Vec3::Y * 50.0;
     let projection = rh::proj::directx::orthographic(-half, half, -half, half, 100.0, 0.1);
-    View { clip_from_world: projection * rh::view::look_at_mat4(eye, Vec3::ZERO, Vec3::NEG_Z), eye }
+    View::new(projection * rh::view::look_at_mat4(eye, Vec3::ZERO, Vec3::NEG_Z), eye)
 }
 
 pub fn mean(values: impl IntoIterator<Item = f32>) -> f64 {

@@ -26,7 +26,7 @@ impl Setup {
     pub fn view(&self, width: u32, height: u32) -> View {
         let look = glam::camera::rh::view::look_at_mat4(self.eye, self.target, Vec3::Y);
         let clip_from_world = perspective(1.0, width as f32 / height as f32, self.near, self.far) * look;
-        View { clip_from_world, eye: self.eye }
+        View::new(clip_from_world, self.eye)
     }
 
     /// A pass that fills a frame.

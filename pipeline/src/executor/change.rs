@@ -282,6 +282,7 @@ impl Renderer {
     fn take_up(&mut self, before: &Before, keeps: bool, observer: &mut dyn Observer) -> Result<(), RenderError> {
         self.warnings = self.plan.warnings.clone();
         if keeps {
+            self.plan.move_origin(before.plan.origin);
             self.plan.decisions.extend(self.scene_notes.decisions.iter().cloned());
             self.warnings.append(self.scene_notes.warnings.clone());
             self.scenes.iter_mut().for_each(|loaded| loaded.structure = false);

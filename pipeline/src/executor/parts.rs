@@ -115,7 +115,12 @@ fn view_of_block(view: View, whole: Rect, block: Rect) -> View {
         DVec4::Z,
         DVec4::new(right, -down, 0.0, 1.0),
     );
-    View { clip_from_world: (to_block * view.clip_from_world.as_dmat4()).as_mat4(), eye: view.eye }
+    let of_block = |matrix: glam::Mat4| (to_block * matrix.as_dmat4()).as_mat4();
+    View {
+        clip_from_world: of_block(view.clip_from_world),
+        eye: view.eye,
+        clip_from_eye: view.clip_from_eye.map(of_block),
+    }
 }
 
 /// Draws a job block by block, and returns the triangles submitted.
@@ -221,11 +226,8 @@ mod tests {
     fn a_block_shows_what_the_whole_shows_there() {
         let eye = Vec3::new(1.0, 2.0, 3.0);
         let projection = glam::camera::rh::proj::directx::perspective(1.0, 1.5, 100.0, 0.1);
-        let view = View {
-            clip_from_world: projection
-                * glam::camera::rh::view::look_to_mat4(eye, Vec3::new(0.2, -0.1, -1.0).normalize(), Vec3::Y),
-            eye,
-        };
+        let look = glam::camera::rh::view::look_to_mat4(eye, Vec3::new(0.2, -0.1, -1.0).normalize(), Vec3::Y);
+        let view = View::new(projection * look, eye);
         assert_ne!(view.clip_from_world, Mat4::IDENTITY);
         let whole = Rect { x: 0, y: 0, width: 3000, height: 2000 };
         let pixel = |view: &View, viewport: Rect, point: Vec3| {

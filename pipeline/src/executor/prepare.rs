@@ -11,7 +11,7 @@ use crate::plan::{PlannedPass, Work};
 use crate::programs::{Fidelity, RayParams};
 use crate::project::{ColorMap, MaterialPattern, PassKind};
 use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene};
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -58,10 +58,21 @@ impl Renderer {
     pub(super) fn load_scenes(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
         let before = std::mem::take(&mut self.warnings);
         let decided = self.plan.decisions.len();
+        // The report's programs know no other origin; its noise depends on it.
+        let mut origin = (self.plan.settings.fidelity == Fidelity::Thesis).then_some(DVec3::ZERO);
         for set in self.plan.scene_sets.clone() {
-            let mut scene = self.load(&set, observer)?;
+            let mut scene = self.load(&set, &mut origin, observer)?;
             let dielectrics = self.decide_glass(self.scenes.len(), &mut scene);
             self.scenes.push(LoadedScenes { scene: Arc::new(scene), dielectrics, structure: false });
+        }
+        let origin = origin.unwrap_or_default();
+        self.plan.move_origin(origin);
+        if origin != DVec3::ZERO {
+            let why = format!(
+                "the scene is farther from the origin than 16 times its size; positions that are shown or written are relative to {} {} {}",
+                origin.x, origin.y, origin.z
+            );
+            self.plan.decisions.push(Decision { what: "origin near the scene".to_owned(), built: true, why });
         }
         let warnings = std::mem::replace(&mut self.warnings, before);
         self.warnings.append(warnings.clone());
@@ -84,13 +95,19 @@ impl Renderer {
         dielectrics
     }
 
-    fn load(&mut self, set: &[usize], observer: &mut dyn Observer) -> Result<RenderScene, RenderError> {
+    /// Loads a set. The first scene that is loaded decides where the origin is, those that follow take it.
+    fn load(
+        &mut self,
+        set: &[usize],
+        origin: &mut Option<DVec3>,
+        observer: &mut dyn Observer,
+    ) -> Result<RenderScene, RenderError> {
         let names: Vec<&str> = set.iter().map(|index| self.plan.project.scenes[*index].name.as_str()).collect();
         let name = names.join(" + ");
         let progress = Arc::new(Progress::default());
         observer.begin(StepKind::Load, &name, &progress);
         let start = Instant::now();
-        let loaded = self.load_set(set, &progress);
+        let loaded = self.load_set(set, origin, &progress);
         observer.end();
         let scene = loaded?;
         let row = self.timeline.record(StepKind::Load, &name, start.elapsed());
@@ -99,7 +116,12 @@ impl Renderer {
         Ok(scene)
     }
 
-    fn load_set(&mut self, set: &[usize], progress: &Progress) -> Result<RenderScene, RenderError> {
+    fn load_set(
+        &mut self,
+        set: &[usize],
+        origin: &mut Option<DVec3>,
+        progress: &Progress,
+    ) -> Result<RenderScene, RenderError> {
         let max_bytes = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
         let mut whole: Option<RenderScene> = None;
         for index in set {
@@ -121,8 +143,9 @@ impl Renderer {
             let (needs, model_space_normals) = (self.plan.needs, thesis);
             let color = self.plan.display.space;
             let options = BuildOptions { needs, model_space_normals, color, max_bytes, ..BuildOptions::default() };
-            let options = declared.build_options(options);
+            let options = BuildOptions { origin: *origin, ..declared.build_options(options) };
             let (built, warnings) = RenderScene::build(loaded, &options).map_err(wrong)?;
+            *origin = Some(built.origin);
             self.warnings.append(warnings);
             match &mut whole {
                 None => whole = Some(built),

@@ -68,7 +68,7 @@ impl Plan {
         }
         Ok(Work::Effect {
             scene_set: self.scene_set(&effect.scenes),
-            view: view(&self.project.cameras[own], whole),
+            view: view(&self.project.cameras[own], whole, self.origin),
             params,
             reads_triangle: info.glass,
             resident,

@@ -68,7 +68,7 @@ impl Plan {
                     self.explain_attachments(pass, live);
                     Work::Raster {
                         scene_set: self.scene_set(&raster.scenes),
-                        view: view(&self.project.cameras[camera.unwrap_or(raster.camera)], rect),
+                        view: view(&self.project.cameras[camera.unwrap_or(raster.camera)], rect, self.origin),
                         viewport: rect,
                         clear_color: self.clear_color(pass, viewport.as_ref()),
                         attachments: live,
@@ -167,7 +167,7 @@ impl Plan {
         }
         Work::Rays {
             scene_set: self.scene_set(&ray.scenes),
-            view: view(&self.project.cameras[camera.unwrap_or(ray.camera)], rect),
+            view: view(&self.project.cameras[camera.unwrap_or(ray.camera)], rect, self.origin),
             params,
             beyond,
             reads_triangle,

@@ -22,11 +22,11 @@ use crate::glass::{GlassRule, TRANSPARENT};
 use crate::image::{MAX_SIDE, PixelFormat};
 use crate::memory::mebibytes;
 use crate::programs::{Fidelity, RayParams};
-use crate::project::{Camera, ChannelRef, Orthographic, Pass, PassKind, Project, Viewport};
+use crate::project::{Camera, ChannelRef, Orthographic, Pass, PassKind, Project, RasterPass, RayPass, Viewport};
 use crate::raster_effects::EffectParams;
 use crate::scene::{Material, Needs};
 use glam::camera::rh;
-use glam::{Mat4, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec3, Vec4};
 use settings::{check_size, constants, display, set_formats, shown_channels, widen_colors};
 
 /// Everything that will be done, in order.
@@ -54,6 +54,9 @@ pub struct Plan {
     pub scene_sets: Vec<Vec<usize>>,
     /// What of the scene files is read.
     pub needs: Needs,
+    /// Where, in the world, 0 of the scenes and cameras lies: 0 until the scenes are loaded, and where they are not far from it. Set by
+    /// [`Self::move_origin`].
+    pub origin: DVec3,
     /// Channels kept for inspection, besides the window.
     pub shown: Vec<ChannelRef>,
     /// Every choice.
@@ -190,6 +193,7 @@ impl Plan {
             targets,
             scene_sets: Vec::new(),
             needs: Needs::NOTHING,
+            origin: DVec3::ZERO,
             shown,
             decisions: Vec::new(),
             warnings: Warnings::default(),
@@ -211,6 +215,31 @@ impl Plan {
     #[must_use]
     pub fn pass(&self, planned: &PlannedPass) -> &Pass {
         &self.project.pipelines[self.pipeline].passes[planned.pass]
+    }
+
+    /// Tells the cameras from another origin, that of the scenes' positions.
+    pub fn move_origin(&mut self, origin: DVec3) {
+        self.origin = origin;
+        let chosen = self.settings.camera.as_deref().and_then(|name| self.project.camera(name).ok());
+        for index in 0..self.passes.len() {
+            let pass = self.pass(&self.passes[index]);
+            let (own, rect) = match &pass.kind {
+                PassKind::Raster(RasterPass { camera, .. }) | PassKind::Ray(RayPass { camera, .. }) => {
+                    (*camera, rectangle(self.viewport_of(pass, chosen), self.target_size(pass.target)))
+                }
+                // The whole of the G-buffer.
+                PassKind::Effect(effect) => {
+                    let size = self.target_size(effect.position.map(|position| position.target));
+                    (effect.camera, Rect { x: 0, y: 0, width: size[0], height: size[1] })
+                }
+                PassKind::Quad(_) => continue,
+            };
+            let moved = view(&self.project.cameras[chosen.unwrap_or(own)], rect, origin);
+            match &mut self.passes[index].work {
+                Work::Raster { view, .. } | Work::Rays { view, .. } | Work::Effect { view, .. } => *view = moved,
+                Work::Off { .. } | Work::Quad { .. } => {}
+            }
+        }
     }
 
     /// Size of a pass's target.
@@ -377,23 +406,82 @@ fn rectangle(viewport: Option<&Viewport>, size: [u32; 2]) -> Rect {
     Rect { x: left, y: size[1] - top, width: right - left, height: top - bottom }
 }
 
-/// The camera of a viewport.
-fn view(camera: &Camera, viewport: Rect) -> View {
+/// A camera stands far from the origin if that is so many times its near plane away: products with a matrix that moves by the position are off
+/// by up to two pixels of a thousand there, at the near plane.
+const FAR_EYE: f32 = 16_384.0;
+
+/// The camera of a viewport, for positions relative to `origin`.
+fn view(camera: &Camera, viewport: Rect, origin: DVec3) -> View {
     /// How many times farther than it sees a camera without perspective is said to stand: lines of sight to a point are parallel to
     /// within the inverse of it, in radians.
     const FAR_AWAY: f32 = 65_536.0;
-    let to_view: Mat4 = rh::view::look_to_mat4(camera.position, camera.direction, camera.up);
+    let position = (camera.position - origin).as_vec3();
+    let to_view: Mat4 = rh::view::look_to_mat4(position, camera.direction, camera.up);
     // Exchanging near and far reverses the depth: 1 at the near plane, where floats are densest near 0 for the far one.
     let (projection, eye) = match camera.orthographic {
         None => {
             let aspect = viewport.width.max(1) as f32 / viewport.height.max(1) as f32;
-            (rh::proj::directx::perspective(camera.fov_y, aspect, camera.far, camera.near), camera.position)
+            (rh::proj::directx::perspective(camera.fov_y, aspect, camera.far, camera.near), position)
         }
         Some(Orthographic { left, right, bottom, top }) => {
             let size = (right - left).max(top - bottom).max(camera.far - camera.near);
             let projection = rh::proj::directx::orthographic(left, right, bottom, top, camera.far, camera.near);
-            (projection, camera.position - camera.direction * (size * FAR_AWAY))
+            (projection, position - camera.direction * (size * FAR_AWAY))
         }
     };
-    View { clip_from_world: projection * to_view, eye }
+    let far = camera.orthographic.is_none() && position.length() > FAR_EYE * camera.near;
+    let clip_from_eye = far.then(|| projection * rh::view::look_to_mat4(Vec3::ZERO, camera.direction, camera.up));
+    View { clip_from_world: projection * to_view, eye, clip_from_eye }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DMat4;
+
+    /// In the corner of a terrain, of which no origin is near all.
+    #[test]
+    fn a_camera_far_from_the_origin_projects_as_in_double_precision() {
+        let direction = Vec3::new(0.6, -0.2, 0.77).normalize();
+        let camera = |position: DVec3| Camera {
+            name: String::new(),
+            position,
+            direction,
+            up: Vec3::Y,
+            fov_y: 0.8,
+            near: 0.5,
+            far: 1e5,
+            orthographic: None,
+            viewport: None,
+        };
+        let whole = Rect { x: 0, y: 0, width: 1024, height: 1024 };
+        let eye = Vec3::new(98_765.4, 321.7, -87_654.3);
+        let seen = view(&camera(eye.into()), whole, DVec3::ZERO);
+        assert!(seen.clip_from_eye.is_some());
+        let perspective = rh::proj::directx::perspective(0.8, 1.0, 1e5, 0.5).as_dmat4();
+        // The linear part of f32 is exact enough: what is compared is what far positions lose.
+        let turn = rh::view::look_to_mat4(Vec3::ZERO, direction, Vec3::Y).as_dmat4();
+        let exact = perspective * turn * DMat4::from_translation(-eye.as_dvec3());
+        let (ours, from) = seen.projection();
+        let mut worst = [0.0_f64; 2];
+        for step in 0..1000 {
+            let (distance, across) = (3.0 + step as f32 * 0.5, (step % 37) as f32 / 37.0 - 0.5);
+            let point = eye + direction * distance + Vec3::new(across, across * 0.7, -across) * distance * 0.3;
+            let pixels = |clip: Vec4| (clip.truncate() / clip.w).truncate().as_dvec2() * 512.0;
+            let clip = exact * point.as_dvec3().extend(1.0);
+            let truth = (clip.truncate() / clip.w).truncate() * 512.0;
+            let off = |found: glam::DVec2| (found - truth).abs().max_element();
+            worst[0] = worst[0].max(off(pixels(seen.clip_from_world * point.extend(1.0))));
+            worst[1] = worst[1].max(off(pixels(ours * (point - from).extend(1.0))));
+        }
+        println!("usual {} ours {}", worst[0], worst[1]);
+        assert!(worst[0] > 1.0 && worst[1] < 1e-3, "{worst:?}");
+        // Cameras that stand nearer are as they were.
+        let near = view(&camera(DVec3::new(7.4, 18.6, -38.6)), whole, DVec3::ZERO);
+        assert_eq!((near.clip_from_eye, near.projection().1), (None, Vec3::ZERO));
+        // Relative to an origin nearby the same camera needs none of it, and sees the same.
+        let origin = DVec3::new(98_304.0, 0.0, -87_040.0);
+        let moved = view(&camera(eye.into()), whole, origin);
+        assert_eq!((moved.clip_from_eye, moved.eye.as_dvec3() + origin), (None, eye.as_dvec3()));
+    }
 }

@@ -137,20 +137,20 @@ impl Loader {
     }
 
     /// Position, unit direction and up. What is missing is as in the engine: the origin, -z and y; notes say so.
-    fn pose(&mut self, element: &Element, name: &Value) -> Option<(Vec3, Vec3, Vec3)> {
+    fn pose(&mut self, element: &Element, name: &Value) -> Option<(DVec3, Vec3, Vec3)> {
         let position = match self.single(element, &["position"]) {
-            Some(position) => self.vector(position),
+            Some(position) => self.point(position),
             None => {
                 self.report.note(element.span, format!("camera `{}` stands at the origin", name.shown()));
-                Some(Vec3::ZERO)
+                Some(DVec3::ZERO)
             }
         };
         let target = self.single(element, &["view", "look_at_point"]);
         let direction = match target {
             Some(view) if view.is(&["view"]) => self.direction(view),
-            Some(point) => self.vector(point).and_then(|target| {
+            Some(point) => self.point(point).and_then(|target| {
                 // In f64: the difference of large finite vectors overflows f32.
-                let unit = (target.as_dvec3() - position?.as_dvec3()).try_normalize().map(|unit| unit.as_vec3());
+                let unit = (target - position?).try_normalize().map(|unit| unit.as_vec3());
                 if unit.is_none() {
                     self.report.error(point.span, "the camera looks at the point where it stands");
                 }

@@ -11,7 +11,7 @@ const LEAST_SINE: f32 = 1e-4;
 /// Where a camera stands and what it looks at.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// Position, world.
+    /// Position, world: that of a camera whose file has more digits is rounded to `f32`.
     pub position: Vec3,
     /// Viewing direction, of any length but 0.
     pub direction: Vec3,
@@ -28,7 +28,12 @@ impl Project {
     /// What would be valid, and the nearest name.
     pub fn pose(&self, camera: &str) -> Result<Pose, String> {
         let camera = &self.cameras[self.camera(camera)?];
-        Ok(Pose { position: camera.position, direction: camera.direction, up: camera.up, fov_y: camera.fov_y })
+        Ok(Pose {
+            position: camera.position.as_vec3(),
+            direction: camera.direction,
+            up: camera.up,
+            fov_y: camera.fov_y,
+        })
     }
 
     /// Moves a camera, as if its file had said so.
@@ -53,7 +58,8 @@ impl Project {
             return Err(wrong(&format!("a field of view of {} radians", pose.fov_y), "above 0 and below π, vertical"));
         }
         let camera = &mut self.cameras[index];
-        (camera.position, camera.direction, camera.up, camera.fov_y) = (pose.position, direction, up, pose.fov_y);
+        (camera.position, camera.direction, camera.up, camera.fov_y) =
+            (pose.position.as_dvec3(), direction, up, pose.fov_y);
         Ok(())
     }
 

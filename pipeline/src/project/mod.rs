@@ -59,7 +59,7 @@ use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
 use crate::raster_effects::{EffectParams, EffectProgram};
 use crate::scene::{self, BuildOptions, LoadOptions, LoadProgress, Placement, Scene, SceneError, Shape, shapes};
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use report::{Found, Names, shown, suggest};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -221,8 +221,8 @@ pub struct Orthographic {
 pub struct Camera {
     /// Name.
     pub name: String,
-    /// Position, world.
-    pub position: Vec3,
+    /// Position, world, with the digits of the file.
+    pub position: DVec3,
     /// Unit viewing direction.
     pub direction: Vec3,
     /// Up vector, not parallel to [`Self::direction`].

@@ -5,7 +5,7 @@ use super::loader::Loader;
 use super::report::{Span, suggest};
 use crate::color::BRIGHTEST;
 use crate::image::MAX_SIDE;
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 
 /// Writes names as a list for a message.
 fn attribute_names(element: &Element) -> impl Iterator<Item = &str> {
@@ -146,6 +146,17 @@ impl Loader {
         self.three(element, ["x", "y", "z"])
     }
 
+    /// [`Self::vector`] with all digits: a place in map coordinates has more than `f32` holds.
+    pub fn point(&mut self, element: &Element) -> Option<DVec3> {
+        let rounded = self.vector(element)?;
+        let exact = |axis: usize| {
+            let written = element.attribute(["x", "y", "z"][axis]).and_then(|value| value.text.parse::<f64>().ok());
+            // The name of a constant is no number; and a number must not be rounded twice.
+            written.filter(|number| *number as f32 == rounded[axis]).unwrap_or_else(|| rounded[axis].into())
+        };
+        Some(DVec3::new(exact(0), exact(1), exact(2)))
+    }
+
     /// A vector that must have a length.
     pub fn direction(&mut self, element: &Element) -> Option<Vec3> {
         let vector = self.vector(element)?;
@@ -244,7 +255,7 @@ mod tests {
     fn directions_that_a_person_rounded_get_length_1() {
         assert_eq!(
             unit(Vec3::new(0.6, 0.8, 1e-3)),
-            Some(glam::DVec3::new(0.6_f32.into(), 0.8_f32.into(), 1e-3_f32.into()).normalize().as_vec3())
+            Some(DVec3::new(0.6_f32.into(), 0.8_f32.into(), 1e-3_f32.into()).normalize().as_vec3())
         );
         assert_eq!(unit(Vec3::ZERO), None);
     }

@@ -2,6 +2,7 @@
 
 use super::RenderScene;
 use crate::color::ColorSpace;
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// FNV-1a of 128 bits (Fowler, Noll and Vo; RFC 9923): the same on every machine and in every version of this program.
@@ -39,6 +40,9 @@ impl RenderScene {
         ];
         if !geometry.colors.is_empty() {
             hashes.push(parts(bytemuck::cast_slice(&geometry.colors)));
+        }
+        if self.origin != DVec3::ZERO {
+            hashes.push(parts(format!("{:?}", self.origin).as_bytes()));
         }
         for texture in self.textures.iter().filter(|texture| !texture.repeats()) {
             hashes.push(parts(format!("{:?}", texture.wrap).as_bytes()));
@@ -79,6 +83,7 @@ mod tests {
             },
             materials: vec![Material::default()],
             textures: vec![Texture::new("t".to_owned(), 2, 1, vec![[1, 2, 3, 4]; 2])],
+            ..RenderScene::default()
         };
         let changes: [fn(&mut RenderScene); 7] = [
             |scene| scene.geometry.positions[1].x = 1e-30,
@@ -88,6 +93,7 @@ mod tests {
             |scene| scene.materials[0].diffuse.x = 0.1,
             |scene| scene.textures[0].levels[0].texels[1][2] = 9,
             |scene| scene.textures[0].space = ColorSpace::Linear,
+            |scene| scene.origin.y = 4096.0,
         ];
         assert_eq!(scene.clone().fingerprint(), scene.fingerprint());
         for (index, change) in changes.iter().enumerate() {

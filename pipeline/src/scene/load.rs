@@ -5,6 +5,7 @@ use super::error::{Budget, SceneError};
 use super::{LoadedFile, Material, Needs, Object, Scene};
 use crate::diagnostic::Warnings;
 use crate::paths::resolve_path;
+use glam::{DMat4, DVec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -141,9 +142,28 @@ fn load_one(file: &Path, size: u64, needs: Needs, budget: &mut Budget) -> Result
     scene
 }
 
+/// Tells a scene from another origin.
+fn move_origin(scene: &mut Scene, origin: DVec3) {
+    let moved = scene.origin - origin;
+    if moved == DVec3::ZERO {
+        return;
+    }
+    for object in &mut scene.objects {
+        object.transform = (DMat4::from_translation(moved) * object.transform.as_dmat4()).as_mat4();
+    }
+    for camera in &mut scene.cameras {
+        camera.position = (camera.position.as_dvec3() + moved).as_vec3();
+    }
+    scene.origin = origin;
+}
+
 /// Appends what `file` holds.
 fn merge(scene: &mut Scene, file: &Path, mut other: Scene) {
     let first_mesh = scene.meshes.len() as u32;
+    if scene.files.is_empty() {
+        scene.origin = other.origin;
+    }
+    move_origin(&mut other, scene.origin);
     let is_empty = |object: &Object| other.meshes[object.mesh as usize].groups.iter().all(|g| g.triangles.is_empty());
     if other.objects.iter().all(is_empty) {
         other.warnings.add(file, "scenes without triangles", "nothing of them is drawn", || file.display().to_string());

@@ -11,6 +11,7 @@ mod gltf;
 mod load;
 mod obj;
 mod ogre;
+mod origin;
 mod parallel;
 mod render;
 pub(crate) mod shapes;
@@ -28,7 +29,7 @@ pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics}
 
 use crate::color::ColorSpace;
 use crate::diagnostic::Warnings;
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{DMat4, DVec3, Mat4, Vec2, Vec3, Vec4};
 use std::path::PathBuf;
 use texture::{Texture, Wrap};
 
@@ -47,6 +48,9 @@ pub struct Scene {
     pub cameras: Vec<SceneCamera>,
     /// Directional lights of the files, placed; taken as the cameras are.
     pub lights: Vec<SceneLight>,
+    /// Where, in the files' coordinates, the origin of the placed objects and cameras lies: what is placed at 0 is there. 0, unless
+    /// the files lie so far from theirs that `f32` would lose digits that they have.
+    pub origin: DVec3,
     /// What was left out or replaced while loading.
     pub warnings: Warnings,
     /// The files it was loaded from, in order: the first [`LoadedFile::objects`] objects are of the first file, and so
@@ -97,7 +101,7 @@ pub struct Group {
 pub struct SceneCamera {
     /// Name in the file.
     pub name: String,
-    /// Position, world.
+    /// Position, relative to [`Scene::origin`].
     pub position: Vec3,
     /// Unit viewing direction.
     pub direction: Vec3,
@@ -129,8 +133,16 @@ pub struct Object {
     pub name: String,
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
-    /// Model to world.
+    /// Model to world, relative to [`Scene::origin`].
     pub transform: Mat4,
+}
+
+impl Scene {
+    /// Model to the files' own coordinates, of one of its objects.
+    #[must_use]
+    pub fn to_world(&self, object: &Object) -> DMat4 {
+        DMat4::from_translation(self.origin) * object.transform.as_dmat4()
+    }
 }
 
 /// Where a texture's bytes are.
@@ -326,7 +338,7 @@ impl Needs {
 /// and `colors` are either empty (not needed, or without contents) or as long as `positions`. Normals are unit length.
 #[derive(Debug, Clone, Default)]
 pub struct Geometry {
-    /// World positions.
+    /// Positions, relative to [`RenderScene::origin`].
     pub positions: Vec<Vec3>,
     /// Shading normals, in world space or (thesis fidelity) in model space as the report's program wrote them.
     pub normals: Vec<Vec3>,
@@ -429,16 +441,19 @@ pub struct RenderScene {
     pub materials: Vec<Material>,
     /// Decoded textures.
     pub textures: Vec<Texture>,
+    /// Where the origin of [`Geometry::positions`] lies in the world: 0, or near a scene that is far from it. Cameras are moved with it.
+    pub origin: DVec3,
 }
 
 impl RenderScene {
     /// Adds another scene's triangles, materials and textures after this one's.
     ///
     /// # Panics
-    /// If the two were made for different [`Needs`], or together have more than 2^32 vertices or triangles.
+    /// If the two were made for different [`Needs`] or origins, or together have more than 2^32 vertices or triangles.
     pub fn append(&mut self, other: RenderScene) {
         let index =
             |length: usize| u32::try_from(length).expect("at most 2^32 vertices, triangles, materials and textures");
+        assert!(self.origin == other.origin, "both scenes have the same origin");
         let geometry = &mut self.geometry;
         let whole = geometry.positions.len() + other.geometry.positions.len();
         if !other.geometry.colors.is_empty() {

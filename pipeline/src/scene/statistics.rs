@@ -1,7 +1,7 @@
 //! Counts of what a scene holds, for people and for scripts.
 
 use super::Scene;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -64,7 +64,11 @@ pub fn statistics(scene: &Scene) -> Statistics {
             triangles += group.triangles.len() as u64;
         }
         by_object.push((mesh.positions.len() as u64, triangles));
-        for position in mesh.positions.iter().map(|position| object.transform.transform_point3(*position)) {
+        let place = |position: &Vec3| match scene.origin == DVec3::ZERO {
+            true => object.transform.transform_point3(*position),
+            false => scene.to_world(object).transform_point3(position.as_dvec3()).as_vec3(),
+        };
+        for position in mesh.positions.iter().map(place) {
             if position.is_finite() {
                 let (low, high) = bounds.unwrap_or((position, position));
                 bounds = Some((low.min(position), high.max(position)));

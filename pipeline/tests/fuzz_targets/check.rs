@@ -86,7 +86,7 @@ impl LoadedScene<'_> {
 /// triangles and the names of everything are not compared: the writer leaves those out, and may change these.
 pub fn same(written: &Scene, read: &Scene) {
     let transforms = |scene: &Scene| -> Vec<[u32; 16]> {
-        scene.objects.iter().map(|object| object.transform.to_cols_array().map(f32::to_bits)).collect()
+        scene.objects.iter().map(|object| scene.to_world(object).as_mat4().to_cols_array().map(f32::to_bits)).collect()
     };
     assert_eq!(transforms(written), transforms(read), "objects and their transforms");
     for (ours, theirs) in written.objects.iter().zip(&read.objects) {

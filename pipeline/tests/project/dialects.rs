@@ -5,7 +5,7 @@ use curitiba_pipeline::diagnostic::Severity;
 use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::programs::{RasterProgram, RayProgram};
 use curitiba_pipeline::project::{ChannelRef, MaterialPattern, PassKind, Project, QuadSource};
-use glam::{Vec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 
 const OLD: &str = r#"<?xml version="1.0" ?>
 <project name="old" width=640 height=480>
@@ -88,7 +88,7 @@ fn check_assets(project: &Project) {
     assert_eq!((wide.origin, wide.size), ([0.0, 0.0], [400.0, 200.0]));
     assert_eq!(wide.clear_color, Vec4::new(0.0, 0.0, 0.0, 1.0));
     let eye = &project.cameras[0];
-    assert_eq!(eye.position, Vec3::new(7.5, -18.5, 38.0));
+    assert_eq!(eye.position, DVec3::new(7.5, -18.5, 38.0));
     assert_eq!(eye.direction, Vec3::NEG_Z);
     assert!((eye.fov_y - std::f32::consts::FRAC_PI_3).abs() < 1e-6);
     assert_eq!((eye.near, eye.far, eye.viewport), (0.3, 1000.0, Some(0)));

@@ -65,8 +65,9 @@ impl Session {
         self.scenes = ids;
         let scenes = self.renderer.iter().flat_map(Renderer::scenes);
         let boxes: Vec<_> = scenes
-            .filter_map(|scene| Bounds::around(&scene.geometry.positions))
-            .flat_map(|b| [b.low, b.high])
+            // Cameras stand in the world, wherever the scenes' own origin is.
+            .filter_map(|scene| Some((Bounds::around(&scene.geometry.positions)?, scene.origin)))
+            .flat_map(|(b, origin)| [b.low, b.high].map(|corner| (corner.as_dvec3() + origin).as_vec3()))
             .collect();
         self.bounds = Bounds::around(&boxes);
     }

@@ -36,7 +36,7 @@ fn the_number_of_rounds_does_not_show() {
     let job = RasterJob {
         scene: &scene,
         program: RasterProgram::Deferred,
-        view: View { clip_from_world: Mat4::IDENTITY, eye: Vec3::ZERO },
+        view: View::new(Mat4::IDENTITY, Vec3::ZERO),
         sun: None,
         shades: &[shade],
         culled: &[],

@@ -38,6 +38,8 @@ pub(super) struct ScreenVertex {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Projection {
     columns: [[f32; 4]; 4],
+    /// Subtracted from positions before.
+    eye: Vec3,
     left: f32,
     top: f32,
     width: f32,
@@ -51,8 +53,10 @@ impl Projection {
     /// The viewport's sides must be in `1..=MAX_SIDE`.
     pub fn new(view: &View, viewport: Rect) -> Self {
         let guard = |side: u32| (1u32 << (2 * GUARD / side).ilog2()) as f32;
+        let (matrix, eye) = view.projection();
         Self {
-            columns: view.clip_from_world.to_cols_array_2d(),
+            columns: matrix.to_cols_array_2d(),
+            eye,
             left: viewport.x as f32,
             top: viewport.y as f32,
             width: viewport.width as f32,
@@ -65,7 +69,7 @@ impl Projection {
     /// Clip coordinates of a world position.
     #[inline(always)]
     pub fn clip(&self, p: Vec3) -> [f32; 4] {
-        let [a, b, c, d] = &self.columns;
+        let ([a, b, c, d], p) = (&self.columns, p - self.eye);
         std::array::from_fn(|row| a[row] * p.x + b[row] * p.y + c[row] * p.z + d[row])
     }
 

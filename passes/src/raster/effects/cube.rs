@@ -34,7 +34,7 @@ pub fn view(face: usize, center: Vec3, near: f32, far: f32) -> View {
     let (scale, offset) = (-near / (far - near), near * far / (far - near));
     let rows = [row(right, 1.0, 0.0), row(-down, 1.0, 0.0), row(forward, scale, offset), row(forward, 1.0, 0.0)];
     let [x, y, z, w]: [DVec4; 4] = rows;
-    View { clip_from_world: DMat4::from_cols(x, y, z, w).transpose().as_mat4(), eye: center }
+    View::new(DMat4::from_cols(x, y, z, w).transpose().as_mat4(), center)
 }
 
 /// The face that a direction meets, and where: 0..=1 from its top left corner. Face 0 for the direction 0.

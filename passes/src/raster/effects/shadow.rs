@@ -96,7 +96,7 @@ impl ShadowFit {
         );
         let eye = anchor + right * x + up * y - direction * depth_half;
         let fit = Self {
-            view: View { clip_from_world, eye: eye.as_vec3() },
+            view: View::new(clip_from_world, eye.as_vec3()),
             map_from_world,
             size: params.map_size,
             is_whole: radius >= scene_radius,

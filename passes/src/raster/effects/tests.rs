@@ -14,7 +14,7 @@ use glam::{Mat4, Vec2, Vec3};
 fn camera(eye: Vec3, target: Vec3, far: f32) -> View {
     let up = if (target - eye).normalize().y.abs() > 0.99 { Vec3::X } else { Vec3::Y };
     let look = glam::camera::rh::view::look_at_mat4(eye, target, up);
-    View { clip_from_world: glam::camera::rh::proj::directx::perspective(1.0, 1.0, far, 0.1) * look, eye }
+    View::new(glam::camera::rh::proj::directx::perspective(1.0, 1.0, far, 0.1) * look, eye)
 }
 
 fn sun(direction: Vec3) -> Sun {
@@ -116,7 +116,7 @@ fn no_shadow_map_is_fitted_to_nothing() {
     let dark = Sun { direction: Vec3::NAN, color: Vec3::ONE };
     assert_eq!(ShadowFit::new(&dark, &scene, &view, &params), None);
     // A camera that is no camera, and a scene that is a point: still a map.
-    let broken = View { clip_from_world: Mat4::ZERO, eye: Vec3::ZERO };
+    let broken = View::new(Mat4::ZERO, Vec3::ZERO);
     for view in [view, broken] {
         for scene in [scene, bounds(Vec3::splat(3.0), Vec3::splat(3.0))] {
             for map_size in [16, 16_384] {
@@ -184,9 +184,9 @@ fn there_are_only_as_many_maps_as_something_is_seen_in() {
     // One scale for all depths, and no depth at all.
     let look = glam::camera::rh::view::look_at_mat4(Vec3::Y * 50.0, Vec3::ZERO, Vec3::Z);
     let flat = glam::camera::rh::proj::directx::orthographic(-4.0, 4.0, -4.0, 4.0, 100.0, 0.1);
-    let flat = View { clip_from_world: flat * look, eye: Vec3::Y * 50.0 };
+    let flat = View::new(flat * look, Vec3::Y * 50.0);
     assert_eq!((count(&flat, [1.0, 20.0]), depth_plane(&flat)), (1, glam::Vec4::ZERO));
-    let broken = View { clip_from_world: Mat4::ZERO, eye: Vec3::ZERO };
+    let broken = View::new(Mat4::ZERO, Vec3::ZERO);
     assert_eq!(count(&broken, [1.0, 20.0]), 1);
     // A light without direction, and a scene without a point.
     let none = |direction, scene: &Bounds| {

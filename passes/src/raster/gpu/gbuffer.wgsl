@@ -16,8 +16,10 @@ enable primitive_index;
 
 // What is the same for a whole pass.
 struct Frame {
-    // Depth is reversed: 1 at the near plane, 0 at the far plane.
-    clip_from_world: mat4x4<f32>,
+    // Of positions less `eye`. Depth is reversed: 1 at the near plane, 0 at the far plane.
+    clip_from_eye: mat4x4<f32>,
+    // In xyz; zero for cameras not far from the origin.
+    eye: vec4<f32>,
     // Unit vector towards the light in xyz; zero without a light.
     to_light: vec4<f32>,
     // Its colour; alpha is 1.
@@ -96,7 +98,7 @@ struct Pixel {
 @vertex
 fn vertex_main(vertex: Vertex) -> Varyings {
     var out: Varyings;
-    out.clip = frame.clip_from_world * vec4<f32>(vertex.position, 1.0);
+    out.clip = frame.clip_from_eye * vec4<f32>(vertex.position - frame.eye.xyz, 1.0);
 //#if POSITION
     out.world = vertex.position;
 //#endif

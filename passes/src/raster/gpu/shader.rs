@@ -139,7 +139,8 @@ pub(super) fn cut(file: &str, text: &str, defines: impl Fn(&str) -> Option<bool>
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(super) struct FrameUniform {
-    clip_from_world: Mat4,
+    clip_from_eye: Mat4,
+    eye: Vec4,
     to_light: Vec4,
     light_color: Vec4,
 }
@@ -148,7 +149,8 @@ impl FrameUniform {
     pub fn new(view: &View, sun: Option<Sun>) -> Self {
         let (to_light, light_color) =
             sun.map_or((Vec4::ZERO, Vec4::ZERO), |sun| ((-sun.direction).extend(0.0), sun.color.extend(1.0)));
-        Self { clip_from_world: view.clip_from_world, to_light, light_color }
+        let (clip_from_eye, eye) = view.projection();
+        Self { clip_from_eye, eye: eye.extend(0.0), to_light, light_color }
     }
 }
 
@@ -280,7 +282,8 @@ mod tests {
         let module = validate(&variant.source(), naga::valid::Capabilities::all()).expect("valid");
         let named = |list: &[(&str, usize)]| list.iter().map(|(n, o)| ((*n).to_owned(), *o)).collect::<Vec<_>>();
         let frame = named(&[
-            ("clip_from_world", offset_of!(FrameUniform, clip_from_world)),
+            ("clip_from_eye", offset_of!(FrameUniform, clip_from_eye)),
+            ("eye", offset_of!(FrameUniform, eye)),
             ("to_light", offset_of!(FrameUniform, to_light)),
             ("light_color", offset_of!(FrameUniform, light_color)),
         ]);

@@ -57,7 +57,7 @@ pub(super) fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<
     RasterJob {
         scene,
         program: curitiba_pipeline::programs::RasterProgram::Deferred,
-        view: View { clip_from_world: Mat4::IDENTITY, eye: Vec3::ZERO },
+        view: View::new(Mat4::IDENTITY, Vec3::ZERO),
         sun: None,
         shades,
         culled: &[],
@@ -172,7 +172,7 @@ fn effect(
         program,
         params: EffectParams { map_size: 128, ..EffectParams::of(program) },
         seed: 0,
-        view: View { clip_from_world: Mat4::IDENTITY, eye: Vec3::new(0.0, 0.0, 2.0) },
+        view: View::new(Mat4::IDENTITY, Vec3::new(0.0, 0.0, 2.0)),
         sun: Some(Sun { direction: Vec3::NEG_Z, color: Vec3::ONE }),
         width: SIZE,
         height: SIZE,

@@ -87,10 +87,10 @@ impl SceneProjects {
     ) -> Result<Self, FromSceneError> {
         check(&scene).map_err(FromSceneError::Option)?;
         // What is looked at is turned; what is loaded is turned when it is built.
-        let standing = (scene.objects.clone(), scene.cameras.clone(), scene.lights.clone());
+        let standing = (scene.objects.clone(), scene.cameras.clone(), scene.lights.clone(), scene.origin);
         turn(&mut scene, options.up);
         let mut projects = Self::of(&scene, &[], options, window)?;
-        (scene.objects, scene.cameras, scene.lights) = standing;
+        (scene.objects, scene.cameras, scene.lights, scene.origin) = standing;
         projects.base.scenes[0].memory = Some(Arc::new(scene));
         Ok(projects)
     }
@@ -269,6 +269,7 @@ fn clean(name: &str) -> Option<String> {
 /// Turns all that stands in a scene.
 fn turn(scene: &mut Scene, up: Up) {
     let turn = up.turn();
+    scene.origin = turn.as_dmat4().transform_point3(scene.origin);
     for object in &mut scene.objects {
         object.transform = turn * object.transform;
     }
@@ -296,7 +297,7 @@ fn extent(scene: &Scene) -> Option<Extent> {
         for (position, _) in mesh.positions.iter().zip(used).filter(|(_, used)| *used) {
             let placed = object.transform.transform_point3(*position);
             if placed.is_finite() {
-                let at: DVec3 = placed.as_dvec3();
+                let at: DVec3 = placed.as_dvec3() + scene.origin;
                 extent = Some(match extent {
                     Some(Extent { low, high }) => Extent { low: low.min(at), high: high.max(at) },
                     None => Extent { low: at, high: at },
@@ -342,8 +343,8 @@ fn focus(scene: &Scene, whole: Extent) -> Extent {
         }
         list.sort_unstable_by(f32::total_cmp);
         let beyond = (list.len() as f64 * BEYOND) as usize;
-        bounds[0][axis] = list[beyond].into();
-        bounds[1][axis] = list[list.len() - 1 - beyond].into();
+        bounds[0][axis] = scene.origin[axis] + f64::from(list[beyond]);
+        bounds[1][axis] = scene.origin[axis] + f64::from(list[list.len() - 1 - beyond]);
     }
     let [low, high] = bounds;
     let most = Extent { low, high };
@@ -372,7 +373,7 @@ fn cameras(
             name = format!("{base} {number}");
             number += 1;
         }
-        cameras.push(view::of_file(camera, name, extent));
+        cameras.push(view::of_file(camera, scene.origin, name, extent));
     }
     let own = (!options.has_camera()).then(|| cameras.first().map(|camera| camera.name.clone())).flatten();
     match &own {

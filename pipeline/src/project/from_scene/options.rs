@@ -1,7 +1,7 @@
 //! What is asked of a project that is made from scene files.
 
 use crate::diagnostic::valid_names;
-use glam::{Mat4, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec3, Vec4};
 use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -95,9 +95,9 @@ pub struct SceneOptions {
     /// The effects. Else shadows, occlusion, and glass where a material that is drawn is glass.
     pub effects: Option<Effects>,
     /// Where the camera stands, world. Else where all of the scene is seen.
-    pub look_from: Option<Vec3>,
+    pub look_from: Option<DVec3>,
     /// What the camera looks at, world. Else the centre of the scene's box.
-    pub look_at: Option<Vec3>,
+    pub look_at: Option<DVec3>,
     /// Vertical field of view, degrees, above 0 and below 180. Else 45.
     pub fov: Option<f32>,
     /// Direction in which the sun stands, of any length. Else the file's own light, or behind the viewer's left shoulder.
@@ -128,10 +128,11 @@ impl SceneOptions {
     #[must_use]
     pub fn words(&self) -> Vec<String> {
         let vector = |name: &str, vector: Option<Vec3>| vector.map(|Vec3 { x, y, z }| format!("{name}={x}/{y}/{z}"));
+        let point = |name: &str, point: Option<DVec3>| point.map(|DVec3 { x, y, z }| format!("{name}={x}/{y}/{z}"));
         let words = [
             self.effects.map(|effects| format!("effects={effects}")),
-            vector("look-from", self.look_from),
-            vector("look-at", self.look_at),
+            point("look-from", self.look_from),
+            point("look-at", self.look_at),
             self.fov.map(|fov| format!("fov={fov}")),
             vector("sun", self.sun),
             (self.up == Up::Z).then(|| "up=z".to_owned()),
@@ -147,17 +148,20 @@ impl SceneOptions {
         self.look_from.is_some() || self.look_at.is_some() || self.fov.is_some()
     }
 
-    /// Three finite numbers with `,` or `/` between them.
+    /// Three numbers with `,` or `/` between them, finite in `f32`.
     ///
     /// # Errors
     /// What would be valid.
     pub fn parse_vector(text: &str) -> Result<Vec3, String> {
-        let numbers: Vec<f32> =
-            text.split([',', '/']).map_while(|word| word.trim().parse().ok()).filter(|n: &f32| n.is_finite()).collect();
-        match (&numbers[..], text.split([',', '/']).count()) {
-            (&[x, y, z], 3) => Ok(Vec3::new(x, y, z)),
-            _ => Err(format!("`{text}` is not X,Y,Z, such as 1,2.5,-3")),
-        }
+        three(text, |number: &f32| number.is_finite()).map(Vec3::from)
+    }
+
+    /// The same with all their digits: places in map coordinates have more than `f32` holds.
+    ///
+    /// # Errors
+    /// What would be valid.
+    pub fn parse_point(text: &str) -> Result<DVec3, String> {
+        three(text, |number: &f64| (*number as f32).is_finite()).map(DVec3::from)
     }
 
     /// A vector that is not 0.
@@ -197,6 +201,14 @@ impl SceneOptions {
     }
 }
 
+fn three<T: Copy + FromStr>(text: &str, valid: impl Fn(&T) -> bool) -> Result<[T; 3], String> {
+    let numbers: Vec<T> = text.split([',', '/']).map_while(|word| word.trim().parse().ok()).filter(valid).collect();
+    match (&numbers[..], text.split([',', '/']).count()) {
+        (&[x, y, z], 3) => Ok([x, y, z]),
+        _ => Err(format!("`{text}` is not X,Y,Z, such as 1,2.5,-3")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -211,8 +223,11 @@ mod tests {
         assert!(effects("shadow").expect_err("a typing error").contains("did you mean `shadows`?"));
         assert!(effects("").is_err());
         assert_eq!(SceneOptions::parse_vector("1, -2/.5"), Ok(Vec3::new(1.0, -2.0, 0.5)));
+        assert_eq!(SceneOptions::parse_point("5000000.3, -2/.5"), Ok(DVec3::new(5_000_000.3, -2.0, 0.5)));
+        assert!(SceneOptions::parse_point("1e39,0,0").is_err());
         for wrong in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,inf", "nan,0,0"] {
             assert!(SceneOptions::parse_vector(wrong).is_err(), "{wrong}");
+            assert!(SceneOptions::parse_point(wrong).is_err(), "{wrong}");
         }
         assert_eq!(SceneOptions::parse_color("#ff0080").map(|c| (c * 255.0).round()), Ok(Vec3::new(255.0, 0.0, 128.0)));
         for wrong in ["#ff00", "#ff00é", "1,0,2", "-0.1,0,0", "#+12345"] {

@@ -113,7 +113,7 @@ fn cameras_of_the_file_come_first_unless_one_is_described() {
     let names = |project: &Project| project.cameras.iter().map(|camera| camera.name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&project), ["Door", "camera 2", "Camera"]);
     let door = &project.cameras[0];
-    assert_eq!((door.position, door.direction, door.up), (Vec3::new(0.0, 0.0, 5.0), Vec3::NEG_Z, Vec3::Y));
+    assert_eq!((door.position, door.direction, door.up), (DVec3::new(0.0, 0.0, 5.0), Vec3::NEG_Z, Vec3::Y));
     assert!((door.fov_y - 0.8).abs() < 1e-6 && door.near == 0.1 && door.far > 10.0);
     assert_eq!(project.cameras[1].far, 9.0);
     let sun = &project.lights[0];

@@ -64,21 +64,19 @@ fn rounded(value: DVec3, size: f64) -> DVec3 {
 pub(super) fn camera(options: &SceneOptions, whole: Extent, focus: Extent, window: [u32; 2]) -> Result<Camera, String> {
     let fov = options.fov.unwrap_or(FOV);
     let size = focus.diagonal().max(f64::from(f32::MIN_POSITIVE));
-    let target = options.look_at.map_or_else(|| rounded(focus.center(), size), |at| at.as_dvec3());
+    let target = options.look_at.unwrap_or_else(|| rounded(focus.center(), size));
     let away = away(focus);
     let (eye, view) = match (options.look_from, options.look_at) {
-        (Some(eye), _) => (eye.as_dvec3(), target - eye.as_dvec3()),
+        (Some(eye), _) => (eye, target - eye),
         (None, Some(_)) => (rounded(target + away * distance(focus, target, away, fov, window), size), -away),
         (None, None) => (rounded(place(focus, target, away, fov, window), size), -rounded(away, 1.0)),
     };
-    let position = eye.as_vec3();
-    let direction =
-        unit(view).ok_or_else(|| format!("the camera would stand at {position} and look at the same point"))?;
+    let direction = unit(view).ok_or_else(|| format!("the camera would stand at {eye} and look at the same point"))?;
     let corners = whole.corners().into_iter().chain(focus.corners());
     let farthest = corners.map(|corner| corner.distance(eye)).fold(size, f64::max);
     Ok(Camera {
         name: "Camera".to_owned(),
-        position,
+        position: eye,
         direction,
         up: up_for(direction),
         fov_y: fov.to_radians(),
@@ -150,16 +148,16 @@ fn up_for(direction: Vec3) -> Vec3 {
     if direction.cross(Vec3::Y).length() < 1e-3 { Vec3::NEG_Z } else { Vec3::Y }
 }
 
-/// A camera of a scene file. A far plane that the file leaves open lies beyond the scene.
-pub(super) fn of_file(camera: &SceneCamera, name: String, extent: Extent) -> Camera {
-    let eye = camera.position.as_dvec3();
+/// A camera of a scene file whose placed things are told from `origin`. A far plane that the file leaves open lies beyond the scene.
+pub(super) fn of_file(camera: &SceneCamera, origin: DVec3, name: String, extent: Extent) -> Camera {
+    let eye = origin + camera.position.as_dvec3();
     let farthest = extent.corners().iter().map(|corner| corner.distance(eye)).fold(0.0, f64::max) as f32;
     let far = camera.far.unwrap_or(farthest * 4.0);
     let direction = unit(camera.direction.as_dvec3()).unwrap_or(Vec3::NEG_Z);
     let up = unit(camera.up.as_dvec3()).filter(|up| direction.cross(*up).length() >= 1e-3);
     Camera {
         name,
-        position: camera.position,
+        position: eye,
         direction,
         up: up.unwrap_or_else(|| up_for(direction)),
         // Through degrees, in which projects are written.
@@ -207,7 +205,7 @@ mod tests {
         let tan = f64::from((camera.fov_y * 0.5).tan());
         extent
             .corners()
-            .map(|corner| corner - camera.position.as_dvec3())
+            .map(|corner| corner - camera.position)
             .map(|offset| {
                 let depth = offset.dot(forward);
                 [offset.dot(right) / (depth * tan * f64::from(aspect)), offset.dot(up) / (depth * tan), depth]
@@ -242,14 +240,14 @@ mod tests {
     #[test]
     fn a_described_camera_is_that_and_one_that_looks_nowhere_is_refused() {
         let extent = extent([-1.0; 3], [1.0; 3]);
-        let from = |from: [f32; 3], at: Option<[f32; 3]>| SceneOptions {
+        let from = |from: [f64; 3], at: Option<[f64; 3]>| SceneOptions {
             look_from: Some(from.into()),
-            look_at: at.map(Vec3::from),
+            look_at: at.map(DVec3::from),
             fov: Some(30.0),
             ..SceneOptions::default()
         };
         let made = camera(&from([0.0, 0.0, 5.0], None), extent, extent, [4, 4]).expect("it looks at the centre");
-        assert_eq!((made.position, made.direction), (Vec3::new(0.0, 0.0, 5.0), Vec3::NEG_Z));
+        assert_eq!((made.position, made.direction), (DVec3::new(0.0, 0.0, 5.0), Vec3::NEG_Z));
         assert_eq!(made.fov_y, 30.0_f32.to_radians());
         let down = camera(&from([0.0, 5.0, 0.0], None), extent, extent, [4, 4]).expect("it looks down");
         assert!(down.direction.cross(down.up).length() > 0.9);

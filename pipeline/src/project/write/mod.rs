@@ -131,7 +131,8 @@ impl Project {
                 xml.empty("ortho", &attributes);
             }
         }
-        vector(xml, "position", camera.position);
+        let [x, y, z] = camera.position.to_array().map(|component| component.to_string());
+        xml.empty("position", &[("x", &x), ("y", &y), ("z", &z)]);
         vector(xml, "view", camera.direction);
         vector(xml, "up", camera.up);
         xml.end();

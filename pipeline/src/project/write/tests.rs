@@ -1,5 +1,6 @@
 use super::*;
 use crate::project;
+use glam::DVec3;
 
 fn root(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
@@ -65,7 +66,7 @@ fn projects_made_of_scenes_are_read_as_they_were_written() {
     // Signs that mean something in XML, and a colon, which ends a library's name in a map of glass.
     let file = triangle(folder.path(), "a & b <c>.obj", "glass:\"pane\" & co");
     let options = project::SceneOptions {
-        look_from: Some(Vec3::new(0.1, 2.7, -9.3)),
+        look_from: Some(DVec3::new(0.1, 2.7, -9.3)),
         fov: Some(33.3),
         sun: Some(Vec3::new(0.3, 0.9, 0.1)),
         ..project::SceneOptions::default()

@@ -214,7 +214,7 @@ impl SceneWriter<'_> {
         if self.layout.is_2014() {
             self.string("SimpleTransform")?;
         }
-        self.floats(&object.transform.to_cols_array())?;
+        self.floats(&self.scene.to_world(object).as_mat4().to_cols_array())?;
         self.string(&self.renderables[object.mesh as usize].clone())?;
         if seen {
             return Ok(());

@@ -8,6 +8,7 @@ mod container;
 mod draco;
 mod material;
 mod meshopt;
+mod places;
 mod pose;
 mod vectors;
 mod view;
@@ -23,8 +24,9 @@ use ::gltf::json::{
     validation::Checked,
 };
 use accessor::Data;
-use glam::{Mat4, Quat, Vec2, Vec3, Vec4};
+use glam::{DMat4, Mat4, Quat, Vec2, Vec3, Vec4};
 use material::{Materials, Surface};
+use places::Places;
 use pose::{Pose, Skins};
 use std::collections::HashMap;
 use std::path::Path;
@@ -59,9 +61,11 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     let decoded = meshopt::views(&root, &buffers, &mut context)?;
     let data = Data { root: &root, buffers: &buffers, decoded: &decoded };
     let mut materials = Materials::read(&data, &mut context, &mut scene.warnings)?;
+    let places = Places::new(&root, text, &mut context)?;
     let (skins, placed) = (Skins::default(), HashMap::new());
-    let mut assembler = Assembler { data: &data, materials: &mut materials, scene: &mut scene, skins, placed };
+    let mut assembler = Assembler { data: &data, materials: &mut materials, scene: &mut scene, skins, places, placed };
     assembler.nodes(&mut context)?;
+    assembler.places.move_origin(assembler.scene);
     scene.materials = materials.table.materials;
     scene.textures = materials.textures;
     Ok(scene)
@@ -105,6 +109,8 @@ struct Assembler<'a> {
     materials: &'a mut Materials,
     scene: &'a mut Scene,
     skins: Skins,
+    /// The transforms of objects and cameras with all digits of the file.
+    places: Places,
     /// By mesh of the asset and its pose, once they were read: the first of the primitives in the scene, and of each whether it was
     /// moved into the world.
     placed: HashMap<(usize, Pose), (u32, Vec<bool>)>,
@@ -122,23 +128,27 @@ impl Assembler<'_> {
             None => root_nodes(root),
         };
         let mut visited = vec![false; root.nodes.len()];
-        let mut stack: Vec<(usize, Mat4)> = roots.iter().rev().map(|node| (*node, Mat4::IDENTITY)).collect();
-        while let Some((index, parent)) = stack.pop() {
+        let whole = (Mat4::IDENTITY, DMat4::IDENTITY);
+        let mut stack: Vec<(usize, (Mat4, DMat4))> = roots.iter().rev().map(|node| (*node, whole)).collect();
+        while let Some((index, (parent, exact_parent))) = stack.pop() {
             let node = root.nodes.get(index).ok_or_else(|| fail(format!("node {index} does not exist")))?;
             if std::mem::replace(&mut visited[index], true) {
                 return Err(fail(format!("node {index} has two parents or is its own ancestor"))
                     .help("valid: nodes form trees"));
             }
             let transform = parent * local_transform(node);
+            let exact = exact_parent * self.places.local(index, node);
             if let Some(mesh) = node.mesh {
                 let name = node.name.clone().unwrap_or_else(|| format!("node {index}"));
-                self.place(mesh.value(), node, name, transform, context)?;
+                self.place(mesh.value(), node, name, (transform, exact), context)?;
             }
             let Scene { cameras, lights, warnings, .. } = &mut *self.scene;
-            cameras.extend(view::camera(root, node, &transform, context.file, warnings));
+            let camera = view::camera(root, node, &transform, context.file, warnings);
+            self.places.cameras.extend(camera.as_ref().map(|_| exact.w_axis.truncate()));
+            cameras.extend(camera);
             lights.extend(view::light(root, node, &transform, context.file, warnings));
             let children = node.children.iter().flatten().rev();
-            stack.extend(children.map(|child| (child.value(), transform)));
+            stack.extend(children.map(|child| (child.value(), (transform, exact))));
         }
         Ok(())
     }
@@ -149,7 +159,7 @@ impl Assembler<'_> {
         index: usize,
         node: &json::Node,
         name: String,
-        transform: Mat4,
+        (transform, exact): (Mat4, DMat4),
         context: &mut Context<'_>,
     ) -> Result<(), SceneError> {
         let file = context.file;
@@ -165,8 +175,9 @@ impl Assembler<'_> {
         // Every node may place every primitive of the asset: far more objects than the file has bytes.
         context.take("the objects", moved.len(), size_of::<Object>() + name.len())?;
         for (mesh, moved) in (*first..).zip(moved) {
-            let transform = if *moved { Mat4::IDENTITY } else { transform };
+            let (transform, exact) = if *moved { (Mat4::IDENTITY, DMat4::IDENTITY) } else { (transform, exact) };
             self.scene.objects.push(Object { name: name.clone(), mesh, transform });
+            self.places.objects.push(exact);
         }
         Ok(())
     }
@@ -328,9 +339,13 @@ fn local_transform(node: &json::Node) -> Mat4 {
     }
     let scale = node.scale.map_or(Vec3::ONE, Vec3::from);
     let translation = node.translation.map_or(Vec3::ZERO, Vec3::from);
-    // Files round their quaternions; one of length 0 turns nothing.
+    Mat4::from_scale_rotation_translation(scale, rotation(node), translation)
+}
+
+/// Files round their quaternions; one of length 0 turns nothing.
+fn rotation(node: &json::Node) -> Quat {
     let rotation = node.rotation.and_then(|rotation| Vec4::from(rotation.0).try_normalize());
-    Mat4::from_scale_rotation_translation(scale, rotation.map_or(Quat::IDENTITY, Quat::from_vec4), translation)
+    rotation.map_or(Quat::IDENTITY, Quat::from_vec4)
 }
 
 /// The nodes that are nobody's children.

@@ -8,6 +8,9 @@
 //! counts; then, with what lies before each piece known, the faces ([`faces`]); then the vertices of each run of faces
 //! ([`weld`]), and what belongs together ([`join`]). The result depends neither on the cuts nor on the threads.
 //!
+//! Positions of a file that lies far from its origin are read a second time, relative to one nearer by, so that no digit is lost
+//! ([`super::origin`]).
+//!
 //! `tobj` reads none of it: it reads a file from its first line on and knows no pieces, gives up on a whole file for one
 //! bad number, and holds over 100 bytes for every face. A reader on top of it, which this one replaces, serves the tests:
 //! both find the same scene in every file.
@@ -27,8 +30,10 @@ mod weld;
 use super::Scene;
 use super::context::Context;
 use super::error::SceneError;
+use super::origin::{bounds, origin_for};
 use crate::diagnostic::Warnings;
 use faces::Faces;
+use glam::DVec3;
 use lines::{Lines, pieces};
 use mtl::Library;
 use rayon::prelude::*;
@@ -55,7 +60,12 @@ fn read_in_pieces(bytes: &[u8], piece: usize, max_run: usize, context: &mut Cont
     let allowance = Allowance::new(context);
     let scans = scan::scan(&pieces, context.needs, &allowance);
     allowance.settle(WHAT, context)?;
-    let (numbers, starts) = scan::combine(scans, file)?;
+    let (mut numbers, starts) = scan::combine(scans, file)?;
+    let origin = bounds(&numbers.positions).map_or(DVec3::ZERO, origin_for);
+    if origin != DVec3::ZERO {
+        numbers.positions = Vec::new();
+        numbers.positions = scan::positions_from(&pieces, origin);
+    }
 
     let allowance = Allowance::new(context);
     let read = |(piece, start): (&Lines<'_>, scan::Start)| {
@@ -85,6 +95,7 @@ fn read_in_pieces(bytes: &[u8], piece: usize, max_run: usize, context: &mut Cont
     let welded = weld::weld(&runs, &faces, &numbers);
     drop((faces, numbers));
     let mut scene = join::join(&runs, welded, &materials, &library.coordinates, context)?;
+    scene.origin = origin;
     scene.materials = library.table.materials;
     scene.textures = library.textures;
     scene.warnings = warnings;

@@ -6,7 +6,7 @@ use super::super::parallel::concatenate;
 use super::lines::{Lines, number, split_word, text, words};
 use super::{Allowance, Purse};
 use bytemuck::Zeroable;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::path::Path;
 
@@ -184,6 +184,28 @@ fn color_of(rest: &[u8]) -> Option<Vec4> {
     let [red, green, blue] = std::array::from_fn(|_| behind.next().and_then(number));
     let color = Vec4::new(red?, green?, blue?, 1.0);
     behind.next().is_none().then_some(color)
+}
+
+/// The positions of all pieces again, relative to an origin: the difference is taken before anything is rounded to `f32`.
+pub(super) fn positions_from(pieces: &[Lines<'_>], origin: DVec3) -> Vec<Vec3> {
+    let read = |piece: &Lines<'_>| {
+        let mut lines = piece.clone();
+        let mut positions = Vec::new();
+        while let Some((_, statement)) = lines.next() {
+            if let (b"v", rest) = split_word(&statement) {
+                positions.push(position_from(rest, origin).unwrap_or(Vec3::ZERO));
+            }
+        }
+        positions
+    };
+    whole(pieces.par_iter().with_max_len(1).map(read).collect())
+}
+
+fn position_from(rest: &[u8], origin: DVec3) -> Option<Vec3> {
+    finite_numbers(rest, 3)?;
+    let mut read = words(rest).map(|word| std::str::from_utf8(word).ok()?.parse::<f64>().ok());
+    let position = DVec3::new(read.next()??, read.next()??, read.next()??);
+    Some((position - origin).as_vec3())
 }
 
 /// Up to three finite numbers, zeros for those that are missing; `None` for fewer than `least`, or where one is none.

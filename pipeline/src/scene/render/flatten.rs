@@ -1,11 +1,12 @@
 //! Objects into one list of triangles in world space.
 
 use super::super::error::{Budget, SceneError};
+use super::super::origin::{origin_for, placed_bounds};
 use super::super::parallel::concatenate;
 use super::super::{Batch, Geometry, Material, Mesh, Object};
 use super::{BuildOptions, FilesOfObjects, normals};
 use crate::diagnostic::Warnings;
-use glam::{DVec3, Mat3, Mat4, Vec2, Vec3, Vec4};
+use glam::{DMat4, DVec3, Mat3, Mat4, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -33,15 +34,23 @@ enum Verdict {
 /// Marks an index that lies outside its mesh; never a valid vertex, because their number is below it.
 const BAD: u32 = u32::MAX;
 
-/// The triangles in world space, and by how much lengths of the files were scaled.
+/// What the files place.
+#[derive(Clone, Copy)]
+pub(super) struct Placed<'a> {
+    pub objects: &'a [Object],
+    /// In the files' coordinates, where 0 of the objects lies.
+    pub origin: DVec3,
+}
+
+/// The triangles in world space, by how much lengths of the files were scaled, and where 0 of the triangles lies in the world.
 pub(super) fn flatten(
     mut meshes: Vec<Mesh>,
-    (objects, materials): (&[Object], &[Material]),
+    (Placed { objects, origin: own }, materials): (Placed<'_>, &[Material]),
     options: &BuildOptions,
     files: &FilesOfObjects,
     budget: &mut Budget,
     warnings: &mut Warnings,
-) -> Result<(Geometry, f32), SceneError> {
+) -> Result<(Geometry, f32, DVec3), SceneError> {
     let mut uses = vec![0_u32; meshes.len()];
     for object in objects {
         uses[object.mesh as usize] += 1;
@@ -59,6 +68,22 @@ pub(super) fn flatten(
     if options.needs.textures {
         mend_texcoords(&mut meshes, &first_users, &uses, files, warnings);
     }
+
+    // What is made unit size lies around 0 first, wherever it was.
+    let own = if options.unitize { DVec3::ZERO } else { own };
+    let to_world = |object: &Object| {
+        let turn = if options.swap_yz { DMat4::from_cols_array_2d(&SWAP_YZ) } else { DMat4::IDENTITY };
+        options.transform.as_dmat4() * turn * DMat4::from_translation(own) * object.transform.as_dmat4()
+    };
+    let origin = options.origin.unwrap_or_else(|| {
+        let bounds = match options.unitize {
+            true => placed_bounds(&[unit_cube()], std::iter::once((0, options.transform.as_dmat4()))),
+            false => placed_bounds(&meshes, objects.iter().map(|object| (object.mesh, to_world(object)))),
+        };
+        bounds.map_or(DVec3::ZERO, origin_for)
+    });
+    // Near the origin all is placed in f32, one transform after the other.
+    let exact = own != DVec3::ZERO || origin != DVec3::ZERO;
 
     let mut geometry = Geometry::default();
     if objects.len() > 1 {
@@ -90,7 +115,8 @@ pub(super) fn flatten(
         if colored {
             append_colors(&mut geometry, mesh, last);
         }
-        append_vertices(&mut geometry, mesh, last, object.transform, options);
+        let whole = (exact && !options.unitize).then(|| DMat4::from_translation(-origin) * to_world(object));
+        append_vertices(&mut geometry, mesh, last, (object.transform, whole), options);
     }
     drop(meshes);
     parts.sort_by_key(|(run, _)| run.material);
@@ -106,13 +132,13 @@ pub(super) fn flatten(
         sort_out(&mut geometry, &mut runs, objects, files, warnings);
         drop_unused_vertices(&mut geometry);
     }
-    if options.transform != Mat4::IDENTITY && !geometry.positions.is_empty() {
-        place(&mut geometry, options);
+    if (options.transform != Mat4::IDENTITY || exact && options.unitize) && !geometry.positions.is_empty() {
+        place(&mut geometry, options, exact, origin);
         sort_out(&mut geometry, &mut runs, objects, files, warnings);
         drop_unused_vertices(&mut geometry);
     }
     geometry.batches = batches(&runs);
-    Ok((geometry, scale))
+    Ok((geometry, scale, origin))
 }
 
 /// Adds up what the objects need, books it, and returns the number of vertices.
@@ -248,15 +274,33 @@ fn append_colors(geometry: &mut Geometry, mesh: &mut Mesh, last: bool) {
     }
 }
 
-/// Appends a mesh's vertices in world space.
-fn append_vertices(geometry: &mut Geometry, mesh: &mut Mesh, last: bool, transform: Mat4, options: &BuildOptions) {
+/// `(x, y, z)` becomes `(x, z, -y)`, by columns.
+const SWAP_YZ: [[f64; 4]; 4] =
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+
+/// What a scene that is made unit size lies in.
+fn unit_cube() -> Mesh {
+    Mesh { positions: vec![Vec3::NEG_ONE, Vec3::ONE], ..Mesh::default() }
+}
+
+/// Appends a mesh's vertices in world space. Where there is a transform of the whole way, in `f64`, positions take that.
+fn append_vertices(
+    geometry: &mut Geometry,
+    mesh: &mut Mesh,
+    last: bool,
+    (transform, whole): (Mat4, Option<DMat4>),
+    options: &BuildOptions,
+) {
     let first = geometry.positions.len();
     append(&mut geometry.positions, claim(&mut mesh.positions, last));
     if options.needs.textures {
         append(&mut geometry.texcoords, claim(&mut mesh.texcoords, last));
     }
     let swap = |v: Vec3| if options.swap_yz { Vec3::new(v.x, v.z, -v.y) } else { v };
-    if transform != Mat4::IDENTITY || options.swap_yz {
+    if let Some(whole) = whole {
+        let place = |position: &mut Vec3| *position = whole.transform_point3(position.as_dvec3()).as_vec3();
+        geometry.positions[first..].par_iter_mut().for_each(place);
+    } else if transform != Mat4::IDENTITY || options.swap_yz {
         geometry.positions[first..]
             .par_iter_mut()
             .for_each(|position| *position = swap(transform.transform_point3(*position)));
@@ -274,10 +318,17 @@ fn append_vertices(geometry: &mut Geometry, mesh: &mut Mesh, last: bool, transfo
     }
 }
 
-/// Moves the whole scene by [`BuildOptions::transform`].
-fn place(geometry: &mut Geometry, options: &BuildOptions) {
+/// Moves the whole scene by [`BuildOptions::transform`]; positions that are `exact` are placed already, but for those of a scene that was
+/// made unit size.
+fn place(geometry: &mut Geometry, options: &BuildOptions, exact: bool, origin: DVec3) {
     let transform = options.transform;
-    geometry.positions.par_iter_mut().for_each(|position| *position = transform.transform_point3(*position));
+    let positions = geometry.positions.par_iter_mut();
+    if !exact {
+        positions.for_each(|position| *position = transform.transform_point3(*position));
+    } else if options.unitize {
+        let whole = DMat4::from_translation(-origin) * transform.as_dmat4();
+        positions.for_each(|position| *position = whole.transform_point3(position.as_dvec3()).as_vec3());
+    }
     if !options.model_space_normals {
         turn(&mut geometry.normals, transform, |normal| normal);
     }

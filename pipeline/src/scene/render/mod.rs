@@ -8,7 +8,7 @@ use super::error::{Budget, SceneError};
 use super::{Geometry, Material, Needs, RenderScene, Scene};
 use crate::color::{BRIGHTEST, ColorSpace, in_range};
 use crate::diagnostic::Warnings;
-use glam::{Mat4, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
@@ -27,6 +27,9 @@ pub struct BuildOptions {
     pub unitize: bool,
     /// What places the whole scene in the world, after [`Self::unitize`]; normals in model space do not turn with it.
     pub transform: Mat4,
+    /// The origin of the positions, in the world: 0 unless another is asked for, or that of an earlier scene. `None`: 0, or near the
+    /// scene if that is farther from 0 than 16 times its longest side.
+    pub origin: Option<DVec3>,
     /// What colours and textures are made: in a scene they are display values, whatever its files have.
     pub color: ColorSpace,
     /// Bytes that the geometry and textures may hold.
@@ -41,6 +44,7 @@ impl Default for BuildOptions {
             swap_yz: false,
             unitize: false,
             transform: Mat4::IDENTITY,
+            origin: Some(DVec3::ZERO),
             color: ColorSpace::Report,
             max_bytes: super::LoadOptions::DEFAULT_MAX_BYTES,
         }
@@ -60,6 +64,8 @@ impl RenderScene {
     ///   the mean of the normals of its faces, weighted by the face's angle there (Thürmer and Wüthrich, "Computing
     ///   Vertex Normals from Polygonal Facets", 1998); faces on both sides of a crease of more than
     ///   60 degrees are not averaged, and the vertices there are split; vertices that are not shared stay flat.
+    /// - Where [`Scene::origin`] or the origin of the result is not 0, positions are placed in `f64` and rounded once, relative to the
+    ///   latter.
     /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
     ///   its material has none.
     /// - Vertex colours are there where a mesh that is placed has some; the vertices of the others are white.
@@ -76,10 +82,11 @@ impl RenderScene {
         let files = FilesOfObjects::new(&scene);
         let mut warnings = Warnings::default();
         let mut budget = Budget::new(options.max_bytes);
-        let Scene { meshes, objects, mut materials, textures: sources, .. } = scene;
+        let Scene { meshes, objects, mut materials, textures: sources, origin, .. } = scene;
 
-        let (mut geometry, scale) =
-            flatten::flatten(meshes, (&objects, &materials), options, &files, &mut budget, &mut warnings)?;
+        let placed = flatten::Placed { objects: &objects, origin };
+        let (mut geometry, scale, origin) =
+            flatten::flatten(meshes, (placed, &materials), options, &files, &mut budget, &mut warnings)?;
 
         geometry.color_space = options.color;
         if options.color == ColorSpace::Linear {
@@ -104,7 +111,7 @@ impl RenderScene {
         }
         let file = files.whole_scene();
         let textures = texture::decode_used(&mut materials, &sources, options.color, file, &mut budget, &mut warnings)?;
-        Ok((RenderScene { geometry, materials, textures }, warnings))
+        Ok((RenderScene { geometry, materials, textures, origin }, warnings))
     }
 }
 

@@ -1,0 +1,86 @@
+//! Where nodes stand, with all digits that the file has: the crate `gltf` rounds them to `f32`.
+
+use super::super::Scene;
+use super::super::context::Context;
+use super::super::error::SceneError;
+use super::super::origin::{origin_for, placed_bounds};
+use super::rotation;
+use ::gltf::json;
+use glam::{DMat4, DQuat, DVec3, Vec3};
+
+/// Translations below this are taken as the crate reads them: `f32` has steps of a sixteen-thousandth there.
+const LARGE: f32 = 1024.0;
+
+/// The numbers of a node that a crate that reads `f32` rounds too much.
+#[derive(Debug, Default, serde::Deserialize)]
+#[serde(default)]
+struct Node {
+    translation: Option<[f64; 3]>,
+    matrix: Option<[f64; 16]>,
+}
+
+#[derive(Debug, Default, serde::Deserialize)]
+#[serde(default)]
+struct Nodes {
+    nodes: Vec<Node>,
+}
+
+/// Transforms in `f64`.
+pub(super) struct Places {
+    /// By node; empty where no node stands far off.
+    nodes: Vec<Node>,
+    /// By object of the scene.
+    pub objects: Vec<DMat4>,
+    /// By camera of the scene: its position.
+    pub cameras: Vec<DVec3>,
+}
+
+impl Places {
+    /// Reads the nodes' numbers again if some are large.
+    ///
+    /// # Errors
+    /// If that takes more memory than is left.
+    pub fn new(root: &json::Root, text: &[u8], context: &mut Context<'_>) -> Result<Self, SceneError> {
+        let far = |numbers: &[f32]| numbers.iter().any(|number| number.abs() >= LARGE);
+        let is_far = |node: &json::Node| {
+            node.translation.is_some_and(|translation| far(&translation))
+                || node.matrix.is_some_and(|matrix| far(&matrix[12..15]))
+        };
+        let mut nodes = Vec::new();
+        if root.nodes.iter().any(is_far) {
+            context.take("the nodes", root.nodes.len(), size_of::<Node>())?;
+            nodes = serde_json::from_slice(text).map(|Nodes { nodes }| nodes).unwrap_or_default();
+        }
+        Ok(Self { nodes, objects: Vec::new(), cameras: Vec::new() })
+    }
+
+    /// The transform of a node, of the asset's that has this index.
+    pub fn local(&self, index: usize, node: &json::Node) -> DMat4 {
+        let exact = self.nodes.get(index);
+        if let Some(matrix) = exact.and_then(|exact| exact.matrix).or(node.matrix.map(|matrix| matrix.map(f64::from))) {
+            return DMat4::from_cols_array(&matrix);
+        }
+        let rounded = || node.translation.map(|translation| translation.map(f64::from));
+        let translation = exact.and_then(|exact| exact.translation).or_else(rounded).map_or(DVec3::ZERO, DVec3::from);
+        let scale = node.scale.map_or(Vec3::ONE, Vec3::from).as_dvec3();
+        let turn = DQuat::from_vec4(rotation(node).as_dquat().into());
+        DMat4::from_scale_rotation_translation(scale, turn.normalize(), translation)
+    }
+
+    /// Tells the scene from an origin nearby, if it lies far from its own.
+    pub fn move_origin(self, scene: &mut Scene) {
+        let objects = scene.objects.iter().zip(&self.objects);
+        let bounds = placed_bounds(&scene.meshes, objects.map(|(object, exact)| (object.mesh, *exact)));
+        let origin = bounds.map_or(DVec3::ZERO, origin_for);
+        if origin == DVec3::ZERO {
+            return;
+        }
+        scene.origin = origin;
+        for (object, exact) in scene.objects.iter_mut().zip(self.objects) {
+            object.transform = (DMat4::from_translation(-origin) * exact).as_mat4();
+        }
+        for (camera, exact) in scene.cameras.iter_mut().zip(self.cameras) {
+            camera.position = (exact - origin).as_vec3();
+        }
+    }
+}
