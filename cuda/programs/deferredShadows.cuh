@@ -15,17 +15,19 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
     if (params.normals == nullptr) {
         side = pass.eye() - point.position;
     } else {
-        Corners corners = positions_of(params, triangle);
-        double3 a = wide(corners.a), e1 = wide(corners.b) - a, e2 = wide(corners.c) - a, to = wide(point.position) - a;
-        double3 normal = cross(e1, e2);
-        double area = dot(normal, normal);
-        Hit at = {0.0f, triangle, (float)(dot(cross(to, e2), normal) / area), (float)(dot(cross(e1, to), normal) / area)};
-        side = normal_at(params, at);
+        side = normal_at(params, locate(params, triangle, point.position));
     }
-    float towards = dot(point.normal, pass.to_light()) * copysignf(1.0f, dot(point.normal, side));
-    if (towards <= 0.0f) return opaque(splat(SHADOWED));
+    float sign = copysignf(1.0f, dot(point.normal, side));
+    float3 origin;
+    if (dot(point.normal, pass.to_light()) * sign <= 0.0f) {
+        if (!pass.template lifted_origin<ACCEPT_COVERED>(triangle, point, point.normal * sign, origin)) {
+            return opaque(splat(SHADOWED));
+        }
+    } else {
+        origin = spawn(point, pass.to_light());
+    }
     pass.rays.shadow += 1;
-    Ray ray = {spawn(point, pass.to_light()), pass.to_light(), 0.0f, INFINITY};
+    Ray ray = {origin, pass.to_light(), 0.0f, INFINITY};
     bool lit = !pass.tracer.template occluded<ACCEPT_COVERED>(ray, nullptr);
     return opaque(splat(lit ? 1.0f : SHADOWED));
 }

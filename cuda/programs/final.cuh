@@ -33,9 +33,18 @@ template <class Tracer> DEVICE Share light_from(Pass<Tracer> &pass, float3 origi
 DEVICE float weigh(const End &end, float3 &) { return end.weight; }
 #endif
 
-// What reaches a surface of the light, on the side to which it is lit.
-template <class Tracer> DEVICE Share light_share(Pass<Tracer> &pass, const Surface &surface, float3 lit_side) {
-    if (dot(lit_side, pass.to_light()) <= 0.0f) return share_of(SHADOWED);
+// What reaches a surface of the light, on a side that is turned away.
+template <class Tracer>
+DEVICE Share turned_share(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 lit_side) {
+    float3 origin;
+    if (!pass.template lifted_origin<ACCEPT_STOPS>(triangle, surface.point, lit_side, origin)) return share_of(SHADOWED);
+    pass.rays.shadow += 1;
+    return light_from(pass, origin);
+}
+// The same on the side to which it is lit, whichever that is.
+template <class Tracer>
+DEVICE Share light_share(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 lit_side) {
+    if (dot(lit_side, pass.to_light()) <= 0.0f) return turned_share(pass, triangle, surface, lit_side);
     pass.rays.shadow += 1;
     return light_from(pass, spawn(surface.point, pass.to_light()));
 }
@@ -43,10 +52,10 @@ template <class Tracer> DEVICE Share light_share(Pass<Tracer> &pass, const Surfa
 // A colour times the light's share and ambient occlusion. Black stays black, without a ray. All threads of a warp call it
 // together, those that have no surface with black.
 template <class Tracer>
-static __device__ OUTLINED float3 visible(Pass<Tracer> &pass, float3 color, const Surface &surface, float3 lit_side,
-                                              unsigned key) {
+static __device__ OUTLINED float3 visible(Pass<Tracer> &pass, float3 color, unsigned triangle, const Surface &surface,
+                                              float3 lit_side, unsigned key) {
     bool black = is_black(color);
-    Share light = black ? share_of(0.0f) : light_share(pass, surface, lit_side);
+    Share light = black ? share_of(0.0f) : light_share(pass, triangle, surface, lit_side);
     float open = pass.template occlusion<ACCEPT_STOPS>(!black, surface, key);
     return black ? color : color * light * open;
 }
@@ -76,12 +85,13 @@ struct VisibleSurface {
 struct PixelSurfaces {
     bool glass, here;
     float3 color, lit_side;
+    unsigned triangle;
     Walk walk;
     End end;
 
     template <class Tracer> DEVICE_MEMBER void begin(Pass<Tracer> &pass) {
         const Params &params = pass.params;
-        unsigned triangle = pass.triangle();
+        triangle = pass.triangle();
         here = triangle != NO_TRIANGLE;
         glass = false;
         color = lit_side = splat(0.0f);
@@ -103,6 +113,7 @@ struct PixelSurfaces {
         if (!here) return;
         color = lit_color(pass.params, end.hit, end.surface.normal);
         lit_side = end.surface.facing;
+        triangle = end.hit.triangle;
     }
 };
 
@@ -117,7 +128,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
         const End &end = surfaces.end;
         float3 color = here ? surfaces.color : splat(0.0f);
         float weight = weigh(end, color);
-        float3 share = visible(pass, color, end.surface, surfaces.lit_side, end.key);
+        float3 share = visible(pass, color, surfaces.triangle, end.surface, surfaces.lit_side, end.key);
         if (here) sum = surfaces.glass ? sum + weight * share : share;
         surfaces.here = false;
     }

@@ -72,6 +72,8 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         const Surface &surface = end.surface;
         float step = OFFSET_UNITS * surface.point.error;
         bool turned = dot(surfaces.lit_side, pass.to_light()) <= 0.0f;
+        // Light on turned sides, which few have, is found now: what is left of it will be halved.
+        if (turned) color = color * turned_share(pass, surfaces.triangle, surface, surfaces.lit_side) * (1.0f / SHADOWED);
         float3 start = surface.point.start, facing = surface.facing, normal = surface.normal;
         listed(params)[place] = {make_float4(start.x, start.y, start.z, turned ? -step : step),
                                  make_float4(facing.x, facing.y, facing.z, __uint_as_float(end.key)),

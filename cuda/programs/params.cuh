@@ -51,6 +51,7 @@ constexpr unsigned RAY_TYPES = 2u;
 constexpr unsigned PAYLOADS = 6u;
 constexpr float AMBIENT = 3e-1f;
 constexpr float SHADOWED = 5e-1f;
+constexpr float ROUND = 8.5e-1f;
 constexpr float THROUGH_GLASS = 9e-1f;
 constexpr float THESIS_EPSILON = 1e-4f;
 constexpr float THESIS_REFRACTED_EPSILON = 1e-3f;

@@ -96,6 +96,19 @@ template <class Tracer> struct Pass {
         return wanted ? params.open_share[open] : 1.0f;
     }
 
+    // Where the ray to the light starts of a point whose triangle is turned away; false where it is dark without it.
+    template <Accept ACCEPT>
+    __device__ __forceinline__ bool lifted_origin(unsigned triangle, const SurfacePoint &point, float3 facing, float3 &origin) {
+        float3 way = lifted(params, triangle, point, facing, to_light());
+        if (way.x == 0.0f && way.y == 0.0f && way.z == 0.0f) return false;
+        rays.shadow += 1;
+        float3 start = spawn(point, facing);
+        float length = sqrtf(dot(way, way));
+        // What lies between the triangle and the point lets no light through.
+        if (tracer.template occluded<ACCEPT>({start, way * (1.0f / length), 0.0f, length}, nullptr)) return false;
+        origin = start + way;
+        return true;
+    }
     // What reaches an origin off its surface of the light in `final`, where each surface of glass dims it alike.
     __device__ __forceinline__ float light_at(float3 origin) const {
         Crossings crossings;

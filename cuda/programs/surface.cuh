@@ -79,6 +79,38 @@ DEVICE float3 spawn(const SurfacePoint &point, float3 direction) {
     return point.start + point.normal * (dot(point.normal, direction) < 0.0f ? -distance : distance);
 }
 
+// The coordinates of a point in the plane of a triangle, as a hit at distance 0.
+DEVICE Hit locate(const Params &params, unsigned triangle, float3 position) {
+    Corners corners = positions_of(params, triangle);
+    double3 a = wide(corners.a), e1 = wide(corners.b) - a, e2 = wide(corners.c) - a, to = wide(position) - a;
+    double3 normal = cross(e1, e2);
+    double area = dot(normal, normal);
+    return {0.0f, triangle, (float)(dot(cross(to, e2), normal) / area), (float)(dot(cross(e1, to), normal) / area)};
+}
+// By how much a point below the plane through a corner is lifted onto it.
+DEVICE float3 lift(float3 position, float3 corner, float3 normal) {
+    return normal * fmaxf(0.0f, -dot(position - corner, normal));
+}
+// From a point of a triangle that is turned away from the light, on the side of normal `facing`, onto the round surface that it stands
+// for; 0 where no light falls there (`effects/terminator.rs`).
+DEVICE float3 lifted(const Params &params, unsigned triangle, const SurfacePoint &point, float3 facing, float3 to_light) {
+    const float3 none = splat(0.0f);
+    if (params.normals == nullptr) return none;
+    uint3 i = corners_of(params, triangle);
+    float3 na = vector_at(params.normals, i.x), nb = vector_at(params.normals, i.y), nc = vector_at(params.normals, i.z);
+    if (equal(na, nb) && equal(nb, nc)) return none;
+    Hit at = locate(params, triangle, point.position);
+    float3 normal = na * (1.0f - at.u - at.v) + nb * at.u + nc * at.v;
+    float side = copysignf(1.0f, dot(normal, facing));
+    bool round = dot(na, facing) * side >= ROUND && dot(nb, facing) * side >= ROUND && dot(nc, facing) * side >= ROUND;
+    if (!(round && dot(normal, to_light) * side > 0.0f)) return none;
+    Corners corners = positions_of(params, triangle);
+    float3 a = lift(point.position, corners.a, na * side), b = lift(point.position, corners.b, nb * side);
+    float3 c = lift(point.position, corners.c, nc * side);
+    float3 way = a * (1.0f - at.u - at.v) + b * at.u + c * at.v;
+    return is_finite(way) ? way : none;
+}
+
 // A point seen from one side: the geometric normal towards the viewer, and the shading normal on the same side.
 struct Surface {
     SurfacePoint point;

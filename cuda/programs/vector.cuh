@@ -32,6 +32,8 @@ DEVICE float length_recip(float3 a) { return 1.0f / sqrtf(dot(a, a)); }
 DEVICE bool is_black(float3 a) { return a.x == 0.0f && a.y == 0.0f && a.z == 0.0f; }
 DEVICE bool is_finite(float3 a) { return isfinite(a.x) && isfinite(a.y) && isfinite(a.z); }
 
+DEVICE bool equal(float3 a, float3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+
 // Whether a unit vector of this direction exists; then `out` is it.
 DEVICE bool try_normalize(float3 a, float3 &out) {
     float reciprocal = length_recip(a);

@@ -348,6 +348,7 @@ pub fn header() -> String {
     let floats = [
         ("AMBIENT", effects::AMBIENT),
         ("SHADOWED", effects::SHADOWED),
+        ("ROUND", effects::ROUND),
         ("THROUGH_GLASS", effects::THROUGH_GLASS),
         ("THESIS_EPSILON", effects::EPSILON),
         ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),

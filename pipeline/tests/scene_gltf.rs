@@ -955,7 +955,7 @@ fn joints_far_from_the_origin_move_vertices_without_loss() {
     let scene = read(&json, &binary).unwrap();
     let half = f64::from(std::f32::consts::FRAC_1_SQRT_2);
     let turn = glam::DMat3::from_quat(glam::DQuat::from_xyzw(0.0, 0.0, half, half).normalize());
-    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]].map(glam::DVec3::from);
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]].map(DVec3::from);
     for (found, corner) in scene.meshes[0].positions.iter().zip(corners) {
         let expected = turn * (corner - far.as_dvec3()) + far.as_dvec3();
         let error = (found.as_dvec3() - expected).length();
@@ -1073,6 +1073,8 @@ fn morph_targets_move_vertices_by_the_default_weights() {
     let scene = read(&json, &binary).unwrap();
     let expected = [Vec3::ZERO, Vec3::X, Vec3::new(0.0, 1.0, 2.0), Vec3::new(1.0, 1.0, 0.0)];
     assert_eq!(scene.meshes[0].positions, expected);
+}
+
 #[test]
 fn translations_have_all_digits_of_the_file() {
     let (mut json, binary) = square();

@@ -44,6 +44,19 @@ static void points() {
     }
 }
 
+// From points of triangles near positions onto the round surfaces that these stand for.
+static void lifts() {
+    Scene scene(word());
+    scene.read_normals();
+    while (place < input.size()) {
+        unsigned triangle = word();
+        float3 position = vector(), to_light = vector();
+        SurfacePoint point = snap(scene.params, triangle, position);
+        float3 facing = point.normal * (dot(point.normal, to_light) > 0.0f ? -1.0f : 1.0f);
+        put(lifted(scene.params, triangle, point, facing, to_light));
+    }
+}
+
 // Random numbers, directions of a hemisphere, and weights of an interface of glass.
 static void samples() {
     while (place < input.size()) {
@@ -95,6 +108,7 @@ int main(int count, char **arguments) {
     std::string what = count > 1 ? arguments[1] : "";
     if (what == "intersections") intersections();
     else if (what == "points") points();
+    else if (what == "lifts") lifts();
     else if (what == "samples") samples();
     else if (what == "cones") cones();
     else return 1;

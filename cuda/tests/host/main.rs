@@ -5,7 +5,7 @@
 
 mod glass;
 
-use curitiba_passes::effects::{fresnel, schlick};
+use curitiba_passes::effects::{fresnel, schlick, way_onto_round};
 use curitiba_passes::sampling::hash::{dimensions, path_key, pixel_key, unit};
 use curitiba_passes::sampling::hemisphere::{Basis, cosine};
 use curitiba_passes::sampling::owen_sobol::scramble_reversed;
@@ -232,6 +232,56 @@ fn points_and_offsets_of_the_device_have_the_bits_of_the_processor() {
         let changed = compiled(name, Some(change)).expect("there is a compiler");
         assert!(points_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
     }
+}
+
+/// Ways onto round surfaces that differ, those that are none, and all.
+fn ways_that_differ(program: &Path) -> [usize; 3] {
+    let mut random = Random(5);
+    let (mut differ, mut none, mut all) = (0, 0, 0);
+    for center in CENTERS {
+        let mut geometry = soup(&mut random, 60, center);
+        for triangle in 0..60 {
+            let [a, b, c] = geometry.corners(triangle);
+            let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
+            // Flat, bent a little or much, either way round.
+            let bend = [0.0, 0.1, 0.3, 0.8][triangle as usize % 4];
+            let side = if triangle % 3 == 0 { -1.0 } else { 1.0 };
+            geometry.normals.extend([0; 3].map(|_| (normal + random.cube() * bend).normalize_or(normal) * side));
+        }
+        let mut input = header(&geometry);
+        input.extend(words(geometry.normals.iter().copied()));
+        let mut expected = Vec::new();
+        for index in 0..6000 {
+            let triangle = index % 60;
+            let position = target(&mut random, &geometry, triangle, index as usize % 4);
+            let point = SurfacePoint::snap(&geometry, triangle, position);
+            // Near the plane: where bent normals face the light and the triangle does not.
+            let across = point.normal.cross(random.direction()).normalize_or(Vec3::X);
+            let to_light = (across + point.normal * 0.1 * random.cube().x).normalize_or(Vec3::X);
+            let facing = point.normal * if point.normal.dot(to_light) > 0.0 { -1.0 } else { 1.0 };
+            input.extend([triangle].into_iter().chain(words([position, to_light])));
+            expected.push(way_onto_round(&geometry, triangle, &point, (facing, to_light)));
+        }
+        for (found, expected) in run(program, "lifts", &input).as_chunks::<3>().0.iter().zip(expected) {
+            differ += usize::from(Vec3::from(found.map(f32::from_bits)) != expected);
+            none += usize::from(expected == Vec3::ZERO);
+            all += 1;
+        }
+    }
+    [differ, none, all]
+}
+
+#[test]
+fn points_are_lifted_by_the_device_as_by_the_processor() {
+    let Some(program) = compiled("lifts", None) else { return };
+    let [differ, none, all] = ways_that_differ(&program);
+    assert!(
+        differ == 0 && all == 18_000 && (3000..17_000).contains(&none),
+        "{differ} of {all} ways differ, {none} are none"
+    );
+    let change = ["ROUND = 8.5e-1f", "ROUND = 9.5e-1f"];
+    let changed = compiled("round", Some(change)).expect("there is a compiler");
+    assert!(ways_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
 }
 
 /// Samples that differ, of how many.

@@ -15,7 +15,7 @@ static float3 vector() { float x = number(), y = number(), z = number(); return 
 
 // A scene of triangles with corners of their own.
 struct Scene {
-    std::vector<float> positions;
+    std::vector<float> positions, normals;
     std::vector<unsigned> triangles;
     Params params = {};
 
@@ -32,6 +32,10 @@ struct Scene {
                 params.scene_high[axis] = fmaxf(params.scene_high[axis], positions[i]);
             }
         }
+    }
+    void read_normals() {
+        for (unsigned i = 0; i < positions.size(); ++i) normals.push_back(number());
+        params.normals = normals.data();
     }
     unsigned count() const { return (unsigned)triangles.size() / 3; }
 };

@@ -51,6 +51,7 @@ pub mod reflection;
 pub mod refraction;
 pub mod ssao;
 mod surface;
+mod terminator;
 mod thesis;
 mod tile;
 mod tile_occlusion;
@@ -65,6 +66,7 @@ pub use optics::{Interface, fresnel, interface, reflect, schlick};
 pub(crate) use pass::opaque;
 pub use pass::{Pass, Pixel};
 pub use preparation::Preparation;
+pub use terminator::way_onto_round;
 pub use tile::{Area, TILE};
 pub use tile_surfaces::TileSurfaces;
 pub use workspace::Workspace;
@@ -75,6 +77,7 @@ pub mod constants {
     pub use super::light::{SHADOWED, THROUGH_GLASS};
     pub use super::material::AMBIENT;
     pub use super::optics::{REFLECTED, REFRACTED};
+    pub use super::terminator::ROUND;
     pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};
     pub use crate::sampling::hash::{DIMENSIONS, PATH, PIXEL, SCRAMBLE};
 

@@ -114,17 +114,32 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 
     /// What reaches a surface of the light in `final`: [`SHADOWED`] where the side of normal `facing` is turned away or
-    /// something opaque is in the way, else 0.9 for each glass surface on the way.
-    pub(super) fn light_share(&self, surface: &Surface, facing: Vec3, work: &mut Workspace) -> f32 {
-        if facing.dot(self.to_light) <= 0.0 {
-            return SHADOWED;
-        }
+    /// something opaque is in the way, else 0.9 for each glass surface on the way. `triangle` is the surface's.
+    pub(super) fn light_share(&self, surface: &Surface, (facing, triangle): (Vec3, u32), work: &mut Workspace) -> f32 {
+        let Some(origin) = self.light_origin(surface, (facing, triangle), work) else { return SHADOWED };
         work.rays.shadow += 1;
-        let ray = self.light_ray(surface.origin(self.to_light));
+        let ray = self.light_ray(origin);
         let crossings = &mut work.crossings;
         crossings.clear();
         self.announce_visibility(Purpose::Shadow, 1.0);
         let blocked = self.tracer.occluded(&ray, |hit| self.blocks_light(hit, || crossings.push(hit.t)));
         share_of_light(blocked, crossings)
+    }
+
+    /// Where the ray to the light starts from the side of normal `facing`; `None` where that is dark without it: the side is turned away, and
+    /// so is the round surface that it may stand for, or something opaque lies between the two.
+    pub(super) fn light_origin(
+        &self,
+        surface: &Surface,
+        (facing, triangle): (Vec3, u32),
+        work: &mut Workspace,
+    ) -> Option<Vec3> {
+        let is_turned_away = facing.dot(self.to_light) <= 0.0;
+        if !is_turned_away {
+            return Some(surface.origin(self.to_light));
+        }
+        let lifted = self.lifted(triangle, surface.point(), facing)?;
+        let is_cut_off = self.is_cut_off(&lifted, &mut work.rays.shadow, |hit| self.stops_light(hit));
+        (!is_cut_off).then(|| lifted.origin())
     }
 }

@@ -39,7 +39,13 @@ impl Surface {
         self.point.spawn(direction)
     }
 
-    /// The point itself.
+    /// The point itself, with what is known of its error.
+    #[inline]
+    pub(super) fn point(&self) -> &SurfacePoint {
+        &self.point
+    }
+
+    /// Where it is.
     #[inline]
     #[must_use]
     pub fn position(&self) -> Vec3 {

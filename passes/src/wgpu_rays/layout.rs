@@ -30,8 +30,8 @@ pub const COUNT_BYTES: u64 = 8 * (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as u64;
 pub const COUNTS_BUFFER_BYTES: u64 = COUNT_BYTES + 16;
 /// Bytes of a point: six vectors, see `programs/points.wgsl`.
 pub const POINT_BYTES: u64 = 96;
-/// Bytes of where a shadow ray of `deferredShadows` starts.
-pub const START_BYTES: u64 = 16;
+/// Bytes of where a shadow ray of `deferredShadows` starts: two vectors, see `programs/shadow_list.wgsl`.
+pub const START_BYTES: u64 = 32;
 
 /// Between the smallest reciprocal that does not overflow with coordinates and the largest slope that matters: a ray that runs along an
 /// axis is treated as one that leaves it by this share, which no coordinate of the scene notices.
@@ -112,6 +112,7 @@ pub fn constants() -> String {
     let floats = [
         ("AMBIENT", effects::AMBIENT),
         ("SHADOWED", effects::SHADOWED),
+        ("ROUND", effects::ROUND),
         ("THESIS_EPSILON", effects::EPSILON),
         ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
         ("GLASS_BOUNCE", effects::BOUNCE),

@@ -122,9 +122,10 @@ fn texts(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>
         Stage::Sum if program == RayProgram::DeferredShadows => {
             shadows.into_iter().chain([text!("shadow_sum"), text!("whole")]).collect()
         }
-        Stage::List if is_final => {
-            listed.into_iter().chain([text!("optics"), text!("glass"), text!("final_list"), text!("list")]).collect()
-        }
+        Stage::List if is_final => listed
+            .into_iter()
+            .chain([text!("optics"), text!("light"), text!("glass"), text!("final_list"), text!("list")])
+            .collect(),
         Stage::List => listed.into_iter().chain([text!("ssao_list"), text!("list")]).collect(),
         Stage::Light => listed.into_iter().chain([text!("light"), text!("final_light")]).collect(),
         Stage::Settle => fans.into_iter().chain([text!("cone"), text!("nearby"), text!("settle")]).collect(),

@@ -85,7 +85,7 @@ mod tests {
             textures: vec![Texture::new("t".to_owned(), 2, 1, vec![[1, 2, 3, 4]; 2])],
             ..RenderScene::default()
         };
-        let changes: [fn(&mut RenderScene); 7] = [
+        let changes: [fn(&mut RenderScene); 8] = [
             |scene| scene.geometry.positions[1].x = 1e-30,
             |scene| scene.geometry.triangles[0] = [0, 2, 1],
             |scene| scene.geometry.normals = vec![Vec3::X; 3],

@@ -20,11 +20,11 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     if pass.is_glass(triangle) {
         let shade = |hit: &Hit, surface: &Surface, _: Media, key: u32, work: &mut Workspace| {
             let color = pass.lit_color(hit, surface.normal);
-            visible(pass, color, surface, (surface.facing, Known::NOTHING), key, work)
+            visible(pass, color, surface, ((surface.facing, hit.triangle), Known::NOTHING), key, work)
         };
         return opaque(Walk { pass, shade }.pixel(pixel, triangle, seen, key, work));
     }
-    let lit_side = corrected::lit_side(&surface, stored_normal);
+    let lit_side = (corrected::lit_side(&surface, stored_normal), triangle);
     opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (lit_side, known), key, work))
 }
 
@@ -45,7 +45,7 @@ fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,
     surface: &Surface,
-    (lit_side, known): (Vec3, Known),
+    (lit_side, known): ((Vec3, u32), Known),
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {

@@ -19,11 +19,11 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     if pass.is_glass(triangle) {
         let shade = |hit: &Hit, surface: &Surface, key: u32, work: &mut Workspace| {
             let color = pass.lit_color(hit, surface.normal);
-            visible(pass, color, surface, (surface.facing, Known::NOTHING), key, work)
+            visible(pass, color, surface, ((surface.facing, hit.triangle), Known::NOTHING), key, work)
         };
         return opaque(Glass { pass, shade }.blend(&surface, view, 0, key, work));
     }
-    let lit_side = lit_side(&surface, stored_normal);
+    let lit_side = (lit_side(&surface, stored_normal), triangle);
     opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (lit_side, known), key, work))
 }
 
@@ -35,7 +35,9 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     let origin = |pixel: Pixel, known: &Known| {
         let Some((surface, _)) = known.surface else { return (None, None) };
         if lit_side(&surface, pass.normal(pixel)).dot(pass.to_light) <= 0.0 {
-            return (Some(SHADOWED), None);
+            // A pixel of a round surface may be lit all the same; it asks for itself.
+            let is_flat = pass.job.scene.geometry.normals.is_empty();
+            return (is_flat.then_some(SHADOWED), None);
         }
         (None, Some(surface.origin(pass.to_light)))
     };
@@ -50,13 +52,13 @@ pub(super) fn lit_side(surface: &Surface, stored_normal: Vec3) -> Vec3 {
     if stored_normal.dot(surface.facing) < 0.0 { -surface.facing } else { surface.facing }
 }
 
-/// A colour times the light's share and ambient occlusion: those that are known already, or else those of a side. Black stays
+/// A colour times the light's share and ambient occlusion: those that are known already, or else those of a side of a triangle. Black stays
 /// black, without a ray.
 pub(super) fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
     color: Vec3,
     surface: &Surface,
-    (lit_side, known): (Vec3, Known),
+    (lit_side, known): ((Vec3, u32), Known),
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {

@@ -9,7 +9,8 @@ use glam::Vec3;
 /// The light's share, alpha 1.
 ///
 /// The cosine is the shading normal's, so the geometric normal is turned to its side where the scene has vertex normals,
-/// and else to the viewer. A triangle turned away from the light is in its own shadow: no ray.
+/// and else to the viewer. A triangle turned away from the light is in its own shadow, without a ray, unless the round surface that it
+/// stands for is not ([`terminator`](crate::effects::terminator)).
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let share = match light(pass, pixel) {
         Light::Certain(share) => share,
@@ -17,6 +18,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
             work.rays.shadow += 1;
             if pass.sees_light(origin, |hit| pass.coverage.covers(hit)) { 1.0 } else { SHADOWED }
         }
+        Light::Lifted(lifted) => pass.light_at_lifted(&lifted, &mut work.rays.shadow),
     };
     opaque(Vec3::splat(share))
 }

@@ -4,6 +4,7 @@ use crate::effects::coverage::Coverage;
 use crate::effects::interpolate::{interpolate, locate};
 use crate::effects::light::SHADOWED;
 use crate::effects::pass::{Pass, Pixel};
+use crate::effects::terminator::Lifted;
 use crate::trace::{SurfacePoint, Tracer};
 use glam::Vec3;
 
@@ -16,6 +17,8 @@ pub(super) enum Light {
     Certain(f32),
     /// A ray from here.
     Ray(Vec3),
+    /// Two, since its triangle is turned away and the surface that it stands for is not.
+    Lifted(Lifted),
 }
 
 /// Whether light falls on what a pixel shows, by its shading normal; else it is dark already.
@@ -31,8 +34,12 @@ pub(super) fn light<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel)
 
 /// What the light at a point depends on.
 pub(super) fn light_at<T, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
-    let towards = point.normal.dot(pass.to_light) * side(pass, triangle, point);
-    if towards <= 0.0 { Light::Certain(SHADOWED) } else { Light::Ray(point.spawn(pass.to_light)) }
+    let side = side(pass, triangle, point);
+    let is_turned_away = point.normal.dot(pass.to_light) * side <= 0.0;
+    if !is_turned_away {
+        return Light::Ray(point.spawn(pass.to_light));
+    }
+    pass.lifted(triangle, point, point.normal * side).map_or(Light::Certain(SHADOWED), Light::Lifted)
 }
 
 /// 1 where the triangle's normal is on the side that is shaded, else -1.

@@ -24,6 +24,8 @@ const FEW: usize = 7;
 pub struct Tile {
     /// By part, one bit a pixel: those in shadow.
     dark: [u16; PARTS],
+    /// Those of them whose triangle is turned away from the light.
+    turned: [u16; PARTS],
     sketch: Box<Sketch>,
     decided: Box<Decided>,
     /// Pixels whose rays are traced.
@@ -43,7 +45,7 @@ impl Tile {
 
     /// Finds out the light of a tile's pixels, and returns the number of rays that it took.
     pub(super) fn prepare<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
-        self.dark = [0; PARTS];
+        (self.dark, self.turned) = ([0; PARTS], [0; PARTS]);
         self.places.clear();
         let simd = Detected::cached();
         let is_sketched = T::DECIDES && simd.run(Draw { sketch: &mut self.sketch, pass, area });
@@ -54,7 +56,7 @@ impl Tile {
             simd.run(Collect { shown: &mut self.shown, pass, area });
         }
         if self.shown.len() <= FEW {
-            return rays + self.one_by_one(pass);
+            return rays + self.one_by_one(pass) + self.lift(pass, area);
         }
         simd.run(Rays { tile: self, pass });
         let packets = &self.packets[..self.places.len()];
@@ -70,6 +72,29 @@ impl Tile {
             rays += u64::from(packet.active.count_ones());
             darken(&mut self.dark, places, packet.active & blocked);
         }
+        rays + self.lift(pass, area)
+    }
+
+    /// Lights those pixels of triangles turned away from the light whose round surface is not; returns the number of rays that it took.
+    fn lift<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
+        let mut rays = 0;
+        if pass.job.scene.geometry.normals.is_empty() {
+            return rays;
+        }
+        for (part, mut turned) in self.turned.into_iter().enumerate() {
+            let (left, top) = corner_of(part);
+            while turned != 0 {
+                let lane = turned.trailing_zeros() as usize % PACKET;
+                turned &= turned - 1;
+                let pixel = (area.y + top + lane / PART) * area.stride + area.x + left + lane % PART;
+                let (triangle, stored) = (pass.job.triangle[pixel], Vec4::from_array(pass.job.position[pixel]));
+                if let Light::Lifted(lifted) = light_at(pass, triangle, &pass.point_of(triangle, stored.truncate()))
+                    && pass.light_at_lifted(&lifted, &mut rays) != SHADOWED
+                {
+                    self.dark[part] &= !(1 << lane);
+                }
+            }
+        }
         rays
     }
 
@@ -78,14 +103,18 @@ impl Tile {
         let mut rays = 0;
         for (place, pixel, triangle) in self.shown.iter() {
             let stored = Vec4::from_array(pass.job.position[pixel]).truncate();
+            let (part, lane) = part_of(place);
             let is_dark = match light_at(pass, triangle, &pass.point_of(triangle, stored)) {
                 Light::Certain(share) => share == SHADOWED,
+                Light::Lifted(_) => {
+                    self.turned[part] |= 1 << lane;
+                    true
+                }
                 Light::Ray(origin) => {
                     rays += 1;
                     !pass.sees_light(origin, |hit| pass.coverage.covers(hit))
                 }
             };
-            let (part, lane) = part_of(place);
             self.dark[part] |= u16::from(is_dark) << lane;
         }
         rays
@@ -94,7 +123,8 @@ impl Tile {
     /// Takes what is certain of a tile that was sketched, and puts all other pixels among those that are shown; returns the number
     /// of rays that need not be traced.
     fn decide<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
-        let Self { dark, sketch, decided, shown, .. } = self;
+        let Self { dark, turned, sketch, decided, shown, .. } = self;
+        *turned = sketch.dark;
         if sketch.is_of_use {
             pass.tracer.decide(&sketch.estimates, decided);
         } else {
@@ -214,6 +244,7 @@ impl<T: Tracer, C: Coverage> Kernel<()> for Rays<'_, T, C> {
                 dark = lanes.settle(pass, packet, dark, doubtful);
             }
             darken(&mut tile.dark, lanes.places, lanes.used & dark);
+            darken(&mut tile.turned, lanes.places, lanes.used & dark);
             packet.active = lanes.used & !dark;
             if packet.active != 0 {
                 tile.places.push(*lanes.places);
@@ -284,7 +315,7 @@ impl Sixteen<'_> {
             let point = pass.point_of(triangle, Vec4::from_array(stored).truncate());
             dark &= !(1 << lane);
             match light_at(pass, triangle, &point) {
-                Light::Certain(_) => dark |= 1 << lane,
+                Light::Certain(_) | Light::Lifted(_) => dark |= 1 << lane,
                 Light::Ray(origin) => packet.set(lane, origin, pass.to_light),
             }
         }

@@ -17,12 +17,15 @@ const ROUNDING: f32 = 8.0 * f32::EPSILON;
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// What reaches a surface of the light, by colour: [`SHADOWED`] where its side is turned away or something opaque is in the way,
     /// else from there to 1 as far as glass lets the light pass that falls straight through it ([`Self::straight`]).
-    pub(in crate::effects) fn straight_light(&self, surface: &Surface, facing: Vec3, work: &mut Workspace) -> Vec3 {
-        if facing.dot(self.to_light) <= 0.0 {
-            return Vec3::splat(SHADOWED);
-        }
+    pub(in crate::effects) fn straight_light(
+        &self,
+        surface: &Surface,
+        side: (Vec3, u32),
+        work: &mut Workspace,
+    ) -> Vec3 {
+        let Some(origin) = self.light_origin(surface, side, work) else { return Vec3::splat(SHADOWED) };
         work.rays.shadow += 1;
-        let ray = self.light_ray(surface.origin(self.to_light));
+        let ray = self.light_ray(origin);
         let mut through = std::mem::take(&mut work.through);
         through.clear();
         self.announce_visibility(Purpose::Shadow, 1.0);

@@ -1,5 +1,5 @@
 //! Tests of all programs together, and the scenes that tests of programs are written in.
 
 mod agreement;
-mod terminator;
+pub mod terminator;
 pub(crate) mod world;

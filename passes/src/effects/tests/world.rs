@@ -197,6 +197,11 @@ impl<'w> Shot<'w> {
         Self { width, ..self }
     }
 
+    /// The same G-buffer, in a world that begins with the triangles of its own.
+    pub fn in_world(self, world: &'w World) -> Self {
+        Self { world, ..self }
+    }
+
     fn push(&mut self, tracer: &BruteForce, direction: Vec3) {
         let ray = Ray { origin: self.eye, direction, t_min: 0.0, t_max: f32::INFINITY };
         let nearest = tracer.candidates(&ray).min_by(|a, b| a.0.x.total_cmp(&b.0.x));

@@ -5,8 +5,14 @@ fn corrected(pixel: Pixel) -> vec4f {
     let position = stored_position(pixel);
     if triangle == NO_TRIANGLE || !(position.w > 0.0) { return vec4f(1.0); }
     let start = shadow_start(triangle, position.xyz);
-    if start.w == 0.0 { return opaque(vec3f(SHADOWED)); }
-    return shadow_of(start.xyz);
+    return shadow_from(start.kind, start.start, start.way);
+}
+// The light or the shadow from where a ray towards the light starts.
+fn shadow_from(kind: f32, start: vec3f, way: vec3f) -> vec4f {
+    if kind == TURNED { return opaque(vec3f(SHADOWED)); }
+    if kind != LIFTED { return shadow_of(start); }
+    if is_cut_off(ACCEPT_COVERED, start, way) { return opaque(vec3f(SHADOWED)); }
+    return shadow_of(sep3(start + way));
 }
 // The light or the shadow of a ray towards the light.
 fn shadow_of(origin: vec3f) -> vec4f {
@@ -14,26 +20,26 @@ fn shadow_of(origin: vec3f) -> vec4f {
     let blocked = occluded(ACCEPT_COVERED, Ray(origin, params.to_light, 0.0, HUGE));
     return opaque(vec3f(select(1.0, SHADOWED, blocked)));
 }
-// Where a ray towards the light starts; the fourth number is 0 where the surface is turned from the light, and 1 elsewhere.
-fn shadow_start(triangle: u32, position: vec3f) -> vec4f {
+// Where a ray towards the light starts: nowhere, off the triangle, or off it and farther along a way.
+const TURNED: f32 = 0.0;
+const FACING: f32 = 1.0;
+// Of what is listed: nothing is seen there.
+const NOTHING: f32 = 2.0;
+const LIFTED: f32 = 3.0;
+struct ShadowStart { start: vec3f, kind: f32, way: vec3f }
+fn shadow_start(triangle: u32, position: vec3f) -> ShadowStart {
     let point = snap(triangle, position);
     var side = params.eye - point.position;
     if params.has_normals != 0u {
-        let corners = positions_of(triangle);
-        let e1 = difference(corners.b, corners.a, 1.0); let e2 = difference(corners.c, corners.a, 1.0);
-        let to = difference(point.position, corners.a, 1.0);
-        let normal = wide_cross(e1, e2);
-        let area = wide_dot(normal, normal);
-        var at = Hit(0.0, triangle, 0.0, 0.0);
-        if area.h > 0.0 {
-            at.u = div(wide_dot(wide_cross(to, e2), normal), area).h;
-            at.v = div(wide_dot(wide_cross(e1, to), normal), area).h;
-        }
-        side = normal_at(at);
+        side = normal_at(locate(triangle, point.position));
     }
-    let towards = dot3(point.normal, params.to_light) * with_sign(1.0, dot3(point.normal, side));
-    if towards <= 0.0 { return vec4f(0.0); }
-    return vec4f(spawn(point, params.to_light), 1.0);
+    let sign = with_sign(1.0, dot3(point.normal, side));
+    if dot3(point.normal, params.to_light) * sign <= 0.0 {
+        let facing = point.normal * sign;
+        let way = lifted(triangle, point, facing);
+        return ShadowStart(spawn(point, facing), select(LIFTED, TURNED, all(way == vec3f(0.0))), way);
+    }
+    return ShadowStart(spawn(point, params.to_light), FACING, vec3f(0.0));
 }
 
 fn thesis(pixel: Pixel) -> vec4f {

@@ -1,18 +1,13 @@
 // `final`: glass as in `refraction`, shadows and ambient occlusion, at pixels and at every hit.
 
-// What reaches a surface of the light.
-fn light_share(surface: Surface, lit_side: vec3f) -> f32 {
-    if dot3(lit_side, params.to_light) <= 0.0 { return SHADOWED; }
-    return light_from(spawn(surface.point, params.to_light));
-}
 // A colour times the light's share and ambient occlusion. Black stays black, without a ray.
-fn visible(color: vec3f, surface: Surface, lit_side: vec3f, key: u32) -> vec3f {
+fn visible(color: vec3f, surface: Surface, lit_side: vec3f, triangle: u32, key: u32) -> vec3f {
     if all(color == vec3f(0.0)) { return color; }
-    let light = light_share(surface, lit_side);
+    let light = light_share(surface, lit_side, triangle);
     return sep3(color * light) * occlusion(ACCEPT_STOPS, surface, key);
 }
 fn seen_through(hit: Hit, surface: Surface, key: u32, weight: f32) -> vec3f {
-    return weight * visible(lit_color(hit, surface.normal), surface, surface.facing, key);
+    return weight * visible(lit_color(hit, surface.normal), surface, surface.facing, hit.triangle, key);
 }
 
 fn thesis_light_share(position: vec3f) -> f32 {
@@ -38,7 +33,7 @@ fn corrected(pixel: Pixel) -> vec4f {
     let key = pixel_key(pixel);
     if is_glass(triangle) { return opaque(glass_color(surface, view, key)); }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
-    return opaque(visible(color.xyz, surface, lit_side, key));
+    return opaque(visible(color.xyz, surface, lit_side, triangle, key));
 }
 
 fn thesis(pixel: Pixel) -> vec4f {

@@ -15,10 +15,18 @@ fn seen_through(hit: Hit, surface: Surface, key: u32, weight: f32) -> vec3f {
         head = NO_ROOM;
         return vec3f(0.0);
     }
-    put_point(place, surface, dot3(surface.facing, params.to_light) <= 0.0, key, weight, color);
+    put_lit_point(place, surface, surface.facing, hit.triangle, key, weight, color);
     if head == NONE { head = place; } else { points[POINT * last + 3u].w = place; }
     last = place;
     return vec3f(0.0);
+}
+
+// A point whose light is found later, or, where its triangle is turned away, now: few are. Light that is left then will be halved.
+fn put_lit_point(place: u32, surface: Surface, lit_side: vec3f, triangle: u32, key: u32, weight: f32, color: vec3f) {
+    let turned = dot3(lit_side, params.to_light) <= 0.0;
+    var lit = color;
+    if turned && any(color != vec3f(0.0)) { lit = sep3(color * turned_share(surface, lit_side, triangle)) * (1.0 / SHADOWED); }
+    put_point(place, surface, turned, key, weight, lit);
 }
 
 fn list(pixel: Pixel, slot: u32) {
@@ -39,6 +47,6 @@ fn list(pixel: Pixel, slot: u32) {
         return;
     }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
-    put_point(slot, surface, dot3(lit_side, params.to_light) <= 0.0, key, 1.0, stored_color(pixel).xyz);
+    put_lit_point(slot, surface, lit_side, triangle, key, 1.0, stored_color(pixel).xyz);
 }
 fn list_nothing(slot: u32) { put_nothing(slot, NONE); }

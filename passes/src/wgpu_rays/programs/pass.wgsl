@@ -27,6 +27,13 @@ fn thesis_sees_light(accept: u32, position: vec3f) -> bool {
     return !occluded(accept, Ray(position, params.to_light, THESIS_EPSILON, HUGE));
 }
 
+// Whether something lies between a triangle and a point of it that was lifted.
+fn is_cut_off(accept: u32, start: vec3f, way: vec3f) -> bool {
+    count(SHADOW);
+    let length = sep(sqrt(dot3(way, way)));
+    return occluded(accept, Ray(start, sep3(way * sep(1.0 / length)), 0.0, length));
+}
+
 fn opaque(color: vec3f) -> vec4f { return vec4f(color, 1.0); }
 
 // Adds a pixel's rays to the sums, which are spread so that threads seldom meet.

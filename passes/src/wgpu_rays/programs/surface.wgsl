@@ -91,6 +91,43 @@ fn spawn(point: SurfacePoint, direction: vec3f) -> vec3f {
     return point.start + sep3(point.normal * select(distance, -distance, dot3(point.normal, direction) < 0.0));
 }
 
+// The coordinates of a point in the plane of a triangle, as a hit at distance 0.
+fn locate(triangle: u32, position: vec3f) -> Hit {
+    let corners = positions_of(triangle);
+    let e1 = difference(corners.b, corners.a, 1.0); let e2 = difference(corners.c, corners.a, 1.0);
+    let to = difference(position, corners.a, 1.0);
+    let normal = wide_cross(e1, e2);
+    let area = wide_dot(normal, normal);
+    var at = Hit(0.0, triangle, 0.0, 0.0);
+    if area.h > 0.0 {
+        at.u = div(wide_dot(wide_cross(to, e2), normal), area).h;
+        at.v = div(wide_dot(wide_cross(e1, to), normal), area).h;
+    }
+    return at;
+}
+// By how much a point below the plane through a corner is lifted onto it.
+fn lift(position: vec3f, corner: vec3f, normal: vec3f) -> vec3f {
+    return sep3(normal * max(0.0, -dot3(position - corner, normal)));
+}
+// From a point of a triangle that is turned away from the light, on the side of normal `facing`, onto the round surface that it stands
+// for; 0 where no light falls there (`effects/terminator.rs`).
+fn lifted(triangle: u32, point: SurfacePoint, facing: vec3f) -> vec3f {
+    if params.has_normals == 0u { return vec3f(0.0); }
+    let i = corners_of(triangle) * 3u + vec3u(params.normals_at);
+    let na = vector_at(i.x); let nb = vector_at(i.y); let nc = vector_at(i.z);
+    if all(na == nb) && all(nb == nc) { return vec3f(0.0); }
+    let at = locate(triangle, point.position);
+    let normal = weighed(na, nb, nc, at);
+    let side = with_sign(1.0, dot3(normal, facing));
+    let is_round = dot3(na, facing) * side >= ROUND && dot3(nb, facing) * side >= ROUND && dot3(nc, facing) * side >= ROUND;
+    if !(is_round && dot3(normal, params.to_light) * side > 0.0) { return vec3f(0.0); }
+    let corners = positions_of(triangle);
+    let a = lift(point.position, corners.a, na * side);
+    let b = lift(point.position, corners.b, nb * side);
+    let way = sep3(weighed(a, b, lift(point.position, corners.c, nc * side), at));
+    return select(vec3f(0.0), way, is_finite3(way));
+}
+
 // A point seen from one side: the geometric normal towards the viewer, and the shading normal on the same side.
 struct Surface { point: SurfacePoint, facing: vec3f, normal: vec3f }
 fn surface_of(point: SurfacePoint, stored: vec3f, view: vec3f) -> Surface {

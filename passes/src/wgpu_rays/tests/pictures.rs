@@ -2,6 +2,7 @@
 
 use super::{bits, picture, rays};
 use crate::cpu::CpuRays;
+use crate::effects::tests::terminator::sphere;
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::raster::gpu::AdapterKind;
 use curitiba_pipeline::backend::RayBackend;
@@ -38,9 +39,19 @@ fn differing(a: &[[f32; 4]], b: &[[f32; 4]], by: f32) -> usize {
 
 /// Pictures of a program on both backends.
 fn both(program: RayProgram, fidelity: Fidelity, params: RayParams) -> Option<[Vec<[f32; 4]>; 2]> {
-    let mut rays = rays()?;
     let world = world();
     let shot = Shot::of(&world, Vec3::new(0.3, 0.8, 9.0), grid(96, Vec3::ZERO, Vec3::X * 4.5, Vec3::Y * 4.5)).rows(96);
+    both_of(&world, &shot, program, fidelity, params)
+}
+
+fn both_of(
+    world: &World,
+    shot: &Shot<'_>,
+    program: RayProgram,
+    fidelity: Fidelity,
+    params: RayParams,
+) -> Option<[Vec<[f32; 4]>; 2]> {
+    let mut rays = rays()?;
     // A job names its scene by address.
     let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
     let job = curitiba_pipeline::backend::RayJob { scene: &scene, ..shot.job(program, fidelity, params) };
@@ -119,6 +130,25 @@ fn all_effects_together_are_the_processors() {
     let params = RayParams { samples: 4, radius: 1.5, ..RayParams::default() };
     // In thesis fidelity, occlusion rays of hits depend on the last bits of these: the limit of the conformance matrix.
     agrees(RayProgram::Final, params, [FEW, 96 * 96 * 15 / 100]);
+}
+
+/// Points of triangles that are turned away are lifted, by rays that the kernels take one after the other.
+#[test]
+fn round_bodies_are_lit_as_by_the_processor() {
+    let mut world = sphere(6, true);
+    let (wall, glass) = (world.paint(Vec3::new(0.5, 0.6, 0.4)), world.glass());
+    world.quad(wall, Vec3::new(0.6, -1.2, 0.2), Vec3::X * 2.0, Vec3::Z * 2.0);
+    world.quad(glass, Vec3::new(-0.8, 0.0, 1.6), Vec3::X, Vec3::Y);
+    let shot = Shot::of(&world, Vec3::new(4.0, 3.0, 5.0), grid(64, Vec3::ZERO, Vec3::X * 1.6, Vec3::Y * 1.6)).rows(64);
+    let of = |program, params| both_of(&world, &shot, program, Fidelity::Corrected, params);
+    let Some([found, expected]) = of(RayProgram::DeferredShadows, RayParams::default()) else { return };
+    assert!(bits(&found) == bits(&expected));
+    for samples in [0, 4, 16] {
+        let params = RayParams { samples, radius: 0.5, ..RayParams::default() };
+        let Some([found, expected]) = of(RayProgram::Final, params) else { return };
+        let off = differing(&found, &expected, 0.01);
+        assert!(off <= 64 * 64 / 500, "{samples} samples: {off} pixels are off");
+    }
 }
 
 /// A part of a picture has the pixels of the whole: random numbers belong to places in the picture.

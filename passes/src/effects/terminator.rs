@@ -1,0 +1,100 @@
+//! The shadow terminator: light on triangles that are turned away from it, where the smooth surface that they stand for is not.
+//!
+//! A point of such a triangle is lifted onto that surface, as it is told by the normals at the corners: it is projected onto the planes
+//! through the corners, where it lies below them, and the three are weighed as the corners are (Hanika, "Hacking the Shadow Terminator",
+//! Ray Tracing Gems II, 2021, chapter 4). From there its light is asked for. Light must not come through what lies between the triangle and the
+//! lifted point, so the way there is asked for, too. Triangles that face the light are as they are without vertex normals.
+
+use super::coverage::Coverage;
+use super::interpolate::locate;
+use super::light::SHADOWED;
+use super::pass::Pass;
+use crate::trace::{Hit, Purpose, Ray, SurfacePoint, Tracer, higher};
+use curitiba_pipeline::scene::Geometry;
+use glam::Vec3;
+
+/// Cosine between a triangle's normal and those at its corners from which on it stands for a piece of a round surface.
+pub const ROUND: f32 = 0.85;
+
+/// Where a point of a triangle lies on the smooth surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Lifted {
+    /// Off the triangle, on the side that is lit.
+    from: Vec3,
+    /// From there onto the surface; not 0.
+    way: Vec3,
+}
+
+impl Lifted {
+    /// Where a ray to the light starts.
+    pub(super) fn origin(&self) -> Vec3 {
+        self.from + self.way
+    }
+
+    /// From the triangle to where that is.
+    fn ray(&self) -> Ray {
+        let length = self.way.length();
+        Ray { origin: self.from, direction: self.way * (1.0 / length), t_min: 0.0, t_max: length }
+    }
+}
+
+/// From a point of a triangle that is turned away from the light, on the side of unit normal `facing`, to where it lies on the smooth surface;
+/// `to_light` is the unit direction to the light. 0 where no light falls by the shading normal, where a corner's normal is
+/// farther than 32 degrees from the triangle's ([`ROUND`]), so that it stands for an edge and no round body, and where the triangle is flat.
+///
+/// # Panics
+/// If there is no such triangle.
+#[must_use]
+pub fn way_onto_round(
+    geometry: &Geometry,
+    triangle: u32,
+    point: &SurfacePoint,
+    (facing, to_light): (Vec3, Vec3),
+) -> Vec3 {
+    if geometry.normals.is_empty() {
+        return Vec3::ZERO;
+    }
+    let [na, nb, nc] = geometry.triangles[triangle as usize].map(|corner| geometry.normals[corner as usize]);
+    if na == nb && nb == nc {
+        return Vec3::ZERO;
+    }
+    let at = locate(geometry, triangle, point.position);
+    let normal = na * (1.0 - at.u - at.v) + nb * at.u + nc * at.v;
+    let side = 1f32.copysign(normal.dot(facing));
+    let round = |normal: Vec3| normal.dot(facing) * side >= ROUND;
+    if !(normal.dot(to_light) * side > 0.0 && round(na) && round(nb) && round(nc)) {
+        return Vec3::ZERO;
+    }
+    let [a, b, c] = geometry.corners(triangle);
+    let lift = |corner: Vec3, normal: Vec3| normal * higher(0.0, -(point.position - corner).dot(normal));
+    let way = lift(a, na * side) * (1.0 - at.u - at.v) + lift(b, nb * side) * at.u + lift(c, nc * side) * at.v;
+    if way.is_finite() { way } else { Vec3::ZERO }
+}
+
+impl<T, C> Pass<'_, T, C> {
+    /// A point of a triangle, on a side that is turned away from the light, lifted; `None` where it is dark without a ray
+    /// ([`way_onto_round`]).
+    pub(super) fn lifted(&self, triangle: u32, point: &SurfacePoint, facing: Vec3) -> Option<Lifted> {
+        let way = way_onto_round(&self.job.scene.geometry, triangle, point, (facing, self.to_light));
+        (way != Vec3::ZERO).then(|| Lifted { from: point.spawn(facing), way })
+    }
+}
+
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    /// Whether something lies between a triangle and a point of it that was lifted; a shadow ray.
+    pub(super) fn is_cut_off(&self, lifted: &Lifted, rays: &mut u64, stops: impl FnMut(&Hit) -> bool) -> bool {
+        *rays += 1;
+        self.announce_visibility(Purpose::Shadow, 1.0);
+        self.tracer.occluded(&lifted.ray(), stops)
+    }
+
+    /// The light's share in `deferredShadows` at a lifted point.
+    pub(super) fn light_at_lifted(&self, lifted: &Lifted, rays: &mut u64) -> f32 {
+        let covers = |hit: &Hit| self.coverage.covers(hit);
+        if self.is_cut_off(lifted, rays, covers) {
+            return SHADOWED;
+        }
+        *rays += 1;
+        if self.sees_light(lifted.origin(), covers) { 1.0 } else { SHADOWED }
+    }
+}
