@@ -64,6 +64,7 @@ fn draw(rasteriser: &mut dyn Rasteriser, renderer: &Renderer, shift: f32) -> GBu
         attachments,
         shared: Attachments::default(),
         half: Attachments::default(),
+        snapped_depth: false,
     };
     let mut buffer = GBuffer::new(SIDE, SIDE, attachments);
     rasteriser.upload(&scene).expect("the scene fits");

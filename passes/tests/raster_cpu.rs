@@ -4,7 +4,7 @@ mod common;
 
 use common::{ALL, Random, camera, grey, job, pixels, soup, terrain};
 use curitiba_passes::raster::cpu::{CpuRasteriser, InstructionSet};
-use curitiba_pipeline::backend::{Attachments, GBuffer, Glow, NO_TRIANGLE, RasterJob, Rasteriser, Rect, Shade};
+use curitiba_pipeline::backend::{Attachments, GBuffer, Glow, NO_TRIANGLE, RasterJob, Rasteriser, Rect, Shade, View};
 use curitiba_pipeline::scene::texture::{Texture, lod};
 use curitiba_pipeline::scene::{Batch, RenderScene};
 use glam::{DMat4, DVec2, DVec3, Vec2, Vec3, Vec4};
@@ -107,7 +107,7 @@ fn positions_lie_on_the_triangle_and_on_the_ray_of_the_pixel() {
         let job = job(&scene, &shades, camera(1.25), width, height, ALL);
         let target = draw(&job);
         let clip_from_world = DMat4::from_cols_array(&job.view.clip_from_world.to_cols_array().map(f64::from));
-        let mut covered = 0;
+        let (mut covered, mut beside, mut above) = (0, 0.0, 0.0);
         for (index, id) in target.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
             let [a, b, c] = scene.geometry.corners(*id).map(|corner| corner.as_dvec3());
             let [x, y, z, _] = target.position[index].map(f64::from);
@@ -127,8 +127,15 @@ fn positions_lie_on_the_triangle_and_on_the_ray_of_the_pixel() {
             let bound = 1.0 / 512.0 + 4.0 * size * f64::from(f32::EPSILON) * f64::from(width) / clip.w;
             assert!(off.abs().max_element() <= bound, "kind {kind}: {off} pixels off, bound {bound}");
             covered += 1;
+            beside += 0.5 * off.length_squared();
+            // In pixels, as the camera sees it: 0.55 is the tangent of half of its field of view.
+            above += (distance / clip.w * f64::from(height) / (2.0 * 0.55)).powi(2);
         }
         assert!(covered > 5000, "kind {kind}: {covered}");
+        let [beside, above] = [beside, above].map(|sum: f64| (sum / f64::from(covered)).sqrt());
+        println!("kind {kind}: {beside:.1e} pixels beside the centre, {above:.1e} off the plane");
+        // Snapping is what errs.
+        assert!(beside < 0.8 / 512.0 && (kind != 0 || above < 0.1 * beside), "kind {kind}: {beside} {above}");
     }
 }
 
@@ -536,4 +543,60 @@ fn corners_that_are_no_numbers_draw_nothing_and_jobs_that_do_not_fit_are_refused
     assert!(rasteriser.draw(&RasterJob { shades: &textured, ..job }, &mut target.clone()).is_err());
     let empty = RasterJob { viewport: Rect { x: 64, y: 64, width: 0, height: 0 }, ..job };
     assert!(rasteriser.draw(&empty, &mut target.clone()).is_ok());
+}
+
+/// Triangles of a square of so many cells, of which inner corners are moved along it: no two layers have corners in common.
+fn layer(half: f32, cells: u32, toward: f32, seed: u32, tilt: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let (up, normal) = (Vec3::new(0.0, tilt.cos(), -tilt.sin()), Vec3::new(0.0, tilt.sin(), tilt.cos()));
+    let mut state = seed;
+    let mut random = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 24) as f32 - 0.5
+    };
+    let mut positions = Vec::new();
+    for row in 0..=cells {
+        for column in 0..=cells {
+            let inner = row > 0 && row < cells && column > 0 && column < cells;
+            let jitter = if inner { [random(), random()] } else { [0.0; 2] };
+            let [x, y] = [(column, jitter[0]), (row, jitter[1])]
+                .map(|(cell, jitter)| ((cell as f32 + 0.6 * jitter) / cells as f32 * 2.0 - 1.0) * half);
+            positions.push(Vec3::X * x + up * y + normal * toward + Vec3::NEG_Z * 60.0);
+        }
+    }
+    let at = |row: u32, column: u32| row * (cells + 1) + column;
+    let cell = |(row, column)| {
+        let [a, b, c, d] = [at(row, column), at(row, column + 1), at(row + 1, column), at(row + 1, column + 1)];
+        [[a, b, c], [c, b, d]]
+    };
+    (positions, (0..cells).flat_map(|row| (0..cells).map(move |column| (row, column))).flat_map(cell).collect())
+}
+
+/// The depth of a triangle is that of its plane, and not of one through the snapped corners: a layer 0.8 mm behind another, seen from 60 m,
+/// is nowhere seen, whatever the near plane.
+#[test]
+fn of_two_layers_close_together_the_nearer_one_is_seen() {
+    let (mut covered, mut snapped) = (0, 0);
+    for tilt in [0.3, 0.8, 1.1, 1.3] {
+        for seed in 0..4 {
+            let (mut positions, mut triangles) = layer(12.0, 23, 0.0, 2 * seed, tilt);
+            let behind = triangles.len() as u32;
+            let (nearer, more) = layer(12.5, 29, 8e-4, 2 * seed + 1, tilt);
+            triangles.extend(more.iter().map(|corners| corners.map(|corner| corner + positions.len() as u32)));
+            positions.extend(nearer);
+            let (scene, shades) = (common::scene(positions, triangles), [grey()]);
+            for near in [0.01, 0.1, 1.0, 10.0] {
+                let view = View::new(common::perspective(1.0, 1.0, near, 100.0), Vec3::ZERO);
+                let job = job(&scene, &shades, view, 128, 128, ALL);
+                let seen = |job: &RasterJob<'_>, layer: bool| {
+                    let shows = |id: &&u32| **id != NO_TRIANGLE && (**id < behind) == layer;
+                    draw(job).triangle.iter().filter(shows).count()
+                };
+                assert_eq!(seen(&job, true), 0, "tilt {tilt}, seed {seed}, near {near}");
+                covered += seen(&job, false);
+                snapped += seen(&RasterJob { snapped_depth: true, ..job }, true);
+            }
+        }
+    }
+    println!("none of {covered} pixels; by planes through snapped corners {snapped}");
+    assert!(covered > 50_000 && snapped > 50, "{covered}, control: {snapped}");
 }

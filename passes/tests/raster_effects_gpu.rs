@@ -216,6 +216,7 @@ fn raster_job(shot: &Shot, attachments: Attachments) -> RasterJob<'_> {
         attachments,
         shared: Attachments::default(),
         half: Attachments::default(),
+        snapped_depth: false,
     }
 }
 

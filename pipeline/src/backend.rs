@@ -143,6 +143,8 @@ pub struct RasterJob<'a> {
     /// What of it is declared in 16-bit floats. A rasteriser that keeps attachments of its own stores these so, and effects
     /// read them so; in host memory the executor rounds them. Whether a device rounds to the nearest is its own affair.
     pub half: Attachments,
+    /// Whether depth is that of planes through snapped corners, as it was; else of the triangles' own. A device has its own rule.
+    pub snapped_depth: bool,
 }
 
 /// Why a backend could not do its work.

@@ -184,6 +184,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
         attachments,
         shared: Attachments::default(),
         half: Attachments::default(),
+        snapped_depth: false,
     };
     rasteriser.draw(&job, &mut buffer).expect("drawn");
     let program = match stored.program.as_str() {

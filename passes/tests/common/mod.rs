@@ -112,6 +112,7 @@ pub fn job<'a>(
         attachments,
         shared: Attachments::default(),
         half: Attachments::default(),
+        snapped_depth: false,
     }
 }
 

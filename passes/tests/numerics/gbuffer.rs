@@ -3,7 +3,7 @@
 use crate::trace_scenes::Random;
 use curitiba_passes::cpu::trace;
 use curitiba_passes::raster::cpu::CpuRasteriser;
-use curitiba_passes::trace::{Bvh, Quality};
+use curitiba_passes::trace::{Bvh, Double, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{
     Attachments, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, RayJob, Rect, Shade, Sun, View,
 };
@@ -13,7 +13,7 @@ use curitiba_pipeline::programs::{Fidelity, RasterProgram, RayParams, RayProgram
 use curitiba_pipeline::scene::{BuildOptions, RenderScene};
 use curitiba_pipeline::square;
 use glam::camera::rh;
-use glam::{DMat4, Mat4, Vec3, Vec4};
+use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 
 const SIDE: u32 = 128;
@@ -61,6 +61,7 @@ fn setting(offset: Vec3) -> Setting {
         attachments,
         shared: Attachments::default(),
         half: Attachments::default(),
+        snapped_depth: false,
     };
     rasteriser.draw(&job, &mut buffer).expect("drawn");
     let tree = Bvh::build(&scene.geometry, &vec![false; scene.materials.len()], Quality::Balanced);
@@ -234,4 +235,65 @@ fn snapped_positions_make_every_stored_form_safe_and_stored_ones_do_not() {
     // In thesis, rays start at what is stored.
     assert!(half.shadows[1] > 20 * half.shadows[0].max(20), "negative control: {half:?}");
     assert!(half.occlusion[1] > 5.0 * half.occlusion[0].max(0.005), "negative control: {half:?}");
+}
+
+/// Of the pixels of the square that the rule for depth changes: how many show a triangle that is farther by more than a millionth than what `f64`
+/// meets first, with depth as it was and as it is. In the others surfaces lie in one plane, or an outline passes by.
+#[test]
+fn the_rule_for_depth_changes_the_square_only_where_surfaces_lie_in_one_plane() {
+    let Setting { scene, shades, view, sun, .. } = setting(Vec3::ZERO);
+    let side = 640;
+    let viewport = Rect { x: 0, y: 0, width: side, height: side };
+    let attachments = Attachments { triangle: true, ..Attachments::default() };
+    let mut rasteriser = CpuRasteriser::new();
+    rasteriser.upload(&scene).expect("enough memory");
+    let drawn = [true, false].map(|snapped_depth| {
+        let mut buffer = GBuffer::new(side, side, attachments);
+        let job = RasterJob {
+            scene: &scene,
+            program: RasterProgram::Deferred,
+            view,
+            sun: Some(sun),
+            shades: &shades,
+            culled: &[],
+            viewport,
+            clear_color: Vec4::ZERO,
+            attachments,
+            shared: Attachments::default(),
+            half: Attachments::default(),
+            snapped_depth,
+        };
+        rasteriser.draw(&job, &mut buffer).expect("drawn");
+        buffer.triangle
+    });
+    let exact = Double::build(&scene.geometry, &vec![false; scene.materials.len()]);
+    let world_from_clip = view.clip_from_world.as_dmat4().inverse();
+    let (mut changed, mut wrong) = (0, [0, 0]);
+    for (index, (before, now)) in drawn[0].iter().zip(&drawn[1]).enumerate().filter(|(_, (before, now))| before != now)
+    {
+        let (x, y) = (f64::from(index as u32 % side) + 0.5, f64::from(index as u32 / side) + 0.5);
+        let ndc = DVec3::new(x / f64::from(side) * 2.0 - 1.0, 1.0 - y / f64::from(side) * 2.0, 0.5);
+        let direction = (world_from_clip.project_point3(ndc) - view.eye.as_dvec3()).normalize().as_vec3();
+        let ray = Ray { origin: view.eye, direction, t_min: 0.0, t_max: f32::INFINITY };
+        let Some(hit) = exact.closest(&ray, |_| true) else { continue };
+        let is_farther = |id: u32| {
+            let [a, b, c] = scene.geometry.corners(id).map(|corner| corner.as_dvec3());
+            let (normal, eye) = ((b - a).cross(c - a).normalize(), view.eye.as_dvec3());
+            let t = (a - eye).dot(normal) / direction.as_dvec3().dot(normal);
+            let at = eye + direction.as_dvec3() * t;
+            let is_inside = [(a, b), (b, c), (c, a)].iter().all(|(f, to)| (*to - *f).cross(at - *f).dot(normal) > 0.0);
+            is_inside && t > f64::from(hit.t) * (1.0 + 1e-6)
+        };
+        changed += 1;
+        wrong[0] += u32::from(is_farther(*before));
+        wrong[1] += u32::from(is_farther(*now));
+    }
+    println!(
+        "{changed} of {} pixels change; farther than what is nearest before: {}, now: {}",
+        side * side,
+        wrong[0],
+        wrong[1]
+    );
+    assert!(changed > 5 && changed < 1000, "{changed}");
+    assert!(wrong[1] <= wrong[0] && wrong[1] * 50 < changed, "{wrong:?} of {changed}");
 }

@@ -113,6 +113,7 @@ impl World {
             attachments,
             shared: Attachments::default(),
             half: Attachments::default(),
+            snapped_depth: false,
         };
         let mut raster = CpuRasteriser::new();
         let mut buffer = GBuffer::new(width, height, attachments);

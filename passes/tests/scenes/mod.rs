@@ -43,6 +43,7 @@ impl Setup {
             attachments,
             shared: Attachments::default(),
             half: Attachments::default(),
+            snapped_depth: false,
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::{Observer, PassMaterials, Progress, Renderer, StepKind, parts};
 use crate::backend::{Attachments, BackendError, RasterJob};
 use crate::plan::{PlannedPass, Work};
+use crate::programs::Fidelity;
 use crate::project::PassKind;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -40,6 +41,7 @@ impl Renderer {
             attachments,
             shared,
             half,
+            snapped_depth: self.plan.settings.fidelity == Fidelity::Thesis,
         };
         if self.plan.block.is_some() {
             let (host, raster) = (self.in_host(target, host, traced), &mut self.engines.raster);

@@ -4,7 +4,7 @@ use super::clip::{self, ClippedTriangle};
 use super::frame::{Corners, Part};
 use super::simd::Kernel;
 use super::surface::{Grid, TILE};
-use super::vertex::{NEEDS_CLIPPING, Projection, ScreenVertex, UNITS};
+use super::vertex::{Projection, ScreenVertex, UNITS};
 use curitiba_pipeline::scene::Geometry;
 use std::ops::Range;
 
@@ -90,8 +90,8 @@ impl Bounds {
         let first = |units: i32| (units + (UNITS / 2 - 1)) >> UNITS.trailing_zeros();
         let last = |units: i32| (units - UNITS / 2) >> UNITS.trailing_zeros();
         Self {
-            x: (first(a.x.min(b.x).min(c.x)).max(low.0), last(a.x.max(b.x).max(c.x)).min(high.0)),
-            y: (first(a.y.min(b.y).min(c.y)).max(low.1), last(a.y.max(b.y).max(c.y)).min(high.1)),
+            x: (first(a.x().min(b.x()).min(c.x())).max(low.0), last(a.x().max(b.x()).max(c.x())).min(high.0)),
+            y: (first(a.y().min(b.y()).min(c.y())).max(low.1), last(a.y().max(b.y()).max(c.y())).min(high.1)),
         }
     }
 
@@ -104,7 +104,7 @@ impl Bounds {
 /// Twice the signed area of a triangle, in square units; above 0 where the corners go clockwise as seen.
 #[inline(always)]
 pub(super) fn doubled_area([a, b, c]: &Corners<'_>) -> i64 {
-    i64::from(b.x - a.x) * i64::from(c.y - a.y) - i64::from(b.y - a.y) * i64::from(c.x - a.x)
+    i64::from(b.x() - a.x()) * i64::from(c.y() - a.y()) - i64::from(b.y() - a.y()) * i64::from(c.x() - a.x())
 }
 
 /// Fills the bins of a run of triangles.
@@ -157,7 +157,7 @@ impl Kernel for Fill<'_> {
                 let triangle = (start + offset) as u32;
                 let [a, b, c] = *indices;
                 let corners = [&self.vertices[a as usize], &self.vertices[b as usize], &self.vertices[c as usize]];
-                if corners.iter().any(|corner| corner.x == NEEDS_CLIPPING) {
+                if corners.iter().any(|corner| corner.needs_clipping()) {
                     let positions = indices.map(|vertex| geometry.positions[vertex as usize]);
                     clip::clip(self.projection, triangle, positions, |part| {
                         let corners = part.corners.each_ref();

@@ -239,6 +239,7 @@ fn map_job<'a>(
         attachments,
         shared: Attachments::default(),
         half: Attachments::default(),
+        snapped_depth: true,
     }
 }
 

@@ -24,10 +24,10 @@ impl Barycentric {
     /// Columns count from the pixel (x, y) of the viewport.
     #[inline(always)]
     pub(super) fn new([v0, v1, v2]: &Corners<'_>, x: i32, y: i32) -> Self {
-        let dx = f64::from(x * UNITS + UNITS / 2 - v0.x);
-        let dy = f64::from(y * UNITS + UNITS / 2 - v0.y);
-        let (x1, y1) = (f64::from(v1.x - v0.x), f64::from(v1.y - v0.y));
-        let (x2, y2) = (f64::from(v2.x - v0.x), f64::from(v2.y - v0.y));
+        let dx = f64::from(x * UNITS + UNITS / 2 - v0.x());
+        let dy = f64::from(y * UNITS + UNITS / 2 - v0.y());
+        let (x1, y1) = (f64::from(v1.x() - v0.x()), f64::from(v1.y() - v0.y()));
+        let (x2, y2) = (f64::from(v2.x() - v0.x()), f64::from(v2.y() - v0.y()));
         let area = x1 * y2 - y1 * x2;
         let pixel = f64::from(UNITS);
         Self {

@@ -45,6 +45,7 @@ fn the_number_of_rounds_does_not_show() {
         attachments,
         shared: Attachments::default(),
         half: Attachments::default(),
+        snapped_depth: false,
     };
     let mut pictures = Vec::new();
     let mut rasteriser = CpuRasteriser::new();

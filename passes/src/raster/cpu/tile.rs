@@ -28,6 +28,8 @@ pub(super) struct Tile {
     /// By block: no pixel of it has less depth.
     floor: [f32; BLOCKS * BLOCKS],
     empty: bool,
+    /// Whether depth is that of planes through snapped corners.
+    snapped_depth: bool,
     /// 0 to 7. Read from memory: as constants the compiler folds them into single lanes, and takes the vectors apart.
     lanes: [i32; LANES],
     float_lanes: [f32; LANES],
@@ -40,6 +42,7 @@ impl Default for Tile {
             parts: Box::new([Part::NONE.0; TILE * STRIDE]),
             floor: [0.0; BLOCKS * BLOCKS],
             empty: true,
+            snapped_depth: false,
             lanes: std::array::from_fn(|lane| lane as i32),
             float_lanes: std::array::from_fn(|lane| lane as f32),
         }
@@ -63,10 +66,10 @@ impl Edge {
     #[inline(always)]
     fn new(from: &ScreenVertex, to: &ScreenVertex, x: i32, y: i32) -> Self {
         const LIMIT: i64 = 1 << 30;
-        let (a, b) = (from.y - to.y, to.x - from.x);
+        let (a, b) = (from.y() - to.y(), to.x() - from.x());
         // A left edge goes up, a top edge to the right.
         let closed = a > 0 || (a == 0 && b > 0);
-        let (dx, dy) = (x * UNITS + UNITS / 2 - from.x, y * UNITS + UNITS / 2 - from.y);
+        let (dx, dy) = (x * UNITS + UNITS / 2 - from.x(), y * UNITS + UNITS / 2 - from.y());
         let value = i64::from(a) * i64::from(dx) + i64::from(b) * i64::from(dy) - i64::from(!closed);
         Self { a, b, c: (value >> UNITS.trailing_zeros()).clamp(-LIMIT, LIMIT) as i32 }
     }
@@ -81,6 +84,10 @@ impl Edge {
 /// a vector's first lane.
 ///
 /// Rounding is monotone, so over a block the largest computed depth is at one of its corners, exactly.
+///
+/// The plane is that of the corners before they were snapped: a plane through the snapped places leans otherwise, by up to half a unit's
+/// change of depth over a triangle, and of two layers the farther one is seen. Slivers that snapping turned or made several
+/// times larger or smaller have no slope worth the name; theirs is that of the snapped places.
 #[derive(Debug, Clone, Copy)]
 struct Depth {
     z: f32,
@@ -92,14 +99,21 @@ struct Depth {
 
 impl Depth {
     #[inline(always)]
-    fn new([v0, v1, v2]: &Corners<'_>, area: i64, x: i32, y: i32) -> Self {
-        let scale = 1.0 / area as f64;
+    fn new([v0, v1, v2]: &Corners<'_>, area: i64, (x, y): (i32, i32), snapped_depth: bool) -> Self {
+        let snapped = |v: &ScreenVertex| [f64::from(v.x()), f64::from(v.y())];
+        let (mut p0, mut p1, mut p2) = (v0.place(), v1.place(), v2.place());
+        let mut doubled = (p1[0] - p0[0]) * (p2[1] - p0[1]) - (p1[1] - p0[1]) * (p2[0] - p0[0]);
+        let area = area as f64;
+        if snapped_depth || !(doubled > 0.5 * area && doubled < 2.0 * area) {
+            (p0, p1, p2, doubled) = (snapped(v0), snapped(v1), snapped(v2), area);
+        }
+        let scale = 1.0 / doubled;
         let (dz1, dz2) = (f64::from(v1.z) - f64::from(v0.z), f64::from(v2.z) - f64::from(v0.z));
-        let across = (f64::from(v2.y - v0.y) * dz1 - f64::from(v1.y - v0.y) * dz2) * scale;
-        let down = (f64::from(v1.x - v0.x) * dz2 - f64::from(v2.x - v0.x) * dz1) * scale;
-        let (from_x, from_y) = (x * UNITS + UNITS / 2 - v0.x, y * UNITS + UNITS / 2 - v0.y);
+        let across = ((p2[1] - p0[1]) * dz1 - (p1[1] - p0[1]) * dz2) * scale;
+        let down = ((p1[0] - p0[0]) * dz2 - (p2[0] - p0[0]) * dz1) * scale;
+        let (from_x, from_y) = (f64::from(x * UNITS + UNITS / 2) - p0[0], f64::from(y * UNITS + UNITS / 2) - p0[1]);
         Self {
-            z: (f64::from(v0.z) + across * f64::from(from_x) + down * f64::from(from_y)) as f32,
+            z: (f64::from(v0.z) + across * from_x + down * from_y) as f32,
             dx: (across * f64::from(UNITS)) as f32,
             dy: (down * f64::from(UNITS)) as f32,
             // Not -0, whose bits do not compare.
@@ -180,6 +194,7 @@ impl Tile {
     /// Draws the parts that bins hold for this tile, in the order of the triangles.
     #[inline(always)]
     pub fn draw_bins(&mut self, frame: &Frame<'_>, bins: &Bins, tile: usize, surface: &TileSurface<'_>) {
+        self.snapped_depth = frame.job.snapped_depth;
         let parts = bins.of_tile(tile);
         let mut large = bins.large.as_slice();
         if large.is_empty() {
@@ -236,7 +251,7 @@ impl Tile {
     fn draw_narrow(&mut self, corners: &Corners<'_>, area: i64, bounds: &Bounds, local: &Bounds, part: u32) {
         let (x, y) = (bounds.x.0, bounds.y.0);
         let [e0, e1, e2] = edges(corners, x, y);
-        let depth = Depth::new(corners, area, x, y);
+        let depth = Depth::new(corners, area, (x, y), self.snapped_depth);
         let across = [self.multiples(e0.a), self.multiples(e1.a), self.multiples(e2.a)];
         let across_z = self.float_multiples(depth.dx);
         for row in 0..=local.y.1 - local.y.0 {
@@ -288,7 +303,7 @@ impl Tile {
         let (first_column, first_row) = (local.x.0 & -size, local.y.0 & -size);
         let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);
         let edges = edges(corners, x, y);
-        let depth = Depth::new(corners, area, x, y);
+        let depth = Depth::new(corners, area, (x, y), self.snapped_depth);
         let across = [self.multiples(edges[0].a), self.multiples(edges[1].a), self.multiples(edges[2].a)];
         let across_z = self.float_multiples(depth.dx);
         // From a block's first pixel to the one that is farthest inside and the one that is farthest outside an edge.
@@ -346,7 +361,7 @@ impl Tile {
         let (first_column, first_row) = (align(local.x.0), align(local.y.0));
         let (x, y) = (bounds.x.0 - local.x.0 + first_column, bounds.y.0 - local.y.0 + first_row);
         let edges = edges(corners, x, y);
-        let depth = Depth::new(corners, area, x, y);
+        let depth = Depth::new(corners, area, (x, y), self.snapped_depth);
         let across = self.float_multiples(depth.dx);
         for y in local.y.0..=local.y.1 {
             for x in local.x.0..=local.x.1 {

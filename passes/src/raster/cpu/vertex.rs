@@ -7,6 +7,9 @@ use glam::Vec3;
 /// Sub-pixel units of a pixel.
 pub(super) const UNITS: i32 = 256;
 
+/// Parts of a sub-pixel unit in which a corner's place before it was snapped is kept: of a place of `f32` in a picture of 1024, all there is.
+pub(super) const FINE: i32 = 64;
+
 /// Largest side of a viewport, in pixels.
 pub(super) const MAX_SIDE: u32 = 16384;
 
@@ -14,8 +17,8 @@ pub(super) const MAX_SIDE: u32 = 16384;
 /// `2 * 14336 * 256 = 7_340_032`, and an edge function over a tile, in steps of pixels, is below 2^31 (see `Edge`).
 const GUARD: u32 = 14336;
 
-/// `x` of a vertex that has no place on the screen: triangles that use it are clipped.
-pub(super) const NEEDS_CLIPPING: i32 = i32::MIN;
+/// Of a vertex that has no place on the screen: triangles that use it are clipped.
+const NEEDS_CLIPPING: i32 = i32::MIN;
 
 /// Homogeneous `w` outside of this range is taken for the eye's plane or for infinity: nothing overflows inside.
 const W_RANGE: std::ops::RangeInclusive<f32> = 7.888_609e-31..=1.267_650_6e30;
@@ -24,14 +27,45 @@ const W_RANGE: std::ops::RangeInclusive<f32> = 7.888_609e-31..=1.267_650_6e30;
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[repr(C, align(16))]
 pub(super) struct ScreenVertex {
-    /// Right of the viewport's left border, in 1/256 pixel, or [`NEEDS_CLIPPING`].
-    pub x: i32,
-    /// Below the viewport's top border, in 1/256 pixel.
-    pub y: i32,
+    /// Right of the viewport's left border, in 1/64 of 1/256 pixel, or [`NEEDS_CLIPPING`]. [`Self::x`] is what it is snapped to.
+    fine_x: i32,
+    /// Below the viewport's top border.
+    fine_y: i32,
     /// Depth, 1 near, 0 far.
     pub z: f32,
     /// Reciprocal of the homogeneous `w`.
     pub inv_w: f32,
+}
+
+impl ScreenVertex {
+    /// Right of the viewport's left border, in 1/256 pixel.
+    #[inline(always)]
+    pub fn x(&self) -> i32 {
+        snapped(self.fine_x)
+    }
+
+    /// Below the viewport's top border, in 1/256 pixel.
+    #[inline(always)]
+    pub fn y(&self) -> i32 {
+        snapped(self.fine_y)
+    }
+
+    /// The place before it was snapped, in 1/256 pixel: where the depth of a triangle's plane is [`Self::z`].
+    #[inline(always)]
+    pub fn place(&self) -> [f64; 2] {
+        [self.fine_x, self.fine_y].map(|fine| f64::from(fine) * (1.0 / f64::from(FINE)))
+    }
+
+    /// Whether triangles that use it are clipped.
+    #[inline(always)]
+    pub fn needs_clipping(&self) -> bool {
+        self.fine_x == NEEDS_CLIPPING
+    }
+}
+
+#[inline(always)]
+fn snapped(fine: i32) -> i32 {
+    fine.wrapping_add(FINE / 2) >> FINE.trailing_zeros()
 }
 
 /// Where world positions come to lie in a viewport.
@@ -90,19 +124,24 @@ impl Projection {
         let inv_w = 1.0 / w;
         let x = self.left + (x * inv_w * 0.5 + 0.5) * self.width;
         let y = self.top + (0.5 - y * inv_w * 0.5) * self.height;
-        ScreenVertex { x: snap(x, self.origin[0]), y: snap(y, self.origin[1]), z: z * inv_w, inv_w }
+        ScreenVertex { fine_x: snap(x, self.origin[0]), fine_y: snap(y, self.origin[1]), z: z * inv_w, inv_w }
     }
 }
 
-/// Rounds a screen coordinate to the nearest unit (ties to even), counted from `origin`.
+/// A screen coordinate, counted from `origin`, in 1/64 unit: rounded to the nearest whole unit (ties to even), from which it is less than half a
+/// unit off. `|pixels - origin| < 2^15`, so it is below 2^29.
 ///
 /// Adding 1.5 * 2^52 leaves the rounded integer in the low bits of the sum; unlike a rounding instruction and a checked
 /// conversion this is two vector operations on every instruction set.
 #[inline(always)]
 fn snap(pixels: f32, origin: i64) -> i32 {
     const MAGIC: f64 = 6_755_399_441_055_744.0;
-    let units = f64::from(pixels) * f64::from(UNITS) + MAGIC;
-    (units.to_bits() as i64).wrapping_sub(MAGIC.to_bits() as i64).wrapping_sub(origin) as i32
+    let units = f64::from(pixels) * f64::from(UNITS);
+    let rounded = units + MAGIC;
+    let whole = (rounded.to_bits() as i64).wrapping_sub(MAGIC.to_bits() as i64).wrapping_sub(origin) as i32;
+    let rest = (units - (rounded - MAGIC)) * f64::from(FINE) + MAGIC;
+    let rest = (rest.to_bits() as i64).wrapping_sub(MAGIC.to_bits() as i64) as i32;
+    whole.wrapping_mul(FINE).wrapping_add(rest.clamp(-FINE / 2, FINE / 2 - 1))
 }
 
 /// Projects a run of vertices.
@@ -120,7 +159,7 @@ impl Kernel for Project<'_> {
         for (position, output) in self.positions.iter().zip(self.output) {
             let clip = self.projection.clip(*position);
             let mut vertex = self.projection.screen(clip);
-            vertex.x = if self.projection.inside(clip) { vertex.x } else { NEEDS_CLIPPING };
+            vertex.fine_x = if self.projection.inside(clip) { vertex.fine_x } else { NEEDS_CLIPPING };
             *output = vertex;
         }
     }

@@ -66,6 +66,7 @@ pub(super) fn job<'a>(scene: &'a RenderScene, shades: &'a [Shade]) -> RasterJob<
         attachments: ALL,
         shared: Attachments::default(),
         half: Attachments::default(),
+        snapped_depth: false,
     }
 }
 

@@ -167,6 +167,7 @@ pub fn draw(
         attachments: Attachments { color, ..Attachments::default() },
         shared: Attachments::default(),
         half: Attachments::default(),
+        snapped_depth: true,
     };
     check_scene(&raster)?;
     let Context { gpu, layouts, pipelines, timer, geometry, textures, .. } = context;
