@@ -600,3 +600,33 @@ fn of_two_layers_close_together_the_nearer_one_is_seen() {
     println!("none of {covered} pixels; by planes through snapped corners {snapped}");
     assert!(covered > 50_000 && snapped > 50, "{covered}, control: {snapped}");
 }
+
+/// What is a hole to rays, which read level 0, is one to the camera, however small it is seen.
+#[test]
+fn holes_are_where_rays_find_them() {
+    let scene = textured_floor(|x, y| if (x / 4 + y / 4).is_multiple_of(2) { 255 } else { 0 });
+    let shades = [Shade { texture: Some(0), alpha_cutoff: Some(0.5), ..grey() }];
+    let (width, height) = (160u32, 128u32);
+    let job = job(&scene, &shades, camera(1.25), width, height, ALL);
+    let target = draw(&job);
+    let world = DMat4::from_cols_array(&job.view.clip_from_world.to_cols_array().map(f64::from)).inverse();
+    let (mut looked_at, mut differ, mut by_level) = (0, 0, 0);
+    for (index, id) in target.triangle.iter().enumerate() {
+        let (x, y) = (f64::from(index as u32 % width) + 0.5, f64::from(index as u32 / width) + 0.5);
+        let ndc = DVec2::new(x / f64::from(width) * 2.0 - 1.0, 1.0 - y / f64::from(height) * 2.0);
+        let far = world.project_point3(ndc.extend(0.5));
+        let at = far * (-1.0 / far.y);
+        // Where a pixel is several texels long.
+        if far.y >= 0.0 || !(-9.0..-4.0).contains(&at.z) {
+            continue;
+        }
+        let uv = (DVec2::new(at.x, at.z) * 0.25).as_vec2();
+        let solid = scene.textures[0].sample(uv, 0.0).w >= 0.5;
+        looked_at += 1;
+        differ += usize::from(solid != (*id != NO_TRIANGLE));
+        by_level += usize::from(solid != (scene.textures[0].sample(uv, 3.0).w >= 0.5));
+    }
+    println!("{differ} of {looked_at} pixels differ; by a mip level {by_level}");
+    assert!(looked_at > 1000 && differ * 50 < looked_at, "{differ} of {looked_at}");
+    assert!(by_level * 4 > looked_at, "control: {by_level} of {looked_at}");
+}

@@ -206,7 +206,7 @@ impl Texture {
     /// If the image is empty or `texels` does not match its size.
     #[must_use]
     pub fn new(name: String, width: u32, height: u32, texels: Vec<[u8; 4]>) -> Self {
-        Self::build(name, Level { width, height, texels }, None, ColorSpace::Report)
+        Self::build(name, Level { width, height, texels }, false, ColorSpace::Report)
     }
 
     /// Builds the mip chain of an image: of one that is cut out as [`Self::cut_out`] does, else as [`Self::new`]. With
@@ -215,33 +215,27 @@ impl Texture {
     /// # Panics
     /// As [`Self::new`].
     #[must_use]
-    pub fn build(name: String, base: Level, cutoff: Option<f32>, space: ColorSpace) -> Self {
+    pub fn build(name: String, base: Level, cut_out: bool, space: ColorSpace) -> Self {
         let Level { width, height, .. } = base;
         assert!(width > 0 && height > 0, "texture {name} is empty");
         assert_eq!(base.texels.len(), width as usize * height as usize, "texture {name}: texel count");
-        let mut levels = match (cutoff, space) {
-            (None, ColorSpace::Report) => chain(base, mean),
-            (None, ColorSpace::Linear) => chain(base, linear_mean),
-            (Some(_), ColorSpace::Report) => chain(base, mean_by_alpha),
-            (Some(_), ColorSpace::Linear) => chain(base, linear_mean_by_alpha),
+        let levels = match (cut_out, space) {
+            (false, ColorSpace::Report) => chain(base, mean),
+            (false, ColorSpace::Linear) => chain(base, linear_mean),
+            (true, ColorSpace::Report) => chain(base, mean_by_alpha),
+            (true, ColorSpace::Linear) => chain(base, linear_mean_by_alpha),
         };
-        if let Some(cutoff) = cutoff {
-            keep_coverages(&mut levels, cutoff);
-        }
         Self { name, levels, wrap: [Wrap::Repeat; 2], space }
     }
 
-    /// Builds the mip chain of a texture whose texels with less alpha than `cutoff` (0..=1) are holes.
-    ///
-    /// Colours are weighted by alpha, so that what is stored in the holes does not show at their edges. The alpha of
-    /// each level is scaled until as large a share of its texels is solid as of level 0, to the nearest texel (Castaño,
-    /// "Computing Alpha Mipmaps", 2010); plain averages would let leaves and railings vanish with the distance.
+    /// Builds the mip chain of a texture whose texels with little alpha are holes. Which are is asked of level 0 alone, by the camera as by
+    /// rays. Colours are weighted by alpha, so that what is stored in the holes does not show at their edges.
     ///
     /// # Panics
     /// If the image is empty or `texels` does not match its size.
     #[must_use]
-    pub fn cut_out(name: String, width: u32, height: u32, texels: Vec<[u8; 4]>, cutoff: f32) -> Self {
-        Self::build(name, Level { width, height, texels }, Some(cutoff), ColorSpace::Report)
+    pub fn cut_out(name: String, width: u32, height: u32, texels: Vec<[u8; 4]>) -> Self {
+        Self::build(name, Level { width, height, texels }, true, ColorSpace::Report)
     }
 
     /// Trilinear filtering at a level of detail; `lod <= 0` reads level 0.
@@ -373,40 +367,6 @@ fn linear_mean_by_alpha(four: [[u8; 4]; 4]) -> [u8; 4] {
     [color(0), color(1), color(2), alpha]
 }
 
-/// Keeps the share of solid texels of level 0 in the smaller ones.
-fn keep_coverages(levels: &mut [Level], cutoff: f32) {
-    // The lowest alpha that is solid; with none, or with all, every level is as level 0 anyway.
-    let solid = (0..=u8::MAX).find(|alpha| f32::from(*alpha) / 255.0 >= cutoff).filter(|alpha| *alpha > 0);
-    if let (Some(solid), [base, smaller @ ..]) = (solid, levels) {
-        let covered = base.texels.iter().filter(|texel| texel[3] >= solid).count() as u64;
-        let total = base.texels.len() as u64;
-        smaller.iter_mut().for_each(|level| keep_coverage(level, solid, covered, total));
-    }
-}
-
-/// Scales a level's alpha so that the share of texels with at least `solid` is nearest to `covered / total`.
-fn keep_coverage(level: &mut Level, solid: u8, covered: u64, total: u64) {
-    let mut histogram = [0_u64; 256];
-    for texel in &level.texels {
-        histogram[usize::from(texel[3])] += 1;
-    }
-    let texels = level.texels.len() as u64;
-    // The threshold that covers as much before scaling; the one that scales least where several do equally well.
-    let (mut best, mut threshold, mut above) = ((u128::MAX, u16::MAX), u16::from(solid), 0);
-    for alpha in (1..=256_u16).rev() {
-        above += histogram.get(usize::from(alpha)).copied().unwrap_or(0);
-        let error = (u128::from(above) * u128::from(total)).abs_diff(u128::from(covered) * u128::from(texels));
-        let candidate = (error, alpha.abs_diff(u16::from(solid)));
-        if candidate < best {
-            (best, threshold) = (candidate, alpha);
-        }
-    }
-    // Rounded down: the threshold itself becomes `solid`, and all below stay below.
-    for texel in &mut level.texels {
-        texel[3] = (u32::from(texel[3]) * u32::from(solid) / u32::from(threshold)).min(255) as u8;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::{ColorSpace, Level, Texture, Wrap, log2};
@@ -457,7 +417,7 @@ mod tests {
     fn linear_textures_are_filtered_and_halved_in_linear_light() {
         let (black, white) = ([0, 0, 0, 255], [255, 255, 255, 255]);
         let checker = Level { width: 2, height: 2, texels: vec![black, white, white, black] };
-        let linear = Texture::build("checker".into(), checker.clone(), None, ColorSpace::Linear);
+        let linear = Texture::build("checker".into(), checker.clone(), false, ColorSpace::Linear);
         let report = Texture::new("checker".into(), 2, 2, checker.texels);
         assert_eq!(
             (linear.levels[1].texels[0], report.levels[1].texels[0]),
@@ -468,7 +428,7 @@ mod tests {
         assert!((linear.sample(Vec2::splat(0.5), 1.0).x - 0.5).abs() < 0.004, "188 is not quite a half");
         // Codes 0 and 128 side by side: half of what 128 decodes to, and not what 64 does.
         let row = Level { width: 2, height: 1, texels: vec![[0, 0, 0, 128], [128, 128, 128, 128]] };
-        let row = Texture::build("row".into(), row, None, ColorSpace::Linear);
+        let row = Texture::build("row".into(), row, false, ColorSpace::Linear);
         let exact = ((128.0 / 255.0 + 0.055) / 1.055_f64).powf(2.4);
         let middle = row.sample(Vec2::new(0.5, 0.5), 0.0);
         assert!((f64::from(middle.x) - 0.5 * exact).abs() < 1e-6, "{middle}");
@@ -480,12 +440,12 @@ mod tests {
     fn linear_cut_outs_weigh_colours_by_alpha() {
         let texels = vec![[255, 0, 10, 255], [0, 255, 10, 0], [128, 0, 10, 255], [0, 255, 10, 0]];
         let level = Level { width: 2, height: 2, texels };
-        let cut = Texture::build("leaf".into(), level.clone(), Some(0.5), ColorSpace::Linear);
+        let cut = Texture::build("leaf".into(), level.clone(), true, ColorSpace::Linear);
         // Only the two solid texels count: the mean of 1 and of what 128 decodes to.
         let red = 0.5 * (1.0 + ((128.0 / 255.0 + 0.055) / 1.055_f64).powf(2.4));
         let code = (255.0 * (1.055 * red.powf(1.0 / 2.4) - 0.055)).round() as u8;
         assert_eq!(cut.levels[1].texels[0][..3], [code, 0, 10]);
-        let whole = Texture::build("leaf".into(), level, None, ColorSpace::Linear);
+        let whole = Texture::build("leaf".into(), level, false, ColorSpace::Linear);
         assert_eq!(whole.levels[1].texels[0][1], 188, "control: without weights the holes show");
     }
 

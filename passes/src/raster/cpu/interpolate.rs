@@ -128,24 +128,18 @@ where
     [a, b, c]
 }
 
-/// Whether the alpha of its texture and vertices leaves a triangle at a pixel of the viewport.
+/// Whether the alpha of its texture and vertices leaves a triangle at a pixel of the viewport: the texture's is that of level 0, as for rays
+/// ([`AlphaTested`](crate::effects::AlphaTested)), so that what the camera sees through lets light through.
 pub(super) fn is_solid(frame: &Frame<'_>, placed: &Placed<'_>, x: i32, y: i32) -> bool {
     let shade = &frame.job.shades[frame.geometry.material_of(placed.triangle) as usize];
     let Some(cutoff) = shade.alpha_cutoff.filter(|_| shade.is_cut()) else { return true };
-    let barycentric = Barycentric::new(&placed.corners, x, y);
-    let perspective = Perspective::new(barycentric.weights(0.0));
+    let Perspective { u, v, .. } = Perspective::new(Barycentric::new(&placed.corners, x, y).weights(0.0));
     let mut vertices = 1.0;
     if shade.vertex_colors {
         let [a, b, c] = attribute(frame, placed, &frame.geometry.colors).map(|color| color.w);
-        vertices = a + ((b - a) * perspective.u + (c - a) * perspective.v);
+        vertices = a + ((b - a) * u + (c - a) * v);
     }
     let Some(texture) = shade.texture else { return vertices >= cutoff };
-    let uv = attribute(frame, placed, &frame.geometry.texcoords);
-    let texture = &frame.job.scene.textures[texture as usize];
-    let mapping = barycentric.mapping(uv, texture.size());
-    let (mut place, lod) = mapping.at(perspective, barycentric.inv_w);
-    if !texture.repeats() {
-        place = texture.place(mapping.uv(perspective.u, perspective.v));
-    }
-    texture.sample_at(place, lod).w * vertices >= cutoff
+    let [a, b, c] = attribute(frame, placed, &frame.geometry.texcoords);
+    frame.job.scene.textures[texture as usize].sample(a + (b - a) * u + (c - a) * v, 0.0).w * vertices >= cutoff
 }

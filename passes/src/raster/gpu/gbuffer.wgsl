@@ -127,8 +127,7 @@ fn level_of_detail(texcoord: vec2<f32>, size: vec2<f32>) -> f32 {
 //#if TEXTURED
 // The texture at `texcoord`, whose v = 0 is the bottom row. The level is chosen here and not by the driver, so that every
 // device chooses alike. The fractional part is taken first: large coordinates would lose the sub-texel position otherwise.
-fn sample_texture(texcoord: vec2<f32>) -> vec4<f32> {
-    let level = level_of_detail(texcoord, vec2<f32>(textureDimensions(material_texture, 0)));
+fn sample_texture(texcoord: vec2<f32>, level: f32) -> vec4<f32> {
 //#if WRAPPED
     let wrapped = texcoord;
 //#else
@@ -165,12 +164,16 @@ fn fragment_main(
     let shining = sample_glow(in.texcoord).rgb;
 //#endif
 //#if TEXTURED
-    let texel = sample_texture(in.texcoord);
+//#if COLOR
+    let size = vec2<f32>(textureDimensions(material_texture, 0));
+    let texel = sample_texture(in.texcoord, level_of_detail(in.texcoord, size));
+//#endif
 //#endif
 //#if ALPHA_CUT
     var alpha = 1.0;
 //#if TEXTURED
-    alpha = texel.a;
+    // Level 0, as for rays: what the camera sees through lets light through.
+    alpha = sample_texture(in.texcoord, 0.0).a;
 //#endif
 //#if VERTEX_COLOR
     alpha *= in.color.a;

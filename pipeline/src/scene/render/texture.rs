@@ -31,7 +31,7 @@ pub(super) fn decode_used(
     for texture in materials.iter().flat_map(Material::textures) {
         used[texture as usize] = true;
     }
-    let cutoffs = cutoffs(materials, sources.len());
+    let cut_out = cut_out(materials, sources.len());
     // The headers first: what all of them need is known before anything is decoded.
     let costs: Vec<Option<Result<Cost, String>>> =
         sources.par_iter().zip(used).map(|(source, used)| used.then(|| cost(source))).collect();
@@ -60,9 +60,9 @@ pub(super) fn decode_used(
         .collect();
     // All threads make the smaller levels of one texture after the other: the larger ones end no later than the others.
     let named = sources.iter().map(TextureSource::name);
-    let decoded = decoded.into_iter().zip(named).zip(cutoffs).zip(sources.iter().map(|source| source.texels().1)).map(
-        |(((base, name), cutoff), wrap)| {
-            base.map(|base| base.map(|base| Texture::build(name, base, cutoff, space).wrapped(wrap)))
+    let decoded = decoded.into_iter().zip(named).zip(cut_out).zip(sources.iter().map(|source| source.texels().1)).map(
+        |(((base, name), cut_out), wrap)| {
+            base.map(|base| base.map(|base| Texture::build(name, base, cut_out, space).wrapped(wrap)))
         },
     );
 
@@ -159,16 +159,15 @@ fn within_limits((width, height): (u32, u32)) -> Result<(u32, u32), String> {
     Ok((width, height))
 }
 
-/// By texture: the cutoff that its mip levels keep the coverage of. Of several materials' the lowest serves.
-fn cutoffs(materials: &[Material], textures: usize) -> Vec<Option<f32>> {
-    let mut cutoffs: Vec<Option<f32>> = vec![None; textures];
+/// By texture: whether a material has holes where it has little alpha.
+fn cut_out(materials: &[Material], textures: usize) -> Vec<bool> {
+    let mut cut_out = vec![false; textures];
     for material in materials {
-        if let (Some(texture), Some(cutoff)) = (material.texture, material.cutoff()) {
-            let known = &mut cutoffs[texture as usize];
-            *known = Some(known.map_or(cutoff, |known| known.min(cutoff)));
+        if let (Some(texture), Some(_)) = (material.texture, material.cutoff()) {
+            cut_out[texture as usize] = true;
         }
     }
-    cutoffs
+    cut_out
 }
 
 /// Decodes on one thread: a decoder's state never waits on a stack for other threads, which may bring more decoders.
