@@ -2,7 +2,8 @@
 
 use crate::trace_scenes::{Random, geometry, ray};
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
-use glam::{DVec3, Mat3, Vec3};
+use curitiba_pipeline::scene::{BuildOptions, Group, Material, Mesh, Needs, Object, RenderScene, Scene};
+use glam::{DVec3, Mat3, Mat4, Vec3};
 
 const OPAQUE: fn(&Hit) -> bool = |_| unreachable!("opaque triangles are accepted without asking");
 const SCALES: [f32; 5] = [1e-6, 1e-3, 1.0, 1e3, 1e6];
@@ -211,4 +212,60 @@ fn the_stated_error_bounds_the_distance_from_the_plane() {
     println!("points are off their planes by at most {worst:.2} of the stated error");
     assert!(worst <= 1.0, "{worst}");
     assert!(worst > 0.05, "the bound is of another order than the error: {worst}");
+}
+
+/// Rays of a thousand that leave closed rooms of this size, at this distance from the origin of the positions.
+fn leaks(size: f64, distance: f64, recentred: bool) -> f64 {
+    let mut random = Random::new(24);
+    let (mut leaks, mut tested) = (0_u32, 0_u32);
+    for _ in 0..40 {
+        // Files that place what they hold: exact in f64, and in f32 for the place.
+        let place = (random.direction() * distance as f32).round();
+        let positions = turned_room(0.5 * size as f32, Vec3::ZERO).into_iter().flatten().collect();
+        let triangles = (0..12).map(|id| [3 * id, 3 * id + 1, 3 * id + 2]).collect();
+        let mesh = Mesh { positions, groups: vec![Group { material: 0, triangles }], ..Mesh::default() };
+        let object = Object { name: String::new(), mesh: 0, transform: Mat4::from_translation(place) };
+        let scene = Scene {
+            meshes: vec![mesh],
+            objects: vec![object],
+            materials: vec![Material::default()],
+            ..Scene::default()
+        };
+        let needs = Needs { normals: false, textures: false };
+        let origin = (!recentred).then_some(DVec3::ZERO);
+        let (built, _) = RenderScene::build(scene, &BuildOptions { needs, origin, ..BuildOptions::default() }).unwrap();
+        let scene = built.geometry;
+        let middle = (place.as_dvec3() - built.origin).as_vec3();
+        let bvh = Bvh::build(&scene, &[], Quality::Fast);
+        for _ in 0..scene.triangles.len() * 50 {
+            let triangle = random.below(scene.triangles.len()) as u32;
+            let [a, b, c] = scene.corners(triangle);
+            let (u, v) = (random.unit(), random.unit());
+            let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+            let point = SurfacePoint::snap(&scene, triangle, a + (b - a) * u + (c - a) * v);
+            let inward = if (middle - point.position).dot(point.normal) < 0.0 { -point.normal } else { point.normal };
+            let onward = random.cosine(inward);
+            leaks += u32::from(!bvh.occluded(&ray(point.spawn(onward), onward), OPAQUE));
+            tested += 1;
+        }
+    }
+    1e3 * f64::from(leaks) / f64::from(tested.max(1))
+}
+
+/// A room smaller than the offset of its own rays cannot keep them. How small that is depends on the distance from the origin of the
+/// positions, which is that of the scene no more: no room that is a scene leaks, wherever its file has it.
+#[test]
+fn rooms_leak_below_the_documented_share_of_their_distance_from_the_origin() {
+    // Powers of two: the rooms' numbers are exact in f64, far away as near.
+    let far = 2.0_f64.powi(20);
+    for (share, leaky) in [(-15, false), (-16, false), (-18, true), (-20, true)] {
+        let size = far * 2.0_f64.powi(share);
+        let (plain, recentred) = (leaks(size, far, false), leaks(size, far, true));
+        println!(
+            "rooms of {:.1e} of their distance: {plain:.2} of 1000 leave, {recentred:.2} near an origin of their own",
+            size / far
+        );
+        assert_eq!(plain > 0.0, leaky, "{share}: {plain}");
+        assert_eq!(recentred, 0.0, "{share}");
+    }
 }
