@@ -299,7 +299,7 @@ fn optix(_: Choice) -> Result<Box<dyn RayBackend>, BackendError> {
 }
 
 #[cfg(not(feature = "cuda"))]
-fn not_built(backend: &'static str) -> BackendError {
+pub(crate) fn not_built(backend: &'static str) -> BackendError {
     let message = "this program was built without it; build it with `cargo build --release --features cuda` (no CUDA \
                    toolkit is needed), or use --backend cpu";
     BackendError::Device { backend, message: message.to_owned() }

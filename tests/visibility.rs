@@ -61,6 +61,70 @@ fn an_empty_room_sums_to_one_and_is_all_exact() {
     assert!(sums.iter().all(|sum: &f64| (sum - 1.0).abs() < 1e-5), "{sums:?}");
 }
 
+/// The form factor between equal rectangles `a` by `b` that face each other at a distance `c`: Howell's catalogue, C-11.
+fn parallel(a: f64, b: f64, c: f64) -> f64 {
+    let (x, y) = (a / c, b / c);
+    let (p, q) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
+    let log = (p * p * q * q / (1.0 + x * x + y * y)).sqrt().ln();
+    let arcs = x * q * (x / q).atan() + y * p * (y / p).atan() - x * x.atan() - y * y.atan();
+    2.0 / (std::f64::consts::PI * x * y) * (log + arcs)
+}
+
+/// From a rectangle of the width `w` to one of the width `h` that stands on their common edge `l`: C-14.
+fn perpendicular(w: f64, h: f64, l: f64) -> f64 {
+    let (w, h) = (w / l, h / l);
+    let (ww, hh) = (w * w, h * h);
+    let both = ww + hh;
+    let arcs = w * (1.0 / w).atan() + h * (1.0 / h).atan() - both.sqrt() * (1.0 / both.sqrt()).atan();
+    let first = ((1.0 + ww) * (1.0 + hh) / (1.0 + both)).ln();
+    let second = ww * (ww * (1.0 + both) / ((1.0 + ww) * both)).ln();
+    let third = hh * (hh * (1.0 + both) / ((1.0 + hh) * both)).ln();
+    (arcs + 0.25 * (first + second + third)) / (std::f64::consts::PI * w)
+}
+
+/// The walls of the room, in the order of the file: the axis that they stand across.
+const WALLS: [(&str, usize); 6] = [("back", 2), ("front", 2), ("floor", 1), ("ceiling", 1), ("left", 0), ("right", 0)];
+
+#[test]
+fn the_page_shows_the_matrix_of_a_room_which_is_that_of_the_catalogue() {
+    let folder = room();
+    let text = std::fs::read_to_string(folder.path().join("room.obj")).expect("the scene");
+    let walls = text.split("v 1 1 1").next().expect("the room");
+    std::fs::write(folder.path().join("empty.obj"), walls).expect("written");
+    succeeds(folder.path(), &["empty.obj", "--pairs", "all", "--quantity", "form-factor", "-o", "m.csv"]);
+    // Both triangles of a wall have half of its area.
+    let mut matrix = [[0.0; 6]; 6];
+    for row in table(folder.path(), "m.csv") {
+        let number = |index: usize| row[index].parse::<f64>().expect("a number");
+        let [a, b] = [0, 1].map(|index| number(index) as usize / 2);
+        matrix[a][b] += 0.5 * number(7);
+        matrix[b][a] += 0.5 * number(8);
+    }
+    let size = [3.0, 2.0, 4.0];
+    let mut page =
+        "| from, to | back | front | floor | ceiling | left | right | sum |\n|---|---|---|---|---|---|---|---|\n"
+            .to_owned();
+    for (i, (name, own)) in WALLS.into_iter().enumerate() {
+        page += &format!("| {name} |");
+        for (j, (_, other)) in WALLS.into_iter().enumerate() {
+            let exact = if i == j {
+                0.0
+            } else if own == other {
+                parallel(size[(own + 1) % 3], size[(own + 2) % 3], size[own])
+            } else {
+                perpendicular(size[other], size[own], size[3 - own - other])
+            };
+            assert!((matrix[i][j] - exact).abs() < 1e-6, "{name} {j}: {} {exact}", matrix[i][j]);
+            page += &format!(" {:.5} |", matrix[i][j]);
+        }
+        let sum: f64 = matrix[i].iter().sum();
+        assert!((sum - 1.0).abs() < 1e-5, "{name}: {sum}");
+        page += &format!(" {sum:.5} |\n");
+    }
+    let document = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/visibility.md"));
+    assert!(document.expect("the page").contains(&page), "docs/visibility.md does not hold\n{page}");
+}
+
 #[test]
 fn arrays_hold_the_same_rows_as_text() {
     let folder = room();
@@ -88,12 +152,32 @@ fn errors_say_what_would_be_valid() {
     assert!(fails_with(2, here, &["room.obj", "--samples", "7", "-o", "a.csv"]).contains("a multiple of 8"));
     assert!(fails_with(2, here, &["room.obj", "--pairs", "row:99", "-o", "a.csv"]).contains("14 triangles"));
     assert!(fails_with(2, here, &["room.obj", "--pairs", "near:0", "-o", "a.csv"]).contains("near:0.01"));
-    let message = fails_with(2, here, &["room.obj", "--backend", "optix", "-o", "a.csv"]);
-    assert!(message.contains("does not run on optix") && message.contains("--backend cpu"), "{message}");
     std::fs::write(here.join("list.txt"), "0 1\n2 14\n").expect("written");
     let message = fails_with(3, here, &["room.obj", "--pairs", "list.txt", "-o", "a.csv"]);
     assert!(message.contains("list.txt:2:3: there is no triangle 14"), "{message}");
     assert!(!here.join("a.csv").exists() && !here.join("a.csv.part").exists());
+}
+
+#[test]
+fn every_backend_gives_rows_or_says_what_is_missing() {
+    let folder = room();
+    let here = folder.path();
+    let printed = succeeds(here, &["room.obj", "--pairs", "all", "--backend", "cpu", "-o", "cpu.csv"]);
+    assert!(printed.contains("pairs, on cpu (") && !here.join("cpu.csv.part").exists(), "{printed}");
+    let expected = table(here, "cpu.csv");
+    for backend in ["auto", "cuda", "optix", "wgpu"] {
+        let output = format!("{backend}.csv");
+        let found = curitiba(here, &["room.obj", "--pairs", "all", "--backend", backend, "-o", &output]);
+        if found.status.success() {
+            // Few triangles are in the way here: no segment is traced on a device, and rows are the same.
+            assert_eq!(table(here, &output), expected, "{backend}");
+        } else {
+            let message = String::from_utf8_lossy(&found.stderr);
+            assert_eq!(found.status.code(), Some(1), "{backend}: {message}");
+            assert!(backend != "auto" && message.contains(backend) && message.contains("--backend cpu"), "{message}");
+            assert!(!here.join(&output).exists() && !here.join(format!("{output}.part")).exists());
+        }
+    }
 }
 
 #[test]
@@ -128,8 +212,25 @@ fn an_interrupted_run_is_gone_on_with_to_the_same_bytes() {
         assert!(again.contains("--resume goes on with it"), "{again}");
         let other = [vec!["--seed", "1", "--resume"], arguments(output)].concat();
         assert!(fails_with(2, here, &other).contains("of another run"));
-        let printed = succeeds(here, &[vec!["--resume"], arguments(output)].concat());
-        assert!(printed.contains("were done by the interrupted run"), "{printed}");
+        // Killed again, at moments that nobody chose.
+        let resumed = [vec!["--resume"], arguments(output)].concat();
+        let mut ended = false;
+        for milliseconds in [3, 19, 41, 67] {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
+            command.current_dir(here).arg("visibility").args(&resumed).stdout(Stdio::null());
+            let mut run = command.spawn().expect("it starts");
+            std::thread::sleep(std::time::Duration::from_millis(milliseconds));
+            ended = run.try_wait().expect("it runs").is_some_and(|status| status.success());
+            if ended {
+                break;
+            }
+            run.kill().expect("it is killed");
+            run.wait().expect("it ends");
+        }
+        if !ended {
+            let printed = succeeds(here, &resumed);
+            assert!(printed.contains("were done by the interrupted run"), "{printed}");
+        }
         let [whole, cut] = [whole, output].map(|name| std::fs::read(here.join(name)).expect("written"));
         assert!(whole == cut, "the bytes of {output} differ");
         assert!(!part.exists() && !journal.exists());

@@ -30,10 +30,19 @@ PYTHON
 # -fmad=false: products and sums round separately, as on the processor, so that pictures agree bit for bit where no library
 # function differs. Where it costs accuracy nothing, the programs fuse by hand.
 flags=(-ptx -arch=compute_75 -std=c++17 -fmad=false -ftz=false -prec-div=true -prec-sqrt=true)
+# Without the compiler's own comments and the process's number in the names of internal functions, so that the same sources give the
+# same file; the hash says what it was made from.
+compile() { # OUT ARGUMENTS...
+    out=$1
+    "$nvcc" "${flags[@]}" "${@:2}" -o "$out.new"
+    { echo "// curitiba sources $hash"; grep -v '^//' "$out.new" | sed -E 's/_INTERNAL_[0-9a-f]{8}_/_INTERNAL_00000000_/g'; } >"$out"
+    rm "$out.new"
+    echo "$out"
+}
 for tracer in bvh optix; do
     # Keeps what OptiX looks for by name: the launch parameters and the programs.
-    extra=()
-    [ "$tracer" = optix ] && extra=(-rdc=true)
+    extra=() called=()
+    [ "$tracer" = optix ] && extra=(-rdc=true) called=(-DCURITIBA_OPTIX)
     # `bodies` is corrected fidelity with glass as each material says.
     for fidelity in corrected thesis bodies; do
         mkdir -p "ptx/$tracer/$fidelity"
@@ -41,15 +50,9 @@ for tracer in bvh optix; do
         [ "$fidelity" = bodies ] && programs="refraction final"
         for program in $programs; do
             # OptiX's functions are calls that the driver resolves when it compiles a module.
-            out=ptx/$tracer/$fidelity/$program.ptx
-            "$nvcc" "${flags[@]}" "${extra[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" -DCURITIBA_FIDELITY="$fidelity" \
-                "-DCURITIBA_${fidelity^^}" \
-                -o "$out.new" "$tracer.cu"
-            # Without the compiler's own comments and the process's number in the names of internal functions, so that the
-            # same sources give the same file; the hash says what it was made from.
-            { echo "// curitiba sources $hash"; grep -v '^//' "$out.new" | sed -E 's/_INTERNAL_[0-9a-f]{8}_/_INTERNAL_00000000_/g'; } >"$out"
-            rm "$out.new"
-            echo "$out"
+            compile "ptx/$tracer/$fidelity/$program.ptx" "${extra[@]}" -DCURITIBA_PROGRAM="\"$program.cuh\"" \
+                -DCURITIBA_FIDELITY="$fidelity" "-DCURITIBA_${fidelity^^}" "$tracer.cu"
         done
     done
+    compile "ptx/$tracer/segments.ptx" "${extra[@]}" "${called[@]}" -DCURITIBA_CORRECTED segments.cu
 done

@@ -125,6 +125,27 @@ impl BvhTracer {
         self.room = Some(room);
     }
 
+    /// Copies a tree to the device.
+    ///
+    /// # Errors
+    /// If the device cannot hold it.
+    pub(crate) fn upload(&mut self, device: &Device, tree: &DeviceTree) -> Result<(), BackendError> {
+        let nodes: Vec<WideNode> = tree.nodes.par_iter().with_min_len(GRAIN).map(WideNode::from).collect();
+        self.nodes = device.upload("the nodes of the tree", bytemuck::cast_slice(&nodes))?;
+        self.leaves = device.upload("the triangles of the tree", tree.triangles.as_flattened().as_flattened())?;
+        self.node_count = tree.nodes.len() as u32;
+        self.bounds = tree.bounds;
+        Ok(())
+    }
+
+    /// Writes what programs read of the tree into a launch's parameters.
+    pub(crate) fn fill(&self, device: &Device, params: &mut Params) {
+        params.nodes = self.nodes.address(device);
+        params.leaves = self.leaves.address(device);
+        params.node_count = self.node_count;
+        [params.scene_low, params.scene_high] = self.bounds;
+    }
+
     /// How long lists of what is near some points may be, within parts of the radius. Measured on an H100: long ones pay, except where
     /// far too much is in reach for any.
     fn listed(&self, radius: f32) -> [u32; REACHES as usize - 1] {
@@ -214,11 +235,7 @@ impl DeviceTracer for BvhTracer {
         tree: &DeviceTree,
         _: &SceneBuffers,
     ) -> Result<BuildStats, BackendError> {
-        let nodes: Vec<WideNode> = tree.nodes.par_iter().with_min_len(GRAIN).map(WideNode::from).collect();
-        self.nodes = device.upload("the nodes of the tree", bytemuck::cast_slice(&nodes))?;
-        self.leaves = device.upload("the triangles of the tree", tree.triangles.as_flattened().as_flattened())?;
-        self.node_count = tree.nodes.len() as u32;
-        self.bounds = tree.bounds;
+        self.upload(device, tree)?;
         Ok(BuildStats { bytes: self.nodes.bytes() + self.leaves.bytes(), nodes: tree.nodes.len() as u64 })
     }
 
@@ -256,10 +273,7 @@ impl DeviceTracer for BvhTracer {
     }
 
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
-        params.nodes = self.nodes.address(device);
-        params.leaves = self.leaves.address(device);
-        params.node_count = self.node_count;
-        [params.scene_low, params.scene_high] = self.bounds;
+        self.fill(device, params);
         params.listed = self.listed(params.radius);
         let is_this = |kernel: &Kernel| (kernel.program, kernel.variant) == (job.program, Variant::of(job));
         let index = self.kernels.iter().position(is_this).expect("loaded before");

@@ -12,7 +12,7 @@ macro_rules! shared_structs {
     ($( $(#[$about:meta])* struct $name:ident { $( $(#[$field_about:meta])* $field:ident: $type:ty = $spelling:literal, )* } )*) => {
         $(
             $(#[$about])*
-            #[derive(Debug, Clone, Copy, PartialEq)]
+            #[derive(Debug, Clone, Copy, PartialEq, Default)]
             #[repr(C)]
             pub struct $name { $( $(#[$field_about])* pub $field: $type, )* }
         )*
@@ -208,6 +208,14 @@ shared_structs! {
         schlick: u32 = "unsigned",
         /// Triangles of a list of what is near some points, within parts of the radius, at most: no more than [`LISTED`].
         listed: [u32; REACHES as usize - 1] = "unsigned[2]",
+        /// Segments between triangles, two vectors each: start and end, direction and pair.
+        segments: Address = "const float4 *",
+        /// By pair: the two triangles that do not block its segments.
+        own: Address = "const uint2 *",
+        /// One bit a segment: whether it is blocked.
+        blocked: Address = "unsigned *",
+        /// How many segments there are.
+        segment_count: u64 = "unsigned long long",
     }
 }
 
@@ -270,6 +278,8 @@ pub const SETTLED_BYTES: u32 = 32;
 pub const BLOCK_WIDTH: u32 = 8;
 /// Threads of a block along y.
 pub const BLOCK_HEIGHT: u32 = 8;
+/// Threads of a block that trace segments between triangles.
+pub const SEGMENT_THREADS: u32 = 128;
 /// Warps of a block that trace the occlusion rays of 32 points together.
 pub const TRACING_WARPS: u32 = 4;
 /// The radius and parts of it within which occlusion looks at what is near.
@@ -333,6 +343,7 @@ pub fn header() -> String {
         ("SETTLED_BYTES", SETTLED_BYTES),
         ("BLOCK_WIDTH", BLOCK_WIDTH),
         ("BLOCK_HEIGHT", BLOCK_HEIGHT),
+        ("SEGMENT_THREADS", SEGMENT_THREADS),
         ("TRACING_WARPS", TRACING_WARPS),
         ("REACHES", REACHES),
         ("LISTED", LISTED),

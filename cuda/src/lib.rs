@@ -18,8 +18,10 @@ pub mod optix;
 mod peers;
 pub mod programs;
 pub mod scene;
+pub mod segments;
 mod shared_gbuffer;
 mod sobol_table;
 mod staging;
 
 pub use multi_gpu::{CudaRays, DeviceRays, OptixRays};
+pub use segments::{CudaSegments, OptixSegments};

@@ -418,6 +418,10 @@ impl<T: DeviceTracer> OneGpu<T> {
             asks: if falls_straight { ASKS_STRAIGHT } else { 0 },
             schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
             listed: [0; REACHES as usize - 1],
+            segments: 0,
+            own: 0,
+            blocked: 0,
+            segment_count: 0,
         })
     }
 

@@ -98,6 +98,18 @@ pub fn on_optix(program: RayProgram, variant: Variant) -> Option<&'static str> {
     text(program, 1, variant)
 }
 
+/// The kernel that traces segments between triangles on our own traversal: `segments`.
+#[must_use]
+pub fn segments_on_bvh() -> &'static str {
+    text!("bvh/", "segments")
+}
+
+/// The programs that trace them on OptiX.
+#[must_use]
+pub fn segments_on_optix() -> &'static str {
+    text!("optix/", "segments")
+}
+
 /// The error of a program that has no device program.
 #[must_use]
 pub fn not_written(backend: &'static str, program: RayProgram) -> BackendError {
@@ -150,6 +162,20 @@ mod tests {
                     );
                 }
             }
+        }
+        for text in [segments_on_bvh(), segments_on_optix()] {
+            assert_eq!(text.lines().next(), Some(first_line.as_str()), "segments.ptx: run cuda/programs/build.sh");
+        }
+    }
+
+    #[test]
+    fn segments_have_their_programs_for_every_gpu_since_turing() {
+        assert!(segments_on_bvh().contains(".entry segments("));
+        for entry in ["__raygen__segments", "__anyhit__other", "__anyhit__see_through", "__miss__segments"] {
+            assert!(segments_on_optix().contains(&format!(".entry {entry}(")), "{entry}");
+        }
+        for text in [segments_on_bvh(), segments_on_optix()] {
+            assert!(text.contains(".target sm_75") && text.contains(".version 9.0") && !text.contains("ftz"));
         }
     }
 

@@ -3,17 +3,16 @@
 use super::progress::Bars;
 use super::visibility_args::{Pairs, VisibilityArgs};
 use super::{Failure, failure, print_warnings, set_threads};
-use curitiba::args::Backend;
 use curitiba::environment::peak_memory;
 use curitiba::passes::trace::{Bvh, Quality};
 use curitiba::passes::visibility::{
-    AllPairs, Class, Effort, Estimator, NearPairs, Options, PairSource, RowPairs, Surfaces,
+    AllPairs, Class, DeviceEstimator, Effort, Estimator, NearPairs, Options, PairSource, RowFinder, RowPairs, Surfaces,
 };
 use curitiba::pipeline::executor::{Observer as _, Progress, StepKind};
 use curitiba::pipeline::files::check_outputs;
 use curitiba::pipeline::memory::mebibytes;
 use curitiba::pipeline::project;
-use curitiba::visibility::{self, BACKENDS, Format, ListedPairs, Loaded, StreamError, Summary, Target};
+use curitiba::visibility::{self, Format, ListedPairs, Loaded, StreamError, Summary, Target};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -21,7 +20,6 @@ use std::time::Instant;
 /// Loads, builds, and streams the rows into the output.
 pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
-    check_backend(args.backend)?;
     let options = args.options();
     options.check().map_err(Failure::Usage)?;
     let format = Format::of(&args.output).map_err(Failure::Usage)?;
@@ -32,43 +30,52 @@ pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     let start = Instant::now();
     bars.begin(StepKind::Build, "triangles", &Arc::new(Progress::default()));
     let surfaces = Surfaces::new(&loaded.scene.geometry, &loaded.see_through);
-    let bvh = Bvh::build(surfaces.geometry(), &surfaces.marks(), Quality::default());
+    let device = visibility::segment_tracer(args.backend.choice(), &surfaces);
+    let built = device.map(|device| match device {
+        Some(device) => Ok(device),
+        None => Err(Bvh::build(surfaces.geometry(), &surfaces.marks(), Quality::default())),
+    });
     bars.end();
+    let engine = match &built {
+        Ok(Ok(device)) => Engine { name: device.name(), device: Some(device.device()) },
+        _ => Engine { name: "cpu", device: None },
+    };
     warn(&surfaces);
     let (mut source, pairs) = source(args, &surfaces)?;
-    let target =
-        Target { path: args.output.clone(), format, about: about(&loaded, &options, &pairs), resume: args.resume };
-    let estimator = Estimator::new(&surfaces, &bvh, options).map_err(Failure::Usage)?;
+    let target = Target {
+        path: args.output.clone(),
+        format,
+        about: about(&loaded, &options, &pairs, engine.name),
+        resume: args.resume,
+    };
+    let bvh;
+    let mut finder: Box<dyn RowFinder> = match built.map_err(Failure::work)? {
+        Ok(device) => Box::new(DeviceEstimator::new(&surfaces, device, options).map_err(Failure::Usage)?),
+        Err(own) => {
+            bvh = own;
+            Box::new(Estimator::new(&surfaces, &bvh, options).map_err(Failure::Usage)?)
+        }
+    };
     let built = start.elapsed();
     let progress = Arc::new(Progress::default());
     let start = Instant::now();
     bars.begin(StepKind::Rays, "pairs", &progress);
-    let summary = visibility::stream(&estimator, &mut *source, &target, &progress);
+    let summary = visibility::stream(&mut *finder, &mut *source, &target, &progress);
     bars.end();
     let summary = summary.map_err(|error| match error {
         StreamError::Pairs(message) => Failure::Input(message),
         StreamError::Interrupted(message) => Failure::Usage(message),
+        error @ StreamError::Engine(_) => Failure::work(error),
         error @ StreamError::File { .. } => Failure::work(error),
     })?;
     let times = [built.as_secs_f64(), start.elapsed().as_secs_f64()];
-    print(args, &surfaces, &summary, times)
+    print(args, &surfaces, &summary, &engine, times)
 }
 
-/// No other engine than the processor's has this yet, and none takes over silently.
-fn check_backend(backend: Backend) -> Result<(), Failure> {
-    let name = match backend {
-        Backend::Auto | Backend::Cpu => "cpu",
-        Backend::Wgpu => "wgpu",
-        Backend::Cuda => "cuda",
-        Backend::Optix => "optix",
-    };
-    match BACKENDS.iter().find(|(engine, _)| *engine == name) {
-        Some((_, None)) => Ok(()),
-        Some((_, Some(why))) => {
-            Err(Failure::Usage(format!("visibility does not run on {name}: {why}; --backend cpu does")))
-        }
-        None => Err(Failure::Usage(format!("visibility does not run on {name}; --backend cpu does"))),
-    }
+/// What did the work.
+struct Engine {
+    name: &'static str,
+    device: Option<String>,
 }
 
 fn load(args: &VisibilityArgs, bars: &mut Bars) -> Result<Loaded, Failure> {
@@ -128,7 +135,9 @@ fn source<'s>(args: &VisibilityArgs, surfaces: &'s Surfaces) -> Result<(Box<dyn 
 }
 
 /// All that the rows depend on, in a line.
-fn about(loaded: &Loaded, options: &Options, pairs: &str) -> String {
+fn about(loaded: &Loaded, options: &Options, pairs: &str, engine: &str) -> String {
+    // Rows of `cuda` have the bits of the processor's.
+    let tracer = if ["cpu", "cuda"].contains(&engine) { String::new() } else { format!(", traced by {engine}") };
     let effort = match options.effort {
         Effort::Samples(samples) => format!("{samples} samples"),
         Effort::Error(error) => format!("error {error}"),
@@ -136,7 +145,7 @@ fn about(loaded: &Loaded, options: &Options, pairs: &str) -> String {
     let marks: String = loaded.see_through.iter().map(|mark| if *mark { '1' } else { '0' }).collect();
     let scene = loaded.scene.fingerprint() ^ curitiba::pipeline::scene::fnv1a(marks.as_bytes());
     format!(
-        "curitiba {} visibility: scene {scene:032x}, pairs {pairs}, {effort}, facing {}, {} points, seed {}, {}; opaque triangles block",
+        "curitiba {} visibility: scene {scene:032x}, pairs {pairs}, {effort}, facing {}, {} points, seed {}, {}{tracer}; opaque triangles block",
         env!("CARGO_PKG_VERSION"),
         format!("{:?}", options.facing).to_lowercase(),
         format!("{:?}", options.sampler).to_lowercase(),
@@ -149,6 +158,7 @@ fn print(
     args: &VisibilityArgs,
     surfaces: &Surfaces,
     summary: &Summary,
+    engine: &Engine,
     [built, took]: [f64; 2],
 ) -> Result<(), Failure> {
     let pairs = summary.pairs();
@@ -158,7 +168,8 @@ fn print(
         let classes: serde_json::Map<String, serde_json::Value> =
             classes.iter().map(|(name, count)| ((*name).to_owned(), (*count).into())).collect();
         let json = serde_json::json!({
-            "backend": "cpu",
+            "backend": engine.name,
+            "device": engine.device,
             "threads": rayon::current_num_threads(),
             "triangles": surfaces.len(),
             "duplicates": surfaces.duplicates(),
@@ -176,7 +187,8 @@ fn print(
         return Ok(());
     }
     let threads = rayon::current_num_threads();
-    crate::say!("{} triangles, {pairs} pairs, on cpu ({threads} threads)", surfaces.len());
+    let device = engine.device.as_ref().map_or(String::new(), |device| format!(" and {device}"));
+    crate::say!("{} triangles, {pairs} pairs, on {} ({threads} threads{})", surfaces.len(), engine.name, device);
     for (name, count) in classes {
         crate::say!("  {name:8} {count:>12}  {:5.1} %", 100.0 * count as f64 / pairs.max(1) as f64);
     }

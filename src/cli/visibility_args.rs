@@ -33,7 +33,8 @@ pub struct VisibilityArgs {
     /// Seed of the points
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
-    /// Engine; auto and cpu are the processor, the only one there is for pairs so far
+    /// What traces the segments of pairs with much in between; auto is cuda where there is an NVIDIA GPU, else the processor. Rows of
+    /// cpu and cuda are the same; those of optix and wgpu may differ where a segment grazes an edge
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     pub backend: Backend,
     /// The rows: .csv or .npy

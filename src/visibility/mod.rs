@@ -1,9 +1,11 @@
 //! Visibility of many pairs of triangles: from a stream of pairs to a file that survives a kill.
 
+mod engine;
 mod format;
 mod list;
 mod stream;
 
+pub use engine::segment_tracer;
 pub use format::Format;
 pub use list::ListedPairs;
 pub use stream::{BLOCK, StreamError, Summary, Target, stream};
@@ -14,14 +16,6 @@ use pipeline::scene::{self, BuildOptions, LoadOptions, Material, Needs, RenderSc
 
 use crate::pipeline;
 use std::path::PathBuf;
-
-/// Engines that a user may ask for, and why they cannot be used for visibility; `None` where they can.
-pub const BACKENDS: [(&str, Option<&str>); 4] = [
-    ("cpu", None),
-    ("cuda", Some("its kernel for pairs is not written yet")),
-    ("optix", Some("its any-hit program for pairs is not written yet")),
-    ("wgpu", Some("its program for pairs is not written yet")),
-];
 
 /// The triangles of a scene, and which of its materials are not opaque.
 #[derive(Debug, Default)]

@@ -5,8 +5,8 @@
 //! file gets its name and the journal goes. What lies beyond the journal's last whole line is computed again.
 
 use super::Format;
-use crate::passes::trace::Tracer;
-use crate::passes::visibility::{Cursor, Estimator, PairSource, Row};
+use crate::passes::visibility::{Cursor, PairSource, Row, RowFinder};
+use crate::pipeline::backend::BackendError;
 use crate::pipeline::executor::Progress;
 use crate::pipeline::files::check_place;
 use crate::pipeline::scene::fnv1a;
@@ -50,6 +50,9 @@ pub enum StreamError {
     /// An interrupted run is in the way, or is another one.
     #[error("{0}")]
     Interrupted(String),
+    /// The engine failed.
+    #[error("{0}")]
+    Engine(#[from] BackendError),
 }
 
 /// What was written.
@@ -211,15 +214,15 @@ impl Files {
 /// Holds one block at a time, whatever the number of pairs.
 ///
 /// # Errors
-/// If a file cannot be read or written, the pairs are wrong, or an interrupted run is in the way. What was written stays, to
-/// be gone on with.
-pub fn stream<T: Tracer>(
-    estimator: &Estimator<'_, T>,
+/// If a file cannot be read or written, the pairs are wrong, the engine fails, or an interrupted run is in the way. What was
+/// written stays, to be gone on with.
+pub fn stream(
+    finder: &mut dyn RowFinder,
     source: &mut dyn PairSource,
     target: &Target,
     progress: &Progress,
 ) -> Result<Summary, StreamError> {
-    let form_factors = estimator.options().form_factors;
+    let form_factors = finder.options().form_factors;
     let header = |rows: u64| target.format.header(&target.about, form_factors, rows);
     let (mut files, mut mark) = Files::open(target, &header(0))?;
     let mut summary = Summary { resumed: mark.summary.pairs(), ..mark.summary };
@@ -239,7 +242,7 @@ pub fn stream<T: Tracer>(
         let (mut written, mut hashes) = (0, Vec::new());
         // A source may give more than a block at once.
         for pairs in pairs.chunks(BLOCK) {
-            estimator.rows(pairs, &mut rows);
+            finder.rows(pairs, &mut rows)?;
             for row in &rows {
                 summary.classes[row.class as usize] += 1;
                 summary.samples += u64::from(row.samples);

@@ -34,7 +34,7 @@ const OF_TRACE: &Floors = &[
     &["origin", "build", "single"],
     &["packet", "fan"],
     &["parallel"],
-    &["tracer"],
+    &["tracer", "segments"],
     &["bvh", "reference", "recorder"],
 ];
 

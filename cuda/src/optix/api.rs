@@ -2,10 +2,9 @@
 #![allow(unsafe_code, reason = "foreign functions found at run time")]
 
 use super::abi::*;
-use super::entries::{EXCEPTION_RECORD, GROUPS, HIT_RECORDS, Headers, MISS_RECORDS, groups};
+use super::entries::{EXCEPTION_RECORD, GROUPS, Group, HIT_RECORDS, Headers, MISS_RECORDS};
 use crate::layout::{PAYLOADS, RAY_TYPES};
 use cudarc::driver::CudaContext;
-use curitiba_pipeline::programs::RayProgramInfo;
 use libloading::Library;
 use std::ffi::{CStr, CString, c_char, c_uint, c_void};
 use std::ptr::{null, null_mut};
@@ -171,15 +170,15 @@ impl Api {
         self.check("asking for ray-tracing cores", result, "").map(|()| version)
     }
 
-    /// Compiles the programs of an effect, and looks those up that it calls.
-    pub fn pipeline(&self, info: &RayProgramInfo, ptx: &str) -> Result<Pipeline, String> {
+    /// Compiles the programs of a module, and looks those up that are called.
+    pub fn pipeline(&self, called: &[Option<Group>; GROUPS], ptx: &str) -> Result<Pipeline, String> {
         let mut pipeline = Pipeline {
             module: null_mut(),
             groups: Vec::new(),
             pipeline: null_mut(),
             headers: [[0; SBT_RECORD_HEADER]; GROUPS],
         };
-        match self.compile(info, ptx, &mut pipeline) {
+        match self.compile(called, ptx, &mut pipeline) {
             Ok(()) => Ok(pipeline),
             Err(error) => {
                 self.destroy(&pipeline);
@@ -188,7 +187,7 @@ impl Api {
         }
     }
 
-    fn compile(&self, info: &RayProgramInfo, ptx: &str, into: &mut Pipeline) -> Result<(), String> {
+    fn compile(&self, called: &[Option<Group>; GROUPS], ptx: &str, into: &mut Pipeline) -> Result<(), String> {
         self.cuda.bind_to_thread().map_err(|error| format!("the GPU cannot be used: {error:?}"))?;
         let compile = OptixModuleCompileOptions {
             max_register_count: 0,
@@ -220,7 +219,6 @@ impl Api {
         };
         self.check("compiling the programs", result, log.text())?;
 
-        let called = groups(info);
         let module_of = |entry: &Option<CString>| if entry.is_some() { into.module } else { null_mut() };
         let name_of = |entry: &Option<CString>| entry.as_ref().map_or(null(), |entry| entry.as_ptr());
         let descriptions: Vec<_> = called
@@ -261,7 +259,7 @@ impl Api {
         };
         self.check("linking the programs", result, log.text())?;
         self.set_stack_size(into)?;
-        let headers = into.headers.iter_mut().zip(&called).filter(|(_, group)| group.is_some());
+        let headers = into.headers.iter_mut().zip(called).filter(|(_, group)| group.is_some());
         for ((header, _), group) in headers.zip(&into.groups) {
             // SAFETY: by the invariant; a header has 32 bytes.
             let result = unsafe {

@@ -70,6 +70,32 @@ pub fn groups(info: &RayProgramInfo) -> [Option<Group>; GROUPS] {
     groups
 }
 
+/// The groups that trace segments between triangles: hits on opaque materials, and on the others.
+pub fn segment_groups() -> [Option<Group>; GROUPS] {
+    let mut groups = [const { None }; GROUPS];
+    let alone = |kind, entry| Some(Group { kind, entry: Some(entry), any_hit: None });
+    groups[0] = alone(PROGRAM_GROUP_KIND_RAYGEN, entry("raygen", "segments"));
+    groups[EXCEPTION] = alone(PROGRAM_GROUP_KIND_EXCEPTION, entry("exception", "exception"));
+    groups[MISSES] = alone(PROGRAM_GROUP_KIND_MISS, entry("miss", "segments"));
+    for (kind, name) in ["other", "see_through"].into_iter().enumerate() {
+        let any_hit = Some(entry("anyhit", name));
+        groups[HITS + kind] = Some(Group { kind: PROGRAM_GROUP_KIND_HITGROUP, entry: None, any_hit });
+    }
+    groups
+}
+
+/// The shader binding table that goes with them, for so many materials.
+pub fn segment_records(headers: &Headers, see_through: &[bool], materials: usize) -> Vec<u8> {
+    let mut table = headers[..HITS].as_flattened().to_vec();
+    for material in 0..materials.max(1) {
+        let kind = usize::from(see_through.get(material).copied().unwrap_or(false));
+        table.extend_from_slice(&headers[HITS + kind]);
+        // Rays of the second type are not traced.
+        table.resize(table.len() + SBT_RECORD_HEADER, 0);
+    }
+    table
+}
+
 /// The header of each group's records; zeros for those that are not there, which nothing calls.
 pub type Headers = [[u8; SBT_RECORD_HEADER]; GROUPS];
 
@@ -144,6 +170,22 @@ mod tests {
         assert_eq!(shadows[HITS + MATERIALS + 1], shadows[HITS + MATERIALS]);
         assert!(shadows[MISSES].is_none() && shadows[HITS].is_none() && shadows[MISSES + 1].is_some());
         assert_eq!(groups(RayProgram::Dummy.info()).iter().flatten().count(), 2);
+    }
+
+    #[test]
+    fn segments_ask_for_the_ids_on_opaque_materials_alone() {
+        let groups = segment_groups();
+        for group in groups.iter().flatten() {
+            for name in names(group) {
+                assert!(crate::programs::segments_on_optix().contains(&format!(".entry {name}(")), "{name}");
+            }
+        }
+        assert_eq!(groups.iter().flatten().count(), 5);
+        let headers: Headers = std::array::from_fn(|group| [group as u8 + 1; SBT_RECORD_HEADER]);
+        let table = segment_records(&headers, &[false, true], 3);
+        let first_bytes: Vec<u8> = table.chunks_exact(SBT_RECORD_HEADER).map(|record| record[0]).collect();
+        assert_eq!(first_bytes, [1, 2, 3, 4, 5, 0, 6, 0, 5, 0]);
+        assert_eq!(segment_records(&headers, &[], 0).len() / SBT_RECORD_HEADER, HITS + RAYS.len());
     }
 
     #[test]

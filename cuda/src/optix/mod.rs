@@ -5,4 +5,4 @@ mod api;
 mod entries;
 mod tracer;
 
-pub use tracer::OptixTracer;
+pub use tracer::{OptixTracer, SegmentPipeline};

@@ -3,7 +3,7 @@
 use super::abi::{GEOMETRY_FLAG_DISABLE_ANYHIT, GEOMETRY_FLAG_NONE};
 use super::api::{Api, BuildSizes, Mesh, Pipeline};
 use super::entries;
-use crate::device::{Buffer, Device};
+use crate::device::{Address, Buffer, Device};
 use crate::layout::Params;
 use crate::one_gpu::{DeviceTracer, Table};
 use crate::programs::{self, Variant};
@@ -53,6 +53,15 @@ fn flags(materials: usize, filtered: &[bool]) -> Vec<u32> {
         _ => GEOMETRY_FLAG_DISABLE_ANYHIT,
     };
     (0..materials.max(1)).map(flag).collect()
+}
+
+/// Copies the launch parameters to the device: where they are, and how long.
+#[allow(unsafe_code, reason = "shows the parameters as bytes")]
+fn describe(device: &Device, buffer: &mut Buffer<u8>, params: &Params) -> Result<(Address, usize), BackendError> {
+    // SAFETY: plain numbers without padding, as the unit test of this module checks.
+    let bytes = unsafe { std::slice::from_raw_parts((&raw const *params).cast::<u8>(), size_of::<Params>()) };
+    device.replace("the launch parameters", buffer, bytes)?;
+    Ok((buffer.address(device), bytes.len()))
 }
 
 fn room(device: &Device, what: &str, bytes: usize) -> Result<Buffer<u8>, BackendError> {
@@ -164,7 +173,7 @@ impl DeviceTracer for OptixTracer {
         let is_this = |loaded: &Loaded| (loaded.program, loaded.variant) == (program, variant);
         if !self.programs.iter().any(is_this) {
             let text = Self::program(program, variant).ok_or_else(|| programs::not_written(Self::NAME, program))?;
-            let compiled = self.api.pipeline(info, text);
+            let compiled = self.api.pipeline(&entries::groups(info), text);
             let pipeline = compiled.map_err(|why| refused(device, &format!("loading `{}`", info.stem), why))?;
             self.programs.push(Loaded { program, variant, pipeline, records: Table::default() });
         }
@@ -174,21 +183,71 @@ impl DeviceTracer for OptixTracer {
         loaded.records.set(device, "the records of the programs", records)
     }
 
-    #[allow(unsafe_code, reason = "launches a pipeline, and shows the parameters as bytes")]
+    #[allow(unsafe_code, reason = "launches a pipeline")]
     fn launch(&mut self, device: &Device, job: &RayJob<'_>, params: &mut Params) -> Result<(), BackendError> {
         params.handle = self.handle;
-        // SAFETY: plain numbers without padding, as the unit test of this module checks.
-        let bytes = unsafe { std::slice::from_raw_parts((&raw const *params).cast::<u8>(), size_of::<Params>()) };
-        device.replace("the launch parameters", &mut self.params, bytes)?;
+        let parameters = describe(device, &mut self.params, params)?;
         let is_this = |loaded: &&Loaded| (loaded.program, loaded.variant) == (job.program, Variant::of(job));
         let Loaded { pipeline, records, .. } = self.programs.iter().find(is_this).expect("loaded before");
         let stream = device.stream().cu_stream().cast();
-        let parameters = (self.params.address(device), size_of::<Params>());
         let records = (records.address(device), records.len());
         // SAFETY: the parameters are laid out as the programs' compiler checked; what they point to are buffers of this
         // backend that live until the stream was synchronised.
         let launched = unsafe { self.api.launch(stream, pipeline, parameters, records, [params.width, params.rows]) };
         launched.map_err(|why| refused(device, &format!("running `{}`", job.program.info().stem), why))
+    }
+}
+
+/// The programs that trace segments between triangles, with the structure that they trace.
+#[derive(Debug)]
+pub struct SegmentPipeline {
+    tracer: OptixTracer,
+    pipeline: Pipeline,
+    records: Table<u8>,
+}
+
+impl SegmentPipeline {
+    /// With a tracer whose structure was built. `see_through` says by material whose triangles block nothing.
+    ///
+    /// # Errors
+    /// If the driver refuses the programs.
+    pub fn new(device: &Device, tracer: OptixTracer, see_through: &[bool]) -> Result<Self, BackendError> {
+        let compiled = tracer.api.pipeline(&entries::segment_groups(), programs::segments_on_optix());
+        let pipeline = compiled.map_err(|why| refused(device, "loading the programs of segments", why))?;
+        let mut made = Self { tracer, pipeline, records: Table::default() };
+        let records = entries::segment_records(&made.pipeline.headers, see_through, made.tracer.materials);
+        made.records.set(device, "the records of the programs", records)?;
+        Ok(made)
+    }
+
+    /// What is to be known of it beyond the device.
+    #[must_use]
+    pub fn description(&self) -> String {
+        self.tracer.description()
+    }
+
+    /// Starts them over the segments that the parameters name.
+    ///
+    /// # Errors
+    /// If the launch fails.
+    #[allow(unsafe_code, reason = "launches a pipeline")]
+    pub fn launch(&mut self, device: &Device, params: &mut Params) -> Result<(), BackendError> {
+        let Self { tracer, pipeline, records } = self;
+        params.handle = tracer.handle;
+        let parameters = describe(device, &mut tracer.params, params)?;
+        let stream = device.stream().cu_stream().cast();
+        let records = (records.address(device), records.len());
+        let size = [params.segment_count as u32, 1];
+        // SAFETY: the parameters are laid out as the programs' compiler checked; what they point to are buffers of the caller that
+        // live until the answers were read, with a pair for each segment and a bit for its answer.
+        let launched = unsafe { tracer.api.launch(stream, pipeline, parameters, records, size) };
+        launched.map_err(|why| refused(device, "tracing segments", why))
+    }
+}
+
+impl Drop for SegmentPipeline {
+    fn drop(&mut self) {
+        self.tracer.api.destroy(&self.pipeline);
     }
 }
 
@@ -213,7 +272,7 @@ mod tests {
 
     #[test]
     fn launch_parameters_have_no_padding() {
-        let (addresses, words) = (28 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4);
+        let (addresses, words) = (33 * 8, 12 * 4 + 2 * 4 + 6 * 12 + 4 * 4);
         assert_eq!(size_of::<Params>(), addresses + words);
     }
 }

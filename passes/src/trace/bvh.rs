@@ -4,9 +4,9 @@ use super::build::{self, Quality, Triangles};
 use super::fan::{Candidates, ClearAbove, CountOpen, Gather, Neighbourhood};
 use super::packet;
 use super::parallel::{self, Decided, Estimates};
-use super::ray::{Fan, Hit, PACKET, Packet, PacketHits, Ray, TOGETHER};
+use super::ray::{Fan, Hit, PACKET, Packet, PacketHits, Ray, Recent, TOGETHER};
 use super::simd::{Detected, InstructionSet, Kernel, Simd};
-use super::single::{Closest, Occluded};
+use super::single::{BlockedBy, Closest, Occluded};
 use super::tracer::Tracer;
 use super::tree::{Leaf, Plane, WideTree};
 use curitiba_pipeline::scene::Geometry;
@@ -85,6 +85,10 @@ impl Bvh {
         self.instruction_set.run(Occluded { tree: &self.tree, ray, accept })
     }
 
+    fn find_blocked(&self, rays: &[Ray], recent: &mut Recent, blocks: &mut dyn FnMut(u32) -> bool) -> u64 {
+        self.instruction_set.run(BlockedBy { tree: &self.tree, rays, recent, blocks })
+    }
+
     fn count_open_rays(&self, fan: &Fan<'_>, accept: &mut dyn FnMut(&Hit) -> bool) -> u32 {
         self.instruction_set.run(CountOpen { tree: &self.tree, fan, accept })
     }
@@ -115,6 +119,10 @@ impl Tracer for Bvh {
 
     fn occluded(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> bool {
         self.find_any(ray, &mut accept)
+    }
+
+    fn blocked_by(&self, rays: &[Ray], recent: &mut Recent, mut blocks: impl FnMut(u32) -> bool) -> u64 {
+        self.find_blocked(rays, recent, &mut blocks)
     }
 
     fn clear_above(&self, origin: Vec3, normal: Vec3, t_max: f32) -> bool {

@@ -13,7 +13,7 @@
 //! | floor | what it holds |
 //! |---|---|
 //! | `bvh`, `reference`, `recorder` | the tracers |
-//! | `tracer` | the trait that effects see |
+//! | `tracer`, `segments` | the traits that effects and devices meet at |
 //! | `parallel` | rays of one direction |
 //! | `packet`, `fan` | rays that start or run side by side |
 //! | `single`, `build`, `origin` | one ray; how the tree is made; where rays start |
@@ -32,6 +32,7 @@ mod ray;
 mod recorder;
 mod reference;
 mod rounding;
+mod segments;
 mod simd;
 mod single;
 mod tracer;
@@ -44,9 +45,10 @@ pub use origin::SurfacePoint;
 pub(crate) use origin::{SurfacePoints, at_vertices, half_of, vertices};
 pub(crate) use parallel::Faces;
 pub use parallel::{Decided, Estimates};
-pub use ray::{Directions, Fan, Hit, PACKET, Packet, PacketHits, Ray};
+pub use ray::{Directions, Fan, Hit, PACKET, Packet, PacketHits, Ray, Recent};
 pub use recorder::{Event, Outcome, RecordedRay, Recorder};
 pub use reference::{BruteForce, Double};
+pub use segments::{Segment, SegmentTracer, Segments};
 pub use simd::InstructionSet;
 pub(crate) use simd::{Detected, F16, Kernel, LANES, Mask, Simd, higher, lower, vector_at};
 pub use tracer::{Announcement, Purpose, Tracer};

@@ -2,7 +2,7 @@
 
 use super::fan::{Candidates, Neighbourhood};
 use super::parallel::{Decided, Estimates};
-use super::ray::{Fan, Hit, PACKET, Packet, PacketHits, Ray};
+use super::ray::{Fan, Hit, PACKET, Packet, PacketHits, Ray, Recent};
 use glam::Vec3;
 
 /// What a ray is traced for.
@@ -54,6 +54,16 @@ pub trait Tracer: Sync {
 
     /// Whether any accepted hit exists; the order of the search is free.
     fn occluded(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> bool;
+
+    /// Which of up to 64 rays are stopped by a triangle that `blocks` takes by its id: one bit a ray, the first lowest. All triangles
+    /// must be transparent. `recent` is room that is used again for rays like these.
+    ///
+    /// The result is that of asking [`Self::occluded`] for each ray.
+    fn blocked_by(&self, rays: &[Ray], recent: &mut Recent, mut blocks: impl FnMut(u32) -> bool) -> u64 {
+        let _ = recent;
+        let bit = |(index, ray): (usize, &Ray)| u64::from(self.occluded(ray, |hit| blocks(hit.triangle))) << index;
+        rays.iter().enumerate().map(bit).sum()
+    }
 
     /// Told what the next rays are for. Tracers ignore it, at no cost; a [`Recorder`](super::Recorder) keeps it.
     #[inline(always)]

@@ -30,15 +30,20 @@
 mod contour;
 mod cover;
 mod estimate;
+mod on_device;
 mod pairs;
 mod points;
+mod sampling;
 mod segments;
 mod shaft;
 mod sphere;
 mod surfaces;
 mod tree;
 
+use curitiba_pipeline::backend::BackendError;
+
 pub use estimate::{Estimator, Room};
+pub use on_device::DeviceEstimator;
 pub use pairs::{AllPairs, Cursor, NearPairs, PairSource, RowPairs};
 pub use points::REPLICATES;
 pub use surfaces::Surfaces;
@@ -136,6 +141,21 @@ impl Default for Options {
     }
 }
 
+/// What finds the rows of many pairs, on whatever engine.
+pub trait RowFinder {
+    /// What it was made with.
+    fn options(&self) -> &Options;
+
+    /// The rows of some pairs, in their order; what was in `rows` goes.
+    ///
+    /// # Errors
+    /// If a device fails.
+    ///
+    /// # Panics
+    /// If there is no triangle with such an id.
+    fn rows(&mut self, pairs: &[[u32; 2]], rows: &mut Vec<Row>) -> Result<(), BackendError>;
+}
+
 /// How the visibility of a pair was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
@@ -187,6 +207,18 @@ pub struct Row {
 impl Row {
     /// The 97.5 % quantile of Student's distribution with seven degrees of freedom, one fewer than replicates.
     pub const QUANTILE: f64 = 2.364_624;
+
+    /// A row that is not known yet.
+    pub(crate) const NONE: Self = Self {
+        pair: [0; 2],
+        class: Class::Never,
+        visibility: None,
+        error: 0.0,
+        form_factors: None,
+        form_factor_errors: [0.0; 2],
+        samples: 0,
+        valid: 0,
+    };
 
     /// The same pair, asked for in the other order.
     #[must_use]

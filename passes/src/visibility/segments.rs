@@ -59,10 +59,16 @@ impl Batch {
 
     /// Says which segments are blocked.
     pub(super) fn block(&mut self, blockers: &[Blocker]) {
+        self.block_first::<BATCH>(blockers);
+    }
+
+    /// The same of the first lanes alone.
+    pub(super) fn block_first<const LANES: usize>(&mut self, blockers: &[Blocker]) {
         self.blocked = [0; BATCH];
         for some in blockers.chunks(LOOK) {
-            Detected::cached().run(Block { batch: self, blockers: some });
-            let open: u64 = self.valid.iter().zip(&self.blocked).map(|(valid, blocked)| valid & !blocked).sum();
+            Detected::cached().run(Block::<LANES> { batch: self, blockers: some });
+            let both = self.valid[..LANES].iter().zip(&self.blocked);
+            let open: u64 = both.map(|(valid, blocked)| valid & !blocked).sum();
             if open == 0 {
                 return;
             }
@@ -124,12 +130,12 @@ fn place([xs, ys]: [&[f64; 8]; 2], &[a, b, c]: &[DVec3; 3], first: usize, points
     }
 }
 
-struct Block<'a> {
+struct Block<'a, const LANES: usize> {
     batch: &'a mut Batch,
     blockers: &'a [Blocker],
 }
 
-impl Kernel<()> for Block<'_> {
+impl<const LANES: usize> Kernel<()> for Block<'_, LANES> {
     /// A segment crosses a triangle if its ends are on different sides of the plane and it passes all edges on one side; edges belong to
     /// the triangle, so nothing passes between two that share one.
     #[inline(always)]
@@ -140,7 +146,7 @@ impl Kernel<()> for Block<'_> {
             let offset = normal.dot(*a);
             // Plücker coordinates of the edges.
             let edges = [(*a, *b), (*b, *c), (*c, *a)].map(|(from, to)| (to - from, from.cross(to)));
-            for lane in 0..BATCH {
+            for lane in 0..LANES {
                 let p = DVec3::new(batch.from[0][lane], batch.from[1][lane], batch.from[2][lane]);
                 let q = DVec3::new(batch.to[0][lane], batch.to[1][lane], batch.to[2][lane]);
                 let d = q - p;

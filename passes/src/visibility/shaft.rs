@@ -208,13 +208,17 @@ impl Shaft {
     fn meets(&self, corners: &[DVec3; 3]) -> bool {
         let size = corners.iter().fold(0.0_f64, |size, corner| size.max(corner.abs().max_element()));
         let slack = self.slack(size);
-        let mut inside = true;
+        // By corner: whether it is inside of all faces.
+        let mut inside = [true; 3];
         for (normal, offset) in self.faces() {
-            let [a, b, c] = corners.map(|corner| normal.dot(corner) - offset);
+            let heights = corners.map(|corner| normal.dot(corner) - offset);
+            let [a, b, c] = heights;
             if a.min(b).min(c) >= -slack {
                 return false;
             }
-            inside &= a.max(b).max(c) <= -slack;
+            for (inside, height) in inside.iter_mut().zip(heights) {
+                *inside &= height < -slack;
+            }
         }
         let [a, b, c] = *corners;
         let cross = (b - a).cross(c - a).normalize_or_zero();
@@ -226,7 +230,7 @@ impl Shaft {
         if low >= -slack || high <= slack {
             return false;
         }
-        inside || self.leaves_some(corners, slack)
+        inside.contains(&true) || self.leaves_some(corners, slack)
     }
 
     /// Cuts a triangle at all faces; whether anything is left.
@@ -347,11 +351,13 @@ impl Rough {
         bits(&out)
     }
 
-    /// Bits of the triangles that may have points inside.
+    /// Bits of the triangles that may have points inside, and of those that surely do: with a corner inside of all faces by more than
+    /// rounding makes of them.
     #[allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
     #[inline(always)]
-    fn meets(&self, leaf: &Leaf) -> u32 {
+    fn meets(&self, leaf: &Leaf) -> [u32; 2] {
         let mut out = [0_u32; WIDE];
+        let mut outside = [[0_u32; WIDE]; 3];
         let mut relative = [[[0.0_f32; WIDE]; 3]; 3];
         let mut size = [0.0_f32; WIDE];
         for axis in 0..3 {
@@ -379,9 +385,17 @@ impl Rough {
                 });
                 let limit = offset + 8.0 * ROUNDOFF * size[lane];
                 out[lane] |= u32::from((a > limit) & (b > limit) & (c > limit));
+                // The rounding of the normal and of the offset count as well.
+                let deep = offset - 32.0 * ROUNDOFF * (size[lane] + self.size);
+                for (corner, height) in [a, b, c].into_iter().enumerate() {
+                    // What is no number is not inside.
+                    outside[corner][lane] |= 1 - u32::from(height < deep);
+                }
             }
         }
-        bits(&out)
+        let met = bits(&out);
+        let [a, b, c] = outside.each_ref().map(bits);
+        [met, met & (a | b | c)]
     }
 }
 
@@ -428,7 +442,7 @@ impl Kernel<bool> for Descent<'_> {
                 continue;
             }
             let leaf = &leaves[(entry & !LEAF) as usize];
-            let mut met = rough.meets(leaf);
+            let [mut met, sure] = rough.meets(leaf);
             while met != 0 {
                 let lane = met.trailing_zeros() as usize;
                 met &= met - 1;
@@ -437,7 +451,7 @@ impl Kernel<bool> for Descent<'_> {
                     continue;
                 }
                 let corners = surfaces.corners(id).map(|corner| corner - pair.origin);
-                if shaft.meets(&corners) {
+                if sure >> lane & 1 == 1 || shaft.meets(&corners) {
                     if blockers.len() == GATHERED {
                         return false;
                     }

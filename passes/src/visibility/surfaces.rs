@@ -25,6 +25,7 @@ pub(super) struct Surface {
 pub struct Surfaces {
     geometry: Geometry,
     see_through: TriangleRanges,
+    see_through_materials: Vec<bool>,
     pub(super) all: Vec<Surface>,
     pub(super) tree: Tree,
     shift: Vec3,
@@ -45,6 +46,7 @@ impl Surfaces {
             batches: geometry.batches.clone(),
             ..Geometry::default()
         };
+        let see_through_materials = see_through.to_vec();
         let see_through = TriangleRanges::new(geometry, see_through);
         let all = (0..local.triangles.len() as u32)
             .into_par_iter()
@@ -52,7 +54,7 @@ impl Surfaces {
             .collect();
         let tree = Tree::build(&local, |id| !see_through.contains(id));
         let duplicates = duplicates(geometry);
-        Self { geometry: local, see_through, all, tree, shift, duplicates }
+        Self { geometry: local, see_through, see_through_materials, all, tree, shift, duplicates }
     }
 
     /// The geometry to build a tracer on, with every material marked as transparent: [`Estimator`](super::Estimator) says itself which hits
@@ -67,6 +69,12 @@ impl Surfaces {
     pub fn marks(&self) -> Vec<bool> {
         let most = self.geometry.batches.iter().map(|batch| batch.material).max();
         vec![true; most.map_or(0, |most| most as usize + 1)]
+    }
+
+    /// By material: whether its triangles block nothing; those beyond its end block.
+    #[must_use]
+    pub fn see_through_materials(&self) -> &[bool] {
+        &self.see_through_materials
     }
 
     /// What was subtracted from every position.

@@ -79,17 +79,17 @@ impl Kernels {
             let source = programs::source(job.program, job.fidelity, stage, arithmetic);
             let source = source.ok_or_else(|| programs::not_written(super::NAME, job.program))?;
             let doing = format!("compiling `{}` ({stage:?})", job.program.info().stem);
-            let pipeline = compile(gpu, &self.layout, &source, &doing)?;
+            let pipeline = compile(gpu, Some(&self.layout), &source, &doing)?;
             self.compiled.insert(key(stage), pipeline);
         }
         Ok(stages.iter().map(|stage| (*stage, &self.compiled[&key(*stage)])).collect())
     }
 }
 
-/// Compiles a text whose entry is `main`.
+/// Compiles a text whose entry is `main`. Without a layout it is that of what the entry uses.
 pub fn compile(
     gpu: &Gpu,
-    layout: &wgpu::PipelineLayout,
+    layout: Option<&wgpu::PipelineLayout>,
     source: &str,
     doing: &str,
 ) -> Result<wgpu::ComputePipeline, BackendError> {
@@ -100,7 +100,7 @@ pub fn compile(
     gpu.check(doing)?;
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some(doing),
-        layout: Some(layout),
+        layout,
         module: &module,
         entry_point: Some("main"),
         compilation_options: wgpu::PipelineCompilationOptions {

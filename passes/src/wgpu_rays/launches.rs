@@ -93,7 +93,7 @@ pub struct Work<'a> {
 }
 
 /// The groups of a launch, as a rectangle that no device refuses.
-fn rectangle(tiles: u32, most: u32) -> [u32; 2] {
+pub(super) fn rectangle(tiles: u32, most: u32) -> [u32; 2] {
     let across = tiles.min(most);
     [across, tiles.div_ceil(across.max(1))]
 }
@@ -107,7 +107,7 @@ fn groups_of(stage: Stage, tiles: u32) -> u32 {
 }
 
 /// How many tiles the next launch takes, after one that took so long.
-fn next_size(tiles: u32, took: Duration) -> u32 {
+pub(super) fn next_size(tiles: u32, took: Duration) -> u32 {
     let ratio = WANTED.as_secs_f64() / took.as_secs_f64().max(1e-6);
     // Tiles differ: the next ones may take twice as long.
     let wanted = (f64::from(tiles) * ratio).min(f64::from(tiles) * f64::from(GROWTH)).max(1.0);

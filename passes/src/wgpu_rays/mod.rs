@@ -12,12 +12,14 @@ mod launches;
 mod layout;
 mod programs;
 mod scene;
+mod segments;
 mod selftest;
 mod tables;
 #[cfg(test)]
 mod tests;
 
 pub use programs::Rounding;
+pub use segments::WgpuSegments;
 
 use crate::cpu::{check, may_trace};
 use crate::raster::gpu::device::Gpu;

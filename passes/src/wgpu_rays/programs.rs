@@ -175,6 +175,11 @@ pub fn source(program: RayProgram, fidelity: Fidelity, stage: Stage, arithmetic:
     Some(source)
 }
 
+/// The program that traces segments between triangles.
+pub fn segments(arithmetic: Arithmetic) -> String {
+    functions(arithmetic) + text!("segments")
+}
+
 /// Whether there is a program.
 pub fn is_written(program: RayProgram) -> bool {
     TABLE.iter().any(|(own, _)| *own == program)

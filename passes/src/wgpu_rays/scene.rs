@@ -6,7 +6,7 @@ use crate::raster::gpu::device::Gpu;
 use crate::trace::Quality;
 use crate::trace::gpu_binary::{BinaryTree, MOST_TRIANGLES};
 use curitiba_pipeline::backend::BackendError;
-use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::scene::{Geometry, RenderScene};
 use glam::Vec3;
 
 /// Buffers of group 1, in the order of their bindings.
@@ -22,7 +22,7 @@ pub struct SceneBuffers {
 }
 
 /// The error of a scene that a device cannot hold.
-fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
+pub fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
     let why = format!(
         "{what} of the scene take {bytes} bytes, and {} reads {most} at once at most; `--backend cpu` traces it",
         gpu.adapter
@@ -31,16 +31,16 @@ fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
 }
 
 /// The scene's tree, if it is one that programs can trace.
-fn tree_of(scene: &RenderScene, filtered: &[bool]) -> Result<BinaryTree, BackendError> {
+fn tree_of(geometry: &Geometry, filtered: &[bool]) -> Result<BinaryTree, BackendError> {
     let refuse = |why: String| {
         let why = format!("{why}; `--backend cpu` traces it");
         Err(BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why })
     };
-    let triangles = scene.geometry.triangles.len();
+    let triangles = geometry.triangles.len();
     if triangles >= MOST_TRIANGLES {
         return refuse(format!("it has {triangles} triangles, and the tree holds fewer than {MOST_TRIANGLES}"));
     }
-    let tree = BinaryTree::build(&scene.geometry, filtered, Quality::default());
+    let tree = BinaryTree::build(geometry, filtered, Quality::default());
     let largest = tree.bounds.map(|point| Vec3::from(point).abs().max_element());
     if largest.into_iter().any(|coordinate| coordinate > LARGEST_COORDINATE) {
         return refuse(format!("it has coordinates beyond {LARGEST_COORDINATE:e}, which overflow in 32 bits"));
@@ -48,14 +48,46 @@ fn tree_of(scene: &RenderScene, filtered: &[bool]) -> Result<BinaryTree, Backend
     Ok(tree)
 }
 
+/// A tree alone.
+#[derive(Debug)]
+pub struct TreeBuffers {
+    pub nodes: wgpu::Buffer,
+    pub triangles: wgpu::Buffer,
+    /// What is to be known of it.
+    pub params: Params,
+}
+
+impl TreeBuffers {
+    /// Builds the tree and copies it to the device.
+    pub fn new(gpu: &Gpu, geometry: &Geometry, filtered: &[bool]) -> Result<Self, BackendError> {
+        let tree = tree_of(geometry, filtered)?;
+        let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
+        let buffer = |what: &str, part: &[u8]| {
+            if part.len() as u64 > most {
+                return Err(too_large(gpu, what, part.len() as u64, most));
+            }
+            super::buffers::upload(gpu, what, part)
+        };
+        Ok(Self {
+            nodes: buffer("the nodes", bytemuck::cast_slice(&tree.nodes))?,
+            triangles: buffer("the triangles of the tree", bytemuck::cast_slice(&tree.triangles))?,
+            params: params_of(&tree),
+        })
+    }
+}
+
+/// What programs are told of a tree.
+fn params_of(tree: &BinaryTree) -> Params {
+    let [low, high] = tree.bounds;
+    Params { root: tree.root.unwrap_or(NONE), scene_low: low, scene_high: high, ..Params::default() }
+}
+
 impl SceneBuffers {
     /// Builds the tree and copies it with the scene to the device. Without `traced`, there is no tree and nothing to hit.
     pub fn new(gpu: &Gpu, scene: &RenderScene, filtered: &[bool], traced: bool) -> Result<Self, BackendError> {
-        let tree = if traced { tree_of(scene, filtered)? } else { BinaryTree::default() };
+        let tree = if traced { tree_of(&scene.geometry, filtered)? } else { BinaryTree::default() };
         let geometry = &scene.geometry;
-        let [low, high] = tree.bounds;
-        let mut params =
-            Params { root: tree.root.unwrap_or(NONE), scene_low: low, scene_high: high, ..Params::default() };
+        let mut params = params_of(&tree);
         let mut vertices: Vec<u32> = Vec::new();
         let mut part = |numbers: &[f32]| {
             let place = vertices.len() as u32;

@@ -2,6 +2,7 @@
 //! sizes.
 
 mod closed_forms;
+mod devices;
 mod errors;
 mod places;
 mod same;

@@ -21,10 +21,20 @@ fn open_segments(scene: &[Triangle], [a, b]: [u32; 2], count: u32, random: &mut 
     [valid, open]
 }
 
+/// Whether a triangle is thinner than the rounding of its corners: which way it looks is not known then.
+fn is_thin([a, b, c]: &Triangle) -> bool {
+    let [a, b, c] = [a, b, c].map(|corner| corner.as_dvec3());
+    let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    (b - a).cross(c - a).length() < 1e-5 * longest
+}
+
 fn check(scene: &[Triangle], segments: u32, random: &mut Random) -> Result<[u32; 4], TestCaseError> {
     let mut classes = [0; 4];
     for row in rows(scene, &all_pairs(scene.len()), Options { form_factors: false, ..options(64) }) {
         classes[row.class as usize] += 1;
+        if row.pair.iter().any(|id| is_thin(&scene[*id as usize])) {
+            continue;
+        }
         let [valid, open] = open_segments(scene, row.pair, segments, random);
         match row.class {
             Class::Never => prop_assert_eq!(valid, 0, "{:?}", row),
@@ -72,6 +82,34 @@ fn large_walls_and_small_triangles_hold_none_either_and_all_classes_occur() {
         }
     }
     assert!(seen.iter().all(|count| *count > 100), "{seen:?}");
+}
+
+/// Set to check a million pairs of random soups: minutes of a release build.
+const MANY: &str = "CURITIBA_MILLION_PAIRS";
+
+#[test]
+fn a_million_pairs_hold_none_that_is_decided_wrongly() {
+    let wanted = if std::env::var_os(MANY).is_some() { 1_000_000 } else { 3_000 };
+    let (mut random, mut seen) = (Random(4242), [0_u32; 4]);
+    while seen.iter().sum::<u32>() < wanted {
+        let small = 8 + (random.number() * 16.0) as usize;
+        let mut scene: Vec<Triangle> = (0..small)
+            .map(|_| {
+                let (at, size) = (random.point() * 4.0, 0.05 + 2.0 * (random.number() as f32).powi(3));
+                [0; 3].map(|_| at + (random.point() - 0.5) * size)
+            })
+            .collect();
+        for _ in 0..3 {
+            let at = random.point() * 4.0;
+            let (x, y) = ((random.point() - 0.5) * 6.0, (random.point() - 0.5) * 6.0);
+            scene.extend(quad(at - x - y, at + x - y, at + x + y, at - x + y));
+        }
+        let classes = check(&scene, 100, &mut random).expect("sound");
+        for (all, some) in seen.iter_mut().zip(classes) {
+            *all += some;
+        }
+    }
+    println!("{seen:?} of never, open, closed, sampled");
 }
 
 /// Counts rays.

@@ -11,4 +11,4 @@ mod ray;
 pub use directions::Directions;
 pub(crate) use packet::TOGETHER;
 pub use packet::{PACKET, Packet, PacketHits};
-pub use ray::{Fan, Hit, Ray};
+pub use ray::{Fan, Hit, Ray, Recent};

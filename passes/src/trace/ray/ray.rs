@@ -19,6 +19,11 @@ pub struct Ray {
     pub t_max: f32,
 }
 
+impl Ray {
+    /// A ray that meets nothing.
+    pub(crate) const NONE: Self = Self { origin: Vec3::ZERO, direction: Vec3::ZERO, t_min: 0.0, t_max: 0.0 };
+}
+
 /// Where a ray meets a triangle. Both sides of a triangle are hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
@@ -53,5 +58,22 @@ impl Fan<'_> {
     pub fn rays(&self) -> impl Iterator<Item = Ray> + '_ {
         let Self { origin, t_min, t_max, .. } = *self;
         self.directions.iter().map(move |&direction| Ray { origin, direction, t_min, t_max })
+    }
+}
+
+/// Where rays were stopped lately: those that follow often stop there too. Any value serves any tracer.
+#[derive(Debug, Clone)]
+pub struct Recent {
+    pub(crate) leaves: [u32; Self::LEAVES],
+}
+
+impl Recent {
+    /// Leaves that are remembered.
+    pub(crate) const LEAVES: usize = 4;
+}
+
+impl Default for Recent {
+    fn default() -> Self {
+        Self { leaves: [u32::MAX; Self::LEAVES] }
     }
 }

@@ -74,6 +74,36 @@ impl Leaf {
         })
     }
 
+    /// Whether a triangle that `blocks` takes by its id stops a ray. The answer is that of [`Self::stops`] with a closure that looks at
+    /// nothing else and is asked of all triangles; but it asks before it computes a distance.
+    #[inline(always)]
+    pub(crate) fn stops_by<S: Simd>(&self, simd: S, ray: &PreparedRay, blocks: &mut impl FnMut(u32) -> bool) -> bool {
+        let Some(Passed { lanes, inside, edges }) = self.passed(simd, &ray.line) else { return false };
+        let Verdict { hit, miss } = decide(simd, self, &ray.line);
+        let mut sure = hit & inside;
+        while sure != NO_LANES {
+            if blocks(self.triangle(first_lane(sure))) {
+                return true;
+            }
+            sure = without_first(sure);
+        }
+        let lanes = lanes & !miss & !(hit & inside);
+        let edges = [simd.store(edges[0]), simd.store(edges[1]), simd.store(edges[2])];
+        lanes != NO_LANES && self.stops_surely_by(ray, lanes, &edges, blocks)
+    }
+
+    #[inline(never)]
+    fn stops_surely_by(
+        &self,
+        ray: &PreparedRay,
+        lanes: Mask,
+        edges: &[F8; 3],
+        blocks: &mut impl FnMut(u32) -> bool,
+    ) -> bool {
+        let t_max = ray.line.t_max;
+        self.solve_all(ray, lanes, edges, &mut { t_max }, |hit, _, _| hit.t < t_max && blocks(hit.triangle))
+    }
+
     /// The triangles that a ray's line passes through, if there are any.
     #[inline(always)]
     fn passed<S: Simd>(&self, simd: S, line: &Line) -> Option<Passed<S>> {

@@ -1,6 +1,6 @@
 //! One prepared ray down the tree: its nearest hit, or whether anything is in its way.
 
-use crate::trace::ray::{Hit, Ray};
+use crate::trace::ray::{Hit, Ray, Recent};
 use crate::trace::simd::{Kernel, NO_LANES, Simd, first_lane, without_first};
 use crate::trace::tree::{Child, Leaf, Node, PreparedRay, Stack, WideTree};
 
@@ -157,6 +157,66 @@ pub(crate) fn occluded<S: Simd>(
 #[inline(always)]
 pub(crate) fn blocked<S: Simd>(simd: S, leaf: &Leaf, ray: &PreparedRay, accept: &mut impl FnMut(&Hit) -> bool) -> bool {
     leaf.stops(simd, &ray.line, || *ray, accept)
+}
+
+/// See [`Tracer::blocked_by`](crate::trace::Tracer::blocked_by).
+pub(crate) struct BlockedBy<'a, B> {
+    pub(crate) tree: &'a WideTree,
+    pub(crate) rays: &'a [Ray],
+    pub(crate) recent: &'a mut Recent,
+    pub(crate) blocks: B,
+}
+
+impl<B: FnMut(u32) -> bool> Kernel<u64> for BlockedBy<'_, B> {
+    #[inline(always)]
+    fn run<S: Simd>(mut self, simd: S) -> u64 {
+        let mut found = 0;
+        for (index, ray) in self.rays.iter().enumerate() {
+            if let Some(ray) = PreparedRay::new(ray, &self.tree.bounds) {
+                found |= u64::from(blocked_by(simd, self.tree, &ray, self.recent, &mut self.blocks)) << index;
+            }
+        }
+        found
+    }
+}
+
+/// Whether a triangle that `blocks` takes stops a prepared ray: one of the recent leaves, or one that the tree leads to.
+#[inline(always)]
+fn blocked_by<S: Simd>(
+    simd: S,
+    tree: &WideTree,
+    ray: &PreparedRay,
+    recent: &mut Recent,
+    blocks: &mut impl FnMut(u32) -> bool,
+) -> bool {
+    for place in 0..Recent::LEAVES {
+        let leaf = tree.leaves.get(recent.leaves[place] as usize);
+        if leaf.is_some_and(|leaf| leaf.stops_by(simd, ray, blocks)) {
+            recent.leaves[..=place].rotate_right(1);
+            return true;
+        }
+    }
+    let mut stack = Stack::new();
+    let mut current = tree.root;
+    if current == Child::NONE {
+        return false;
+    }
+    loop {
+        if current.is_leaf() {
+            if tree.leaves[current.index()].stops_by(simd, ray, blocks) {
+                recent.leaves.rotate_right(1);
+                recent.leaves[0] = current.index() as u32;
+                return true;
+            }
+        } else if let Some(next) = visit(simd, &tree.nodes[current.index()], ray, &mut stack) {
+            current = next;
+            continue;
+        }
+        match stack.pop() {
+            Some(entry) => current = Child(entry as u32),
+            None => return false,
+        }
+    }
 }
 
 /// Pushes the children that the ray meets, and returns one of them instead of pushing it.
