@@ -211,28 +211,31 @@ fn millions_of_segments_of_the_square_are_answered_as_the_processor_does() {
     let geometry = surfaces.geometry();
     let (mut random, count) = (Random(5), geometry.triangles.len() as f32);
     let mut place = || {
-        let [a, b, c] = geometry.corners((random.number() * count) as u32);
+        let id = (random.number() * count) as u32;
+        let [a, b, c] = geometry.corners(id);
         let (u, v) = (random.number(), random.number());
         let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-        a + u * (b - a) + v * (c - a)
+        (a + u * (b - a) + v * (c - a), id)
     };
     let reach = 1024.0;
-    let mut segments = Segments { all: Vec::new(), own: vec![[u32::MAX; 2]] };
-    for _ in 0..1 << 22 {
-        let (from, to) = (place(), place());
+    let mut segments = Segments::default();
+    for pair in 0..1 << 22 {
+        let ((from, first), (to, second)) = (place(), place());
         let along = (to - from) / reach;
-        segments.all.push(Segment { from: from.to_array(), end: reach, along: along.to_array(), pair: 0 });
+        segments.all.push(Segment { from: from.to_array(), end: reach, along: along.to_array(), pair });
+        segments.own.push([first, second]);
     }
     let bvh = Bvh::build(geometry, &surfaces.marks(), Quality::default());
-    let rays: Vec<Ray> = segments.all[..64 * 1000]
-        .iter()
-        .map(|segment| {
-            let [origin, direction] = [segment.from, segment.along].map(Vec3::from_array);
-            Ray { origin, direction, t_min: 0.0, t_max: segment.end }
-        })
+    let blocked = |segment: &Segment| {
+        let [origin, direction] = [segment.from, segment.along].map(Vec3::from_array);
+        let ray = Ray { origin, direction, t_min: 0.0, t_max: segment.end };
+        let own = segments.own[segment.pair as usize];
+        bvh.blocked_by(&[ray], &mut Recent::default(), |id| !own.contains(&id))
+    };
+    let expected: Vec<u64> = segments.all[..64 * 1000]
+        .chunks(64)
+        .map(|some| some.iter().enumerate().map(|(index, segment)| blocked(segment) << index).sum())
         .collect();
-    let expected: Vec<u64> =
-        rays.chunks(64).map(|rays| bvh.blocked_by(rays, &mut Recent::default(), |_| true)).collect();
     for backend in BOTH {
         let Some(mut tracer) = there(backend, geometry, &[]) else { continue };
         let (mut bits, mut best) = (Vec::new(), f64::INFINITY);

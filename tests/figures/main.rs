@@ -15,6 +15,7 @@
 //! | `backends` | `examples/conformance`, several files | a row for each ray pass: milliseconds on the device of each backend |
 //! | `threads` | `curitiba bench --sweep-threads` | a row for each step: milliseconds on each number of threads, and the speed-up |
 //! | `rays` | the bench beside Embree, several files | a row for each scene: rays a second, and ratios |
+//! | `listed` | any program that names its columns | the table that `table=` names |
 //! | `passes`, `builds` | the same | whole ray passes, and building, beside Embree's |
 
 mod tables;
@@ -131,7 +132,7 @@ fn the_documents_hold_what_was_measured() {
     // Figures of one kind are of one program; those beside Embree say in each row of which.
     let mut commits: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for (kind, _, commit) in
-        quoted.iter().filter(|(kind, ..)| !["machine", "rays", "passes", "builds"].contains(&kind.as_str()))
+        quoted.iter().filter(|(kind, ..)| !["machine", "rays", "passes", "builds", "listed"].contains(&kind.as_str()))
     {
         commits.entry(kind.clone()).or_default().insert(commit.clone());
     }

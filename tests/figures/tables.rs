@@ -20,8 +20,33 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
         "rays" => rays(files),
         "passes" => passes(files),
         "builds" => builds(files),
-        _ => Err(format!("there is no kind `{kind}`; valid: machine, cases, backends, threads, rays, passes, builds")),
+        "listed" => listed(one()?, options),
+        _ => {
+            let valid = "machine, cases, backends, threads, rays, passes, builds, listed";
+            Err(format!("there is no kind `{kind}`; valid: {valid}"))
+        }
     }
+}
+
+/// A table that the program which measured named its columns of.
+fn listed(file: &Value, options: &Options) -> Result<String, String> {
+    let name = options.get("table").ok_or("`listed` wants table=NAME")?;
+    let table = &file["tables"][name.as_str()];
+    let list = |value: &Value| value.as_array().cloned().filter(|list| !list.is_empty());
+    let columns = list(&table["columns"]).ok_or_else(|| format!("there is no table `{name}`"))?;
+    let shown = |value: &Value| match value {
+        Value::String(text) => text.clone(),
+        // Counts are whole.
+        number if number.is_u64() => number.to_string(),
+        number => cell(number.as_f64()),
+    };
+    let line = |cells: &[Value]| format!("| {} |\n", cells.iter().map(shown).collect::<Vec<_>>().join(" | "));
+    let mut out = line(&columns) + "|" + &"---|".repeat(columns.len()) + "\n";
+    for row in list(&table["rows"]).unwrap_or_default() {
+        let row = list(&row).filter(|row| row.len() == columns.len());
+        out += &line(&row.ok_or_else(|| format!("a row of `{name}` has not as many cells as columns"))?);
+    }
+    Ok(out)
 }
 
 /// A file that `curitiba merge` wrote, taken apart into one for each machine; any other as it is.
@@ -292,6 +317,15 @@ fn machines_of_a_merged_file_are_columns() {
     let told = table("machine", &[file], &options).expect("sentences");
     let starts: Vec<&str> = told.lines().filter_map(|line| line.split(',').next()).collect();
     assert_eq!(starts, ["A", "B"]);
+}
+
+#[test]
+fn listed_tables_are_shown_as_they_are_named() {
+    let file = serde_json::json!({"tables": {"a": {"columns": ["x", "y"], "rows": [["one", 2.7e-9], [70_000, null]]}}});
+    let options = |name: &str| Options::from([("table".to_owned(), name.to_owned())]);
+    let made = table("listed", std::slice::from_ref(&file), &options("a"));
+    assert_eq!(made.as_deref(), Ok("| x | y |\n|---|---|\n| one | 3e-9 |\n| 70000 |  |\n"));
+    assert!(table("listed", &[file], &options("b")).is_err());
 }
 
 #[test]

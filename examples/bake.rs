@@ -1,0 +1,181 @@
+//! Bakes a scene from rows of visibility: how much of the sky each triangle sees, and how much of what is above it is blocked.
+//!
+//! ```sh
+//! cargo run --release --example bake -- xml_projects/SceneSSAO.xml sky.png occlusion.png
+//! ```
+//!
+//! A sphere of triangles far away stands for all directions. The form factors from a triangle to it, with the scene in between, sum to the
+//! share of its half space that nothing blocks: those to the part above the horizon are its sky-view factor, and what all of them lack
+//! of 1 is its occlusion. White is 1 for the sky and 0 for the occlusion. Triangles with an edge above 4 units are halved first, so that
+//! the ground has more than one value.
+
+use curitiba::passes::trace::{Bvh, Quality, Ray, Tracer as _};
+use curitiba::passes::visibility::{Effort, Estimator, Options, Surfaces};
+use curitiba::pipeline::image::{Image, write_png};
+use curitiba::pipeline::project::{self, Camera};
+use curitiba::pipeline::scene::{Batch, Geometry};
+use curitiba::visibility::load_project;
+use glam::Vec3;
+use rayon::prelude::*;
+use std::f32::consts::TAU;
+use std::path::Path;
+
+type Triangle = [Vec3; 3];
+
+/// Longest edge.
+const EDGE: f32 = 4.0;
+/// Segments of a pair with something in between.
+const SAMPLES: u32 = 8;
+/// Circles of latitude of the sphere, an even number, and quadrilaterals of one.
+const RINGS: u32 = 4;
+const SECTORS: u32 = 8;
+/// Pictures, and rays a pixel along each axis.
+const SIZE: [u32; 2] = [1024, 640];
+const FINE: u32 = 3;
+/// Memory that the scene may take.
+const MEMORY: u64 = 4 << 30;
+
+/// Halves a triangle at its longest edge until none is long.
+fn divided(triangle: Triangle, parts: &mut Vec<Triangle>) {
+    let mut left = vec![triangle];
+    while let Some([a, b, c]) = left.pop() {
+        let lengths = [a.distance(b), b.distance(c), c.distance(a)];
+        let longest = lengths[0].max(lengths[1]).max(lengths[2]);
+        let [p, q, r] = if lengths[0] == longest {
+            [a, b, c]
+        } else if lengths[1] == longest {
+            [b, c, a]
+        } else {
+            [c, a, b]
+        };
+        if longest > EDGE {
+            let middle = (p + q) * 0.5;
+            left.extend([[p, middle, r], [middle, q, r]]);
+        } else {
+            parts.push([a, b, c]);
+        }
+    }
+}
+
+/// A sphere that looks inward; the second half of its triangles are above the horizon.
+fn sphere(center: Vec3, radius: f32) -> Vec<Triangle> {
+    let at = |ring: u32, sector: u32| {
+        // Of equal areas, between circles of equal distances along the axis.
+        let y = 2.0 * ring as f32 / RINGS as f32 - 1.0;
+        let (sin, cos) = (TAU * (sector % SECTORS) as f32 / SECTORS as f32).sin_cos();
+        let r = (1.0 - y * y).max(0.0).sqrt();
+        center + radius * Vec3::new(r * cos, y, r * sin)
+    };
+    let mut triangles = Vec::new();
+    for ring in 0..RINGS {
+        for sector in 0..SECTORS {
+            let [a, b, c, d] = [at(ring, sector), at(ring, sector + 1), at(ring + 1, sector + 1), at(ring + 1, sector)];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    let area = |[a, b, c]: &Triangle| (*b - *a).cross(*c - *a).length();
+    triangles.retain(|triangle| area(triangle) > 1e-4 * radius * radius);
+    for triangle in &mut triangles {
+        let [a, b, c] = *triangle;
+        if (b - a).cross(c - a).dot(a - center) > 0.0 {
+            *triangle = [a, c, b];
+        }
+    }
+    triangles
+}
+
+/// The scene's triangles, divided, with the sphere behind them.
+fn with_sphere(geometry: &Geometry) -> (Geometry, u32, u32) {
+    let mut triangles = Vec::new();
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for id in 0..geometry.triangles.len() as u32 {
+        let corners = geometry.corners(id);
+        corners.iter().for_each(|corner| (low, high) = (low.min(*corner), high.max(*corner)));
+        divided(corners, &mut triangles);
+    }
+    let count = triangles.len() as u32;
+    let sky = sphere((low + high) * 0.5, 50.0 * (high - low).length());
+    triangles.extend_from_slice(&sky);
+    let all = triangles.len() as u32;
+    let geometry = Geometry {
+        positions: triangles.concat(),
+        triangles: (0..all).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+        batches: vec![Batch { material: 0, first: 0, count: all }],
+        ..Geometry::default()
+    };
+    (geometry, count, all)
+}
+
+/// By triangle: the form factors to the part of the sphere above the horizon, and to all of it.
+fn bake(geometry: &Geometry, count: u32, all: u32) -> Result<Vec<[f32; 2]>, String> {
+    let surfaces = Surfaces::new(geometry, &[]);
+    let bvh = Bvh::build(surfaces.geometry(), &surfaces.marks(), Quality::default());
+    let options = Options { effort: Effort::Samples(SAMPLES), form_factors: true, ..Options::default() };
+    let estimator = Estimator::new(&surfaces, &bvh, options)?;
+    let horizon = count + (all - count) / 2;
+    let (mut rows, mut values) = (Vec::new(), vec![[0.0_f64; 2]; count as usize]);
+    let triangles: Vec<u32> = (0..count).collect();
+    for some in triangles.chunks(4096) {
+        let pairs: Vec<[u32; 2]> = some.iter().flat_map(|a| (count..all).map(move |b| [*a, b])).collect();
+        estimator.rows(&pairs, &mut rows);
+        for row in &rows {
+            let [factor, _] = row.form_factors.unwrap_or_default();
+            let [sky, whole] = &mut values[row.pair[0] as usize];
+            *sky += if row.pair[1] >= horizon { factor } else { 0.0 };
+            *whole += factor;
+        }
+    }
+    Ok(values.into_iter().map(|[sky, whole]| [sky as f32, whole as f32]).collect())
+}
+
+/// The scene as a camera sees it, in the grey of its triangles' values.
+fn draw(geometry: &Geometry, count: u32, camera: &Camera, values: &[f32]) -> Image {
+    let bvh = Bvh::build(geometry, &[], Quality::default());
+    let [width, height] = SIZE;
+    let right = camera.direction.cross(camera.up).normalize();
+    let up = right.cross(camera.direction);
+    let tall = (0.5 * camera.fov_y).tan();
+    let mut image = Image::filled(width, height, [0.0; 4]);
+    image.pixels.par_iter_mut().enumerate().for_each(|(index, pixel)| {
+        let (x, y) = (index as u32 % width, index as u32 / width);
+        let mut sum = Vec3::ZERO;
+        for sample in 0..FINE * FINE {
+            let part = |place: u32, part: u32| place as f32 + (part as f32 + 0.5) / FINE as f32;
+            let [x, y] = [part(x, sample % FINE), part(y, sample / FINE)];
+            let across = (2.0 * x - width as f32) / height as f32 * tall;
+            let above = (1.0 - 2.0 * y / height as f32) * tall;
+            let direction = (camera.direction + across * right + above * up).normalize();
+            let ray = Ray { origin: camera.position, direction, t_min: camera.near, t_max: f32::INFINITY };
+            sum += match bvh.closest(&ray, |_| true).filter(|hit| hit.triangle < count) {
+                Some(hit) => Vec3::splat(values[hit.triangle as usize].clamp(0.0, 1.0)),
+                None => Vec3::new(0.55, 0.7, 0.9),
+            };
+        }
+        *pixel = (sum / (FINE * FINE) as f32).extend(1.0).to_array();
+    });
+    image
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [file, sky, occlusion] = &arguments[..] else {
+        return Err("usage: bake PROJECT.xml SKY.png OCCLUSION.png".into());
+    };
+    let project = project::load(Path::new(file))?;
+    let camera = project.cameras.first().ok_or("the project has no camera")?.clone();
+    let scene = load_project(&project, MEMORY)?.scene;
+    let (geometry, count, all) = with_sphere(&scene.geometry);
+    let start = std::time::Instant::now();
+    let values = bake(&geometry, count, all)?;
+    println!(
+        "{count} triangles, {} pairs with the sphere, {:.1} s",
+        u64::from(count) * u64::from(all - count),
+        start.elapsed().as_secs_f64()
+    );
+    for (path, value) in [(sky, 0), (occlusion, 1)] {
+        let shares: Vec<f32> = values.iter().map(|shares| shares[value]).collect();
+        write_png(path.as_ref(), &draw(&geometry, count, &camera, &shares))?;
+        println!("{path}");
+    }
+    Ok(())
+}
