@@ -62,7 +62,8 @@ def facing_pairs(count, seed):
     numbers = random.Random(seed)
     triangles = []
     while len(triangles) < 2 * count:
-        place = numpy.array([100.0 * (len(triangles) // 2), 0.0, 0.0])
+        cell = len(triangles) // 2
+        place = 20.0 * numpy.array([cell % 10, cell // 10 % 10, cell // 100])
         point = lambda: numpy.array([numbers.uniform(-1.0, 1.0) for _ in range(3)])
         pair = numpy.array([[place + point() + offset for _ in range(3)] for offset in ([0, 0, 0], [0, 0, numbers.uniform(0.5, 6.0)])])
         # What a file of the shortest numbers of 32 bits says.
@@ -74,7 +75,7 @@ def facing_pairs(count, seed):
             pair[1] = pair[1][::-1]
         a, b = pair
         n, m = (numpy.cross(t[1] - t[0], t[2] - t[0]) for t in (a, b))
-        if min((b - a[0]) @ n) > 1e-3 and min((a - b[0]) @ m) > 1e-3:
+        if min((b - a[0]) @ n) > 1e-2 and min((a - b[0]) @ m) > 1e-2:
             triangles += [a, b]
     return triangles
 
