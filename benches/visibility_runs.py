@@ -31,7 +31,7 @@ def environment(threads):
         "cpu": names[0] if names else platform.processor(),
         "threads": threads,
         "platform": f"{sys.platform} {platform.machine()}",
-        "load_average": os.getloadavg()[0],
+        "load_average": round(os.getloadavg()[0], 2),
         "python": platform.python_version(),
         "gpu": [],
     }

@@ -1,13 +1,12 @@
-//! Bakes a scene from rows of visibility: how much of the sky each triangle sees, and how much of what is above it is blocked.
+//! Bakes a scene from rows of visibility: how much of the sky each triangle sees, and how much of it the scene hides.
 //!
 //! ```sh
 //! cargo run --release --example bake -- xml_projects/SceneSSAO.xml sky.png occlusion.png
 //! ```
 //!
-//! A sphere of triangles far away stands for all directions. The form factors from a triangle to it, with the scene in between, sum to the
-//! share of its half space that nothing blocks: those to the part above the horizon are its sky-view factor, and what all of them lack
-//! of 1 is its occlusion. White is 1 for the sky and 0 for the occlusion. Triangles with an edge above 4 units are halved first, so that
-//! the ground has more than one value.
+//! Half a sphere of triangles far away is the sky. The form factors from a triangle to it, with the scene in between, sum to its sky-view
+//! factor: the first picture. Alone it would see `(1 + cos t) / 2` of it, where `t` is its tilt; the share of this that is left is the
+//! second, ambient occlusion: white is open. Triangles that look large are halved first, so that the ground has more than one value.
 
 use curitiba::passes::trace::{Bvh, Quality, Ray, Tracer as _};
 use curitiba::passes::visibility::{Effort, Estimator, Options, Surfaces};
@@ -22,21 +21,22 @@ use std::path::Path;
 
 type Triangle = [Vec3; 3];
 
-/// Longest edge.
-const EDGE: f32 = 4.0;
+/// Longest edge, in distances from the camera, and the shortest that is still halved.
+const EDGE: f32 = 0.12;
+const SHORT: f32 = 1.5;
 /// Segments of a pair with something in between.
 const SAMPLES: u32 = 8;
-/// Circles of latitude of the sphere, an even number, and quadrilaterals of one.
-const RINGS: u32 = 4;
-const SECTORS: u32 = 8;
+/// Circles of latitude of the half sphere, and quadrilaterals of one.
+const RINGS: u32 = 3;
+const SECTORS: u32 = 6;
 /// Pictures, and rays a pixel along each axis.
 const SIZE: [u32; 2] = [1024, 640];
 const FINE: u32 = 3;
 /// Memory that the scene may take.
 const MEMORY: u64 = 4 << 30;
 
-/// Halves a triangle at its longest edge until none is long.
-fn divided(triangle: Triangle, parts: &mut Vec<Triangle>) {
+/// Halves a triangle at its longest edge until that is short for its distance.
+fn divided(triangle: Triangle, eye: Vec3, parts: &mut Vec<Triangle>) {
     let mut left = vec![triangle];
     while let Some([a, b, c]) = left.pop() {
         let lengths = [a.distance(b), b.distance(c), c.distance(a)];
@@ -48,7 +48,8 @@ fn divided(triangle: Triangle, parts: &mut Vec<Triangle>) {
         } else {
             [c, a, b]
         };
-        if longest > EDGE {
+        let distance = (eye.distance((p + q + r) / 3.0) - longest).max(0.0);
+        if longest > (EDGE * distance).max(SHORT) {
             let middle = (p + q) * 0.5;
             left.extend([[p, middle, r], [middle, q, r]]);
         } else {
@@ -57,11 +58,11 @@ fn divided(triangle: Triangle, parts: &mut Vec<Triangle>) {
     }
 }
 
-/// A sphere that looks inward; the second half of its triangles are above the horizon.
+/// The upper half of a sphere, which looks inward.
 fn sphere(center: Vec3, radius: f32) -> Vec<Triangle> {
     let at = |ring: u32, sector: u32| {
         // Of equal areas, between circles of equal distances along the axis.
-        let y = 2.0 * ring as f32 / RINGS as f32 - 1.0;
+        let y = ring as f32 / RINGS as f32;
         let (sin, cos) = (TAU * (sector % SECTORS) as f32 / SECTORS as f32).sin_cos();
         let r = (1.0 - y * y).max(0.0).sqrt();
         center + radius * Vec3::new(r * cos, y, r * sin)
@@ -85,13 +86,13 @@ fn sphere(center: Vec3, radius: f32) -> Vec<Triangle> {
 }
 
 /// The scene's triangles, divided, with the sphere behind them.
-fn with_sphere(geometry: &Geometry) -> (Geometry, u32, u32) {
+fn with_sphere(geometry: &Geometry, eye: Vec3) -> (Geometry, u32, u32) {
     let mut triangles = Vec::new();
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for id in 0..geometry.triangles.len() as u32 {
         let corners = geometry.corners(id);
         corners.iter().for_each(|corner| (low, high) = (low.min(*corner), high.max(*corner)));
-        divided(corners, &mut triangles);
+        divided(corners, eye, &mut triangles);
     }
     let count = triangles.len() as u32;
     let sky = sphere((low + high) * 0.5, 50.0 * (high - low).length());
@@ -106,26 +107,27 @@ fn with_sphere(geometry: &Geometry) -> (Geometry, u32, u32) {
     (geometry, count, all)
 }
 
-/// By triangle: the form factors to the part of the sphere above the horizon, and to all of it.
+/// By triangle: the form factor to the sky, and the share that is left of what it would be alone.
 fn bake(geometry: &Geometry, count: u32, all: u32) -> Result<Vec<[f32; 2]>, String> {
     let surfaces = Surfaces::new(geometry, &[]);
     let bvh = Bvh::build(surfaces.geometry(), &surfaces.marks(), Quality::default());
     let options = Options { effort: Effort::Samples(SAMPLES), form_factors: true, ..Options::default() };
     let estimator = Estimator::new(&surfaces, &bvh, options)?;
-    let horizon = count + (all - count) / 2;
-    let (mut rows, mut values) = (Vec::new(), vec![[0.0_f64; 2]; count as usize]);
+    let (mut rows, mut values) = (Vec::new(), vec![0.0_f64; count as usize]);
     let triangles: Vec<u32> = (0..count).collect();
     for some in triangles.chunks(4096) {
         let pairs: Vec<[u32; 2]> = some.iter().flat_map(|a| (count..all).map(move |b| [*a, b])).collect();
         estimator.rows(&pairs, &mut rows);
         for row in &rows {
-            let [factor, _] = row.form_factors.unwrap_or_default();
-            let [sky, whole] = &mut values[row.pair[0] as usize];
-            *sky += if row.pair[1] >= horizon { factor } else { 0.0 };
-            *whole += factor;
+            values[row.pair[0] as usize] += row.form_factors.unwrap_or_default()[0];
         }
     }
-    Ok(values.into_iter().map(|[sky, whole]| [sky as f32, whole as f32]).collect())
+    let share = |(id, sky): (u32, f64)| {
+        let [a, b, c] = geometry.corners(id);
+        let alone = 0.5 * (1.0 + (b - a).cross(c - a).normalize_or_zero().y);
+        [sky as f32, if alone > 1e-3 { sky as f32 / alone } else { 1.0 }]
+    };
+    Ok((0..).zip(values).map(share).collect())
 }
 
 /// The scene as a camera sees it, in the grey of its triangles' values.
@@ -164,14 +166,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let project = project::load(Path::new(file))?;
     let camera = project.cameras.first().ok_or("the project has no camera")?.clone();
     let scene = load_project(&project, MEMORY)?.scene;
-    let (geometry, count, all) = with_sphere(&scene.geometry);
+    let (geometry, count, all) = with_sphere(&scene.geometry, camera.position);
+    println!("{count} triangles, {} pairs with the sphere", u64::from(count) * u64::from(all - count));
     let start = std::time::Instant::now();
     let values = bake(&geometry, count, all)?;
-    println!(
-        "{count} triangles, {} pairs with the sphere, {:.1} s",
-        u64::from(count) * u64::from(all - count),
-        start.elapsed().as_secs_f64()
-    );
+    println!("{:.1} s", start.elapsed().as_secs_f64());
     for (path, value) in [(sky, 0), (occlusion, 1)] {
         let shares: Vec<f32> = values.iter().map(|shares| shares[value]).collect();
         write_png(path.as_ref(), &draw(&geometry, count, &camera, &shares))?;
