@@ -231,9 +231,10 @@ fn leaks(size: f64, distance: f64, recentred: bool) -> f64 {
             materials: vec![Material::default()],
             ..Scene::default()
         };
-        let needs = Needs { normals: false, textures: false };
         let origin = (!recentred).then_some(DVec3::ZERO);
-        let (built, _) = RenderScene::build(scene, &BuildOptions { needs, origin, ..BuildOptions::default() }).unwrap();
+        let (built, _) =
+            RenderScene::build(scene, &BuildOptions { needs: Needs::NOTHING, origin, ..BuildOptions::default() })
+                .unwrap();
         let scene = built.geometry;
         let middle = (place.as_dvec3() - built.origin).as_vec3();
         let bvh = Bvh::build(&scene, &[], Quality::Fast);
