@@ -130,8 +130,8 @@ fn bake(geometry: &Geometry, count: u32, all: u32) -> Result<Vec<[f32; 2]>, Stri
     Ok((0..).zip(values).map(share).collect())
 }
 
-/// The scene as a camera sees it, in the grey of its triangles' values.
-fn draw(geometry: &Geometry, count: u32, camera: &Camera, values: &[f32]) -> Image {
+/// The scene as a camera at a place of it sees it, in the grey of its triangles' values.
+fn draw(geometry: &Geometry, count: u32, (camera, eye): (&Camera, Vec3), values: &[f32]) -> Image {
     let bvh = Bvh::build(geometry, &[], Quality::default());
     let [width, height] = SIZE;
     let right = camera.direction.cross(camera.up).normalize();
@@ -147,7 +147,7 @@ fn draw(geometry: &Geometry, count: u32, camera: &Camera, values: &[f32]) -> Ima
             let across = (2.0 * x - width as f32) / height as f32 * tall;
             let above = (1.0 - 2.0 * y / height as f32) * tall;
             let direction = (camera.direction + across * right + above * up).normalize();
-            let ray = Ray { origin: camera.position, direction, t_min: camera.near, t_max: f32::INFINITY };
+            let ray = Ray { origin: eye, direction, t_min: camera.near, t_max: f32::INFINITY };
             sum += match bvh.closest(&ray, |_| true).filter(|hit| hit.triangle < count) {
                 Some(hit) => Vec3::splat(values[hit.triangle as usize].clamp(0.0, 1.0)),
                 None => Vec3::new(0.55, 0.7, 0.9),
@@ -166,14 +166,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let project = project::load(Path::new(file))?;
     let camera = project.cameras.first().ok_or("the project has no camera")?.clone();
     let scene = load_project(&project, MEMORY)?.scene;
-    let (geometry, count, all) = with_sphere(&scene.geometry, camera.position);
+    let eye = (camera.position - scene.origin).as_vec3();
+    let (geometry, count, all) = with_sphere(&scene.geometry, eye);
     println!("{count} triangles, {} pairs with the sphere", u64::from(count) * u64::from(all - count));
     let start = std::time::Instant::now();
     let values = bake(&geometry, count, all)?;
     println!("{:.1} s", start.elapsed().as_secs_f64());
     for (path, value) in [(sky, 0), (occlusion, 1)] {
         let shares: Vec<f32> = values.iter().map(|shares| shares[value]).collect();
-        write_png(path.as_ref(), &draw(&geometry, count, &camera, &shares))?;
+        write_png(path.as_ref(), &draw(&geometry, count, (&camera, eye), &shares))?;
         println!("{path}");
     }
     Ok(())
