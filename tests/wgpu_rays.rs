@@ -117,6 +117,26 @@ fn every_program_computes_what_the_processor_does() {
     found.records.iter().for_each(|record| check(record, nothing_fuses));
 }
 
+/// Balls of several kinds, a filled glass with a bubble, panes: glass as each material says, before a background.
+#[test]
+fn glass_as_each_material_says_is_the_processors() {
+    if !is_there() {
+        return;
+    }
+    let found = Arc::new(Mutex::new(Found::default()));
+    for name in ["glass/balls", "glass/filled", "glass/panes"] {
+        record(name, "MainCamera", Fidelity::Corrected, &["samples=9"], &found);
+    }
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), 3, "a pass did not run");
+    for record in &found.records {
+        let words = record.in_words();
+        println!("{words}");
+        assert!(record.within_limits, "farther off than it may be: {words}");
+        assert!(record.rays.refracted > 1000, "no glass is seen: {words}");
+    }
+}
+
 /// Steps of a frame: kind, name and milliseconds.
 type Steps = Vec<(StepKind, String, f64)>;
 

@@ -6,10 +6,11 @@ use crate::layout::{
 };
 use crate::nodes::WideNode;
 use crate::one_gpu::DeviceTracer;
-use crate::programs::{self, Variant};
+use crate::programs;
 use crate::scene::SceneBuffers;
 use cudarc::driver::{CudaFunction, DriverError, LaunchConfig, PushKernelArg as _};
 use cudarc::nvrtc::Ptx;
+use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::trace::Quality;
 use curitiba_passes::trace::gpu_tree::DeviceTree;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayJob};

@@ -6,9 +6,9 @@
 use crate::device::Device;
 use crate::layout::BLOCK_HEIGHT;
 use crate::one_gpu::{DeviceTracer, OneGpu, Stripe, launches};
-use crate::programs::{self, Variant};
-use crate::{peers, shared_gbuffer};
+use crate::{peers, programs, shared_gbuffer};
 use curitiba_passes::cpu::check;
+use curitiba_passes::effects::dielectric::{Variant, check_glass};
 use curitiba_pipeline::backend::{BackendError, BuildStats, Gpu, Limits, RayBackend, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Dielectric;
@@ -155,7 +155,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         params: &RayParams,
         dielectrics: &[Dielectric],
     ) -> Result<(), BackendError> {
-        programs::check_glass(T::NAME, params, dielectrics)
+        check_glass(T::NAME, params, dielectrics)
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
@@ -195,7 +195,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         }
         if job.program != RayProgram::Dummy {
             check::scene(T::NAME, job)?;
-            check::panes(T::NAME, job)?;
+            check_glass(T::NAME, &job.params, job.dielectrics)?;
         }
         if output.pixels.is_empty() {
             return Ok(RayStats::default());

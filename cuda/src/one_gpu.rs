@@ -6,7 +6,6 @@ use crate::layout::{
     REACHES, THROUGH_GLASS_ENTRIES,
 };
 use crate::peers::{Copies, Lent, copy_here, copy_parts};
-use crate::programs::Variant;
 use crate::scene::{SceneBuffers, bodies, shades};
 use crate::shared_gbuffer::Joined;
 use crate::sobol_table::table;
@@ -16,6 +15,7 @@ use cudarc::driver::{CudaEvent, DeviceRepr};
 use curitiba_passes::cpu::{check, may_trace};
 use curitiba_passes::effects::Preparation;
 use curitiba_passes::effects::constants::THROUGH_GLASS;
+use curitiba_passes::effects::dielectric::Variant;
 use curitiba_passes::sampling::HemisphereSampler;
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;

@@ -1,9 +1,8 @@
 //! The device programs, as PTX that the driver compiles for its GPU; `programs/build.sh` writes them.
 
-use curitiba_pipeline::backend::{BackendError, RayJob};
-use curitiba_pipeline::glass::Dielectric;
-use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
-use glam::Vec3;
+use curitiba_passes::effects::dielectric::Variant;
+use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::programs::{Fidelity, RayProgram};
 
 macro_rules! text {
     ($folder:literal, $stem:literal) => {
@@ -40,25 +39,6 @@ table! {
     Final "final",
 }
 
-/// How a device program was compiled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Variant {
-    /// In a fidelity, with the report's panes.
-    Panes(Fidelity),
-    /// In corrected fidelity, with glass as each material says and a background: the others do not pay for them.
-    Bodies,
-}
-
-impl Variant {
-    /// The one that a job needs.
-    #[must_use]
-    pub fn of(job: &RayJob<'_>) -> Self {
-        let asks = !job.dielectrics.is_empty() || job.beyond != Vec3::ZERO;
-        let has = BODIES.iter().any(|(program, _)| *program == job.program);
-        if asks && has && job.fidelity == Fidelity::Corrected { Self::Bodies } else { Self::Panes(job.fidelity) }
-    }
-}
-
 fn text(program: RayProgram, tracer: usize, variant: Variant) -> Option<&'static str> {
     match variant {
         Variant::Panes(fidelity) => {
@@ -67,22 +47,6 @@ fn text(program: RayProgram, tracer: usize, variant: Variant) -> Option<&'static
         }
         Variant::Bodies => BODIES.iter().find(|(own, _)| *own == program).map(|(_, texts)| texts[tracer]),
     }
-}
-
-/// What device programs lack of the glass that a pass finds: bodies that bend colours apart, and rough surfaces.
-///
-/// # Errors
-/// [`BackendError::Unsupported`], with what would help.
-pub fn check_glass(backend: &'static str, params: &RayParams, dielectrics: &[Dielectric]) -> Result<(), BackendError> {
-    let disperses = params.wavelengths > 1 && dielectrics.iter().any(|dielectric| dielectric.spread > 0.0);
-    let rough = dielectrics.iter().any(|dielectric| dielectric.alpha > 0.0);
-    let (what, help) = match (disperses, rough) {
-        (true, _) => ("glass that bends colours apart", "set wavelengths=1 on the pass, use --backend cpu"),
-        (false, true) => ("rough glass", "use --backend cpu"),
-        (false, false) => return Ok(()),
-    };
-    let why = format!("its programs know smooth glass of one index only; {help}, or allow it with --fallback cpu");
-    Err(BackendError::Unsupported { backend, what: what.to_owned(), why })
 }
 
 /// A program on our own traversal: one kernel, called as the ray-generation program is. `None` if it exists in Rust alone.
@@ -125,6 +89,11 @@ mod tests {
 
     const PANES: [Variant; 2] = [Variant::Panes(Fidelity::Corrected), Variant::Panes(Fidelity::Thesis)];
     const VARIANTS: [Variant; 3] = [PANES[0], PANES[1], Variant::Bodies];
+
+    #[test]
+    fn those_that_know_bodies_are_those_that_are_asked_for_them() {
+        assert_eq!(BODIES.iter().map(|(program, _)| *program).collect::<Vec<_>>(), Variant::OF_BODIES);
+    }
 
     /// The hash that `programs/build.sh` records: FNV-1a over the sources in the order of their names.
     fn hash_of_sources() -> String {

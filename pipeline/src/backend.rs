@@ -448,18 +448,6 @@ pub struct Gpu {
     pub driver: String,
 }
 
-/// The error of a backend that is asked for more of glass than the report's panes.
-#[must_use]
-pub fn panes_only(backend: &'static str, program: RayProgram, asked: &str) -> BackendError {
-    BackendError::Unsupported {
-        backend,
-        what: format!("{} with {asked}", program.info().stem),
-        why: "its programs know the report's panes only; use --backend cpu, or allow it with --fallback cpu, or set \
-              glass=pane, background=black and shadow=report on the pass"
-            .to_owned(),
-    }
-}
-
 /// Runs ray programs.
 pub trait RayBackend {
     /// `cpu`, and later `wgpu`, `cuda`, `optix`.
@@ -490,7 +478,11 @@ pub trait RayBackend {
         params: &RayParams,
         _dielectrics: &[Dielectric],
     ) -> Result<(), BackendError> {
-        program.asks_of_glass(params).map_or(Ok(()), |asked| Err(panes_only(self.name(), program, &asked)))
+        let Some(asked) = program.asks_of_glass(params) else { return Ok(()) };
+        let why = "its programs know the report's panes only; use --backend cpu, or allow it with --fallback cpu, or set \
+                   glass=pane, background=black and shadow=report on the pass";
+        let what = format!("{} with {asked}", program.info().stem);
+        Err(BackendError::Unsupported { backend: self.name(), what, why: why.to_owned() })
     }
     /// Builds the acceleration structure; the executor times it. `filtered` tells by material whether some pass may let
     /// rays through it (alpha-cut textures, glass that shadow rays pass).

@@ -124,7 +124,8 @@ pub fn records(headers: &Headers, job: &RayJob<'_>, materials: usize) -> Vec<u8>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::programs::{Variant, on_optix};
+    use crate::programs::on_optix;
+    use curitiba_passes::effects::dielectric::Variant;
     use curitiba_pipeline::backend::Shade;
     use curitiba_pipeline::programs::{RAY_PROGRAMS, RayParams, RayProgram};
     use curitiba_pipeline::scene::RenderScene;

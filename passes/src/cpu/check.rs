@@ -1,7 +1,7 @@
 //! Whether a job has all that its program reads, so that no pixel needs to ask.
 
 use crate::trace::{Detected, Kernel, Simd};
-use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob, panes_only};
+use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, Traces};
 use rayon::prelude::*;
@@ -112,16 +112,6 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError
         return Err(missing(backend, job, &format!("the triangle ids name more than the scene's {known} triangles")));
     }
     Ok(())
-}
-
-/// Checks that a job asks for no more of glass than the report's panes.
-///
-/// # Errors
-/// [`BackendError::Unsupported`] of that backend, which knows nothing else; says what is asked for.
-pub fn panes(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
-    let shows_glass = job.glass.contains(&true);
-    let asked = job.program.asks_of_glass(&job.params).filter(|_| shows_glass && job.fidelity == Fidelity::Corrected);
-    asked.map_or(Ok(()), |asked| Err(panes_only(backend, job.program, &asked)))
 }
 
 /// How many triangles there are at least, if pixels show these. A maximum, and not a search: it becomes vector code.

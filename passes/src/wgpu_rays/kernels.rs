@@ -2,9 +2,10 @@
 
 use super::images::{OUTPUT_FORMAT, sample_type};
 use super::programs::{self, Arithmetic, Stage};
+use crate::effects::dielectric::Variant;
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::{BackendError, RayJob};
-use curitiba_pipeline::programs::{Fidelity, RayProgram};
+use curitiba_pipeline::programs::RayProgram;
 use std::collections::HashMap;
 
 /// Layouts, and the programs that were compiled so far.
@@ -13,7 +14,7 @@ pub struct Kernels {
     /// Parameters and images; the scene; the pass's tables.
     pub groups: [wgpu::BindGroupLayout; 3],
     layout: wgpu::PipelineLayout,
-    compiled: HashMap<(RayProgram, Fidelity, Stage, Arithmetic), wgpu::ComputePipeline>,
+    compiled: HashMap<(RayProgram, Variant, Stage, Arithmetic), wgpu::ComputePipeline>,
 }
 
 fn entry(binding: u32, ty: wgpu::BindingType) -> wgpu::BindGroupLayoutEntry {
@@ -71,12 +72,13 @@ impl Kernels {
         stages: &[Stage],
         arithmetic: Arithmetic,
     ) -> Result<Vec<(Stage, &wgpu::ComputePipeline)>, BackendError> {
-        let key = |stage: Stage| (job.program, job.fidelity, stage, arithmetic);
+        let variant = Variant::of(job);
+        let key = |stage: Stage| (job.program, variant, stage, arithmetic);
         for &stage in stages {
             if self.compiled.contains_key(&key(stage)) {
                 continue;
             }
-            let source = programs::source(job.program, job.fidelity, stage, arithmetic);
+            let source = programs::source(job.program, variant, stage, arithmetic);
             let source = source.ok_or_else(|| programs::not_written(super::NAME, job.program))?;
             let doing = format!("compiling `{}` ({stage:?})", job.program.info().stem);
             let pipeline = compile(gpu, Some(&self.layout), &source, &doing)?;

@@ -102,6 +102,7 @@ pub(super) fn rectangle(tiles: u32, most: u32) -> [u32; 2] {
 fn groups_of(stage: Stage, tiles: u32) -> u32 {
     match stage {
         Stage::Settle | Stage::Trace | Stage::TraceAll => tiles * (TILE * TILE / 32),
+        Stage::Eye => 1,
         Stage::Whole | Stage::List | Stage::Light | Stage::Sum => tiles,
     }
 }

@@ -13,21 +13,49 @@ pub const SHADE_SHADOW_GLASS: u32 = 2;
 pub const SHADE_CUT: u32 = 4;
 /// What it reflects, and its alpha, is multiplied by the colours of its vertices.
 pub const SHADE_VERTEX_COLORS: u32 = 8;
+/// The material sends out light.
+pub const SHADE_GLOW: u32 = 16;
 /// Words of a material in the tables.
-pub const SHADE_WORDS: u32 = 6;
+pub const SHADE_WORDS: u32 = 10;
+/// Words of a texture in the tables.
+pub const TEXTURE_WORDS: u32 = 5;
+/// A texture is seen again beyond its sides.
+pub const WRAP_REPEAT: u32 = 0;
+/// Mirrored.
+pub const WRAP_MIRROR: u32 = 1;
+/// The texels at its edge.
+pub const WRAP_CLAMP: u32 = 2;
+/// Words of a material as rays in glass see it.
+pub const BODY_WORDS: u32 = 13;
+/// The colours of vertices are no part of a filter.
+pub const VERTEX_COLORS_NONE: u32 = 0;
+/// They are shares of light.
+pub const VERTEX_COLORS_LINEAR: u32 = 1;
+/// They are display values of shares of light.
+pub const VERTEX_COLORS_DISPLAY: u32 = 2;
+/// No glass.
+pub const SHAPE_OPAQUE: u32 = 0;
+/// The report's plane that stands for a whole pane.
+pub const SHAPE_PANE: u32 = 1;
+/// A plane-parallel wall.
+pub const SHAPE_THIN: u32 = 2;
+/// The border of a body.
+pub const SHAPE_SOLID: u32 = 3;
+/// Crossings of bodies that are known of a line.
+const MAX_LINE: u32 = 64;
 /// No child, no tree.
 pub const NONE: u32 = u32::MAX;
 /// Sides of the tiles of pixels that a workgroup computes.
 pub const TILE: u32 = 8;
 /// Over how many sums the counts of rays are spread, so that threads seldom meet.
 pub const RAY_COUNT_SLOTS: u32 = 256;
-/// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain.
-pub const RAY_COUNT_KINDS: u32 = 5;
+/// Kinds of rays that are counted: shadow, occlusion, reflected, refracted, certain; and paths that got lost in glass.
+pub const RAY_COUNT_KINDS: u32 = 6;
 
-/// Bytes of the counts of rays, two words a sum. Behind them, one word counts points.
+/// Bytes of the counts of rays, two words a sum. Behind them, one word counts points, and others hold the bodies around the camera.
 pub const COUNT_BYTES: u64 = 8 * (RAY_COUNT_SLOTS * RAY_COUNT_KINDS) as u64;
 /// Bytes of the buffer with the counts.
-pub const COUNTS_BUFFER_BYTES: u64 = COUNT_BYTES + 16;
+pub const COUNTS_BUFFER_BYTES: u64 = COUNT_BYTES + 4 * (1 + effects::MOST_BODIES as u64 + 1).next_multiple_of(4);
 /// Bytes of a point: six vectors, see `programs/points.wgsl`.
 pub const POINT_BYTES: u64 = 96;
 /// Bytes of where a shadow ray of `deferredShadows` starts: two vectors, see `programs/shadow_list.wgsl`.
@@ -77,6 +105,8 @@ pub struct Params {
     pub index: f32,
     pub decoded_at: u32,
     pub colors_at: u32,
+    pub beyond: [f32; 3],
+    pub bodies_at: u32,
 }
 
 /// The constants of the programs, as WGSL.
@@ -95,7 +125,22 @@ pub fn constants() -> String {
         ("SHADE_SHADOW_GLASS", SHADE_SHADOW_GLASS),
         ("SHADE_CUT", SHADE_CUT),
         ("SHADE_VERTEX_COLORS", SHADE_VERTEX_COLORS),
+        ("SHADE_GLOW", SHADE_GLOW),
         ("SHADE_WORDS", SHADE_WORDS),
+        ("TEXTURE_WORDS", TEXTURE_WORDS),
+        ("WRAP_REPEAT", WRAP_REPEAT),
+        ("WRAP_MIRROR", WRAP_MIRROR),
+        ("WRAP_CLAMP", WRAP_CLAMP),
+        ("BODY_WORDS", BODY_WORDS),
+        ("VERTEX_COLORS_NONE", VERTEX_COLORS_NONE),
+        ("VERTEX_COLORS_DISPLAY", VERTEX_COLORS_DISPLAY),
+        ("SHAPE_PANE", SHAPE_PANE),
+        ("SHAPE_THIN", SHAPE_THIN),
+        ("SHAPE_SOLID", SHAPE_SOLID),
+        ("MAX_LINE", MAX_LINE),
+        ("MOST_BODIES", effects::MOST_BODIES),
+        ("MOST_SURFACES", effects::MOST_SURFACES),
+        ("AROUND_EYE", 2 * RAY_COUNT_SLOTS * RAY_COUNT_KINDS + 1),
         ("HASH_PIXEL", effects::PIXEL),
         ("HASH_PATH", effects::PATH),
         ("HASH_DIMENSIONS", effects::DIMENSIONS),
@@ -113,6 +158,7 @@ pub fn constants() -> String {
         ("AMBIENT", effects::AMBIENT),
         ("SHADOWED", effects::SHADOWED),
         ("ROUND", effects::ROUND),
+        ("THROUGH_GLASS", effects::THROUGH_GLASS),
         ("THESIS_EPSILON", effects::EPSILON),
         ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
         ("GLASS_BOUNCE", effects::BOUNCE),

@@ -22,6 +22,7 @@ pub use programs::Rounding;
 pub use segments::WgpuSegments;
 
 use crate::cpu::{check, may_trace};
+use crate::effects::dielectric::{Variant, check_glass};
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::of_rays;
 use crate::raster::gpu::lend::Lending;
@@ -31,8 +32,9 @@ use curitiba_pipeline::backend::{
     BackendError, BuildStats, Gpu as Device, Limits, RayBackend, RayCounts, RayJob, RayStats,
 };
 use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, RayProgram, Traces};
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram, Traces};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::shared::InPlace;
 use images::{Images, Views};
@@ -71,7 +73,7 @@ pub struct WgpuRays {
     /// The attachments of the rasteriser on the same device, once they are read in place.
     lending: Option<Arc<Lending>>,
     /// Tiles of the next launch, by program.
-    sizes: HashMap<(RayProgram, Fidelity), Option<u32>>,
+    sizes: HashMap<(RayProgram, Variant), Option<u32>>,
 }
 
 impl WgpuRays {
@@ -148,7 +150,6 @@ impl WgpuRays {
     }
 
     fn trace(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
-        cannot_shade(job)?;
         let gpu = Arc::clone(&self.gpu);
         let start = Instant::now();
         let (views, upload) = match job.shared {
@@ -156,8 +157,12 @@ impl WgpuRays {
             None => (self.images.upload(&gpu, job)?, Some(start.elapsed())),
         };
         let tables = Tables::of(job).map_err(|why| check::missing(NAME, job, &why))?;
-        let stages = programs::stages(job.program, job.fidelity, tables.params.samples);
-        let most_tiles = self.require_points(job, stages)?;
+        let variant = Variant::of(job);
+        let mut stages = programs::stages(job.program, variant, tables.params.samples).to_vec();
+        if job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) && variant == Variant::Bodies {
+            stages.insert(0, Stage::Eye);
+        }
+        let most_tiles = self.require_points(job, &stages)?;
         let capacity = (self.points.size() / POINT_BYTES) as u32;
         let mut params = Params { id_base: views.id_base, capacity, ..tables.params };
         // Kept until the launches are done.
@@ -186,14 +191,14 @@ impl WgpuRays {
         self.clear_counts()?;
         let doing = format!("running `{}`", job.program.info().stem);
         let work = Work {
-            kernels: self.kernels.require(&gpu, job, stages, self.arithmetic)?,
+            kernels: self.kernels.require(&gpu, job, &stages, self.arithmetic)?,
             groups: groups.each_ref(),
             most_tiles,
             counts: &self.counts,
             uniform: &self.uniform,
             doing: &doing,
         };
-        let size = self.sizes.entry((job.program, job.fidelity)).or_default();
+        let size = self.sizes.entry((job.program, variant)).or_default();
         let device_time = launches::run(&gpu, self.clock.as_ref(), &work, params, size, progress)?;
         let start = Instant::now();
         let picture = self.images.output(&gpu, job)?;
@@ -226,7 +231,7 @@ impl WgpuRays {
 
     /// Makes room for the points that the kernels of a job list; gives the tiles whose points a launch has room for.
     fn require_points(&mut self, job: &RayJob<'_>, stages: &[Stage]) -> Result<u32, BackendError> {
-        if stages == [Stage::Whole] {
+        if stages.last() == Some(&Stage::Whole) {
             return Ok(u32::MAX);
         }
         // What pixels see; in `final`, twice as much again that is seen through glass.
@@ -268,26 +273,9 @@ impl WgpuRays {
                 kinds.iter_mut().zip(sums).for_each(|(kind, count)| *kind += count);
             }
         })?;
-        let [shadow, occlusion, reflected, refracted, certain] = kinds;
-        // Paths get lost in bodies of glass alone, which this backend refuses.
-        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost: 0 })
+        let [shadow, occlusion, reflected, refracted, certain, lost] = kinds;
+        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost })
     }
-}
-
-/// Refuses what the kernels do not read of a scene: textures that do not repeat, and light that surfaces send out.
-fn cannot_shade(job: &RayJob<'_>) -> Result<(), BackendError> {
-    let traces = job.program.info().traces != Traces::Nothing;
-    let refuse = |what: &str| {
-        let why = "its kernels do not read that; `--backend cpu` does, `--fallback cpu` lets it take over".to_owned();
-        Err(BackendError::Unsupported { backend: NAME, what: what.to_owned(), why })
-    };
-    if traces && job.scene.textures.iter().any(|texture| !texture.repeats()) {
-        return refuse("textures that are clamped or mirrored");
-    }
-    if traces && job.shades.iter().any(|shade| shade.glow.is_some()) {
-        return refuse("surfaces that send out light");
-    }
-    Ok(())
 }
 
 impl RayBackend for WgpuRays {
@@ -313,6 +301,15 @@ impl RayBackend for WgpuRays {
         if programs::is_written(program) { Ok(()) } else { Err(programs::not_written(NAME, program)) }
     }
 
+    fn supports_glass(
+        &self,
+        _: RayProgram,
+        params: &RayParams,
+        dielectrics: &[Dielectric],
+    ) -> Result<(), BackendError> {
+        check_glass(NAME, params, dielectrics)
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         // The old scene is released first: two would not always fit.
         self.built = None;
@@ -336,6 +333,7 @@ impl RayBackend for WgpuRays {
         self.supports(job.program, job.fidelity)?;
         check::images(NAME, job, output)?;
         check::scene(NAME, job)?;
+        check_glass(NAME, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)?;
         self.trace(job, output, progress).map_err(of_rays)
     }

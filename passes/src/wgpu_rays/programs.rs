@@ -1,6 +1,7 @@
 //! The texts of the programs: one file an effect, and what they have in common.
 
 use super::layout;
+use crate::effects::dielectric::Variant;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 
@@ -32,6 +33,8 @@ pub struct Arithmetic {
 /// A kernel of a program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
+    /// Finds the bodies that the camera is in: one thread.
+    Eye,
     /// The whole program, one thread a pixel.
     Whole,
     /// Lists the points of surfaces that pixels see, also through glass.
@@ -51,20 +54,19 @@ pub enum Stage {
 /// Occlusion rays a point from which on it is asked what is near. Fewer are traced at once.
 pub const SETTLED_SAMPLES: u32 = 6;
 
-/// The kernels of a program, in their order.
-pub fn stages(program: RayProgram, fidelity: Fidelity, samples: u32) -> &'static [Stage] {
-    match (program, fidelity) {
-        (RayProgram::DeferredShadows, Fidelity::Corrected) => &[Stage::List, Stage::Sum],
-        (RayProgram::Ssao, Fidelity::Corrected) if samples >= SETTLED_SAMPLES => {
-            &[Stage::List, Stage::Settle, Stage::Trace, Stage::Sum]
-        }
-        (RayProgram::Final, Fidelity::Corrected) if samples >= SETTLED_SAMPLES => {
+/// The kernels of a program, in their order; before them comes [`Stage::Eye`] where there are bodies for the camera to be in.
+pub fn stages(program: RayProgram, variant: Variant, samples: u32) -> &'static [Stage] {
+    if variant == Variant::Panes(Fidelity::Thesis) {
+        return &[Stage::Whole];
+    }
+    match program {
+        RayProgram::DeferredShadows => &[Stage::List, Stage::Sum],
+        RayProgram::Ssao if samples >= SETTLED_SAMPLES => &[Stage::List, Stage::Settle, Stage::Trace, Stage::Sum],
+        RayProgram::Final if samples >= SETTLED_SAMPLES => {
             &[Stage::List, Stage::Light, Stage::Settle, Stage::Trace, Stage::Sum]
         }
-        (RayProgram::Ssao, Fidelity::Corrected) if samples > 0 => &[Stage::List, Stage::TraceAll, Stage::Sum],
-        (RayProgram::Final, Fidelity::Corrected) if samples > 0 => {
-            &[Stage::List, Stage::Light, Stage::TraceAll, Stage::Sum]
-        }
+        RayProgram::Ssao if samples > 0 => &[Stage::List, Stage::TraceAll, Stage::Sum],
+        RayProgram::Final if samples > 0 => &[Stage::List, Stage::Light, Stage::TraceAll, Stage::Sum],
         _ => &[Stage::Whole],
     }
 }
@@ -85,7 +87,7 @@ const TABLE: &[(RayProgram, &[Text])] = &[
     (RayProgram::Reflection, &[text!("optics"), text!("reflection")]),
     (
         RayProgram::Refraction,
-        &[text!("sampling"), text!("optics"), text!("glass"), text!("glass_thesis"), text!("refraction")],
+        &[text!("sampling"), text!("optics"), WEIGHTS, GLASS, text!("glass_thesis"), text!("refraction")],
     ),
     (RayProgram::Ssao, &[text!("sampling"), text!("hemisphere"), text!("occlusion"), text!("ssao")]),
     (RayProgram::Final, FINAL),
@@ -96,18 +98,42 @@ const FINAL: &[Text] = &[
     text!("hemisphere"),
     text!("occlusion"),
     text!("optics"),
-    text!("light"),
-    text!("glass"),
+    WEIGHTS,
+    GLASS,
+    LIGHT,
+    text!("light_share"),
     text!("glass_thesis"),
     text!("final"),
 ];
+
+/// What light weighs on its way, of which bodies have another text.
+const WEIGHTS: Text = text!("panes");
+/// Paths through glass, likewise.
+const GLASS: Text = text!("glass");
+/// What comes from the light through glass, likewise.
+const LIGHT: Text = text!("light");
 
 /// What all programs have in common, but for how products are rounded.
 const COMMON: [Text; 6] =
     [text!("params"), text!("wide"), text!("scene"), text!("triangle"), text!("traverse"), text!("surface")];
 
 /// The texts of a kernel behind the common ones.
-fn texts(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
+fn texts(program: RayProgram, variant: Variant, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
+    let texts = of_panes(program, stage, subgroups)?;
+    if variant != Variant::Bodies {
+        return Some(texts);
+    }
+    let instead = |text: Text| match text {
+        WEIGHTS => vec![text!("media"), text!("start_media")],
+        GLASS => vec![text!("bodies")],
+        LIGHT => vec![text!("light_straight")],
+        text => vec![text],
+    };
+    Some(texts.into_iter().flat_map(instead).collect())
+}
+
+/// Those of the variants with panes.
+fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     let (_, whole) = TABLE.iter().find(|(own, _)| *own == program)?;
     let is_final = program == RayProgram::Final;
     let listed = [text!("sampling"), text!("points")];
@@ -115,6 +141,7 @@ fn texts(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>
     let shadows = [text!("points"), text!("deferredShadows")];
     let fans = [text!("sampling"), text!("hemisphere"), text!("points"), group, text!("fans")];
     Some(match stage {
+        Stage::Eye => vec![text!("optics"), WEIGHTS, text!("find_eye")],
         Stage::Whole => whole.iter().copied().chain([text!("whole")]).collect(),
         Stage::List if program == RayProgram::DeferredShadows => {
             shadows.into_iter().chain([text!("shadow_list"), text!("list")]).collect()
@@ -124,10 +151,10 @@ fn texts(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>
         }
         Stage::List if is_final => listed
             .into_iter()
-            .chain([text!("optics"), text!("light"), text!("glass"), text!("final_list"), text!("list")])
+            .chain([text!("optics"), WEIGHTS, LIGHT, text!("light_share"), GLASS, text!("final_list"), text!("list")])
             .collect(),
         Stage::List => listed.into_iter().chain([text!("ssao_list"), text!("list")]).collect(),
-        Stage::Light => listed.into_iter().chain([text!("light"), text!("final_light")]).collect(),
+        Stage::Light => listed.into_iter().chain([text!("optics"), WEIGHTS, LIGHT, text!("final_light")]).collect(),
         Stage::Settle => fans.into_iter().chain([text!("cone"), text!("nearby"), text!("settle")]).collect(),
         Stage::Trace | Stage::TraceAll => fans.into_iter().chain([text!("trace")]).collect(),
         Stage::Sum if is_final => {
@@ -138,7 +165,7 @@ fn texts(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Text>
 }
 
 /// The functions that programs are made of, without one.
-pub fn functions(arithmetic: Arithmetic) -> String {
+pub fn functions(arithmetic: Arithmetic, variant: Variant) -> String {
     let rounding = match arithmetic.rounding {
         Rounding::Fma => text!("rounding_fma"),
         Rounding::Separate => text!("rounding_separate"),
@@ -147,18 +174,16 @@ pub fn functions(arithmetic: Arithmetic) -> String {
     };
     let product = if arithmetic.fused { text!("product_fused") } else { text!("product_split") };
     let mut source = layout::constants();
-    COMMON.into_iter().chain([rounding, product]).for_each(|text| source.push_str(text));
+    let crossings = if variant == Variant::Bodies { text!("crossings_hits") } else { text!("crossings") };
+    COMMON.into_iter().chain([crossings, rounding, product]).for_each(|text| source.push_str(text));
     source
 }
 
-/// A kernel of a program in one fidelity, whole; `None` if the program is written for other backends alone.
-pub fn source(program: RayProgram, fidelity: Fidelity, stage: Stage, arithmetic: Arithmetic) -> Option<String> {
-    let texts = texts(program, stage, arithmetic.subgroups)?;
-    let function = match fidelity {
-        Fidelity::Corrected => "corrected",
-        Fidelity::Thesis => "thesis",
-    };
-    let mut source = functions(arithmetic);
+/// A kernel of a program in one variant, whole; `None` if the program is written for other backends alone.
+pub fn source(program: RayProgram, variant: Variant, stage: Stage, arithmetic: Arithmetic) -> Option<String> {
+    let texts = texts(program, variant, stage, arithmetic.subgroups)?;
+    let function = if variant == Variant::Panes(Fidelity::Thesis) { "thesis" } else { "corrected" };
+    let mut source = functions(arithmetic, variant);
     source.push_str(text!("pass"));
     texts.into_iter().for_each(|text| source.push_str(text));
     match stage {
@@ -177,7 +202,7 @@ pub fn source(program: RayProgram, fidelity: Fidelity, stage: Stage, arithmetic:
 
 /// The program that traces segments between triangles.
 pub fn segments(arithmetic: Arithmetic) -> String {
-    functions(arithmetic) + text!("segments")
+    functions(arithmetic, Variant::Panes(Fidelity::Corrected)) + text!("segments")
 }
 
 /// Whether there is a program.

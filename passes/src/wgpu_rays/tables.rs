@@ -1,12 +1,18 @@
 //! What a pass knows beside the scene: materials, sizes of textures, occlusion points, and tables of weights.
 
-use super::layout::{Params, SHADE_CUT, SHADE_GLASS, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHADE_WORDS};
+use super::layout::{
+    BODY_WORDS, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHADE_WORDS,
+    SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR,
+    VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+};
 use crate::effects::Preparation;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
 use crate::sampling::HemisphereSampler;
 use curitiba_pipeline::backend::{RayJob, Shade};
-use curitiba_pipeline::color::DECODED;
+use curitiba_pipeline::color::{ColorSpace, DECODED};
+use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
 use curitiba_pipeline::programs::{Fidelity, Fresnel};
+use curitiba_pipeline::scene::texture::{Texture, Wrap};
 
 /// The words of group 2, and where its parts begin.
 #[derive(Debug)]
@@ -41,6 +47,7 @@ impl Tables {
         let open_share_at = part(open_share.into_iter().map(bits).collect());
         let through_glass = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count));
         let through_glass_at = part(through_glass.map(bits).collect());
+        let bodies_at = if job.dielectrics.is_empty() { 0 } else { part(bodies(job)) };
         let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
         let params = Params {
             eye: job.eye.to_array(),
@@ -62,20 +69,27 @@ impl Tables {
             decoded_at,
             radius: job.params.radius,
             index: job.params.index,
+            beyond: job.beyond.to_array(),
+            bodies_at,
             ..Params::default()
         };
         Ok(Self { words, params })
     }
 }
 
-/// The first texel, width and height of each texture.
+/// The first texel, width and height of each texture, and what lies beyond its sides.
 fn textures(job: &RayJob<'_>) -> Vec<u32> {
     let mut first = 0;
-    let size = |texture: &curitiba_pipeline::scene::texture::Texture| {
+    let size = |texture: &Texture| -> [u32; TEXTURE_WORDS as usize] {
         let level = &texture.levels[0];
         let place = first;
         first += level.texels.len() as u32;
-        [place, level.width, level.height]
+        let [u, v] = texture.wrap.map(|wrap| match wrap {
+            Wrap::Repeat => WRAP_REPEAT,
+            Wrap::Mirror => WRAP_MIRROR,
+            Wrap::Clamp => WRAP_CLAMP,
+        });
+        [place, level.width, level.height, u, v]
     };
     job.scene.textures.iter().flat_map(size).collect()
 }
@@ -90,11 +104,53 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
         let flags = set(job.glass, material, SHADE_GLASS)
             | set(job.shadow_glass, material, SHADE_SHADOW_GLASS)
             | if cutoff.is_some() { SHADE_CUT } else { 0 }
-            | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 };
+            | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 }
+            | if shade.glow.is_some() { SHADE_GLOW } else { 0 };
+        let glow = shade.glow.map_or([0; 3], |glow| glow.color.to_array().map(f32::to_bits));
+        let glow_texture = shade.glow.and_then(|glow| glow.texture).unwrap_or(NO_TEXTURE);
         let [red, green, blue, _] = shade.diffuse.to_array().map(f32::to_bits);
         // An infinite cutoff, which leaves nothing, is above every alpha; programs know no infinities.
         let cutoff = cutoff.unwrap_or(0.0).min(f32::MAX);
-        [red, green, blue, flags, shade.texture.unwrap_or(NO_TEXTURE), cutoff.to_bits()]
+        let texture = shade.texture.unwrap_or(NO_TEXTURE);
+        let [shines_red, shines_green, shines_blue] = glow;
+        [red, green, blue, flags, texture, cutoff.to_bits(), shines_red, shines_green, shines_blue, glow_texture]
     };
     job.shades.iter().enumerate().flat_map(shade).collect()
+}
+
+/// Whether light falls straight through glass, and what the job knows of glass: `Body` of `programs/media.wgsl`.
+fn bodies(job: &RayJob<'_>) -> Vec<u32> {
+    let geometry = &job.scene.geometry;
+    let body = |dielectric: &Dielectric| -> [u32; BODY_WORDS as usize] {
+        let vertex_colors = match geometry.color_space {
+            _ if !dielectric.filter_vertex_colors || geometry.colors.is_empty() => VERTEX_COLORS_NONE,
+            ColorSpace::Report => VERTEX_COLORS_DISPLAY,
+            ColorSpace::Linear => VERTEX_COLORS_LINEAR,
+        };
+        let shape = match dielectric.shape {
+            Shape::Opaque => SHAPE_OPAQUE,
+            Shape::Pane => SHAPE_PANE,
+            Shape::Thin => SHAPE_THIN,
+            Shape::Solid => SHAPE_SOLID,
+        };
+        let [absorbs_red, absorbs_green, absorbs_blue] = dielectric.extinction.to_array().map(f32::to_bits);
+        let [passes_red, passes_green, passes_blue] = dielectric.filter.to_array().map(f32::to_bits);
+        [
+            shape,
+            dielectric.index.to_bits(),
+            absorbs_red,
+            absorbs_green,
+            absorbs_blue,
+            passes_red,
+            passes_green,
+            passes_blue,
+            dielectric.filter_texture.unwrap_or(NO_TEXTURE),
+            dielectric.veil.to_bits(),
+            dielectric.thickness.to_bits(),
+            dielectric.priority.into(),
+            vertex_colors,
+        ]
+    };
+    let straight = u32::from(job.params.shadow == GlassShadow::Straight);
+    std::iter::once(straight).chain(job.dielectrics.iter().flat_map(body)).collect()
 }

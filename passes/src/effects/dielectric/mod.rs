@@ -2,7 +2,7 @@
 //!
 //! From the ground up: `media` knows in which bodies a point of a path lies, `eye` in which the camera is,
 //! `slab` what a wall with two faces does, `filter` what a surface takes beside Fresnel's share, `shadow` what is
-//! left of light that falls straight through, `branch` is a way on from a surface, `facets` are those of a rough one, `walk` follows paths, and
+//! left of light that falls straight through, `variant` says what device programs know, `branch` is a way on from a surface, `facets` are those of a rough one, `walk` follows paths, and
 //! `solid` is the surface of a body. May use: what is about one point, beside this folder.
 //!
 //! Radiance is not scaled by the square of the index inside a body, as basic radiance would be: it cancels where light leaves again,
@@ -16,11 +16,13 @@ mod media;
 mod shadow;
 mod slab;
 mod solid;
+mod variant;
 mod walk;
 
 pub(crate) use eye::around_eye;
 pub use media::{Border, Crossing, MOST, Media};
 pub use slab::{Slab, slab};
+pub use variant::{Variant, check_glass};
 pub use walk::MOST_SURFACES;
 pub(super) use walk::Walk;
 

@@ -6,7 +6,7 @@ fn visible(color: vec3f, surface: Surface, lit_side: vec3f, triangle: u32, key: 
     let light = light_share(surface, lit_side, triangle);
     return sep3(color * light) * occlusion(ACCEPT_STOPS, surface, key);
 }
-fn seen_through(hit: Hit, surface: Surface, key: u32, weight: f32) -> vec3f {
+fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight) -> vec3f {
     return weight * visible(lit_color(hit, surface.normal), surface, surface.facing, hit.triangle, key);
 }
 
@@ -31,7 +31,7 @@ fn corrected(pixel: Pixel) -> vec4f {
     let view = normalize_or(point.position - params.eye, -point.normal);
     let surface = surface_of(point, stored, view);
     let key = pixel_key(pixel);
-    if is_glass(triangle) { return opaque(glass_color(surface, view, key)); }
+    if is_glass(triangle) { return opaque(glass_color(pixel, triangle, surface, view, key) + missed_color()); }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);
     return opaque(visible(color.xyz, surface, lit_side, triangle, key));
 }

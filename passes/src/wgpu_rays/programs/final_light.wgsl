@@ -7,7 +7,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
         let color = color_of(point);
         if all(color == vec3f(0.0)) { continue; }
         let start = point_vector(point, 0u);
-        var light = SHADOWED;
+        var light = SHADOWED * ONE;
         if (bitcast<u32>(start.w) >> 31u) == 0u {
             let facing = point_vector(point, 1u).xyz;
             let distance = select(start.w, -start.w, dot3(facing, params.to_light) < 0.0);

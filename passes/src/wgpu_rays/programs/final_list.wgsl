@@ -4,8 +4,8 @@
 var<private> head: u32 = NONE;
 var<private> last: u32 = NONE;
 // Called for each end of the tree of rays (`glass.wgsl`): its colour is added later.
-fn seen_through(hit: Hit, surface: Surface, key: u32, weight: f32) -> vec3f {
-    let color = lit_color(hit, surface.normal);
+fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight) -> vec3f {
+    let color = weighed_color(weight, lit_color(hit, surface.normal));
     // Black stays black, without a ray.
     if head == NO_ROOM || all(color == vec3f(0.0)) { return vec3f(0.0); }
     let place = atomicAdd(&ray_counts[FOUND], 1u);
@@ -15,7 +15,7 @@ fn seen_through(hit: Hit, surface: Surface, key: u32, weight: f32) -> vec3f {
         head = NO_ROOM;
         return vec3f(0.0);
     }
-    put_lit_point(place, surface, surface.facing, hit.triangle, key, weight, color);
+    put_lit_point(place, surface, surface.facing, hit.triangle, key, weight_left(weight), color);
     if head == NONE { head = place; } else { points[POINT * last + 3u].w = place; }
     last = place;
     return vec3f(0.0);
@@ -41,9 +41,10 @@ fn list(pixel: Pixel, slot: u32) {
     let surface = surface_of(point, stored, view);
     let key = pixel_key(pixel);
     if is_glass(triangle) {
-        let nothing = glass_color(surface, view, key);
+        let nothing = glass_color(pixel, triangle, surface, view, key);
         if head == NO_ROOM { rays = array<u32, RAY_COUNT_KINDS>(); }
         put_nothing(slot, head);
+        if HAS_BODIES { put_missed(slot, missed_color()); }
         return;
     }
     let lit_side = select(surface.facing, -surface.facing, dot3(stored, surface.facing) < 0.0);

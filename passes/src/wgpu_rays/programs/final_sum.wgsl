@@ -7,6 +7,7 @@ fn picture(pixel: Pixel) -> vec4f {
     if is_glass(triangle) { point = next_of(slot); }
     if point == NO_ROOM { return corrected(pixel); }
     var sum = vec3f(0.0);
+    if HAS_BODIES && point != slot { sum = missed_of(slot); }
     while point != NONE {
         let color = color_of(point);
         if any(color != vec3f(0.0)) {

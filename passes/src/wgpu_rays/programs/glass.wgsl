@@ -7,7 +7,7 @@
 struct Branch { origin: vec3f, direction: vec3f, weight: f32, key: u32, bounces: u32 }
 
 // The colour of the glass that a pixel shows.
-fn glass_color(first: Surface, first_view: vec3f, first_key: u32) -> vec3f {
+fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, first_key: u32) -> vec3f {
     var waiting: array<Branch, MAX_DEPTH + 1u>;
     var stored = 0u;
     var surface = first;
@@ -24,13 +24,13 @@ fn glass_color(first: Surface, first_view: vec3f, first_key: u32) -> vec3f {
             // The light that the glass sends along `view` splits.
             splits = false;
             var normal = interface_normal(surface, view);
-            var meeting = interface_of(-dot3(normal, view));
+            var meeting = interface_at(-dot3(normal, view), params.index);
             var refracted: vec3f;
-            var inside = refracts(meeting, view, normal, &refracted);
+            var inside = refracts(meeting, view, normal, params.index, &refracted);
             if inside && dot3(refracted, surface.facing) >= 0.0 {
                 normal = surface.facing;
-                meeting = interface_of(-dot3(normal, view));
-                inside = refracts(meeting, view, normal, &refracted);
+                meeting = interface_at(-dot3(normal, view), params.index);
+                inside = refracts(meeting, view, normal, params.index, &refracted);
             }
             if inside {
                 count(REFRACTED);

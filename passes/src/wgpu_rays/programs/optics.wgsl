@@ -27,15 +27,15 @@ fn schlick(cosine: f32, index: f32) -> Interface {
     let away = 1.0 - select(cos_in, cos_out, index < 1.0); let square = away * away;
     return Interface(min(zero + (1.0 - zero) * (square * square * away), 1.0), cos_out);
 }
-fn interface_of(cosine: f32) -> Interface {
-    if params.schlick != 0u { return schlick(cosine, params.index); }
-    return fresnel(cosine, params.index);
+fn interface_at(cosine: f32, ratio: f32) -> Interface {
+    if params.schlick != 0u { return schlick(cosine, ratio); }
+    return fresnel(cosine, ratio);
 }
 // Whether a ray enters; then `refracted` is where it goes.
-fn refracts(interface_: Interface, i: vec3f, n: vec3f, refracted: ptr<function, vec3f>) -> bool {
+fn refracts(interface_: Interface, i: vec3f, n: vec3f, ratio: f32, refracted: ptr<function, vec3f>) -> bool {
     if interface_.reflectance >= 1.0 { return false; }
     let along = i - sep3(n * dot3(n, i));
-    *refracted = normalize_or(along / params.index - sep3(n * interface_.cos_refracted), vec3f(0.0));
+    *refracted = normalize_or(along / ratio - sep3(n * interface_.cos_refracted), vec3f(0.0));
     return any(*refracted != vec3f(0.0));
 }
 

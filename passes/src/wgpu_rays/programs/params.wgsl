@@ -42,6 +42,10 @@ struct Params {
     decoded_at: u32,
     // Where vertex colours begin in `vertices`.
     colors_at: u32,
+    // What is seen where rays leave the scene; where what is known of glass begins in `tables`, with whether light falls straight
+    // through it; 0 where all of it is panes.
+    beyond: vec3f,
+    bodies_at: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -63,5 +67,5 @@ struct Params {
 @group(1) @binding(3) var<storage, read> mesh: array<u32>;
 // Red in the lowest byte.
 @group(1) @binding(4) var<storage, read> texels: array<u32>;
-// What the pass knows of materials, then sizes of textures, occlusion points, open shares, and what passes through glass.
+// What the pass knows of materials, then of textures, occlusion points, open shares, what passes through glass, and what glass is.
 @group(2) @binding(0) var<storage, read> tables: array<u32>;

@@ -2,13 +2,14 @@
 
 struct Pixel { x: u32, y: u32 }
 
-// By kind: towards the light, occlusion, reflected, refracted, and occlusion rays that were certain.
+// By kind: towards the light, occlusion, reflected, refracted, occlusion rays that were certain, and paths that got lost in glass.
 var<private> rays: array<u32, RAY_COUNT_KINDS>;
 const SHADOW: u32 = 0u;
 const OCCLUSION: u32 = 1u;
 const REFLECTED: u32 = 2u;
 const REFRACTED: u32 = 3u;
 const CERTAIN: u32 = 4u;
+const LOST: u32 = 5u;
 fn count(kind: u32) { rays[kind] += 1u; }
 
 fn stored_color(pixel: Pixel) -> vec4f { return textureLoad(color_buffer, vec2u(pixel.x, pixel.y), 0); }

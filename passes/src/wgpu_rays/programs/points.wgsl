@@ -19,6 +19,9 @@ fn color_of(point: u32) -> vec3f { return point_vector(point, 3u).xyz; }
 fn next_of(point: u32) -> u32 { return points[POINT * point + 3u].w; }
 // A pixel without a point of its own.
 fn put_nothing(point: u32, next: u32) { points[POINT * point + 3u] = vec4u(0u, 0u, 0u, next); }
+// Of a pixel without a point of its own: what a background adds to it.
+fn put_missed(point: u32, color: vec3f) { points[POINT * point + 2u] = vec4u(bitcast<vec3u>(color), 0u); }
+fn missed_of(point: u32) -> vec3f { return point_vector(point, 2u).xyz; }
 fn put_point(point: u32, surface: Surface, turned: bool, key: u32, weight: f32, color: vec3f) {
     let step = OFFSET_UNITS * surface.point.error;
     points[POINT * point] = bitcast<vec4u>(vec4f(surface.point.start, select(step, -step, turned)));

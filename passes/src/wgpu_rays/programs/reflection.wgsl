@@ -10,7 +10,7 @@ fn corrected(pixel: Pixel) -> vec4f {
         let direction = mirrored(view, interface_normal(surface, view));
         count(REFLECTED);
         var hit: Hit;
-        if !closest_surface(spawn(surface.point, direction), direction, &hit) { break; }
+        if !closest_surface(spawn(surface.point, direction), direction, &hit) { return opaque(params.beyond); }
         surface = surface_hit(direction, hit);
         if !is_glass(hit.triangle) { return opaque(lit_color(hit, surface.normal)); }
         view = direction;

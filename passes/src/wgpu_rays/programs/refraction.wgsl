@@ -1,6 +1,6 @@
 // `refraction`: glass that reflects and refracts. Other pixels keep their colour.
 
-fn seen_through(hit: Hit, surface: Surface, key: u32, weight: f32) -> vec3f { return weight * lit_color(hit, surface.normal); }
+fn seen_through(hit: Hit, surface: Surface, key: u32, weight: Weight) -> vec3f { return weight * lit_color(hit, surface.normal); }
 fn thesis_seen(position: vec3f, direction: vec3f, hit: Hit) -> vec3f {
     let normals = thesis_normals(hit);
     return lit_color(hit, face_forward(normals.shading, -direction, normals.geometric));
@@ -11,7 +11,7 @@ fn corrected(pixel: Pixel) -> vec4f {
     if triangle == NO_TRIANGLE || !is_glass(triangle) { return stored_color(pixel); }
     let point = snap(triangle, stored_position(pixel).xyz);
     let view = normalize_or(point.position - params.eye, -point.normal);
-    return opaque(glass_color(surface_of(point, stored_normal(pixel), view), view, 0u));
+    return opaque(glass_color(pixel, triangle, surface_of(point, stored_normal(pixel), view), view, 0u) + missed_color());
 }
 
 fn thesis(pixel: Pixel) -> vec4f {

@@ -44,15 +44,27 @@ fn vertex_color(hit: Hit) -> vec4f {
 }
 
 // Level 0 of a texture, which alone rays read.
-struct Texture { first: u32, width: u32, height: u32 }
+struct Texture { first: u32, width: u32, height: u32, wrap_u: u32, wrap_v: u32 }
 fn texture_of(index: u32) -> Texture {
-    let place = params.textures_at + 3u * index;
-    return Texture(tables[place], tables[place + 1u], tables[place + 2u]);
+    let place = params.textures_at + TEXTURE_WORDS * index;
+    return Texture(tables[place], tables[place + 1u], tables[place + 2u], tables[place + 3u], tables[place + 4u]);
+}
+// The texel that stands for one beyond the sides: from the other side, or the one at the edge.
+fn beyond(x: i32, size: i32, wrap: u32) -> i32 {
+    if wrap != WRAP_REPEAT { return clamp(x, 0, size - 1); }
+    return select(select(x, x - size, x >= size), x + size, x < 0);
+}
+// Where a coordinate lies, as a share of the side.
+fn share_of_side(t: f32, wrap: u32) -> f32 {
+    if wrap == WRAP_CLAMP { return clamp(t, 0.0, 1.0); }
+    if wrap == WRAP_REPEAT { return t - floor(t); }
+    let halved = sep(0.5 * t);
+    let twice = 2.0 * (halved - floor(halved));
+    return select(twice, 2.0 - twice, twice > 1.0);
 }
 fn texel(image: Texture, column: i32, row: i32) -> vec4f {
-    let width = i32(image.width); let height = i32(image.height);
-    let x = select(select(column, column - width, column >= width), column + width, column < 0);
-    let y = select(select(row, row - height, row >= height), row + height, row < 0);
+    let x = beyond(column, i32(image.width), image.wrap_u);
+    let y = beyond(row, i32(image.height), image.wrap_v);
     let word = texels[image.first + u32(y) * image.width + u32(x)];
     let bytes = vec4u(word & 0xffu, word >> 8u & 0xffu, word >> 16u & 0xffu, word >> 24u);
     if params.decoded_at != 0u {
@@ -63,12 +75,12 @@ fn texel(image: Texture, column: i32, row: i32) -> vec4f {
 }
 fn sep4(x: vec4f) -> vec4f { return bitcast<vec4f>(bitcast<vec4u>(x) ^ vec4u(params.zero)); }
 fn between(a: vec4f, b: vec4f, s: f32) -> vec4f { return sep4(a * (1.0 - s)) + sep4(b * s); }
-// Bilinear filtering; `v = 0` is the bottom row, coordinates repeat.
+// Bilinear filtering; `v = 0` is the bottom row.
 fn sample_texture(index: u32, uv: vec2f) -> vec4f {
     let image = texture_of(index);
     if !(is_finite(uv.x) && is_finite(uv.y)) { return texel(image, 0, 0); }
-    let x = sep((uv.x - floor(uv.x)) * f32(image.width)) - 0.5;
-    let y = sep((1.0 - sep(uv.y - floor(uv.y))) * f32(image.height)) - 0.5;
+    let x = sep(share_of_side(uv.x, image.wrap_u) * f32(image.width)) - 0.5;
+    let y = sep((1.0 - sep(share_of_side(uv.y, image.wrap_v))) * f32(image.height)) - 0.5;
     let left = floor(x); let top = floor(y);
     let fx = x - left; let fy = y - top;
     let l = i32(left); let t = i32(top);
@@ -100,7 +112,7 @@ fn covers(hit: Hit) -> bool {
 }
 
 // Diffuse light, ambient light and texture, with this unit normal, times the vertex colour.
-fn lit_color(hit: Hit, normal: vec3f) -> vec3f {
+fn reflected_color(hit: Hit, normal: vec3f) -> vec3f {
     let shade = shade_of(hit.triangle);
     let lit = sep3(shade.diffuse * (params.light_color * max(dot3(params.to_light, normal), 0.0)));
     var reflected = lit + sep3(AMBIENT * shade.diffuse);
@@ -110,6 +122,16 @@ fn lit_color(hit: Hit, normal: vec3f) -> vec3f {
     if (shade.flags & SHADE_VERTEX_COLORS) != 0u { reflected = reflected * vertex_color(hit).xyz; }
     return reflected;
 }
+// The same, and the light that the surface sends out.
+fn lit_color(hit: Hit, normal: vec3f) -> vec3f {
+    let reflected = reflected_color(hit, normal);
+    if (flags_of(hit.triangle) & SHADE_GLOW) == 0u { return reflected; }
+    let place = SHADE_WORDS * mesh[params.materials_at + hit.triangle] + 6u;
+    let glow = vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u));
+    let image = tables[place + 3u];
+    if image == NO_TEXTURE { return reflected + glow; }
+    return reflected + sep3(glow * sample_texture(image, texture_coordinates(hit)).xyz);
+}
 
 // Which candidate hits on transparent materials count, as the ray asks.
 const ACCEPT_ALL: u32 = 0u;     // every one
@@ -117,33 +139,6 @@ const ACCEPT_COVERED: u32 = 1u; // where the triangle is not cut out
 const ACCEPT_STOPS: u32 = 2u;   // covered, and not glass that shadow rays pass
 const ACCEPT_OPAQUE: u32 = 3u;  // not glass that shadow rays pass (thesis: nothing is cut out)
 const ACCEPT_COUNTS: u32 = 4u;  // as ACCEPT_STOPS; the covered glass on the way is counted
-
-// The distances of the glass surfaces that a shadow ray crosses, in order. A ray through the edge between two triangles meets both:
-// distances no farther apart than their rounding are one surface. Beyond MAX_CROSSINGS, each counts as a surface of its own.
-var<private> crossing: array<f32, MAX_CROSSINGS>;
-var<private> crossings_stored: u32;
-var<private> crossings_beyond: u32;
-fn add_crossing(t: f32) {
-    if crossings_stored == MAX_CROSSINGS {
-        crossings_beyond += 1u;
-        return;
-    }
-    var slot = crossings_stored;
-    crossings_stored += 1u;
-    while slot > 0u {
-        if crossing[slot - 1u] <= t { break; }
-        crossing[slot] = crossing[slot - 1u];
-        slot -= 1u;
-    }
-    crossing[slot] = t;
-}
-fn distinct_crossings() -> u32 {
-    var count = crossings_beyond + select(0u, 1u, crossings_stored > 0u);
-    for (var i = 1u; i < crossings_stored; i += 1u) {
-        if crossing[i] - crossing[i - 1u] > 16.0 * UNIT_ROUNDOFF * crossing[i] { count += 1u; }
-    }
-    return count;
-}
 
 fn accepts(accept: u32, hit: Hit) -> bool {
     switch accept {
@@ -154,7 +149,7 @@ fn accepts(accept: u32, hit: Hit) -> bool {
         default: {
             if !covers(hit) { return false; }
             if !passes_light(hit.triangle) { return true; }
-            add_crossing(hit.t);
+            add_crossing(hit);
             return false;
         }
     }

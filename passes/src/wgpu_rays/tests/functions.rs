@@ -1,6 +1,7 @@
 //! Functions of the programs, number by number, beside exact arithmetic and the processor's.
 
 use super::rays;
+use crate::effects::dielectric::Variant;
 use crate::effects::{fresnel, schlick};
 use crate::raster::gpu::AdapterKind;
 use crate::raster::gpu::device::Gpu;
@@ -92,7 +93,9 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
 
 /// What the device finds, case by case.
 fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
-    let text = source(RayProgram::Final, Fidelity::Corrected, Stage::Whole, arithmetic).expect("written") + ENTRY;
+    let text = source(RayProgram::Final, Variant::Panes(Fidelity::Corrected), Stage::Whole, arithmetic)
+        .expect("written")
+        + ENTRY;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("functions"),
         source: wgpu::ShaderSource::Wgsl(text.into()),

@@ -2,6 +2,7 @@
 //! `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
 mod functions;
+mod glass;
 mod leaks;
 mod limits;
 mod pictures;

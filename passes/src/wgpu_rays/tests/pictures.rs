@@ -32,7 +32,7 @@ fn world() -> World {
 }
 
 /// Pixels of which any number differs by more than a difference.
-fn differing(a: &[[f32; 4]], b: &[[f32; 4]], by: f32) -> usize {
+pub(super) fn differing(a: &[[f32; 4]], b: &[[f32; 4]], by: f32) -> usize {
     let far = |(a, b): (&[f32; 4], &[f32; 4])| a.iter().zip(b).any(|(a, b)| (a - b).is_nan() || (a - b).abs() > by);
     a.iter().zip(b).filter(|pair| far(*pair)).count()
 }

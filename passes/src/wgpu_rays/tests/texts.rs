@@ -1,5 +1,6 @@
 //! The texts of the programs, without a device.
 
+use crate::effects::dielectric::Variant;
 use crate::wgpu_rays::layout::Params;
 use crate::wgpu_rays::programs::{Arithmetic, Rounding, Stage, is_written, source, stages};
 use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS};
@@ -20,17 +21,21 @@ fn validate(source: &str) -> Result<naga::Module, String> {
 fn every_text_is_valid_wgsl_that_needs_no_extension() {
     let mut written = 0;
     for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
-        for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
-            let kernels = stages(info.program, fidelity, 100)
+        let panes = [Fidelity::Corrected, Fidelity::Thesis].map(Variant::Panes);
+        let bodies = Variant::OF_BODIES.contains(&info.program).then_some(Variant::Bodies);
+        for variant in panes.into_iter().chain(bodies) {
+            let eye = bodies.filter(|bodies| *bodies == variant).map(|_| &Stage::Eye);
+            let kernels = stages(info.program, variant, 100)
                 .iter()
-                .chain(stages(info.program, fidelity, 1))
-                .chain([&Stage::Whole]);
+                .chain(stages(info.program, variant, 1))
+                .chain([&Stage::Whole])
+                .chain(eye);
             let kernels = kernels.flat_map(|stage| ROUNDINGS.map(|rounding| (*stage, rounding)));
             for ((stage, rounding), fused) in kernels.flat_map(|kernel| [(kernel, false), (kernel, true)]) {
-                let text = source(info.program, fidelity, stage, Arithmetic { rounding, fused, subgroups: false })
+                let text = source(info.program, variant, stage, Arithmetic { rounding, fused, subgroups: false })
                     .expect("written");
                 if let Err(error) = validate(&text) {
-                    panic!("{} {fidelity:?} {stage:?} {rounding:?}: {error}", info.stem);
+                    panic!("{} {variant:?} {stage:?} {rounding:?}: {error}", info.stem);
                 }
                 written += 1;
             }
@@ -43,7 +48,8 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
 #[test]
 fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
-    let text = source(info.program, Fidelity::Corrected, Stage::Whole, Arithmetic::default()).expect("it is written");
+    let text = source(info.program, Variant::Panes(Fidelity::Corrected), Stage::Whole, Arithmetic::default())
+        .expect("it is written");
     let module = validate(&text).expect("valid");
     let named = |ty: &naga::Type| ty.name.as_deref() == Some("Params");
     let (_, params) = module.types.iter().find(|(_, ty)| named(ty)).expect("declared");
@@ -62,6 +68,6 @@ fn parameters_lie_where_the_host_writes_them() {
     same!("origin_x" origin;
         eye zero to_light seed light_color samples scene_low strata scene_high depth width height first_tile end_tile tiles_across
         capacity root materials_at normals_at texcoords_at textures_at points_at open_share_at through_glass_at cut schlick
-        has_normals id_base radius index decoded_at colors_at);
+        has_normals id_base radius index decoded_at colors_at beyond bodies_at);
     assert_eq!((*span as usize, seen), (size_of::<Params>(), members.len() - 1));
 }

@@ -1,0 +1,61 @@
+//! What device programs know of glass: they exist in variants, so that panes do not pay for what bodies take.
+
+use curitiba_pipeline::backend::{BackendError, RayJob};
+use curitiba_pipeline::glass::Dielectric;
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+use glam::Vec3;
+
+/// How a device program was written for a job.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Variant {
+    /// In a fidelity, with the report's panes.
+    Panes(Fidelity),
+    /// In corrected fidelity, with glass as each material says and a background.
+    Bodies,
+}
+
+impl Variant {
+    /// The programs that have a variant for bodies. `reflection` knows a background anyway, and the others see no glass.
+    pub const OF_BODIES: [RayProgram; 2] = [RayProgram::Refraction, RayProgram::Final];
+
+    /// The one that a job needs.
+    #[must_use]
+    pub fn of(job: &RayJob<'_>) -> Self {
+        let asks = !job.dielectrics.is_empty() || job.beyond != Vec3::ZERO;
+        let has = Self::OF_BODIES.contains(&job.program);
+        if asks && has && job.fidelity == Fidelity::Corrected { Self::Bodies } else { Self::Panes(job.fidelity) }
+    }
+}
+
+/// Refuses what device programs lack of the glass that a pass finds: bodies that bend colours apart, and rough surfaces.
+///
+/// # Errors
+/// [`BackendError::Unsupported`], with what would help.
+pub fn check_glass(backend: &'static str, params: &RayParams, dielectrics: &[Dielectric]) -> Result<(), BackendError> {
+    let disperses = params.wavelengths > 1 && dielectrics.iter().any(|dielectric| dielectric.spread > 0.0);
+    let rough = dielectrics.iter().any(|dielectric| dielectric.alpha > 0.0);
+    let (what, help) = match (disperses, rough) {
+        (true, _) => ("glass that bends colours apart", "set wavelengths=1 on the pass, use --backend cpu"),
+        (false, true) => ("rough glass", "use --backend cpu"),
+        (false, false) => return Ok(()),
+    };
+    let why = format!("its programs know smooth glass of one index only; {help}, or allow it with --fallback cpu");
+    Err(BackendError::Unsupported { backend, what: what.to_owned(), why })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_devices_lack_is_refused_by_name() {
+        let (plain, all) = (Dielectric::default(), RayParams::default());
+        assert!(check_glass("cuda", &all, &[]).is_ok() && check_glass("cuda", &all, &[plain]).is_ok());
+        let flint = [plain, Dielectric { spread: 0.02, ..plain }];
+        let refused = check_glass("wgpu", &all, &flint).expect_err("it disperses").to_string();
+        assert!(refused.contains("bends colours apart") && refused.contains("wavelengths=1"), "{refused}");
+        assert!(check_glass("wgpu", &RayParams { wavelengths: 1, ..all }, &flint).is_ok());
+        let frosted = check_glass("optix", &all, &[Dielectric { alpha: 0.2, ..plain }]).expect_err("it is rough");
+        assert!(frosted.to_string().contains("rough glass"), "{frosted}");
+    }
+}

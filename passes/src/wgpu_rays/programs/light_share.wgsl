@@ -1,0 +1,15 @@
+// The side of a triangle that is lit; `light_from` says what comes through glass.
+
+// What reaches a surface of the light, on a side of its triangle.
+fn light_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {
+    if dot3(lit_side, params.to_light) <= 0.0 { return turned_share(surface, lit_side, triangle); }
+    return light_from(spawn(surface.point, params.to_light));
+}
+// The same of a side that is turned away.
+fn turned_share(surface: Surface, lit_side: vec3f, triangle: u32) -> Weight {
+    let way = lifted(triangle, surface.point, lit_side);
+    if all(way == vec3f(0.0)) { return SHADOWED * ONE; }
+    let start = spawn(surface.point, lit_side);
+    if is_cut_off(ACCEPT_STOPS, start, way) { return SHADOWED * ONE; }
+    return light_from(sep3(start + way));
+}

@@ -1,0 +1,66 @@
+// Light that falls straight through glass (`shadow.rs`).
+
+// The side of a body's surface that a line meets, by the geometric normal.
+fn line_enters(direction: vec3f, triangle: u32) -> bool {
+    let corners = positions_of(triangle);
+    let first = corners.b - corners.a; let second = corners.c - corners.a;
+    let scale = scale_to_one(max(most3(abs(first)), most3(abs(second))));
+    let normal = wide_cross(difference(corners.b, corners.a, scale), difference(corners.c, corners.a, scale));
+    return dot3(normal.h, direction) < 0.0;
+}
+
+// The share of the light that passes the surfaces that were crossed, by colour, though they bend nothing.
+fn straight_through() -> vec3f {
+    var kept = 0u;
+    for (var i = 0u; i < crossings_stored; i += 1u) {
+        let hit = crossing[i];
+        let material = material_of(hit.triangle);
+        let enters = line_enters(params.to_light, hit.triangle);
+        if kept > 0u {
+            let before = crossing[kept - 1u];
+            let same = hit.t - before.t <= 16.0 * UNIT_ROUNDOFF * hit.t && material == material_of(before.triangle) && enters == entered[kept - 1u];
+            if same { continue; }
+        }
+        crossing[kept] = hit;
+        crossed[kept] = select(NONE, material, shape_of(material) == SHAPE_SOLID);
+        entered[kept] = enters;
+        kept += 1u;
+    }
+    if crossings_beyond > 0u { count(LOST); }
+    var media = media_at_start(kept);
+    var passes = vec3f(1.0);
+    var before = 0.0;
+    for (var i = 0u; i < kept; i += 1u) {
+        let hit = crossing[i];
+        passes *= transmittance(extinction_in(media), hit.t - before);
+        before = hit.t;
+        let material = material_of(hit.triangle);
+        let body = body_of(material);
+        let cosine = abs(dot3(normalize_or(normal_at(hit), vec3f(0.0)), params.to_light));
+        if body.shape == SHAPE_SOLID {
+            let ratio = cross_border(&media, material, entered[i]);
+            if ratio == 0.0 { continue; }
+            let face = interface_at(cosine, max(ratio, 1.0 / ratio));
+            passes *= (1.0 - face.reflectance) * filter_of(body, hit);
+        } else if body.shape == SHAPE_THIN {
+            let ratio = body.index / index_in(media);
+            let face = interface_at(cosine, max(ratio, 1.0 / ratio));
+            passes *= wall_of(face.reflectance, kept_across(body, face.cos_refracted)).transmitted * filter_of(body, hit);
+        } else {
+            passes *= THROUGH_GLASS;
+        }
+    }
+    return passes * transmittance(extinction_in(media), HUGE);
+}
+
+// What comes from the light to where a ray towards it starts.
+fn light_from(origin: vec3f) -> vec3f {
+    count(SHADOW);
+    crossings_stored = 0u;
+    crossings_beyond = 0u;
+    if occluded(ACCEPT_COUNTS, Ray(origin, params.to_light, 0.0, HUGE)) { return vec3f(SHADOWED); }
+    if params.bodies_at == 0u || tables[params.bodies_at] == 0u {
+        return vec3f(table_number(params.through_glass_at + min(distinct_crossings(), THROUGH_GLASS_ENTRIES - 1u)));
+    }
+    return SHADOWED + (1.0 - SHADOWED) * straight_through();
+}

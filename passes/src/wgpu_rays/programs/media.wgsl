@@ -1,0 +1,147 @@
+// Glass as each material says (`effects/dielectric`): in which bodies a point lies, and what one surface does. Weights are colours.
+alias Weight = vec3f;
+const ONE: Weight = vec3f(1.0);
+const HAS_BODIES: bool = true;
+// Of a weight, what is kept beside a point's colour, and what becomes part of it.
+fn weight_left(weight: Weight) -> f32 { return 1.0; }
+fn weighed_color(weight: Weight, color: vec3f) -> vec3f { return weight * color; }
+
+fn is_black(color: vec3f) -> bool { return all(color == vec3f(0.0)); }
+
+// A material (`layout.rs`).
+struct Body {
+    shape: u32,
+    index: f32,
+    extinction: vec3f,
+    filter_color: vec3f,
+    filter_texture: u32,
+    veil: f32,
+    thickness: f32,
+    priority: u32,
+    vertex_colors: u32,
+}
+fn body_place(material: u32) -> u32 { return params.bodies_at + 1u + BODY_WORDS * material; }
+fn table_vector(place: u32) -> vec3f { return vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u)); }
+fn body_of(material: u32) -> Body {
+    let place = body_place(material);
+    return Body(tables[place], table_number(place + 1u), table_vector(place + 2u), table_vector(place + 5u), tables[place + 8u],
+                table_number(place + 9u), table_number(place + 10u), tables[place + 11u], tables[place + 12u]);
+}
+fn material_of(triangle: u32) -> u32 { return mesh[params.materials_at + triangle]; }
+fn shape_of(material: u32) -> u32 { return tables[body_place(material)]; }
+fn priority_of(material: u32) -> u32 { return tables[body_place(material) + 11u]; }
+
+// The bodies that a point of a path lies in; the last fills the place (`media.rs`).
+struct Media { list: array<u32, MOST_BODIES>, length: u32 }
+fn top_of(media: Media) -> u32 {
+    if media.length == 0u { return NONE; }
+    var list = media.list;
+    return list[media.length - 1u];
+}
+fn index_in(media: Media) -> f32 {
+    let body = top_of(media);
+    if body == NONE { return 1.0; }
+    return table_number(body_place(body) + 1u);
+}
+fn extinction_in(media: Media) -> vec3f {
+    let body = top_of(media);
+    if body == NONE { return vec3f(0.0); }
+    return table_vector(body_place(body) + 2u);
+}
+// Puts one body more; says whether it fills the place then.
+fn put_body(media: ptr<function, Media>, body: u32) -> bool {
+    let priority = priority_of(body);
+    let length = (*media).length;
+    var place = 0u;
+    while place < length {
+        if priority_of((*media).list[place]) > priority { break; }
+        place += 1u;
+    }
+    if length == MOST_BODIES {
+        count(LOST);
+        return place == length;
+    }
+    for (var i = length; i > place; i -= 1u) { (*media).list[i] = (*media).list[i - 1u]; }
+    (*media).list[place] = body;
+    (*media).length = length + 1u;
+    return place == length;
+}
+// Takes one body away, the one entered last: 0 where there is none, 1 where it did not fill the place, 2 where it did.
+fn take_body(media: ptr<function, Media>, body: u32) -> u32 {
+    let length = (*media).length;
+    var place = length;
+    while place > 0u {
+        if (*media).list[place - 1u] == body { break; }
+        place -= 1u;
+    }
+    if place == 0u { return 0u; }
+    for (var i = place; i < length; i += 1u) { (*media).list[i - 1u] = (*media).list[i]; }
+    (*media).list[length - 1u] = 0u;
+    (*media).length = length - 1u;
+    return select(1u, 2u, place == length);
+}
+// Crosses the surface of a body: `media` are then those behind it. Index of refraction behind over that before; 0 where another body fills
+// the place on both sides, so that there is no surface.
+fn cross_border(media: ptr<function, Media>, body: u32, enters: bool) -> f32 {
+    var before = *media;
+    var fills = false;
+    if enters {
+        fills = put_body(media, body);
+    } else {
+        let taken = take_body(media, body);
+        fills = taken == 2u;
+        // Who leaves a body that is not known to have been entered was in it all the same.
+        if taken == 0u { fills = put_body(&before, body); }
+    }
+    if !fills { return 0.0; }
+    return index_in(*media) / index_in(before);
+}
+
+// exp(-extinction * length) by colour; exactly 1 where nothing is absorbed, whatever the length.
+fn transmittance(extinction: vec3f, length: f32) -> vec3f {
+    // Nothing is left of light after 200 extinctions; programs know no infinities.
+    return select(vec3f(1.0), exp(-min(extinction * min(length, 1.0e20), vec3f(200.0))), extinction > vec3f(0.0));
+}
+
+// A plane-parallel wall after all reflections between its faces (`slab.rs`).
+struct Wall { reflected: vec3f, transmitted: vec3f }
+fn wall_of(r: f32, kept: vec3f) -> Wall {
+    if r >= 1.0 { return Wall(vec3f(1.0), vec3f(0.0)); }
+    let through = (1.0 - r) * (1.0 - r) * kept / (1.0 - r * r * kept * kept);
+    return Wall(r + r * kept * through, through);
+}
+fn kept_across(body: Body, cos_refracted: f32) -> vec3f {
+    return transmittance(body.extinction, body.thickness / max(cos_refracted, 1.0e-30));
+}
+
+fn decoded(encoded: vec3f) -> vec3f {
+    let curve = pow((max(encoded, vec3f(0.0)) + 0.055) / 1.055, vec3f(2.4));
+    return select(curve, encoded / 12.92, encoded <= vec3f(0.04045));
+}
+// The share of the light that passes, by colour, of that which is not reflected.
+fn filter_of(body: Body, hit: Hit) -> vec3f {
+    var colors = vec3f(1.0);
+    if body.filter_texture != NO_TEXTURE {
+        colors = sample_texture(body.filter_texture, texture_coordinates(hit)).xyz;
+        // A share of light is linear whatever the colours of the pass are.
+        if params.decoded_at == 0u { colors = decoded(colors); }
+    }
+    if body.vertex_colors != VERTEX_COLORS_NONE {
+        var shares = vertex_color(hit).xyz;
+        if body.vertex_colors == VERTEX_COLORS_DISPLAY { shares = decoded(shares); }
+        colors *= shares;
+    }
+    return (1.0 - body.veil) * body.filter_color * colors;
+}
+
+// The barycentric coordinates of a point in the plane of a triangle, as a hit at distance 0.
+fn located(triangle: u32, position: vec3f) -> Hit {
+    let corners = positions_of(triangle);
+    let e1 = corners.b - corners.a; let e2 = corners.c - corners.a; let to = position - corners.a;
+    let normal = cross3(e1, e2);
+    let area = dot3(normal, normal);
+    return Hit(0.0, triangle, dot3(cross3(to, e2), normal) / area, dot3(cross3(e1, to), normal) / area);
+}
+
+// Whether a surface is seen from the side of the counter-clockwise winding: of a body, from outside.
+fn is_front(surface: Surface) -> bool { return all(surface.facing == surface.point.normal); }
