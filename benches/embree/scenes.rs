@@ -9,7 +9,7 @@ use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba::pipeline::scene::{BuildOptions, LoadOptions, Needs, RenderScene, load};
 use curitiba::pipeline::square;
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
