@@ -10,7 +10,7 @@ use glam::Vec3;
 ///
 /// The cosine is the shading normal's, so the geometric normal is turned to its side where the scene has vertex normals,
 /// and else to the viewer. A triangle turned away from the light is in its own shadow, without a ray, unless the round surface that it
-/// stands for is not ([`terminator`](crate::effects::terminator)).
+/// stands for is not (`effects::terminator`).
 pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
     let share = match light(pass, pixel) {
         Light::Certain(share) => share,
