@@ -337,7 +337,7 @@ fn numbers_out_of_range_fail_the_check_with_1_and_name_pass_and_channel() {
     assert!(message.contains("--pixel "), "{message}");
     assert_eq!(files(folder.path()), ["p.png"], "the picture is written, to look at");
 
-    // Positions beyond what 16-bit floats hold: the target's declared format makes them infinite.
+    // Positions beyond what 16-bit floats hold, in a scene too wide to bring them nearer to its origin: the target's declared format makes them infinite.
     std::fs::create_dir(folder.path().join("mlibs")).expect("made");
     for library in ["optixTest.mlib", "DeferredRenderTargets.mlib"] {
         let text = std::fs::read_to_string(project("mlibs").join(library)).expect("the library");
@@ -345,7 +345,7 @@ fn numbers_out_of_range_fail_the_check_with_1_and_name_pass_and_channel() {
     }
     std::fs::write(
         folder.path().join("far.obj"),
-        "v 99990 -10 -5\nv 100010 -10 -5\nv 100000 10 -5\nvn 0 0 1\nf 1//1 2//1 3//1\n",
+        "v -100010 -10 -5\nv 100010 -10 -5\nv 100000 10 -5\nvn 0 0 1\nf 1//1 2//1 3//1\n",
     )
     .expect("written");
     let text = std::fs::read_to_string(project("SceneShadows.xml")).expect("the project");
