@@ -1,4 +1,4 @@
-//! What a driver makes of `fma`, tried once when the device is opened.
+//! What a driver makes of `fma` and of long loops, tried once when the device is opened.
 
 use super::programs::{Arithmetic, Rounding};
 use crate::raster::gpu::device::Gpu;
@@ -6,14 +6,35 @@ use curitiba_pipeline::backend::BackendError;
 
 /// Products that are tried.
 const CASES: usize = 4096;
+/// Steps of the loop that is tried.
+const STEPS: u32 = 1 << 17;
 
-const TEXT: &str = "
+const PRODUCTS: &str = "
 @group(0) @binding(0) var<storage, read> given: array<vec2f>;
 @group(0) @binding(1) var<storage, read_write> rest: array<f32>;
 @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
     let a = given[2u * id.x].x; let b = given[2u * id.x].y;
     // The rounded product comes from the host: nothing is left to simplify.
     rest[id.x] = fma(a, b, -given[2u * id.x + 1u].x);
+}
+";
+
+// Inner loops of 64 steps, since drivers that count may count all loops of a program together. What a step does depends on the step
+// before, so that no compiler knows the result.
+const LOOPS: &str = "
+@group(0) @binding(0) var<storage, read> given: array<u32>;
+@group(0) @binding(1) var<storage, read_write> taken: array<u32>;
+@compute @workgroup_size(1) fn main() {
+    var state = given[1];
+    var steps = 0u;
+    while steps < given[0] {
+        for (var i = 0u; i < 64u; i += 1u) {
+            state = state * 1664525u + 1013904223u;
+            if state == 0u { break; }
+            steps += 1u;
+        }
+    }
+    taken[0] = steps; taken[1] = state;
 }
 ";
 
@@ -36,10 +57,33 @@ fn cases() -> (Vec<[f32; 2]>, Vec<f32>) {
 /// How programs are to be written for a device.
 pub fn arithmetic(gpu: &Gpu) -> Result<Arithmetic, BackendError> {
     let (given, expected) = cases();
-    let doing = "trying how products are rounded";
+    let rests = answer(gpu, "trying how products are rounded", PRODUCTS, &given, (CASES / 64) as u32, CASES)?;
+    let fused = bytemuck::cast_slice::<u32, f32>(&rests) == expected;
+    // DirectX's `mad` leaves the choice to the compiler, for each instruction.
+    let rounding = if gpu.adapter.interface == "dx12" { Rounding::Separate } else { Rounding::Fma };
+    let subgroups = gpu.has(wgpu::Features::SUBGROUP) && gpu.subgroup == [32, 32];
+    Ok(Arithmetic { rounding, fused: fused && rounding == Rounding::Fma, subgroups })
+}
+
+/// Whether the driver goes on behind a loop that has not ended. llvmpipe does after 65,535 steps of all loops of a program (Mesa 22.3).
+pub fn cuts_loops(gpu: &Gpu) -> Result<bool, BackendError> {
+    // The state that the steps reach is never 0: it would be so after none of the first 2^17.
+    let taken = answer(gpu, "trying how long loops may be", LOOPS, &[STEPS, 1], 1, 2)?;
+    Ok(taken[0] < STEPS)
+}
+
+/// What the program `text` writes to its second buffer, `words` words, when it is run on its first.
+fn answer<T: bytemuck::NoUninit>(
+    gpu: &Gpu,
+    doing: &'static str,
+    text: &str,
+    given: &[T],
+    groups: u32,
+    words: usize,
+) -> Result<Vec<u32>, BackendError> {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(doing),
-        source: wgpu::ShaderSource::Wgsl(TEXT.into()),
+        source: wgpu::ShaderSource::Wgsl(text.into()),
     });
     let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: Some(doing),
@@ -50,32 +94,29 @@ pub fn arithmetic(gpu: &Gpu) -> Result<Arithmetic, BackendError> {
         cache: None,
     });
     gpu.check(doing)?;
-    let (storage, bytes) = (wgpu::BufferUsages::STORAGE, (CASES * size_of::<f32>()) as u64);
-    let given = gpu.upload_buffer(doing, storage, bytemuck::cast_slice(&given))?;
-    let rests = gpu.buffer(doing, storage | wgpu::BufferUsages::COPY_SRC, bytes)?;
+    let (storage, bytes) = (wgpu::BufferUsages::STORAGE, (words * size_of::<u32>()) as u64);
+    let given = gpu.upload_buffer(doing, storage, bytemuck::cast_slice(given))?;
+    let written = gpu.buffer(doing, storage | wgpu::BufferUsages::COPY_SRC, bytes)?;
     let readable = gpu.buffer(doing, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST, bytes)?;
     let entry = |(binding, buffer)| wgpu::BindGroupEntry { binding, resource: wgpu::Buffer::as_entire_binding(buffer) };
     let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some(doing),
         layout: &pipeline.get_bind_group_layout(0),
-        entries: &[(0, &given), (1, &rests)].map(entry),
+        entries: &[(0, &given), (1, &written)].map(entry),
     });
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(doing) });
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &group, &[]);
-        pass.dispatch_workgroups((CASES / 64) as u32, 1, 1);
+        pass.dispatch_workgroups(groups, 1, 1);
     }
-    encoder.copy_buffer_to_buffer(&rests, 0, &readable, 0, bytes);
-    let mut fused = false;
+    encoder.copy_buffer_to_buffer(&written, 0, &readable, 0, bytes);
+    let mut found = Vec::new();
     gpu.read_mapped(&readable, bytes, Some(encoder.finish()), doing, |bytes| {
-        fused = bytemuck::cast_slice::<u8, f32>(bytes) == expected;
+        found = bytemuck::pod_collect_to_vec(bytes);
     })?;
-    // DirectX's `mad` leaves the choice to the compiler, for each instruction.
-    let rounding = if gpu.adapter.interface == "dx12" { Rounding::Separate } else { Rounding::Fma };
-    let subgroups = gpu.has(wgpu::Features::SUBGROUP) && gpu.subgroup == [32, 32];
-    Ok(Arithmetic { rounding, fused: fused && rounding == Rounding::Fma, subgroups })
+    Ok(found)
 }
 
 #[cfg(test)]

@@ -38,8 +38,8 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
     let first = part.first + 64u * (group.y * groups.x + group.x);
     let index = first + thread;
     if index < part.end {
-        let from = segments[2u * index]; let along = segments[2u * index + 1u];
-        let ray = Ray(bitcast<vec3f>(from.xyz), bitcast<vec3f>(along.xyz), 0.0, bitcast<f32>(from.w));
+        let origin = segments[2u * index]; let along = segments[2u * index + 1u];
+        let ray = Ray(bitcast<vec3f>(origin.xyz), bitcast<vec3f>(along.xyz), 0.0, bitcast<f32>(origin.w));
         if is_blocked(ray, own_triangles[along.w]) { atomicOr(&words[thread / 32u], 1u << (thread % 32u)); }
     }
     workgroupBarrier();
