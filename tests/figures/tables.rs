@@ -16,13 +16,14 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
         "machine" => Ok(by_machine(one()?).iter().map(machine).collect()),
         "cases" => cases(&files.iter().flat_map(by_machine).collect::<Vec<_>>(), options),
         "backends" => backends(files, options),
+        "counts" => counts(files, options),
         "threads" => threads(one()?, options),
         "rays" => rays(files),
         "passes" => passes(files),
         "builds" => builds(files),
         "listed" => listed(one()?, options),
         _ => {
-            let valid = "machine, cases, backends, threads, rays, passes, builds, listed";
+            let valid = "machine, cases, backends, counts, threads, rays, passes, builds, listed";
             Err(format!("there is no kind `{kind}`; valid: {valid}"))
         }
     }
@@ -173,6 +174,47 @@ fn cases(files: &[Value], options: &Options) -> Result<String, String> {
     Ok(out)
 }
 
+/// A whole number with commas between thousands, as the documents write counts.
+fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let comma = |at: usize| at > 0 && (digits.len() - at) % 3 == 0;
+    let cell = |(at, digit)| [comma(at).then_some(','), Some(digit)];
+    digits.chars().enumerate().flat_map(cell).flatten().collect()
+}
+
+/// Rays of each kind in each row that a bench measured with a ray pass. The option `view` keeps the rows of one camera, and its column
+/// is left out; so is that of the fidelity where all rows have one.
+fn counts(files: &[Value], options: &Options) -> Result<String, String> {
+    const KINDS: [&str; 5] = ["shadow", "occlusion", "certain", "reflected", "refracted"];
+    let tables = files.iter().map(|file| rows(file, options)).collect::<Result<Vec<_>, _>>()?;
+    // Rows of one project and view follow each other, a file each.
+    let most = tables.iter().map(Vec::len).max().unwrap_or(0);
+    let rows: Vec<&Value> =
+        (0..most).flat_map(|row| tables.iter().filter_map(move |table| table.get(row))).copied().collect();
+    let views = !options.contains_key("view");
+    let fidelities = rows.iter().any(|row| row["fidelity"] != rows[0]["fidelity"]);
+    let columns = [Some("project"), views.then_some("view"), fidelities.then_some("fidelity")];
+    let columns: Vec<&str> = columns.into_iter().flatten().collect();
+    let mut out = format!("| {} | {} |\n|", columns.join(" | "), KINDS.join(" | "));
+    let _ = writeln!(out, "{}{}", "---|".repeat(columns.len()), "---:|".repeat(KINDS.len()));
+    for row in rows {
+        let steps: Vec<&Value> =
+            row["steps"].as_array().into_iter().flatten().filter(|step| step["rays"].is_object()).collect();
+        if steps.is_empty() {
+            continue;
+        }
+        let path = text(&row["project"]);
+        let stem = path.rsplit('/').next().and_then(|name| name.strip_suffix(".xml")).unwrap_or(path);
+        let stem = stem.strip_prefix("Scene").unwrap_or(stem);
+        let names = columns.iter().map(|column| if *column == "project" { stem } else { text(&row[*column]) });
+        let sum = |kind: &str| steps.iter().map(|step| step["rays"][kind].as_u64()).sum::<Option<u64>>();
+        let counted = KINDS.map(|kind| sum(kind).map(grouped).ok_or_else(|| format!("{path}: no count of `{kind}`")));
+        let counted = counted.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let _ = writeln!(out, "| {} | {} |", names.collect::<Vec<_>>().join(" | "), counted.join(" | "));
+    }
+    Ok(out)
+}
+
 /// The program and the camera of a record of `examples/conformance.rs`.
 fn case(record: &Value) -> (&str, &str) {
     (text(&record["program"]), record["camera"].as_str().unwrap_or("its own"))
@@ -317,6 +359,27 @@ fn machines_of_a_merged_file_are_columns() {
     let told = table("machine", &[file], &options).expect("sentences");
     let starts: Vec<&str> = told.lines().filter_map(|line| line.split(',').next()).collect();
     assert_eq!(starts, ["A", "B"]);
+}
+
+#[test]
+fn rays_are_summed_over_passes_and_files_follow_each_other_by_row() {
+    let rays = |shadow: u64| serde_json::json!({"shadow": shadow, "occlusion": 0, "certain": 2, "reflected": 0, "refracted": 0});
+    let file = |fidelity: &str, shadow: u64| {
+        let steps = serde_json::json!([{"rays": null}, {"rays": rays(shadow)}, {"rays": rays(1)}]);
+        let row = serde_json::json!({"project": "a/SceneX.xml", "view": "Fonte", "fidelity": fidelity, "steps": steps});
+        serde_json::json!({"rows": [row, {"project": "a/SceneNone.xml", "view": "Fonte", "fidelity": fidelity, "steps": []}]})
+    };
+    let files = [file("corrected", 999_999), file("thesis", 0)];
+    let made = table("counts", &files, &Options::new()).expect("a table");
+    let lines: Vec<&str> = made.lines().skip(2).collect();
+    let rest = "0 | 4 | 0 | 0 |";
+    assert_eq!(
+        lines,
+        [format!("| X | Fonte | corrected | 1,000,000 | {rest}"), format!("| X | Fonte | thesis | 1 | {rest}")]
+    );
+    let view = Options::from([("view".to_owned(), "Fonte".to_owned())]);
+    let made = table("counts", &files[..1], &view).expect("a table");
+    assert!(made.starts_with("| project | shadow |") && made.contains("| X | 1,000,000 |"), "{made}");
 }
 
 #[test]
