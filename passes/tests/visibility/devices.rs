@@ -223,7 +223,7 @@ fn wgpu_gives_the_rows_of_the_processor() {
 
 #[test]
 fn wgpu_leaves_out_what_is_not_opaque() {
-    let scene = half_grid(5.0);
+    let scene = half_grid(1.0);
     let mut geometry = geometry(&scene);
     let count = scene.len() as u32 - 2;
     geometry.batches = vec![Batch { material: 0, first: 0, count: 2 }, Batch { material: 1, first: 2, count }];
