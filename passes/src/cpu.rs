@@ -35,6 +35,18 @@ impl CpuRays {
     pub fn new() -> Self {
         Self::default()
     }
+
+    /// The structure of a job's scene; `None` where there is none and the job can trace no ray.
+    ///
+    /// # Errors
+    /// [`BackendError::Unsupported`] if it was not built.
+    pub(crate) fn tracer(&self, job: &RayJob<'_>) -> Result<Option<&Bvh>, BackendError> {
+        match &self.built {
+            Some((scene, bvh)) if std::ptr::eq(&raw const **scene, job.scene) => Ok(Some(bvh)),
+            _ if !may_trace(job) => Ok(None),
+            _ => Err(check::missing(NAME, job, "its scene's acceleration structure was not built")),
+        }
+    }
 }
 
 impl RayBackend for CpuRays {
@@ -75,15 +87,15 @@ impl RayBackend for CpuRays {
             output.pixels.copy_from_slice(job.color);
             return Ok(RayStats::default());
         }
-        match &self.built {
-            Some((scene, bvh)) if std::ptr::eq(&raw const **scene, job.scene) => trace(bvh, job, output, progress),
-            _ if !may_trace(job) => trace(&empty(), job, output, progress),
-            _ => Err(check::missing(NAME, job, "its scene's acceleration structure was not built")),
+        match self.tracer(job)? {
+            Some(bvh) => trace(bvh, job, output, progress),
+            None => trace(&empty(), job, output, progress),
         }
     }
 }
 
-fn empty() -> Bvh {
+/// The structure of a scene without triangles.
+pub(crate) fn empty() -> Bvh {
     Bvh::build(&Geometry::default(), &[], Quality::default())
 }
 
@@ -116,6 +128,23 @@ pub fn trace<T: Tracer>(
     let tiles = tiles_at_a_time(job.program);
     let rays = run(tracer, job, Whole { output, progress, tiles })?;
     Ok(RayStats { rays, ..RayStats::default() })
+}
+
+/// Computes each pixel of a job by a function, tile by tile, and counts the rays that it says it traced.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] if the job lacks what its program reads; says what.
+pub(crate) fn trace_pixels(
+    job: &RayJob<'_>,
+    output: &mut Image,
+    progress: &Progress,
+    pixel: impl Fn(Pixel, &mut RayCounts) -> [f32; 4] + Sync,
+) -> Result<RayCounts, BackendError> {
+    check::images(NAME, job, output)?;
+    in_host(job)?;
+    check::scene(NAME, job)?;
+    let tiles = tiles_at_a_time(job.program);
+    Ok(each_tile(Whole { output, progress, tiles }, alone, |at, work| pixel(at, &mut work.rays)))
 }
 
 /// What a program other than `dummy` writes at one pixel, which lies inside the job's images.

@@ -1,10 +1,11 @@
 //! What the steps of a plan do: rasterisers, the ray tracer, one module per effect, and visibility between triangles.
 //!
-//! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `wgpu_rays`, `explain`, `visibility`; imports run down. `docs/architecture.md` is the map.
+//! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `own`, `wgpu_rays`, `explain`, `visibility`; imports run down. `docs/architecture.md` is the map.
 
 pub mod cpu;
 pub mod effects;
 pub mod explain;
+pub mod own;
 pub mod raster;
 pub mod sampling;
 pub mod trace;

@@ -24,8 +24,17 @@ const OF_PIPELINE: &Floors = &[
     &["plan"],
     &["executor"],
 ];
-const OF_PASSES: &Floors =
-    &[&["trace"], &["sampling"], &["effects"], &["raster"], &["cpu"], &["wgpu_rays"], &["explain"], &["visibility"]];
+const OF_PASSES: &Floors = &[
+    &["trace"],
+    &["sampling"],
+    &["effects"],
+    &["raster"],
+    &["cpu"],
+    &["own"],
+    &["wgpu_rays"],
+    &["explain"],
+    &["visibility"],
+];
 const OF_TRACE: &Floors = &[
     &["simd"],
     &["rounding"],

@@ -1,7 +1,8 @@
-//! The library: what can be set of a renderer, giving frames up, and accumulating samples.
+//! The library: what can be set of a renderer, giving frames up, accumulating samples, and passes of a caller's own.
 
 mod accumulate;
 mod cancel;
+mod own;
 mod setters;
 
 use curitiba::Choice;

@@ -1,0 +1,88 @@
+//! Ray passes of a caller's own: a function of the G-buffer and the scene's tracer in the place of a program.
+
+use crate::cpu::{CpuRays, empty, trace_pixels};
+use crate::effects::Pixel;
+use crate::trace::Bvh;
+use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
+use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::glass::Dielectric;
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
+use curitiba_pipeline::scene::RenderScene;
+use std::sync::Arc;
+
+/// What the function is given for a pixel.
+pub struct At<'a> {
+    /// The pass: scene, camera, light, parameters, and the attachments that the replaced program reads, indexed by
+    /// [`Pixel::index`].
+    pub job: &'a RayJob<'a>,
+    /// The scene's triangles.
+    pub tracer: &'a Bvh,
+    /// Which pixel.
+    pub pixel: Pixel,
+    /// The rays that the function says it traced: they stand in the table of the pass.
+    pub rays: &'a mut RayCounts,
+}
+
+/// The processor's backend, where the passes of one program compute a function of the caller's own.
+///
+/// The replaced program decides what the pass may read ([`RayProgram::info`]): `final` has position, normal and colour, `dummy` the colour
+/// alone and no tracer. The plan, the other passes and the parameters are those of the project.
+///
+/// The function runs on many threads at once, pixels in any order; it should depend on nothing but what it is given. A panic in it is a
+/// panic of [`RayBackend::run`].
+pub struct OwnProgram<F> {
+    rays: CpuRays,
+    replaced: RayProgram,
+    pixel: F,
+}
+
+impl<F: Fn(At<'_>) -> [f32; 4] + Sync> OwnProgram<F> {
+    /// `pixel` gives the four linear numbers that a pass of `replaced` writes at a pixel.
+    #[must_use]
+    pub fn new(replaced: RayProgram, pixel: F) -> Self {
+        Self { rays: CpuRays::new(), replaced, pixel }
+    }
+}
+
+impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
+    fn name(&self) -> &'static str {
+        self.rays.name()
+    }
+
+    fn device(&self) -> String {
+        self.rays.device()
+    }
+
+    fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
+        self.rays.supports(program, fidelity)
+    }
+
+    fn supports_glass(
+        &self,
+        program: RayProgram,
+        params: &RayParams,
+        dielectrics: &[Dielectric],
+    ) -> Result<(), BackendError> {
+        self.rays.supports_glass(program, params, dielectrics)
+    }
+
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        self.rays.build(scene, filtered)
+    }
+
+    fn bytes_per_triangle(&self) -> u64 {
+        self.rays.bytes_per_triangle()
+    }
+
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        if job.program != self.replaced {
+            return self.rays.run(job, output, progress);
+        }
+        let none = empty();
+        let tracer = self.rays.tracer(job)?.unwrap_or(&none);
+        let pixel = |pixel, rays: &mut RayCounts| (self.pixel)(At { job, tracer, pixel, rays });
+        let rays = trace_pixels(job, output, progress, pixel)?;
+        Ok(RayStats { rays, ..RayStats::default() })
+    }
+}

@@ -1,0 +1,54 @@
+//! A pass of the caller's own in a project's graph.
+
+use super::*;
+use curitiba::passes::cpu::CpuRays;
+use curitiba::passes::own::{At, OwnProgram};
+use curitiba::passes::raster::cpu::CpuRasteriser;
+use curitiba::passes::trace::{Ray, Tracer as _};
+use curitiba::pipeline::backend::{NO_TRIANGLE, RayBackend};
+use curitiba::pipeline::executor::Engines;
+use curitiba::pipeline::plan::Plan;
+use curitiba::pipeline::programs::RayProgram;
+use curitiba::pipeline::project;
+use glam::Vec3;
+
+/// A frame of a project with these rays, and what its pass says of them.
+fn rendered(name: &str, rays: impl RayBackend + 'static) -> (Image, String) {
+    let project = project::load(&file(name)).expect("the project loads");
+    let plan = Plan::new(project, settings(name)).expect("the plan stands");
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(rays));
+    let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("the scene loads");
+    let image = frame(&mut renderer);
+    let row = renderer.timeline().rows.iter().find(|row| row.name.starts_with("pass2")).expect("the ray pass");
+    (image, row.note.clone())
+}
+
+/// Whether something is straight above the pixel's surface.
+fn covered(at: At<'_>) -> [f32; 4] {
+    if at.job.triangle[at.pixel.index] == NO_TRIANGLE {
+        return [0.0, 0.0, 1.0, 1.0];
+    }
+    let [x, y, z, _] = at.job.position[at.pixel.index];
+    at.rays.shadow += 1;
+    let ray = Ray { origin: Vec3::new(x, y + 1e-3, z), direction: Vec3::Y, t_min: 0.0, t_max: f32::INFINITY };
+    let share = if at.tracer.occluded(&ray, |_| true) { 0.25 } else { 1.0 };
+    [share, share, share, 1.0]
+}
+
+#[test]
+fn a_function_of_ones_own_is_a_pass_of_the_graph() {
+    let (image, note) = rendered("SceneFinal", OwnProgram::new(RayProgram::Final, covered));
+    let has = |value: f32| image.pixels.iter().filter(|pixel| (pixel[0] - value).abs() < 1.0 / 255.0).count();
+    assert!(has(0.25) > 50 && has(1.0) > 1000 && has(0.25) + has(1.0) + has(0.0) == image.pixels.len(), "{note}");
+    // Pixels that show the square trace a ray each.
+    let seen = image.pixels.len() - has(0.0);
+    assert!(note.contains(&seen.to_string()), "{note}: {seen} rays");
+}
+
+#[test]
+fn passes_of_other_programs_are_those_of_the_processor() {
+    let (own, note) = rendered("SceneReflect", OwnProgram::new(RayProgram::Ssao, covered));
+    let (expected, as_expected) = rendered("SceneReflect", CpuRays::new());
+    assert_eq!(bits(&own), bits(&expected));
+    assert_eq!(note, as_expected);
+}
