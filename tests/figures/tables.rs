@@ -177,7 +177,7 @@ fn cases(files: &[Value], options: &Options) -> Result<String, String> {
 /// A whole number with commas between thousands, as the documents write counts.
 fn grouped(count: u64) -> String {
     let digits = count.to_string();
-    let comma = |at: usize| at > 0 && (digits.len() - at) % 3 == 0;
+    let comma = |at: usize| at > 0 && (digits.len() - at).is_multiple_of(3);
     let cell = |(at, digit)| [comma(at).then_some(','), Some(digit)];
     digits.chars().enumerate().flat_map(cell).flatten().collect()
 }
