@@ -40,13 +40,15 @@ DEVICE float2 texture_coordinates(const Params &params, const Hit &hit) {
     float w = 1.0f - hit.u - hit.v;
     return make_float2(a.x * w + b.x * hit.u + c.x * hit.v, a.y * w + b.y * hit.u + c.y * hit.v);
 }
-DEVICE float4 vertex_color(const Params &params, const Hit &hit) {
+// An attribute of four numbers a vertex.
+DEVICE float4 four_between(const Params &params, const float4 *values, const Hit &hit) {
     uint3 i = corners_of(params, hit.triangle);
-    float4 a = __ldg(params.colors + i.x), b = __ldg(params.colors + i.y), c = __ldg(params.colors + i.z);
+    float4 a = __ldg(values + i.x), b = __ldg(values + i.y), c = __ldg(values + i.z);
     float w = 1.0f - hit.u - hit.v;
     return make_float4(a.x * w + b.x * hit.u + c.x * hit.v, a.y * w + b.y * hit.u + c.y * hit.v,
                        a.z * w + b.z * hit.u + c.z * hit.v, a.w * w + b.w * hit.u + c.w * hit.v);
 }
+DEVICE float4 vertex_color(const Params &params, const Hit &hit) { return four_between(params, params.colors, hit); }
 
 DEVICE float4 lerp(float4 a, float4 b, float s) {
     float r = 1.0f - s;
@@ -65,29 +67,33 @@ DEVICE float share_of_side(float t, unsigned wrap) {
     float twice = 2.0f * (halved - floorf(halved));
     return twice > 1.0f ? 2.0f - twice : twice;
 }
-DEVICE float4 texel(const Params &params, const TextureInfo &info, int x, int y) {
+// `decoded` has the values of the codes of colours; none where texels are read as stored.
+DEVICE float4 texel(const Params &params, const TextureInfo &info, const float *decoded, int x, int y) {
     int width = (int)info.width, height = (int)info.height;
     x = beyond(x, width, info.wrap_u);
     y = beyond(y, height, info.wrap_v);
     uchar4 t = params.texels[info.first + (unsigned long long)y * info.width + x];
-    if (params.decoded) {
-        const float *d = params.decoded;
-        return make_float4(__ldg(d + t.x), __ldg(d + t.y), __ldg(d + t.z), (float)t.w / 255.0f);
+    if (decoded) {
+        return make_float4(__ldg(decoded + t.x), __ldg(decoded + t.y), __ldg(decoded + t.z), (float)t.w / 255.0f);
     }
     return make_float4((float)t.x / 255.0f, (float)t.y / 255.0f, (float)t.z / 255.0f, (float)t.w / 255.0f);
 }
 // Bilinear filtering of level 0; `v = 0` is the bottom row.
-DEVICE float4 sample_texture(const Params &params, unsigned texture, float2 uv) {
+DEVICE float4 sample_numbers(const Params &params, unsigned texture, float2 uv, const float *decoded = nullptr) {
     TextureInfo info = params.textures[texture];
-    if (!(isfinite(uv.x) && isfinite(uv.y))) return texel(params, info, 0, 0);
+    if (!(isfinite(uv.x) && isfinite(uv.y))) return texel(params, info, decoded, 0, 0);
     float x = share_of_side(uv.x, info.wrap_u) * (float)info.width - 0.5f;
     float y = (1.0f - share_of_side(uv.y, info.wrap_v)) * (float)info.height - 0.5f;
     float left = floorf(x), top = floorf(y);
     float fx = x - left, fy = y - top;
     int l = (int)left, t = (int)top;
-    float4 upper = lerp(texel(params, info, l, t), texel(params, info, l + 1, t), fx);
-    float4 lower = lerp(texel(params, info, l, t + 1), texel(params, info, l + 1, t + 1), fx);
+    float4 upper = lerp(texel(params, info, decoded, l, t), texel(params, info, decoded, l + 1, t), fx);
+    float4 lower = lerp(texel(params, info, decoded, l, t + 1), texel(params, info, decoded, l + 1, t + 1), fx);
     return lerp(upper, lower, fy);
+}
+// The same of colours.
+DEVICE float4 sample_texture(const Params &params, unsigned texture, float2 uv) {
+    return sample_numbers(params, texture, uv, params.decoded);
 }
 
 DEVICE const Shade &shade_of(const Params &params, unsigned triangle) {
@@ -109,13 +115,45 @@ DEVICE bool covers(const Params &params, const Hit &hit) {
     return alpha >= shade.cutoff;
 }
 
+// The normal that a texel makes of the one between the corners, on a triangle of unit normal `flat` on either side, as
+// `normal_map::bent` of the pipeline has it.
+DEVICE float3 bent(float3 texel, float scale, float3 normal, float4 tangent, float3 flat) {
+    float x = (2.0f * texel.x - 1.0f) * scale, y = (2.0f * texel.y - 1.0f) * scale, height = 2.0f * texel.z - 1.0f;
+    float z = height > LEAST_HEIGHT ? height : LEAST_HEIGHT;
+    float3 along = xyz(tangent), across = cross(normal, along) * tangent.w, turned;
+    if (!try_normalize(along * x + across * y + normal * z, turned)) turned = normal * length_recip(normal);
+    float3 side = dot(flat, normal) < 0.0f ? -flat : flat;
+    float cosine = dot(turned, side);
+    if (!(cosine < LEAST_COSINE)) return turned;
+    float3 raised;
+    if (!try_normalize(turned + side * (LEAST_COSINE - cosine), raised)) raised = side * length_recip(side);
+    return raised;
+}
+// The normal at a hit, bent by the normal map of its material if it has one; `vertices` is the one between the corners.
+DEVICE float3 bent_normal(const Params &params, const Hit &hit, float3 vertices, float3 flat) {
+    const Shade &shade = shade_of(params, hit.triangle);
+    if (!(shade.flags & SHADE_NORMAL_MAP) || !(dot(vertices, vertices) > LEAST_SQUARE)) return vertices;
+    float3 texel = xyz(sample_numbers(params, shade.normal_texture, texture_coordinates(params, hit)));
+    return bent(texel, shade.normal_scale, vertices, four_between(params, params.tangents, hit), flat);
+}
+// Whether the normal between the corners faces the light, on the side of the triangle on which a bent normal is.
+DEVICE bool vertices_face_light(const Params &params, const Hit &hit, float3 bent, float3 to_light) {
+    Corners corners = positions_of(params, hit.triangle);
+    float3 flat = cross(corners.b - corners.a, corners.c - corners.a), vertices = normal_at(params, hit);
+    bool turned = (dot(flat, vertices) < 0.0f) != (dot(flat, bent) < 0.0f);
+    float cosine = dot(vertices, to_light);
+    return (turned ? -cosine : cosine) > 0.0f;
+}
+
 // Diffuse light, ambient light and texture, with this unit normal, times the vertex colour, and the light that the surface sends out.
 DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
     const Shade &shade = shade_of(params, hit.triangle);
     float3 diffuse = vec3(shade.diffuse[0], shade.diffuse[1], shade.diffuse[2]);
     float3 to_light = vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
     float3 light = vec3(params.light_color[0], params.light_color[1], params.light_color[2]);
-    float3 lit = diffuse * (light * fmaxf(dot(to_light, normal), 0.0f));
+    float cosine = fmaxf(dot(to_light, normal), 0.0f);
+    if (shade.flags & SHADE_NORMAL_MAP && !vertices_face_light(params, hit, normal, to_light)) cosine = 0.0f;
+    float3 lit = diffuse * (light * cosine);
     float3 reflected = lit + AMBIENT * diffuse;
     if (shade.texture != NO_TEXTURE) {
         reflected = (lit + splat(AMBIENT)) * xyz(sample_texture(params, shade.texture, texture_coordinates(params, hit)));

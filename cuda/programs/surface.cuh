@@ -132,7 +132,7 @@ DEVICE float3 interface_normal(const Surface &surface, float3 view) {
 // The point that a ray meets.
 DEVICE Surface surface_hit(const Params &params, float3 direction, const Hit &hit) {
     SurfacePoint point = point_on(positions_of(params, hit.triangle), (double)hit.u, (double)hit.v);
-    return surface_of(point, normal_at(params, hit), direction);
+    return surface_of(point, bent_normal(params, hit, normal_at(params, hit), point.normal), direction);
 }
 
 struct Interface {

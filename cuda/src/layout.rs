@@ -5,6 +5,7 @@ use cudarc::driver::DeviceRepr;
 use curitiba_passes::effects::constants as effects;
 pub use curitiba_passes::effects::constants::{MAX_CROSSINGS, MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS_ENTRIES};
 use curitiba_passes::trace::gpu_tree;
+use curitiba_pipeline::scene::normal_map;
 use std::fmt::Write as _;
 
 /// Declares structs in Rust and says how they are spelled in CUDA C++.
@@ -53,7 +54,7 @@ shared_structs! {
     struct Shade {
         /// Diffuse colour.
         diffuse: [f32; 3] = "float[3]",
-        /// [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`], [`SHADE_GLOW`], [`SHADE_VERTEX_COLORS`].
+        /// [`SHADE_GLASS`], [`SHADE_SHADOW_GLASS`], [`SHADE_CUT`], [`SHADE_GLOW`], [`SHADE_VERTEX_COLORS`], [`SHADE_NORMAL_MAP`].
         flags: u32 = "unsigned",
         /// Index into [`Params::textures`], or [`NO_TEXTURE`].
         texture: u32 = "unsigned",
@@ -63,6 +64,10 @@ shared_structs! {
         glow: [f32; 3] = "float[3]",
         /// What that is multiplied by: index into [`Params::textures`], or [`NO_TEXTURE`].
         glow_texture: u32 = "unsigned",
+        /// With [`SHADE_NORMAL_MAP`]: index into [`Params::textures`].
+        normal_texture: u32 = "unsigned",
+        /// What x and y of its vectors are multiplied by.
+        normal_scale: f32 = "float",
     }
 
     /// A material as rays in glass see it: `Dielectric` of the pipeline, smooth and without dispersion.
@@ -122,6 +127,8 @@ shared_structs! {
         texcoords: Address = "const float2 *",
         /// Colours of the vertices, with [`SHADE_VERTEX_COLORS`].
         colors: Address = "const float4 *",
+        /// Tangents of the vertices and sides of the bitangents, with [`SHADE_NORMAL_MAP`].
+        tangents: Address = "const float4 *",
         /// Vertices of the triangles, three indices each.
         triangles: Address = "const unsigned *",
         /// Material of each triangle.
@@ -242,6 +249,8 @@ pub const SHADE_CUT: u32 = 4;
 pub const SHADE_GLOW: u32 = 8;
 /// What it reflects, and its alpha, is multiplied by the colours of its vertices.
 pub const SHADE_VERTEX_COLORS: u32 = 16;
+/// A normal map bends its shading normals.
+pub const SHADE_NORMAL_MAP: u32 = 32;
 /// Light falls straight through glass, weakened by what each material does; else each surface of glass dims it alike.
 pub const ASKS_STRAIGHT: u32 = 1;
 /// The launch is one thread, which finds the bodies that the camera is in.
@@ -313,6 +322,7 @@ pub fn header() -> String {
         ("SHADE_CUT", SHADE_CUT),
         ("SHADE_GLOW", SHADE_GLOW),
         ("SHADE_VERTEX_COLORS", SHADE_VERTEX_COLORS),
+        ("SHADE_NORMAL_MAP", SHADE_NORMAL_MAP),
         ("ASKS_STRAIGHT", ASKS_STRAIGHT),
         ("ASKS_EYE", ASKS_EYE),
         ("SHAPE_OPAQUE", SHAPE_OPAQUE),
@@ -364,6 +374,9 @@ pub fn header() -> String {
         ("THESIS_EPSILON", effects::EPSILON),
         ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
         ("GLASS_BOUNCE", effects::BOUNCE),
+        ("LEAST_SQUARE", effects::LEAST_SQUARE),
+        ("LEAST_HEIGHT", normal_map::LEAST_HEIGHT),
+        ("LEAST_COSINE", normal_map::LEAST_COSINE),
     ];
     for (name, value) in floats.into_iter().chain(gpu_tree::BOUNDS.iter().copied()) {
         writeln!(text, "constexpr float {name} = {value:e}f;").expect("strings grow");

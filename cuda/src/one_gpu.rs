@@ -373,6 +373,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             normals: 0,
             texcoords: 0,
             colors: 0,
+            tangents: 0,
             triangles: 0,
             materials: 0,
             shades: images.shades.address(device),

@@ -2,9 +2,9 @@
 
 use crate::device::{Address, Buffer, Device};
 use crate::layout::{
-    Body, NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS,
-    SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, Shade, TextureInfo, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR,
-    VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    Body, NO_TEXTURE, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS,
+    SHADE_VERTEX_COLORS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, Shade, TextureInfo, VERTEX_COLORS_DISPLAY,
+    VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use curitiba_pipeline::backend::{BackendError, RayJob};
 use curitiba_pipeline::color::{ColorSpace, DECODED};
@@ -21,6 +21,8 @@ pub struct SceneBuffers {
     texcoords: Buffer<f32>,
     /// Empty where no mesh has colours.
     colors: Buffer<f32>,
+    /// Empty where no mesh has a normal map.
+    tangents: Buffer<f32>,
     triangles: Buffer<u32>,
     materials: Buffer<u32>,
     textures: Buffer<TextureInfo>,
@@ -39,6 +41,7 @@ impl SceneBuffers {
             normals: device.upload("vertex normals", bytemuck::cast_slice(&geometry.normals))?,
             texcoords: device.upload("texture coordinates", bytemuck::cast_slice(&geometry.texcoords))?,
             colors: device.upload("vertex colours", bytemuck::cast_slice(&geometry.colors))?,
+            tangents: device.upload("vertex tangents", bytemuck::cast_slice(&geometry.tangents))?,
             triangles: device.upload("triangles", bytemuck::cast_slice(&geometry.triangles))?,
             materials: device.upload("the materials of triangles", &geometry.materials().collect::<Vec<_>>())?,
             textures: device.upload("texture sizes", &textures)?,
@@ -53,6 +56,7 @@ impl SceneBuffers {
         params.normals = self.normals.address(device);
         params.texcoords = self.texcoords.address(device);
         params.colors = self.colors.address(device);
+        params.tangents = self.tangents.address(device);
         params.triangles = self.triangles.address(device);
         params.materials = self.materials.address(device);
         params.textures = self.textures.address(device);
@@ -71,6 +75,7 @@ impl SceneBuffers {
             + self.normals.bytes()
             + self.texcoords.bytes()
             + self.colors.bytes()
+            + self.tangents.bytes()
             + self.triangles.bytes()
             + self.materials.bytes()
             + self.textures.bytes()
@@ -109,11 +114,14 @@ pub fn shades(job: &RayJob<'_>) -> Vec<Shade> {
                 | set(job.shadow_glass, material, SHADE_SHADOW_GLASS)
                 | if cutoff.is_some() { SHADE_CUT } else { 0 }
                 | if shade.glow.is_some() { SHADE_GLOW } else { 0 }
-                | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 },
+                | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 }
+                | if shade.normal_map.is_some() { SHADE_NORMAL_MAP } else { 0 },
             texture: shade.texture.unwrap_or(NO_TEXTURE),
             cutoff: cutoff.unwrap_or(0.0),
             glow: shade.glow.map_or([0.0; 3], |glow| glow.color.to_array()),
             glow_texture: shade.glow.and_then(|glow| glow.texture).unwrap_or(NO_TEXTURE),
+            normal_texture: shade.normal_map.map_or(NO_TEXTURE, |map| map.texture),
+            normal_scale: shade.normal_map.map_or(0.0, |map| map.scale),
         }
     };
     job.shades.iter().enumerate().map(shade).collect()

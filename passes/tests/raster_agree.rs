@@ -9,7 +9,7 @@ use common::ALL;
 use curitiba_passes::raster::cpu::CpuRasteriser;
 use curitiba_pipeline::backend::{GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect};
 use glam::{DVec2, Vec3, Vec4};
-use scenes::{Setup, cut_out, grazing, hills, marked, soup, tinted};
+use scenes::{Setup, bumpy, cut_out, grazing, hills, marked, soup, tinted};
 use support::rasteriser;
 
 /// Largest distance of positions (in distances from the eye), normals, cosines and untextured colours, besides [`slack`].
@@ -90,6 +90,14 @@ impl Agreement {
                 let largest = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f32::max);
                 slack_position = slack * spread(corners) + 16.0 * f32::EPSILON * largest;
                 slack_normal = slack * spread(normals);
+                if let Some(map) = job.shades[geometry.material_of(id_a) as usize].normal_map {
+                    let levels = &job.scene.textures[map.texture as usize].levels[0].texels;
+                    let varies = levels.iter().any(|texel| *texel != levels[0]);
+                    // A texel's component becomes twice as long a vector's; the frame turns as much as the normal.
+                    let steep = map.scale.abs().max(1.0);
+                    slack_normal = 2.0 * steep * (slack_normal + TOLERANCE)
+                        + if varies { 2.0 * steep * TEXTURED_TOLERANCE } else { 0.0 };
+                }
                 let textured = job.shades[geometry.material_of(id_a) as usize].texture.is_some();
                 color_tolerance = slack_normal + if textured { TEXTURED_TOLERANCE } else { TOLERANCE };
             }
@@ -155,6 +163,9 @@ const STRICT: Allowed = Allowed { coverage: 1e-4, triangle: 2e-3, vector: 0.0, c
 /// differently, and whose planes of attributes devices compute from areas that nearly vanish.
 const NEEDLES: Allowed = Allowed { coverage: 1e-3, triangle: 5e-3, vector: 1e-3, color: 1e-3 };
 
+/// For normal maps that are seen from far: levels of detail differ, and light ends at the horizon of the surface at once.
+const BUMPS: Allowed = Allowed { vector: 2e-3, ..STRICT };
+
 fn render(rasteriser: &mut dyn Rasteriser, setup: &Setup, job: &RasterJob<'_>, width: u32, height: u32) -> GBuffer {
     let mut target = marked(width, height, job.attachments);
     rasteriser.upload(&setup.scene).expect("uploads");
@@ -166,12 +177,12 @@ fn render(rasteriser: &mut dyn Rasteriser, setup: &Setup, job: &RasterJob<'_>, w
 }
 
 fn setups() -> Vec<(Setup, Allowed)> {
-    let scenes = [hills(160), hills(16), grazing(), cut_out(), tinted()];
+    let scenes = [hills(160), hills(16), grazing(), cut_out(), tinted(), bumpy(0.0)];
     let kinds = [0, 2, 3, 4, 5, 6];
     // Triangles below a pixel and needles must be many, or they cover nothing.
     let soups = kinds.map(|kind| soup(kind, if kind == 2 { 20_000 } else { 3000 }));
     let strict = scenes.into_iter().chain(soups).map(|setup| (setup, STRICT));
-    strict.chain([(soup(1, 20_000), NEEDLES)]).collect()
+    strict.chain([(soup(1, 20_000), NEEDLES), (bumpy(1.0), BUMPS)]).collect()
 }
 
 const WIDTH: u32 = 500;

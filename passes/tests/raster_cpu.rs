@@ -4,7 +4,9 @@ mod common;
 
 use common::{ALL, Random, camera, grey, job, pixels, soup, terrain};
 use curitiba_passes::raster::cpu::{CpuRasteriser, InstructionSet};
-use curitiba_pipeline::backend::{Attachments, GBuffer, Glow, NO_TRIANGLE, RasterJob, Rasteriser, Rect, Shade, View};
+use curitiba_pipeline::backend::{
+    Attachments, GBuffer, Glow, NO_TRIANGLE, NormalMap, RasterJob, Rasteriser, Rect, Shade, Sun, View,
+};
 use curitiba_pipeline::scene::texture::{Texture, lod};
 use curitiba_pipeline::scene::{Batch, RenderScene};
 use glam::{DMat4, DVec2, DVec3, Vec2, Vec3, Vec4};
@@ -316,6 +318,73 @@ fn colours_of_vertices_multiply_what_is_reflected_and_not_what_is_sent_out() {
         .draw(&job(&bare, &shades, camera(1.25), 150, 120, ALL), &mut GBuffer::new(150, 120, ALL))
         .expect_err("there are no colours");
     assert!(error.to_string().contains("vertex colours"), "{error}");
+}
+
+#[test]
+fn a_normal_map_tilts_normals_and_their_light_by_a_known_angle() {
+    // A slanted quad; u grows along its first edge and v along the second, or the other way round where it is mirrored.
+    let (origin, right, up) = (Vec3::new(-6.0, -5.0, -14.0), Vec3::new(11.0, 1.0, -6.0), Vec3::new(-0.5, 11.0, 2.0));
+    let up = up - right * (up.dot(right) / right.length_squared());
+    let corners = [origin, origin + right, origin + right + up, origin + up];
+    let mut scene = common::triangles(&[[corners[0], corners[1], corners[2]], [corners[0], corners[2], corners[3]]]);
+    let normal = right.cross(up).normalize();
+    scene.geometry.normals = vec![normal; 6];
+    let texel = [214, 86, 230, 255];
+    scene.textures = vec![Texture::new("bumps".to_owned(), 4, 4, vec![texel; 16])];
+    let [x, y, z] = [0, 1, 2].map(|axis: usize| f64::from(texel[axis]) / 255.0 * 2.0 - 1.0);
+    for (side, scale) in [(1.0, 1.0), (-1.0, 1.0), (1.0, 0.5), (-1.0, -2.0)] {
+        scene.geometry.tangents = vec![right.normalize().extend(side); 6];
+        let normal_map = Some(NormalMap { texture: 0, scale });
+        let shades = [Shade { normal_map, ..grey() }];
+        let (u, v) = (right.as_dvec3().normalize(), up.as_dvec3().normalize() * f64::from(side));
+        let tilted = (u * x * f64::from(scale) + v * y * f64::from(scale) + normal.as_dvec3() * z).normalize();
+        let faces =
+            |to_light: Vec3| if normal.dot(to_light) > 0.0 { tilted.dot(to_light.as_dvec3()).max(0.0) } else { 0.0 };
+        // Light that both face, that the surface alone faces, and that the bumps alone face.
+        let tilt = tilted.as_vec3();
+        let lights = [normal + tilt, normal - 0.98 * tilt, tilt - 1.02 * normal * tilt.dot(normal)];
+        for to_light in lights.map(|to_light| to_light.normalize()) {
+            let sun = Some(Sun { direction: -to_light, color: Vec3::ONE });
+            for attachments in [ALL, Attachments { normal: true, triangle: true, ..Attachments::default() }] {
+                let job = RasterJob { sun, ..job(&scene, &shades, camera(1.25), 150, 120, attachments) };
+                for set in InstructionSet::ALL {
+                    let Some(mut rasteriser) = CpuRasteriser::with_instruction_set(set) else { continue };
+                    let mut target = GBuffer::new(150, 120, attachments);
+                    rasteriser.draw(&job, &mut target).expect("drawn");
+                    let mut seen = 0;
+                    for (index, _) in target.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
+                        let found = Vec4::from(target.normal[index]).truncate().as_dvec3();
+                        assert!(found.distance(tilted) < 2e-6, "{set:?} {side} {scale}: {found}, not {tilted}");
+                        if attachments == ALL {
+                            let cosine = f64::from(target.position[index][3]);
+                            assert!((cosine - faces(to_light)).abs() < 2e-6, "{cosine}, not {}", faces(to_light));
+                        }
+                        seen += 1;
+                    }
+                    assert!(seen > 3000, "{seen} pixels");
+                }
+            }
+        }
+        let lit: Vec<bool> = lights.iter().map(|to_light| faces(to_light.normalize()) > 0.0).collect();
+        assert_eq!(lit, [true, false, false]);
+    }
+    // A map that says nothing leaves the picture as it is without, but for rounding; and a scene without tangents is refused.
+    let flat = [Shade { normal_map: Some(NormalMap { texture: 0, scale: 0.0 }), ..grey() }];
+    let draw = |shades: &[Shade]| {
+        let mut target = GBuffer::new(150, 120, ALL);
+        CpuRasteriser::new().draw(&job(&scene, shades, camera(1.25), 150, 120, ALL), &mut target).map(|_| target)
+    };
+    let [bent, plain] = [draw(&flat).expect("drawn"), draw(&[grey()]).expect("drawn")];
+    let same = |a: &[[f32; 4]], b: &[[f32; 4]]| {
+        a.iter().zip(b).all(|(a, b)| (Vec4::from(*a) - Vec4::from(*b)).length() < 1e-6)
+    };
+    assert!(same(&bent.normal, &plain.normal) && same(&bent.color, &plain.color) && bent.position.len() == 150 * 120);
+    let mut bare = scene.clone();
+    bare.geometry.tangents.clear();
+    let error = CpuRasteriser::new()
+        .draw(&job(&bare, &flat, camera(1.25), 150, 120, ALL), &mut GBuffer::new(150, 120, ALL))
+        .expect_err("there are no tangents");
+    assert!(error.to_string().contains("normal maps"), "{error}");
 }
 
 #[test]

@@ -57,6 +57,8 @@ pub struct Shade {
     pub emission: Vec4,
     /// Index into [`RenderScene::textures`], where the material has a texture and the pass reads it.
     pub texture: Option<u32>,
+    /// What bends the shading normal. `None` in thesis fidelity.
+    pub normal_map: Option<NormalMap>,
     /// Whether what the surface reflects, and its alpha, is multiplied by the colours of its vertices
     /// ([`Geometry::colors`](crate::scene::Geometry::colors)).
     pub vertex_colors: bool,
@@ -80,6 +82,7 @@ impl Shade {
         diffuse: Vec4::ONE,
         emission: Vec4::ZERO,
         texture: None,
+        normal_map: None,
         vertex_colors: false,
         alpha_cutoff: None,
         glow: None,
@@ -90,6 +93,15 @@ impl Shade {
     pub fn is_cut(&self) -> bool {
         self.alpha_cutoff.is_some() && (self.texture.is_some() || self.vertex_colors)
     }
+}
+
+/// A texture that bends the shading normal; [`crate::scene::normal_map`] says how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NormalMap {
+    /// Index into [`RenderScene::textures`], read where [`Shade::texture`] is.
+    pub texture: u32,
+    /// What x and y of its vectors are multiplied by: finite, of at most 1e6.
+    pub scale: f32,
 }
 
 /// Light that a surface sends out by itself.

@@ -163,6 +163,14 @@ mod tests {
         let written = folder.path().join("a.cbo");
         let error = plant::in_crate("image", || write_cbo(&scene, &written, crate::scene::Layout::Cbo2014));
         names(&error.expect_err("refused").to_string(), "t.png", "image");
+
+        let mut bumpy = scene.clone();
+        bumpy.materials[0].normal_texture = Some(0);
+        bumpy.meshes[0].texcoords = vec![glam::Vec2::ZERO, glam::Vec2::X, glam::Vec2::Y];
+        let build = || RenderScene::build(bumpy.clone(), &BuildOptions::default());
+        assert_eq!(build().expect("it is built").0.geometry.tangents.len(), 3);
+        let error = plant::in_crate("bevy_mikktspace", build).expect_err("refused").to_string();
+        names(&error, "scene", "bevy_mikktspace");
     }
 
     #[test]

@@ -179,7 +179,7 @@ fn materials_and_their_extensions_are_read() {
         {
             "name": "glass", "alphaMode": "MASK", "alphaCutoff": 0.25, "emissiveFactor": [0.5, 0.25, 0.0],
             "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 0.5], "roughnessFactor": 0.4},
-            "normalTexture": {"index": 0}, "extras": {"priority": 7, "of": "no one else's business"},
+            "occlusionTexture": {"index": 0}, "extras": {"priority": 7, "of": "no one else's business"},
             "extensions": {
                 "KHR_materials_transmission": {"transmissionFactor": 0.9},
                 "KHR_materials_ior": {"ior": 1.33},

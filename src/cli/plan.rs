@@ -65,7 +65,7 @@ fn texture_files(source: &TextureSource) -> Vec<&PathBuf> {
     match source.texels().0 {
         TextureSource::File(path) => vec![path],
         TextureSource::Masked { color, mask } => vec![color, mask],
-        TextureSource::Embedded { .. } | TextureSource::Wrapped { .. } => Vec::new(),
+        TextureSource::Embedded { .. } | TextureSource::Wrapped { .. } | TextureSource::Data { .. } => Vec::new(),
     }
 }
 

@@ -57,6 +57,15 @@ static void lifts() {
     }
 }
 
+// Normals that texels bend.
+static void bumps() {
+    while (place < input.size()) {
+        float3 texel = vector(), normal = vector(), along = vector(), flat = vector();
+        float scale = number(), side = number();
+        put(bent(texel, scale, normal, make_float4(along.x, along.y, along.z, side), flat));
+    }
+}
+
 // Random numbers, directions of a hemisphere, and weights of an interface of glass.
 static void samples() {
     while (place < input.size()) {
@@ -109,6 +118,7 @@ int main(int count, char **arguments) {
     if (what == "intersections") intersections();
     else if (what == "points") points();
     else if (what == "lifts") lifts();
+    else if (what == "bumps") bumps();
     else if (what == "samples") samples();
     else if (what == "cones") cones();
     else return 1;

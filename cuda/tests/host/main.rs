@@ -10,7 +10,7 @@ use curitiba_passes::sampling::hash::{dimensions, path_key, pixel_key, unit};
 use curitiba_passes::sampling::hemisphere::{Basis, cosine};
 use curitiba_passes::sampling::owen_sobol::scramble_reversed;
 use curitiba_passes::trace::{Bvh, Hit, Quality, Ray, SurfacePoint, Tracer};
-use curitiba_pipeline::scene::{Batch, Geometry};
+use curitiba_pipeline::scene::{Batch, Geometry, normal_map};
 use glam::{Vec2, Vec3};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -282,6 +282,43 @@ fn points_are_lifted_by_the_device_as_by_the_processor() {
     let change = ["ROUND = 8.5e-1f", "ROUND = 9.5e-1f"];
     let changed = compiled("round", Some(change)).expect("there is a compiler");
     assert!(ways_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
+}
+
+/// Bent normals that differ, of how many, and how many of them were kept from turning to the other side of the triangle.
+fn bumps_that_differ(program: &Path) -> [usize; 3] {
+    let mut random = Random(7);
+    let (mut input, mut expected, mut kept) = (Vec::new(), Vec::new(), 0);
+    for index in 0..20_000 {
+        let texel = random.cube() * 0.5 + 0.5;
+        let flat = random.direction();
+        // Between the corners neither is of unit length; none at all in some.
+        let normal = (flat + random.cube() * 0.6) * [0.9, -0.7, 1.0][index % 3];
+        let along = if index % 50 == 0 { Vec3::ZERO } else { random.cube() };
+        let (scale, side) = ([1.0, 0.5, -4.0, 1e6][index % 4], [1.0, -1.0, 0.3][index % 3]);
+        input.extend(words([texel, normal, along, flat]).chain([scale, side].map(f32::to_bits)));
+        let bent = normal_map::bent(texel, scale, normal, along.extend(side), flat);
+        let (cosine, other) = (bent.dot(flat), normal.dot(flat));
+        kept += usize::from(cosine.abs() < 2.0 * normal_map::LEAST_COSINE && cosine * other > 0.0);
+        expected.push(bent);
+    }
+    let found = run(program, "bumps", &input);
+    let differ = found.as_chunks::<3>().0.iter().zip(&expected);
+    let differ = differ.filter(|(found, expected)| **found != expected.to_array().map(f32::to_bits)).count();
+    [differ, expected.len(), kept]
+}
+
+#[test]
+fn normals_are_bent_by_the_device_as_by_the_processor() {
+    let Some(program) = compiled("bumps", None) else { return };
+    let [differ, all, kept] = bumps_that_differ(&program);
+    assert!(differ == 0 && kept > 1000, "{differ} of {all} normals differ, {kept} are kept on their side");
+    for (name, change) in [
+        ("least-cosine", ["LEAST_COSINE = 1e-2f", "LEAST_COSINE = 2e-2f"]),
+        ("least-height", ["LEAST_HEIGHT = 3.921569e-3f", "LEAST_HEIGHT = 4.1e-3f"]),
+    ] {
+        let changed = compiled(name, Some(change)).expect("there is a compiler");
+        assert!(bumps_that_differ(&changed)[0] > 0, "{change:?} is not noticed");
+    }
 }
 
 /// Samples that differ, of how many.

@@ -107,6 +107,19 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError
         let why = format!("material `{name}` has vertex colours, and the scene was prepared without");
         return Err(missing(backend, job, &why));
     }
+    let mapped = job.shades.iter().enumerate().filter_map(|(material, shade)| Some((material, shade.normal_map?)));
+    for (material, map) in mapped.filter(|_| hits_are_shaded) {
+        let vertices = geometry.positions.len();
+        let what = match () {
+            () if map.texture as usize >= scene.textures.len() => "that texture",
+            () if geometry.tangents.len() != vertices => "tangents",
+            () if geometry.texcoords.len() != vertices => "texture coordinates",
+            () => continue,
+        };
+        let name = &scene.materials[material].name;
+        let why = format!("material `{name}` has a normal map, and the scene was prepared without {what}");
+        return Err(missing(backend, job, &why));
+    }
     let known = geometry.triangles.len();
     if job.fidelity == Fidelity::Corrected && most_triangles(job.triangle) > known {
         return Err(missing(backend, job, &format!("the triangle ids name more than the scene's {known} triangles")));

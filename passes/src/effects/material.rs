@@ -3,7 +3,11 @@
 use super::interpolate::{interpolate, texture_coordinates};
 use super::pass::Pass;
 use crate::trace::Hit;
+use curitiba_pipeline::scene::normal_map;
 use glam::Vec3;
+
+/// As in the rasteriser: normals whose squared length is not above this have cancelled.
+pub const LEAST_SQUARE: f32 = 1e-30;
 
 /// The report's ambient light.
 pub const AMBIENT: f32 = 0.3;
@@ -15,7 +19,9 @@ impl<T, C> Pass<'_, T, C> {
         let scene = self.job.scene;
         let shade = &self.job.shades[scene.geometry.material_of(hit.triangle) as usize];
         let diffuse = shade.diffuse.truncate();
-        let lit = diffuse * (self.light_color * self.to_light.dot(normal).max(0.0));
+        let faces_light = shade.normal_map.is_none() || self.vertices_face_light(hit, normal);
+        let cosine = if faces_light { self.to_light.dot(normal).max(0.0) } else { 0.0 };
+        let lit = diffuse * (self.light_color * cosine);
         let reflected = match shade.texture {
             None => lit + AMBIENT * diffuse,
             Some(texture) => {
@@ -33,5 +39,30 @@ impl<T, C> Pass<'_, T, C> {
             scene.textures[texture as usize].sample(texture_coordinates(&scene.geometry, hit), 0.0).truncate()
         });
         reflected + glow.color * shining
+    }
+
+    /// The normal at a hit, bent by the normal map (level 0); `None` where the material has none. `vertex` is the normal between the
+    /// corners, as interpolated, and `flat` the triangle's.
+    pub(super) fn bent_normal(&self, hit: &Hit, vertex: Vec3, flat: Vec3) -> Option<Vec3> {
+        let scene = self.job.scene;
+        let geometry = &scene.geometry;
+        if geometry.tangents.is_empty() || vertex.length_squared() <= LEAST_SQUARE {
+            return None;
+        }
+        let map = self.job.shades[geometry.material_of(hit.triangle) as usize].normal_map?;
+        let texel = scene.textures[map.texture as usize].sample(texture_coordinates(geometry, hit), 0.0);
+        let tangent = interpolate(geometry, &geometry.tangents, hit);
+        Some(normal_map::bent(texel.truncate(), map.scale, vertex, tangent, flat))
+    }
+
+    /// Whether the vertex normal faces the light, on that side of the triangle on which a bent normal is.
+    fn vertices_face_light(&self, hit: &Hit, bent: Vec3) -> bool {
+        let geometry = &self.job.scene.geometry;
+        let [a, b, c] = geometry.corners(hit.triangle);
+        let flat = (b - a).cross(c - a);
+        let vertex = interpolate(geometry, &geometry.normals, hit);
+        let turned = (flat.dot(vertex) < 0.0) != (flat.dot(bent) < 0.0);
+        let cosine = vertex.dot(self.to_light);
+        (if turned { -cosine } else { cosine }) > 0.0
     }
 }

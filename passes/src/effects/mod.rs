@@ -75,7 +75,7 @@ pub use workspace::Workspace;
 pub mod constants {
     pub use super::dielectric::MOST_SURFACES;
     pub use super::light::{SHADOWED, THROUGH_GLASS};
-    pub use super::material::AMBIENT;
+    pub use super::material::{AMBIENT, LEAST_SQUARE};
     pub use super::optics::{REFLECTED, REFRACTED};
     pub use super::terminator::ROUND;
     pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};

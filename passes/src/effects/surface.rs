@@ -148,7 +148,9 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     pub(super) fn surface_hit(&self, ray: &Ray, hit: &Hit) -> Surface {
         let geometry = &self.job.scene.geometry;
         let point = SurfacePoint::from_hit(geometry, hit);
-        Surface::new(point, interpolate(geometry, &geometry.normals, hit), ray.direction)
+        let vertex = interpolate(geometry, &geometry.normals, hit);
+        let normal = self.bent_normal(hit, vertex, point.normal).unwrap_or(vertex);
+        Surface::new(point, normal, ray.direction)
     }
 
     /// The nearest surface from an origin that lies off its own.

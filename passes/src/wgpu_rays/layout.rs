@@ -15,8 +15,10 @@ pub const SHADE_CUT: u32 = 4;
 pub const SHADE_VERTEX_COLORS: u32 = 8;
 /// The material sends out light.
 pub const SHADE_GLOW: u32 = 16;
+/// A normal map bends its shading normals.
+pub const SHADE_NORMAL_MAP: u32 = 32;
 /// Words of a material in the tables.
-pub const SHADE_WORDS: u32 = 10;
+pub const SHADE_WORDS: u32 = 12;
 /// Words of a texture in the tables.
 pub const TEXTURE_WORDS: u32 = 5;
 /// A texture is seen again beyond its sides.
@@ -107,6 +109,8 @@ pub struct Params {
     pub colors_at: u32,
     pub beyond: [f32; 3],
     pub bodies_at: u32,
+    pub tangents_at: u32,
+    pub padding: [u32; 3],
 }
 
 /// The constants of the programs, as WGSL.
@@ -126,6 +130,7 @@ pub fn constants() -> String {
         ("SHADE_CUT", SHADE_CUT),
         ("SHADE_VERTEX_COLORS", SHADE_VERTEX_COLORS),
         ("SHADE_GLOW", SHADE_GLOW),
+        ("SHADE_NORMAL_MAP", SHADE_NORMAL_MAP),
         ("SHADE_WORDS", SHADE_WORDS),
         ("TEXTURE_WORDS", TEXTURE_WORDS),
         ("WRAP_REPEAT", WRAP_REPEAT),
@@ -163,6 +168,9 @@ pub fn constants() -> String {
         ("THESIS_REFRACTED_EPSILON", effects::REFRACTED_EPSILON),
         ("GLASS_BOUNCE", effects::BOUNCE),
         ("LEAST_DIRECTION", LEAST_DIRECTION),
+        ("LEAST_SQUARE", effects::LEAST_SQUARE),
+        ("LEAST_HEIGHT", curitiba_pipeline::scene::normal_map::LEAST_HEIGHT),
+        ("LEAST_COSINE", curitiba_pipeline::scene::normal_map::LEAST_COSINE),
     ];
     let mut text = String::new();
     // Writing to a string does not fail. `{:e}` is the shortest text that reads back as the same number.

@@ -95,7 +95,8 @@ impl SceneBuffers {
             place
         };
         let numbers = geometry.positions.len() as u64 * 3 + geometry.normals.len() as u64 * 3;
-        let numbers = numbers + geometry.texcoords.len() as u64 * 2 + geometry.colors.len() as u64 * 4;
+        let wide = geometry.colors.len() + geometry.tangents.len();
+        let numbers = numbers + geometry.texcoords.len() as u64 * 2 + wide as u64 * 4;
         let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
         if 4 * numbers > most {
             return Err(too_large(gpu, "the vertices", 4 * numbers, most));
@@ -104,6 +105,10 @@ impl SceneBuffers {
         params.normals_at = part(bytemuck::cast_slice(&geometry.normals));
         params.texcoords_at = part(bytemuck::cast_slice(&geometry.texcoords));
         params.colors_at = part(bytemuck::cast_slice(&geometry.colors));
+        // Never at the front, where positions are: 0 says that there are none.
+        if !geometry.tangents.is_empty() {
+            params.tangents_at = part(bytemuck::cast_slice(&geometry.tangents));
+        }
         params.has_normals = u32::from(!geometry.normals.is_empty());
         let mut mesh: Vec<u32> = geometry.triangles.as_flattened().to_vec();
         params.materials_at = mesh.len() as u32;
@@ -132,9 +137,9 @@ impl SceneBuffers {
     /// Writes what is to be known of the buffers into a launch's parameters.
     pub fn fill(&self, params: &mut Params) {
         let Params { root, scene_low, scene_high, materials_at, .. } = self.params;
-        let Params { normals_at, texcoords_at, colors_at, has_normals, .. } = self.params;
+        let Params { normals_at, texcoords_at, colors_at, tangents_at, has_normals, .. } = self.params;
         *params = Params { root, scene_low, scene_high, materials_at, ..*params };
-        *params = Params { normals_at, texcoords_at, colors_at, has_normals, ..*params };
+        *params = Params { normals_at, texcoords_at, colors_at, tangents_at, has_normals, ..*params };
     }
 
     /// What group 1 binds.

@@ -1,9 +1,9 @@
 //! What a pass knows beside the scene: materials, sizes of textures, occlusion points, and tables of weights.
 
 use super::layout::{
-    BODY_WORDS, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS, SHADE_WORDS,
-    SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR,
-    VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    BODY_WORDS, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS,
+    SHADE_WORDS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY,
+    VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use crate::effects::Preparation;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
@@ -105,7 +105,8 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
             | set(job.shadow_glass, material, SHADE_SHADOW_GLASS)
             | if cutoff.is_some() { SHADE_CUT } else { 0 }
             | if shade.vertex_colors { SHADE_VERTEX_COLORS } else { 0 }
-            | if shade.glow.is_some() { SHADE_GLOW } else { 0 };
+            | if shade.glow.is_some() { SHADE_GLOW } else { 0 }
+            | if shade.normal_map.is_some() { SHADE_NORMAL_MAP } else { 0 };
         let glow = shade.glow.map_or([0; 3], |glow| glow.color.to_array().map(f32::to_bits));
         let glow_texture = shade.glow.and_then(|glow| glow.texture).unwrap_or(NO_TEXTURE);
         let [red, green, blue, _] = shade.diffuse.to_array().map(f32::to_bits);
@@ -113,7 +114,22 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
         let cutoff = cutoff.unwrap_or(0.0).min(f32::MAX);
         let texture = shade.texture.unwrap_or(NO_TEXTURE);
         let [shines_red, shines_green, shines_blue] = glow;
-        [red, green, blue, flags, texture, cutoff.to_bits(), shines_red, shines_green, shines_blue, glow_texture]
+        let normals = shade.normal_map.map_or([NO_TEXTURE, 0], |map| [map.texture, map.scale.to_bits()]);
+        let [normal_texture, normal_scale] = normals;
+        [
+            red,
+            green,
+            blue,
+            flags,
+            texture,
+            cutoff.to_bits(),
+            shines_red,
+            shines_green,
+            shines_blue,
+            glow_texture,
+            normal_texture,
+            normal_scale,
+        ]
     };
     job.shades.iter().enumerate().flat_map(shade).collect()
 }

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test uses a part")]
 
 use crate::common::perspective;
-use curitiba_pipeline::backend::{Attachments, GBuffer, Glow, RasterJob, Rect, Shade, Sun, View};
+use curitiba_pipeline::backend::{Attachments, GBuffer, Glow, NormalMap, RasterJob, Rect, Shade, Sun, View};
 use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
 use curitiba_pipeline::scene::{Batch, Geometry, RenderScene};
@@ -234,6 +234,37 @@ pub fn tinted() -> Setup {
         shade.alpha_cutoff = (material % 2 == 0).then_some(0.4);
     }
     Setup { name: "vertex colours", ..setup }
+}
+
+/// Hills with normal maps: one that repeats and one that does not, of several scales, on both sides of the bitangent; `waves` of 0 leave
+/// one texel everywhere.
+pub fn bumpy(waves: f32) -> Setup {
+    let mut setup = hills(40);
+    let mut scene = RenderScene::clone(&setup.scene);
+    let map = |name: &str, size: u32, waves: f32| {
+        let texel = |at: u32| {
+            let [x, y] = [at % size, at / size].map(|at| at as f32 / size as f32 * std::f32::consts::TAU * waves);
+            let vector = Vec3::new(0.8 * (x + 0.5).sin(), 0.6 * (x + y).cos(), 1.0).normalize();
+            let [r, g, b] = (vector * 127.5 + 127.5).to_array().map(|value| value.round() as u8);
+            [r, g, b, 255]
+        };
+        Texture::new(name.to_owned(), size, size, (0..size * size).map(texel).collect())
+    };
+    let first = scene.textures.len() as u32;
+    scene.textures.push(map("waves", 32, 2.0 * waves));
+    scene.textures.push(map("more waves", 64, 3.0 * waves).wrapped([Wrap::Clamp, Wrap::Mirror]));
+    let tangent = |normal: &Vec3| {
+        let along = (Vec3::X - *normal * normal.x).normalize();
+        along.extend(if normal.z > 0.1 { -1.0 } else { 1.0 })
+    };
+    scene.geometry.texcoords = scene.geometry.positions.iter().map(|at| Vec2::new(at.x, -at.z) * 0.0625).collect();
+    scene.geometry.tangents = scene.geometry.normals.iter().map(tangent).collect();
+    setup.scene = Arc::new(scene);
+    for (material, shade) in setup.shades.iter_mut().enumerate().take(3) {
+        let scale = [1.0, 0.5, 2.0][material];
+        shade.normal_map = Some(NormalMap { texture: first + material as u32 % 2, scale });
+    }
+    Setup { name: "normal maps", ..setup }
 }
 
 /// A target that shows what was written: nothing that a pass writes looks like it.

@@ -1,7 +1,7 @@
 //! Loading scenes, resolving materials, and handing both to the backends.
 
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, SceneNotes, StepKind};
-use crate::backend::{Attachments, BackendError, GBuffer, Glow, Shade};
+use crate::backend::{Attachments, BackendError, GBuffer, Glow, NormalMap, Shade};
 use crate::color::ColorSpace;
 use crate::diagnostic::Decision;
 use crate::glass::{self, Decided, Dielectric, GlassShadow, Shape};
@@ -331,6 +331,10 @@ fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
         diffuse: material.diffuse,
         emission: material.emission,
         texture: material.texture,
+        normal_map: material
+            .normal_texture
+            .filter(|_| corrected)
+            .map(|texture| NormalMap { texture, scale: material.normal_scale }),
         vertex_colors: material.vertex_colors && corrected,
         alpha_cutoff: material.cutoff().filter(|_| corrected),
         glow: None,

@@ -327,7 +327,9 @@ impl Plan {
         let textures = !colored.is_empty() || !hits.is_empty();
         // The report's programs know no colours of vertices.
         let colors = textures && self.settings.fidelity == Fidelity::Corrected;
-        self.needs = Needs { normals: lit || !hits.is_empty(), textures, colors };
+        let normals = lit || !hits.is_empty();
+        let normal_maps = normals && self.settings.fidelity == Fidelity::Corrected;
+        self.needs = Needs { normals, textures, colors, normal_maps };
         let why = if self.needs.normals { "the light's cosine needs them" } else { "no pass shades" };
         self.decide("vertex attribute `normal`".into(), self.needs.normals, why.into());
         let why = if self.needs.textures {
@@ -341,6 +343,10 @@ impl Plan {
         self.decide("vertex attribute `texCoord0` and textures".into(), self.needs.textures, why);
         if self.needs.colors {
             self.decide("vertex colours".into(), true, "where files have them, they are part of these colours".into());
+        }
+        if self.needs.normal_maps {
+            let what = "normal maps, and the tangents and texture coordinates that they take";
+            self.decide(what.into(), true, "where materials have them, they bend the shading normals".into());
         }
     }
 

@@ -72,10 +72,18 @@ pub(crate) fn texture_file(
     warnings: &mut Warnings,
     material: &str,
 ) -> Option<PathBuf> {
+    texture_file_or(context, written, warnings, (material, "the diffuse colour serves"))
+}
+
+/// [`texture_file`] of a material, and what serves without.
+pub(crate) fn texture_file_or(
+    context: &Context<'_>,
+    written: &str,
+    warnings: &mut Warnings,
+    (material, remedy): (&str, &'static str),
+) -> Option<PathBuf> {
     let Some(resolved) = resolve_path(context.folder(), written).filter(|resolved| resolved.path.is_file()) else {
-        warnings.add(context.file, "missing textures", "the diffuse colour serves", || {
-            format!("`{written}` of material `{material}`")
-        });
+        warnings.add(context.file, "missing textures", remedy, || format!("`{written}` of material `{material}`"));
         return None;
     };
     if resolved.case_differs {
@@ -112,6 +120,18 @@ pub(crate) fn texture_file_or_suffix(
         }
     }
     texture_file(context, written, warnings, material)
+}
+
+/// The multiplier of a normal map's x and y as a file has it: one that is finite and of no more than this, beyond which a surface is a
+/// wall of needles and squares leave the range of numbers.
+pub(crate) fn normal_scale(context: &Context<'_>, written: f32, material: &str, warnings: &mut Warnings) -> f32 {
+    const MOST: f32 = 1e6;
+    if written.abs() <= MOST {
+        return written;
+    }
+    let what = "normal maps with a scale that is not from -1e6 to 1e6";
+    warnings.add(context.file, what, "the nearest number that is serves, 1 for none", || format!("`{material}`"));
+    if written.is_nan() { 1.0 } else { written.clamp(-MOST, MOST) }
 }
 
 /// The materials of one file, by name.

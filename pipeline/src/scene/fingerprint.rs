@@ -41,6 +41,9 @@ impl RenderScene {
         if !geometry.colors.is_empty() {
             hashes.push(parts(bytemuck::cast_slice(&geometry.colors)));
         }
+        if !geometry.tangents.is_empty() {
+            hashes.push(parts(bytemuck::cast_slice(&geometry.tangents)));
+        }
         if self.origin != DVec3::ZERO {
             hashes.push(parts(format!("{:?}", self.origin).as_bytes()));
         }
@@ -85,11 +88,12 @@ mod tests {
             textures: vec![Texture::new("t".to_owned(), 2, 1, vec![[1, 2, 3, 4]; 2])],
             ..RenderScene::default()
         };
-        let changes: [fn(&mut RenderScene); 8] = [
+        let changes: [fn(&mut RenderScene); 9] = [
             |scene| scene.geometry.positions[1].x = 1e-30,
             |scene| scene.geometry.triangles[0] = [0, 2, 1],
             |scene| scene.geometry.normals = vec![Vec3::X; 3],
             |scene| scene.geometry.colors = vec![Vec4::ONE; 3],
+            |scene| scene.geometry.tangents = vec![Vec4::X; 3],
             |scene| scene.materials[0].diffuse.x = 0.1,
             |scene| scene.textures[0].levels[0].texels[1][2] = 9,
             |scene| scene.textures[0].space = ColorSpace::Linear,

@@ -9,6 +9,7 @@ mod error;
 mod fingerprint;
 mod gltf;
 mod load;
+pub mod normal_map;
 mod obj;
 mod ogre;
 mod origin;
@@ -83,6 +84,9 @@ pub struct Mesh {
     pub texcoords: Vec<Vec2>,
     /// What the colour and alpha of the surface are multiplied by, display values in 0..=1: as many as positions, or none.
     pub colors: Vec<Vec4>,
+    /// Where u grows, in model space, and in w on which side the bitangent is: `w * cross(normal, tangent)` is where v grows. As the
+    /// file has them: as many as positions, or none; [`RenderScene::build`] computes what is missing.
+    pub tangents: Vec<Vec4>,
     /// Triangles by material.
     pub groups: Vec<Group>,
 }
@@ -171,6 +175,11 @@ pub enum TextureSource {
         /// Along u and v.
         wrap: [Wrap; 2],
     },
+    /// Another source whose texels are numbers and no colours (normals): never decoded from sRGB.
+    Data {
+        /// The texels.
+        source: Box<TextureSource>,
+    },
 }
 
 impl TextureSource {
@@ -181,8 +190,20 @@ impl TextureSource {
             Self::File(path) => path.display().to_string(),
             Self::Embedded { name, .. } => name.clone(),
             Self::Masked { color, mask } => format!("{} with {}", color.display(), mask.display()),
-            Self::Wrapped { source, .. } => source.name(),
+            Self::Wrapped { source, .. } | Self::Data { source } => source.name(),
         }
+    }
+
+    /// This source as numbers and no colours.
+    #[must_use]
+    pub fn data(self) -> Self {
+        Self::Data { source: Box::new(self) }
+    }
+
+    /// Whether the texels are numbers and no colours.
+    #[must_use]
+    pub fn is_data(&self) -> bool {
+        matches!(self, Self::Data { .. })
     }
 
     /// This source with something else beyond its sides.
@@ -196,6 +217,7 @@ impl TextureSource {
     pub fn texels(&self) -> (&Self, [Wrap; 2]) {
         match self {
             Self::Wrapped { source, wrap } => (source.texels().0, *wrap),
+            Self::Data { source } => source.texels(),
             source => (source, [Wrap::Repeat; 2]),
         }
     }
@@ -222,6 +244,11 @@ pub struct Material {
     pub shininess: f32,
     /// Texture of unit 0: index into [`Scene::textures`].
     pub texture: Option<u32>,
+    /// Normal map: unit vectors in the frame of tangent, bitangent and normal, at the coordinates of [`Self::texture`], green towards
+    /// growing v. Index into [`Scene::textures`].
+    pub normal_texture: Option<u32>,
+    /// What the normal map's x and y are multiplied by; finite.
+    pub normal_scale: f32,
     /// Where the texture's alpha times [`Self::diffuse`]'s is below this, there is no surface. `None`: opaque.
     pub alpha_cutoff: Option<f32>,
     /// Whether some of its triangles have vertex colours ([`Geometry::colors`]). Found by [`RenderScene::build`]; `false` before.
@@ -273,6 +300,8 @@ impl Default for Material {
             emission_texture: None,
             shininess: 0.0,
             texture: None,
+            normal_texture: None,
+            normal_scale: 1.0,
             alpha_cutoff: None,
             vertex_colors: false,
             single_sided: false,
@@ -294,13 +323,13 @@ impl Default for Material {
 
 impl Material {
     /// Every reference to a texture.
-    pub(crate) fn textures_mut(&mut self) -> [&mut Option<u32>; 2] {
-        [&mut self.texture, &mut self.emission_texture]
+    pub(crate) fn textures_mut(&mut self) -> [&mut Option<u32>; 3] {
+        [&mut self.texture, &mut self.emission_texture, &mut self.normal_texture]
     }
 
     /// Every texture.
     pub(crate) fn textures(&self) -> impl Iterator<Item = u32> + use<> {
-        [self.texture, self.emission_texture].into_iter().flatten()
+        [self.texture, self.emission_texture, self.normal_texture].into_iter().flatten()
     }
 
     /// What the alpha of texture and vertices alone is compared with, from [`Self::alpha_cutoff`] and the diffuse opacity;
@@ -322,20 +351,22 @@ pub struct Needs {
     pub textures: bool,
     /// Vertex colours, where files have them.
     pub colors: bool,
+    /// Normal maps, where materials have them, and the tangents and texture coordinates that they take; only with [`Self::normals`].
+    pub normal_maps: bool,
 }
 
 impl Needs {
     /// Everything, for conversions.
-    pub const ALL: Needs = Needs { normals: true, textures: true, colors: true };
+    pub const ALL: Needs = Needs { normals: true, textures: true, colors: true, normal_maps: true };
 
     /// Positions alone.
-    pub const NOTHING: Needs = Needs { normals: false, textures: false, colors: false };
+    pub const NOTHING: Needs = Needs { normals: false, textures: false, colors: false, normal_maps: false };
 }
 
 /// Triangles in world space, sorted by material: what rasterisers draw and tracers build on.
 ///
-/// Every index is below `positions.len()`, every position is finite, no triangle has zero area, and `normals`, `texcoords`
-/// and `colors` are either empty (not needed, or without contents) or as long as `positions`. Normals are unit length.
+/// Every index is below `positions.len()`, every position is finite, no triangle has zero area, and `normals`, `texcoords`,
+/// `colors` and `tangents` are either empty (not needed, or without contents) or as long as `positions`. Normals are unit length.
 #[derive(Debug, Clone, Default)]
 pub struct Geometry {
     /// Positions, relative to [`RenderScene::origin`].
@@ -347,6 +378,9 @@ pub struct Geometry {
     /// What the colour and alpha of the surface are multiplied by, in the scene's colour space; white where a mesh has none. Empty
     /// where no mesh has any.
     pub colors: Vec<Vec4>,
+    /// Unit directions in which u grows, at right angles to the normals or nearly, and in w on which side the bitangent is:
+    /// `w * cross(normal, tangent)`, where v grows. 0 where a mesh has no normal map. Empty where no mesh has any.
+    pub tangents: Vec<Vec4>,
     /// The colour space of [`Self::colors`].
     pub color_space: ColorSpace,
     /// Vertex indices; the position in this list is the triangle's id everywhere.
@@ -459,23 +493,26 @@ impl RenderScene {
         if !other.geometry.colors.is_empty() {
             geometry.color_space = other.geometry.color_space;
         }
-        if !(geometry.colors.is_empty() && other.geometry.colors.is_empty()) {
-            geometry.colors.resize(geometry.positions.len(), Vec4::ONE);
-            geometry.colors.extend(&other.geometry.colors);
-            geometry.colors.resize(whole, Vec4::ONE);
+        fn join<T: Clone>(list: &mut Vec<T>, other: &[T], before: usize, whole: usize, missing: T) {
+            if !(list.is_empty() && other.is_empty()) {
+                list.resize(before, missing.clone());
+                list.extend_from_slice(other);
+                list.resize(whole, missing);
+            }
         }
+        let before = geometry.positions.len();
+        join(&mut geometry.colors, &other.geometry.colors, before, whole, Vec4::ONE);
+        // A scene that only normal maps ask for coordinates has none without such a map.
+        join(&mut geometry.texcoords, &other.geometry.texcoords, before, whole, Vec2::ZERO);
+        join(&mut geometry.tangents, &other.geometry.tangents, before, whole, Vec4::ZERO);
         let (vertices, triangles) = (index(geometry.positions.len()), index(geometry.triangles.len()));
         let (materials, textures) = (index(self.materials.len()), index(self.textures.len()));
         index(whole);
         index(geometry.triangles.len() + other.geometry.triangles.len());
         geometry.positions.extend(other.geometry.positions);
         geometry.normals.extend(other.geometry.normals);
-        geometry.texcoords.extend(other.geometry.texcoords);
-        let attribute = |length: usize| length == 0 || length == geometry.positions.len();
-        assert!(
-            attribute(geometry.normals.len()) && attribute(geometry.texcoords.len()),
-            "both scenes have the same needs"
-        );
+        let normals = geometry.normals.len();
+        assert!(normals == 0 || normals == geometry.positions.len(), "both scenes have the same needs");
         geometry
             .triangles
             .extend(other.geometry.triangles.iter().map(|corners| corners.map(|vertex| vertex + vertices)));

@@ -158,11 +158,19 @@ pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
     let geometry = &built.geometry;
     let vertices = geometry.positions.len();
     assert!(geometry.positions.iter().all(|position| position.is_finite()));
-    let Needs { normals, textures, colors } = options.needs;
+    let Needs { normals, textures, colors, normal_maps } = options.needs;
     assert!(geometry.colors.is_empty() || (colors && geometry.colors.len() == vertices));
     assert!(geometry.colors.iter().all(|color| color.min_element() >= 0.0 && color.max_element() <= 1.0));
     assert_eq!(geometry.normals.len(), if normals { vertices } else { 0 });
-    assert_eq!(geometry.texcoords.len(), if textures { vertices } else { 0 });
+    let mapped = !geometry.tangents.is_empty();
+    assert_eq!(geometry.texcoords.len(), if textures || mapped { vertices } else { 0 });
+    assert!(!mapped || (normals && normal_maps && geometry.tangents.len() == vertices));
+    let unit = |tangent: &glam::Vec4| (tangent.truncate().length() - 1.0).abs() < 1e-5 && tangent.w.abs() == 1.0;
+    assert!(geometry.tangents.iter().all(|tangent| *tangent == glam::Vec4::ZERO || unit(tangent)), "unit tangents");
+    assert!(
+        built.materials.iter().all(|m| m.normal_texture.is_none_or(|t| mapped && (t as usize) < built.textures.len()))
+    );
+    assert!(built.materials.iter().all(|m| m.normal_scale.abs() <= 1e6));
     assert!(geometry.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-5), "unit normals");
     assert!(geometry.texcoords.iter().all(|texcoord| texcoord.is_finite()));
     if options.unitize {
@@ -194,7 +202,8 @@ pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
         assert!(texture.sample(glam::Vec2::new(0.3, 7.9), 0.5).is_finite());
     }
     assert!(built.materials.iter().all(|m| m.texture.is_none_or(|t| (t as usize) < built.textures.len())));
-    let vertex = 12 + if normals { 12 } else { 0 } + if textures { 8 } else { 0 };
+    let vertex =
+        12 + if normals { 12 } else { 0 } + if textures || mapped { 8 } else { 0 } + if mapped { 16 } else { 0 };
     let vertex = vertex + if geometry.colors.is_empty() { 0 } else { 16 };
     let bytes = 4 * texels + vertices as u64 * vertex + 12 * geometry.triangles.len() as u64;
     // The mip chain of a texture one texel wide is twice its image, not 4/3.

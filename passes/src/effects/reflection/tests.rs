@@ -84,6 +84,54 @@ fn a_mirror_shows_the_colours_of_vertices_and_passes_where_their_alpha_cuts() {
 }
 
 #[test]
+fn a_mirror_shows_walls_lit_by_their_normal_maps() {
+    let texel = [214, 86, 230, 255];
+    let [x, y, z] = [0, 1, 2].map(|axis: usize| f32::from(texel[axis]) / 255.0 * 2.0 - 1.0);
+    // The wall at z = 6 looks to -z; u grows along x and v along -y.
+    let flat = Vec3::NEG_Z;
+    for (scale, mirrored) in [(1.0, 1.0), (0.5, 1.0), (1.0, -1.0)] {
+        let tilted = (Vec3::X * x * scale * mirrored + Vec3::NEG_Y * y * scale + flat * z).normalize();
+        // Light that both face, that the wall alone faces, and that the bumps alone face.
+        let lights = [flat + tilted, flat - 0.98 * tilted, tilted - 1.02 * flat * tilted.dot(flat)];
+        let expected = lights.map(|to_light| {
+            let to_light = to_light.normalize();
+            if flat.dot(to_light) > 0.0 { tilted.dot(to_light).max(0.0) } else { 0.0 }
+        });
+        assert!(expected[0] > 0.5 && expected[1..] == [0.0, 0.0], "{expected:?}");
+        for (to_light, cosine) in lights.into_iter().zip(expected) {
+            let mut world = World::lit_along(-to_light);
+            let glass = world.glass();
+            let wall = world.paint(Vec3::new(0.9, 0.6, 0.3));
+            world.quad(glass, Vec3::ZERO, Vec3::X, Vec3::Y);
+            world.quad(wall, Vec3::new(0.0, 0.0, 6.0), Vec3::X * 5.0, Vec3::NEG_Y * 5.0);
+            if mirrored < 0.0 {
+                world.scene.geometry.texcoords.iter_mut().for_each(|texcoord| texcoord.x = -texcoord.x);
+            }
+            world.bump(wall, [texel; 2], scale);
+            // Vertex normals that look to the other side are turned to the viewer, and the bumps with them: then the other way.
+            for turn in [false, true] {
+                let mut cosine = cosine;
+                if turn {
+                    let geometry = &mut world.scene.geometry;
+                    geometry.normals.iter_mut().for_each(|normal| *normal = -*normal);
+                    let turned = (tilted - 2.0 * (tilted - flat * tilted.dot(flat))).normalize();
+                    // The frame's third axis was turned and the bitangent with it.
+                    geometry.tangents.iter_mut().for_each(|tangent| tangent.w = -tangent.w);
+                    let to_light = to_light.normalize();
+                    cosine = if flat.dot(to_light) > 0.0 { turned.dot(to_light).max(0.0) } else { 0.0 };
+                }
+                let targets = [Vec3::new(-0.6, 0.1, 0.0), Vec3::new(0.2, -0.3, 0.0), Vec3::new(0.7, 0.5, 0.0)];
+                let shot = Shot::of(&world, Vec3::new(0.1, 0.0, 3.0), targets);
+                let (pixels, _) = shot.run(PROGRAM, Corrected, RayParams::default());
+                for pixel in pixels {
+                    assert_close(pixel, world.lit(wall, cosine), 4e-6, format!("{scale} {mirrored} {turn} {cosine}"));
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn a_mirror_shows_light_that_surfaces_send_out_and_textures_that_are_clamped() {
     let mut world = World::lit_along(Vec3::NEG_Z);
     let glass = world.glass();

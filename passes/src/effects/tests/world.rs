@@ -2,7 +2,7 @@
 
 use crate::cpu;
 use crate::trace::{BruteForce, Bvh, Quality, Ray, Tracer};
-use curitiba_pipeline::backend::{NO_TRIANGLE, RayCounts, RayJob, Shade, Sun};
+use curitiba_pipeline::backend::{NO_TRIANGLE, NormalMap, RayCounts, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
@@ -123,6 +123,28 @@ impl World {
         let texcoords = &mut self.scene.geometry.texcoords;
         let first = texcoords.len() - 3;
         texcoords[first..].copy_from_slice(&[Vec2::ONE, Vec2::Y, Vec2::X]);
+    }
+
+    /// Gives a material a normal map of two texels side by side, and every vertex of the world a tangent: for a quad where its first side
+    /// leads, with the bitangent along its second one.
+    pub fn bump(&mut self, material: u32, texels: [[u8; 4]; 2], scale: f32) {
+        self.scene.textures.push(Texture::new("bumps".to_owned(), 2, 1, texels.to_vec()));
+        let texture = self.scene.textures.len() as u32 - 1;
+        self.shades[material as usize].normal_map = Some(NormalMap { texture, scale });
+        let geometry = &mut self.scene.geometry;
+        geometry.tangents = vec![Vec4::ZERO; geometry.positions.len()];
+        for triangle in &geometry.triangles {
+            let [a, b, c] = triangle.map(|corner| geometry.positions[corner as usize]);
+            let [ta, tb, tc] = triangle.map(|corner| geometry.texcoords[corner as usize]);
+            let (first, second) = (tb - ta, tc - ta);
+            let along = ((b - a) * second.y - (c - a) * first.y) / first.perp_dot(second);
+            for corner in triangle.map(|corner| corner as usize) {
+                let normal = geometry.normals[corner];
+                let tangent = (along - normal * along.dot(normal)).normalize_or(normal.any_orthonormal_vector());
+                let side = 1f32.copysign(first.perp_dot(second) * (b - a).cross(c - a).dot(normal));
+                geometry.tangents[corner] = tangent.extend(side);
+            }
+        }
     }
 
     /// Gives every vertex this normal.

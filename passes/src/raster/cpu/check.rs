@@ -65,7 +65,12 @@ pub(super) fn scene(job: &RasterJob<'_>, held: Rect) -> Result<(), BackendError>
         }
         let color = shade.texture.filter(|_| asked.color || shade.alpha_cutoff.is_some());
         let glow = shade.glow.and_then(|glow| glow.texture).filter(|_| asked.color);
-        for texture in [color, glow].into_iter().flatten() {
+        let bends = asked.color || asked.position || asked.normal;
+        let normals = shade.normal_map.map(|map| map.texture).filter(|_| bends && !geometry.normals.is_empty());
+        if normals.is_some() && geometry.tangents.len() != vertices {
+            return refuse("normal maps", "the scene was loaded without tangents".to_owned());
+        }
+        for texture in [color, glow, normals].into_iter().flatten() {
             if texture as usize >= job.scene.textures.len() {
                 return refuse("this scene", format!("it has no texture {texture}"));
             }

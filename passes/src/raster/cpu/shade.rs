@@ -5,8 +5,8 @@ use super::interpolate::{Barycentric, Mapping, Perspective, attribute};
 use super::surface::{TILE, TileSurface};
 use super::tile::{LANES, Tile};
 use curitiba_pipeline::backend::{NO_TRIANGLE, Shade};
-use curitiba_pipeline::scene::Batch;
 use curitiba_pipeline::scene::texture::{Place, Texture};
+use curitiba_pipeline::scene::{Batch, normal_map};
 use glam::{Vec2, Vec3, Vec4};
 use std::ops::Range;
 
@@ -50,6 +50,12 @@ pub(super) struct Rows {
     /// Light that the surface sends out, and its texture or [`NO_TEXTURE`].
     glow: [Row; 3],
     glow_texture: [u32; ROW],
+    /// Tangents, laid out as `position`; the normal map of each pixel, or [`NO_TEXTURE`], and its scale; then the bent normal and the light's
+    /// cosine there.
+    tangent: [[Row; 4]; 3],
+    normal_map: [u32; ROW],
+    normal_scale: Row,
+    bent: [Row; 4],
     /// The texture of each pixel, or [`NO_TEXTURE`], and how it is mapped.
     texture: [u32; ROW],
     mapping: MappingRows,
@@ -91,6 +97,10 @@ impl Default for Rows {
             tint: [[[0.0; ROW]; 4]; 3],
             glow: [[0.0; ROW]; 3],
             glow_texture: [NO_TEXTURE; ROW],
+            tangent: [[[0.0; ROW]; 4]; 3],
+            normal_map: [NO_TEXTURE; ROW],
+            normal_scale: [0.0; ROW],
+            bent: [[0.0; ROW]; 4],
             texture: [NO_TEXTURE; ROW],
             mapping: MappingRows {
                 corners: [[[0.0; ROW]; 2]; 3],
@@ -124,6 +134,7 @@ struct Wanted {
     texture: bool,
     glow: bool,
     tint: bool,
+    bent: bool,
 }
 
 fn glow_texture(shade: &Shade) -> Option<u32> {
@@ -140,7 +151,8 @@ pub(super) fn shade(frame: &Frame<'_>, tile: &Tile, rows: &mut Rows, surface: &m
     let texture = asked.color && shades().any(|shade| shade.texture.is_some() || glow_texture(shade).is_some());
     let tint = asked.color && shades().any(|shade| shade.vertex_colors);
     let normals = light || asked.normal;
-    let wanted = Wanted { color: asked.color, position: asked.position, normals, light, texture, glow, tint };
+    let bent = normals && shades().any(|shade| shade.normal_map.is_some());
+    let wanted = Wanted { color: asked.color, position: asked.position, normals, light, texture, glow, tint, bent };
     rows.batch.count = 0;
     if !light {
         rows.light.fill(0.0);
@@ -199,8 +211,14 @@ impl Rows {
         if wanted.glow {
             self.glow_texels(&frame.job.scene.textures, surface.width);
         }
+        if wanted.bent {
+            self.bend(frame, surface.width);
+        }
         if wanted.normals {
             self.light(frame, wanted);
+        }
+        if wanted.bent {
+            self.take_bent(wanted, surface.width);
         }
         if let Some(pixels) = surface.color(row) {
             self.color(frame, wanted);
@@ -257,20 +275,34 @@ impl Rows {
                 attribute(frame, &placed, &geometry.normals).map(|corner| corner.to_array()),
             );
         }
-        if wanted.color {
+        if wanted.color || wanted.bent {
             if placed.triangle.wrapping_sub(self.batch.first) >= self.batch.count {
                 let next = geometry.batches.partition_point(|batch| batch.first <= placed.triangle);
                 self.batch = geometry.batches[next - 1];
             }
             let shade = &frame.job.shades[self.batch.material as usize];
-            self.material(frame, wanted, shade, &placed, &barycentric, run);
+            if wanted.color {
+                self.material(frame, wanted, shade, &placed, run.clone());
+            }
+            if wanted.bent {
+                self.normal_map(frame, shade, &placed, run.clone());
+            }
+            let color = shade.texture.or(glow_texture(shade)).filter(|_| wanted.color);
+            let normals = shade.normal_map.map(|map| map.texture).filter(|_| wanted.bent);
+            if let Some(texture) = color.or(normals) {
+                let size = frame.job.scene.textures[texture as usize].size();
+                let mapping = barycentric.mapping(attribute(frame, &placed, &geometry.texcoords), size);
+                for column in run.step_by(LANES) {
+                    self.mapping.spread(column, &mapping);
+                }
+            }
         }
     }
 
     /// Perspective-correct attributes of the whole row.
     #[inline(always)]
     fn interpolate(&mut self, wanted: Wanted) {
-        if !(wanted.position | wanted.normals | wanted.texture | wanted.tint) {
+        if !(wanted.position | wanted.normals | wanted.texture | wanted.tint | wanted.bent) {
             return;
         }
         let Self { edges: [edge1, edge2], right: [right1, right2], inv_w: [inv_w0, inv_w1, inv_w2], .. } = self;
@@ -295,25 +327,36 @@ impl Rows {
         if wanted.tint {
             blend(&mut self.tint, &self.u, &self.v);
         }
+        if wanted.bent {
+            blend(&mut self.tangent, &self.u, &self.v);
+        }
+    }
+
+    /// The tangents of a part and its normal map, if it has one.
+    #[inline(always)]
+    fn normal_map(&mut self, frame: &Frame<'_>, shade: &Shade, placed: &Placed<'_>, run: Range<usize>) {
+        let columns = || run.clone().step_by(LANES);
+        let Some(map) = shade.normal_map else {
+            columns().for_each(|column| spread(&mut self.normal_map, column, NO_TEXTURE));
+            return;
+        };
+        let tangents = attribute(frame, placed, &frame.geometry.tangents).map(|corner| corner.to_array());
+        spread_corners(&mut self.tangent, columns(), tangents);
+        for column in columns() {
+            spread(&mut self.normal_map, column, map.texture);
+            spread(&mut self.normal_scale, column, map.scale);
+        }
     }
 
     #[inline(always)]
-    fn material(
-        &mut self,
-        frame: &Frame<'_>,
-        wanted: Wanted,
-        shade: &Shade,
-        placed: &Placed<'_>,
-        barycentric: &Barycentric,
-        run: Range<usize>,
-    ) {
+    fn material(&mut self, frame: &Frame<'_>, wanted: Wanted, shade: &Shade, placed: &Placed<'_>, run: Range<usize>) {
         if wanted.tint {
             let white = [Vec4::ONE; 3];
             let colors = if shade.vertex_colors { attribute(frame, placed, &frame.geometry.colors) } else { white };
             spread_corners(&mut self.tint, run.clone().step_by(LANES), colors.map(|corner| corner.to_array()));
         }
         let unlit = if shade.texture.is_some() { shade.emission + AMBIENT } else { shade.diffuse * AMBIENT };
-        for column in run.clone().step_by(LANES) {
+        for column in run.step_by(LANES) {
             for component in 0..4 {
                 spread(&mut self.diffuse[component], column, shade.diffuse[component]);
                 spread(&mut self.unlit[component], column, unlit[component]);
@@ -327,13 +370,6 @@ impl Rows {
                     spread(&mut self.glow[component], column, color[component]);
                 }
                 spread(&mut self.glow_texture, column, glow_texture(shade).unwrap_or(NO_TEXTURE));
-            }
-        }
-        if let Some(texture) = shade.texture.or(glow_texture(shade)) {
-            let size = frame.job.scene.textures[texture as usize].size();
-            let mapping = barycentric.mapping(attribute(frame, placed, &frame.geometry.texcoords), size);
-            for column in run.step_by(LANES) {
-                self.mapping.spread(column, &mapping);
             }
         }
     }
@@ -384,15 +420,70 @@ impl Rows {
             if self.triangle[column] == NO_TRIANGLE || texture == NO_TEXTURE {
                 continue;
             }
-            let texture = &textures[texture as usize];
-            let perspective = Perspective { u: self.u[column], v: self.v[column], inv_sum: self.inv_sum[column] };
-            let inv_w = [0, 1, 2].map(|corner: usize| self.inv_w[corner][column]);
-            let mapping = Mapping { size: texture.size(), ..self.mapping.get(column) };
-            let (_, lod) = mapping.at(perspective, inv_w);
-            let texel = texture.sample(mapping.uv(perspective.u, perspective.v), lod);
+            let texel = self.texel_of(&textures[texture as usize], column);
             for component in 0..3 {
                 self.glow[component][column] *= texel[component];
             }
+        }
+    }
+
+    /// What another texture than [`Self::texture`] shows at a pixel, with the same coordinates.
+    #[inline(always)]
+    fn texel_of(&self, texture: &Texture, column: usize) -> Vec4 {
+        let perspective = Perspective { u: self.u[column], v: self.v[column], inv_sum: self.inv_sum[column] };
+        let inv_w = [0, 1, 2].map(|corner: usize| self.inv_w[corner][column]);
+        let mapping = Mapping { size: texture.size(), ..self.mapping.get(column) };
+        let (_, lod) = mapping.at(perspective, inv_w);
+        texture.sample(mapping.uv(perspective.u, perspective.v), lod)
+    }
+
+    /// Whether a pixel's normal is bent.
+    #[inline(always)]
+    fn is_bent(&self, column: usize) -> bool {
+        self.triangle[column] != NO_TRIANGLE && self.normal_map[column] != NO_TEXTURE
+    }
+
+    /// Bends the interpolated normals by the normal maps, pixel by pixel, into rows of their own.
+    #[inline(always)]
+    fn bend(&mut self, frame: &Frame<'_>, width: usize) {
+        let to_light = frame.job.sun.map_or(Vec3::ZERO, |sun| -sun.direction);
+        let (mut triangle, mut flat) = (NO_TRIANGLE, Vec3::ZERO);
+        for column in 0..width {
+            if !self.is_bent(column) {
+                continue;
+            }
+            if triangle != self.triangle[column] {
+                triangle = self.triangle[column];
+                let [a, b, c] = frame.geometry.corners(triangle);
+                flat = (b - a).cross(c - a).normalize_or_zero();
+            }
+            let [x, y, z] = &self.normal[0];
+            let normal = Vec3::new(x[column], y[column], z[column]);
+            let mut bent = Vec4::ZERO;
+            if normal.length_squared() > LEAST_SQUARE {
+                let texture = &frame.job.scene.textures[self.normal_map[column] as usize];
+                let texel = self.texel_of(texture, column).truncate();
+                let tangent = Vec4::from_array([0, 1, 2, 3].map(|axis: usize| self.tangent[0][axis][column]));
+                let unit = normal_map::bent(texel, self.normal_scale[column], normal, tangent, flat);
+                bent = unit.extend(normal_map::cosine(unit, normal, to_light));
+            }
+            for component in 0..4 {
+                self.bent[component][column] = bent[component];
+            }
+        }
+    }
+
+    /// Puts the bent normals in the place of the others.
+    #[inline(always)]
+    fn take_bent(&mut self, wanted: Wanted, width: usize) {
+        for column in 0..width {
+            if !self.is_bent(column) {
+                continue;
+            }
+            for axis in 0..3 {
+                self.normal[0][axis][column] = self.bent[axis][column];
+            }
+            self.light[column] = if wanted.light { self.bent[3][column] } else { 0.0 };
         }
     }
 

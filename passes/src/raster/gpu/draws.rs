@@ -14,10 +14,8 @@ use std::num::NonZeroU64;
 #[derive(Debug, Clone, Copy)]
 struct Draw {
     variant: Variant,
-    /// What group 1 is bound to, where the variant has it.
-    texture: Option<u32>,
-    /// What group 2 is bound to, where the variant has it.
-    glow_texture: Option<u32>,
+    /// What groups 1 to 3 are bound to, where the variant has them: texture, glow, normal map.
+    textures: [Option<u32>; 3],
     chunk: usize,
     /// First triangle of the scene.
     first: u32,
@@ -101,7 +99,9 @@ impl DrawList {
                     .is_some_and(|texture| !texture.repeats())
             };
             let glow_texture = shade.glow.and_then(|glow| glow.texture).filter(|_| variant.glow_textured);
-            let wrapped = beyond(shade.texture.filter(|_| variant.textured)) || beyond(glow_texture);
+            let normal_texture = shade.normal_map.map(|map| map.texture).filter(|_| variant.bent);
+            let wrapped =
+                beyond(shade.texture.filter(|_| variant.textured)) || beyond(glow_texture) || beyond(normal_texture);
             let variant = Variant { culled, wrapped, ..variant };
             if let Some(last) = self.draws.last_mut() {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
@@ -111,9 +111,10 @@ impl DrawList {
                 }
             }
             pipelines.require(gpu, layouts, variant, self.stored)?;
-            // Pipelines with group 2 have group 1, whether they read it or not.
-            let texture = if variant.textured { shade.texture } else { glow_texture };
-            for texture in [texture, glow_texture].into_iter().flatten() {
+            // Pipelines with a group have those before it, whether they read them or not.
+            let glow = glow_texture.or(normal_texture);
+            let textures_read = [if variant.textured { shade.texture } else { glow }, glow, normal_texture];
+            for texture in textures_read.into_iter().flatten() {
                 textures.require(gpu, layouts, job.scene, texture)?;
             }
             let Ok(offset) = u32::try_from(self.bytes.len()) else {
@@ -122,7 +123,7 @@ impl DrawList {
             self.bytes.extend_from_slice(bytemuck::bytes_of(&DrawUniform::new(shade, part.first)));
             self.bytes.resize(offset as usize + self.stride, 0);
             let (chunk, first, count) = (part.chunk, part.first, part.count);
-            self.draws.push(Draw { variant, texture, glow_texture, chunk, first, count, offset });
+            self.draws.push(Draw { variant, textures: textures_read, chunk, first, count, offset });
         }
         self.write(gpu, layouts)?;
         self.look(gpu, &job.view, job.sun)
@@ -159,7 +160,7 @@ impl DrawList {
         geometry: &DeviceGeometry,
         textures: &DeviceTextures,
     ) {
-        let (mut bound_chunk, mut bound_variant, mut bound_textures) = (None, None, (None, None));
+        let (mut bound_chunk, mut bound_variant, mut bound_textures) = (None, None, [None; 3]);
         for draw in &self.draws {
             let chunk = &geometry.chunks[draw.chunk];
             let new_variant = bound_variant != Some(draw.variant);
@@ -170,7 +171,7 @@ impl DrawList {
             }
             if new_variant || bound_chunk != Some(draw.chunk) {
                 let vertices = &geometry.vertices[chunk.vertices];
-                let optional = [&vertices.normals, &vertices.texcoords, &vertices.colors];
+                let optional = [&vertices.normals, &vertices.texcoords, &vertices.colors, &vertices.tangents];
                 pass.set_vertex_buffer(0, vertices.positions.slice(..));
                 for (slot, buffer) in slots(draw.variant).into_iter().zip(optional) {
                     if let (Some(slot), Some(buffer)) = (slot, buffer) {
@@ -181,9 +182,9 @@ impl DrawList {
                 bound_chunk = Some(draw.chunk);
             }
             pass.set_bind_group(0, &self.binding, &[draw.offset]);
-            let asked = (draw.texture, draw.glow_texture);
+            let asked = draw.textures;
             if new_variant || bound_textures != asked {
-                for (group, texture) in [(1, asked.0), (2, asked.1)] {
+                for (group, texture) in (1..).zip(asked) {
                     if let Some(texture) = texture {
                         pass.set_bind_group(group, textures.binding(texture), &[]);
                     }

@@ -5,8 +5,10 @@
 //   VERTEX_NORMAL                       the vertices carry normals, and something above reads them
 //   TEXTURED                            the material has a texture, and COLOR or ALPHA_CUT reads it
 //   WRITES                              any attachment at all; without, only the depth is left
-//   TEXCOORD                            the vertices carry texture coordinates: TEXTURED or GLOW_TEXTURED
+//   TEXCOORD                            the vertices carry texture coordinates: TEXTURED, GLOW_TEXTURED or BENT
 //   GLOW, GLOW_TEXTURED                 the material sends out light, and a texture says where
+//   BENT                                a normal map bends the normals; the vertices carry tangents
+//   WORLD                               the place in the world is interpolated: POSITION or BENT
 //   WRAPPED                             the samplers say what lies beyond the sides of textures; without, all repeat
 //   VERTEX_COLOR                        the vertices carry colours, and COLOR or ALPHA_CUT reads them
 //   ALPHA_CUT                           where alpha is below the material's cutoff there is no surface
@@ -35,6 +37,8 @@ struct Draw {
     // Id of the draw's first triangle, plus 1: the attachment is cleared to 0, which therefore means "no triangle".
     first_triangle: u32,
     alpha_cutoff: f32,
+    // What x and y of the normal map are multiplied by.
+    normal_scale: f32,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -48,6 +52,11 @@ struct Draw {
 @group(2) @binding(1) var glow_trilinear: sampler;
 //#endif
 
+//#if BENT
+@group(3) @binding(0) var normal_texture: texture_2d<f32>;
+@group(3) @binding(1) var normal_trilinear: sampler;
+//#endif
+
 struct Vertex {
     @location(0) position: vec3<f32>,
 //#if VERTEX_NORMAL
@@ -59,12 +68,15 @@ struct Vertex {
 //#if VERTEX_COLOR
     @location(3) color: vec4<f32>,
 //#endif
+//#if BENT
+    @location(4) tangent: vec4<f32>,
+//#endif
 }
 
 struct Varyings {
     // Invariant: neighbouring materials use different variants, and their shared edges must coincide.
     @builtin(position) @invariant clip: vec4<f32>,
-//#if POSITION
+//#if WORLD
     @location(0) world: vec3<f32>,
 //#endif
 //#if VERTEX_NORMAL
@@ -75,6 +87,9 @@ struct Varyings {
 //#endif
 //#if VERTEX_COLOR
     @location(3) color: vec4<f32>,
+//#endif
+//#if BENT
+    @location(4) tangent: vec4<f32>,
 //#endif
 }
 
@@ -99,7 +114,7 @@ struct Pixel {
 fn vertex_main(vertex: Vertex) -> Varyings {
     var out: Varyings;
     out.clip = frame.clip_from_eye * vec4<f32>(vertex.position - frame.eye.xyz, 1.0);
-//#if POSITION
+//#if WORLD
     out.world = vertex.position;
 //#endif
 //#if VERTEX_NORMAL
@@ -110,6 +125,9 @@ fn vertex_main(vertex: Vertex) -> Varyings {
 //#endif
 //#if VERTEX_COLOR
     out.color = vertex.color;
+//#endif
+//#if BENT
+    out.tangent = vertex.tangent;
 //#endif
     return out;
 }
@@ -149,6 +167,37 @@ fn sample_glow(texcoord: vec2<f32>) -> vec4<f32> {
 }
 //#endif
 
+//#if BENT
+fn sample_normals(texcoord: vec2<f32>) -> vec3<f32> {
+    let level = level_of_detail(texcoord, vec2<f32>(textureDimensions(normal_texture, 0)));
+//#if WRAPPED
+    let wrapped = texcoord;
+//#else
+    let wrapped = fract(texcoord);
+//#endif
+    return textureSampleLevel(normal_texture, normal_trilinear, vec2<f32>(wrapped.x, 1.0 - wrapped.y), level).rgb;
+}
+
+fn unit_or(vector: vec3<f32>, other: vec3<f32>) -> vec3<f32> {
+    let length_squared = dot(vector, vector);
+    return select(normalize(other), vector * inverseSqrt(length_squared), length_squared > 0.0);
+}
+
+// As `normal_map::bent` of the pipeline has it: the normal that a texel makes of the interpolated one, on a triangle of unit normal `flat`.
+fn bent(texel: vec3<f32>, normal: vec3<f32>, tangent: vec4<f32>, flat_normal: vec3<f32>) -> vec3<f32> {
+    let slopes = (2.0 * texel.xy - 1.0) * draw.normal_scale;
+    let height = max(2.0 * texel.z - 1.0, 1.0 / 255.0);
+    let across = cross(normal, tangent.xyz) * tangent.w;
+    let turned = unit_or(tangent.xyz * slopes.x + across * slopes.y + normal * height, normal);
+    let side = select(flat_normal, -flat_normal, dot(flat_normal, normal) < 0.0);
+    let cosine = dot(turned, side);
+    if cosine < 0.01 {
+        return unit_or(turned + side * (0.01 - cosine), side);
+    }
+    return turned;
+}
+//#endif
+
 @fragment
 fn fragment_main(
     in: Varyings,
@@ -162,6 +211,11 @@ fn fragment_main(
 //#endif
 //#if GLOW_TEXTURED
     let shining = sample_glow(in.texcoord).rgb;
+//#endif
+//#if BENT
+    let normal_texel = sample_normals(in.texcoord);
+    // The triangle's own normal, on either side.
+    let flat_normal = unit_or(cross(unit_or(dpdxFine(in.world), in.normal), unit_or(dpdyFine(in.world), in.normal)), in.normal);
 //#endif
 //#if TEXTURED
 //#if COLOR
@@ -192,6 +246,14 @@ fn fragment_main(
         normal = in.normal / sqrt(length_squared);
     }
     cosine = clamp(dot(frame.to_light.xyz, normal), 0.0, 1.0);
+//#endif
+//#if BENT
+    if length_squared > 1e-30 {
+        normal = bent(normal_texel, in.normal, in.tangent, flat_normal);
+        // Dark below the horizon of the surface, whatever the bumps face.
+        let lit = dot(frame.to_light.xyz, in.normal) > 0.0;
+        cosine = select(0.0, clamp(dot(frame.to_light.xyz, normal), 0.0, 1.0), lit);
+    }
 //#endif
     var out: Pixel;
 //#if COLOR

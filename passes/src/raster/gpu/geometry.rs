@@ -41,6 +41,7 @@ pub(super) struct Vertices {
     pub normals: Option<wgpu::Buffer>,
     pub texcoords: Option<wgpu::Buffer>,
     pub colors: Option<wgpu::Buffer>,
+    pub tangents: Option<wgpu::Buffer>,
 }
 
 /// A scene's triangles in device memory.
@@ -63,13 +64,15 @@ impl DeviceGeometry {
             ("normals", geometry.normals.len()),
             ("texcoords", geometry.texcoords.len()),
             ("colors", geometry.colors.len()),
+            ("tangents", geometry.tangents.len()),
         ];
         for (name, count) in counts {
             if count != 0 && count != vertex_count {
                 return Err(failure(&format!("the scene has {vertex_count} positions and {count} {name}")));
             }
         }
-        let widest = if geometry.colors.is_empty() { size_of::<Vec3>() } else { size_of::<Vec4>() } as u64;
+        let narrow = geometry.colors.is_empty() && geometry.tangents.is_empty();
+        let widest = if narrow { size_of::<Vec3>() } else { size_of::<Vec4>() } as u64;
         let layout = Layout::new(geometry.triangles.len(), vertex_count, widest, gpu.max_buffer_bytes)?;
         let mut this = Self {
             chunks: Vec::new(),
@@ -94,6 +97,7 @@ impl DeviceGeometry {
                     normals: gather(&geometry.normals, used),
                     texcoords: gather(&geometry.texcoords, used),
                     colors: gather(&geometry.colors, used),
+                    tangents: gather(&geometry.tangents, used),
                     ..Geometry::default()
                 };
                 this.push_vertices(gpu, &part)?;
@@ -112,7 +116,7 @@ impl DeviceGeometry {
 
     /// The vertices of a geometry, whatever its triangles.
     fn push_vertices(&mut self, gpu: &Gpu, geometry: &Geometry) -> Result<(), BackendError> {
-        let Geometry { positions, normals, texcoords, colors, .. } = geometry;
+        let Geometry { positions, normals, texcoords, colors, tangents, .. } = geometry;
         let mut upload = |label: &str, bytes: &[u8]| {
             self.bytes += bytes.len() as u64;
             gpu.upload_buffer(label, wgpu::BufferUsages::VERTEX, bytes)
@@ -123,8 +127,9 @@ impl DeviceGeometry {
         let normals = optional("upload of the normals", bytemuck::cast_slice(normals))?;
         let texcoords = optional("upload of the texture coordinates", bytemuck::cast_slice(texcoords))?;
         let colors = optional("upload of the vertex colours", bytemuck::cast_slice(colors))?;
+        let tangents = optional("upload of the tangents", bytemuck::cast_slice(tangents))?;
         let positions = upload("upload of the positions", bytemuck::cast_slice(positions))?;
-        self.vertices.push(Vertices { positions, normals, texcoords, colors });
+        self.vertices.push(Vertices { positions, normals, texcoords, colors, tangents });
         Ok(())
     }
 }

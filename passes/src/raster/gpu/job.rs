@@ -50,7 +50,13 @@ pub(super) fn check_scene(job: &RasterJob<'_>) -> Result<(), BackendError> {
         }
         let color = shade.texture.filter(|_| job.attachments.color || shade.alpha_cutoff.is_some());
         let glow = shade.glow.and_then(|glow| glow.texture).filter(|_| job.attachments.color);
-        for texture in [color, glow].into_iter().flatten() {
+        let Attachments { color: lit, position, normal, .. } = job.attachments;
+        let bends = (lit || position || normal) && !geometry.normals.is_empty();
+        let normals = shade.normal_map.map(|map| map.texture).filter(|_| bends);
+        if normals.is_some() && geometry.tangents.len() != vertices {
+            return Err(unsupported("normal maps", "the scene was loaded without tangents;"));
+        }
+        for texture in [color, glow, normals].into_iter().flatten() {
             if texture as usize >= job.scene.textures.len() {
                 return Err(unsupported("this scene", &format!("it has no texture {texture};")));
             }

@@ -14,13 +14,14 @@ use std::num::NonZeroU64;
 pub(super) struct Layouts {
     /// Group 0: `Frame`, and `Draw` at a dynamic offset.
     pub uniforms: wgpu::BindGroupLayout,
-    /// Groups 1 and 2: a texture and the sampler.
+    /// Groups 1 to 3: a texture and the sampler.
     pub texture: wgpu::BindGroupLayout,
     /// Repeating coordinates, linear within a level and between two.
     pub trilinear: wgpu::Sampler,
     plain: wgpu::PipelineLayout,
     textured: wgpu::PipelineLayout,
     glowing: wgpu::PipelineLayout,
+    bent: wgpu::PipelineLayout,
 }
 
 impl Layouts {
@@ -72,8 +73,9 @@ impl Layouts {
         let plain = layout(&[Some(&uniforms)]);
         let textured = layout(&[Some(&uniforms), Some(&texture)]);
         let glowing = layout(&[Some(&uniforms), Some(&texture), Some(&texture)]);
+        let bent = layout(&[Some(&uniforms), Some(&texture), Some(&texture), Some(&texture)]);
         gpu.check("creation of the layouts")?;
-        Ok(Self { uniforms, texture, trilinear, plain, textured, glowing })
+        Ok(Self { uniforms, texture, trilinear, plain, textured, glowing, bent })
     }
 }
 
@@ -122,10 +124,10 @@ impl Pipelines {
     }
 }
 
-/// Vertex buffer slots of normals, texture coordinates and colours in a variant; positions have slot 0.
-pub(super) fn slots(variant: Variant) -> [Option<u32>; 3] {
+/// Vertex buffer slots of normals, texture coordinates, colours and tangents in a variant; positions have slot 0.
+pub(super) fn slots(variant: Variant) -> [Option<u32>; 4] {
     let mut next = 0;
-    [variant.vertex_normal, variant.texcoord(), variant.vertex_color].map(|read| {
+    [variant.vertex_normal, variant.texcoord(), variant.vertex_color, variant.bent].map(|read| {
         next += u32::from(read);
         read.then_some(next)
     })
@@ -140,6 +142,7 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
     const NORMALS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![1 => Float32x3];
     const TEXCOORDS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![2 => Float32x2];
     const COLORS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![3 => Float32x4];
+    const TANGENTS: [wgpu::VertexAttribute; 1] = wgpu::vertex_attr_array![4 => Float32x4];
     let buffer = |attributes: &'static [wgpu::VertexAttribute]| {
         let array_stride = attributes.iter().map(|attribute| attribute.format.size()).sum();
         Some(wgpu::VertexBufferLayout { array_stride, step_mode: wgpu::VertexStepMode::Vertex, attributes })
@@ -154,10 +157,14 @@ fn build(gpu: &Gpu, layouts: &Layouts, variant: Variant, stored: Stored) -> wgpu
     if variant.vertex_color {
         buffers.push(buffer(&COLORS));
     }
+    if variant.bent {
+        buffers.push(buffer(&TANGENTS));
+    }
     let targets = stored.formats().map(|format| format.map(wgpu::ColorTargetState::from));
     gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some("gbuffer"),
         layout: Some(match variant {
+            Variant { bent: true, .. } => &layouts.bent,
             Variant { glow_textured: true, .. } => &layouts.glowing,
             Variant { textured: true, .. } => &layouts.textured,
             _ => &layouts.plain,

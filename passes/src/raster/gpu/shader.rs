@@ -29,6 +29,8 @@ pub(super) struct Variant {
     pub glow: bool,
     /// Multiplies it by a texture; implies `glow`.
     pub glow_textured: bool,
+    /// Bends the normals by a normal map; implies `vertex_normal`.
+    pub bent: bool,
     /// Leaves what lies beyond the sides of its textures to their samplers.
     pub wrapped: bool,
     /// Leaves back faces out. The text does not depend on it.
@@ -41,17 +43,19 @@ impl Variant {
         let Attachments { color, position, normal, triangle } = attachments;
         let texture = shade.texture.is_some();
         let alpha_cut = shade.is_cut();
+        let vertex_normal = has_normals && (color || position || normal);
         Self {
             color,
             position,
             normal,
             triangle,
-            vertex_normal: has_normals && (color || position || normal),
+            vertex_normal,
             textured: texture && (color || alpha_cut),
             alpha_cut,
             vertex_color: shade.vertex_colors && (color || alpha_cut),
             glow: color && shade.glow.is_some(),
             glow_textured: color && shade.glow.is_some_and(|glow| glow.texture.is_some()),
+            bent: vertex_normal && shade.normal_map.is_some(),
             wrapped: false,
             culled: false,
         }
@@ -59,12 +63,12 @@ impl Variant {
 
     /// Whether it reads texture coordinates.
     pub fn texcoord(self) -> bool {
-        self.textured || self.glow_textured
+        self.textured || self.glow_textured || self.bent
     }
 
     /// Whether the shader reads anything of the material; if not, draws of different materials can be joined.
     pub fn reads_material(self) -> bool {
-        self.color || self.alpha_cut
+        self.color || self.alpha_cut || self.bent
     }
 
     /// Whether a fragment leaves anything but its depth.
@@ -89,6 +93,8 @@ impl Variant {
             "ALPHA_CUT" => self.alpha_cut,
             "VERTEX_COLOR" => self.vertex_color,
             "TEXCOORD" => self.texcoord(),
+            "BENT" => self.bent,
+            "WORLD" => self.position || self.bent,
             "GLOW" => self.glow,
             "WRAPPED" => self.wrapped,
             "GLOW_TEXTURED" => self.glow_textured,
@@ -163,7 +169,8 @@ pub(super) struct DrawUniform {
     glow: Vec4,
     first_triangle: u32,
     alpha_cutoff: f32,
-    padding: [u32; 2],
+    normal_scale: f32,
+    padding: u32,
 }
 
 impl DrawUniform {
@@ -176,7 +183,8 @@ impl DrawUniform {
             first_triangle: first_triangle.wrapping_add(1),
             // A shader need not tell an infinity from other numbers.
             alpha_cutoff: shade.alpha_cutoff.unwrap_or(0.0).min(f32::MAX),
-            padding: [0; 2],
+            normal_scale: shade.normal_map.map_or(0.0, |map| map.scale),
+            padding: 0,
         }
     }
 }
@@ -189,7 +197,7 @@ mod tests {
 
     /// Every combination that [`Variant::new`] can give, and the others with `alpha_cut` implying `textured`.
     fn variants() -> impl Iterator<Item = Variant> {
-        (0_u32..2048)
+        (0_u32..4096)
             .map(|bits| {
                 let bit = |index: u32| bits >> index & 1 == 1;
                 Variant {
@@ -204,12 +212,14 @@ mod tests {
                     glow_textured: bit(8),
                     wrapped: bit(9),
                     vertex_color: bit(10),
+                    bent: bit(11),
                     culled: false,
                 }
             })
             .filter(|v| (v.textured || v.vertex_color || !v.alpha_cut) && (v.color || v.alpha_cut || !v.vertex_color))
             .filter(|v| (v.color || !v.glow) && (v.glow || !v.glow_textured))
             .filter(|v| v.texcoord() || !v.wrapped)
+            .filter(|v| !v.bent || (v.vertex_normal && (v.color || v.position || v.normal)))
             // What only has depth has nothing to shade.
             .filter(|v| v.writes() || (!v.vertex_normal && v.alpha_cut == (v.textured || v.vertex_color)))
     }
@@ -242,10 +252,12 @@ mod tests {
         // With and without normals: 8 sets of attachments with a colour, 7 others. Of the ways to be textured, cut and coloured by the
         // vertices a colour has 3 without a texture and 4 with one, which may end at its sides; the others, whose vertices' colours only
         // cut, 2 and 3. With a colour also with light of their own, plain and textured. Depth alone: whole, cut by a texture, by the
-        // vertices, by both.
+        // vertices, by both. Bent normals have vertex normals and a texture, which may end at its sides: in 8 sets with a colour, and in 6
+        // of the others.
         let (colored, others) = (8 * 2, 7 * 2);
         let (plain, glowing) = (3 + 4 * 2, (3 + 4) * 2);
-        assert_eq!(count, colored * (2 * plain + glowing) + others * (2 + 3 * 2) + 1 + 2 + 1 + 2);
+        let bent = 8 * 3 * (3 + 4) * 2 + 6 * (2 + 3) * 2;
+        assert_eq!(count, colored * (2 * plain + glowing) + others * (2 + 3 * 2) + 1 + 2 + 1 + 2 + bent);
     }
 
     #[test]
@@ -294,6 +306,7 @@ mod tests {
             ("glow", offset_of!(DrawUniform, glow)),
             ("first_triangle", offset_of!(DrawUniform, first_triangle)),
             ("alpha_cutoff", offset_of!(DrawUniform, alpha_cutoff)),
+            ("normal_scale", offset_of!(DrawUniform, normal_scale)),
         ]);
         assert_eq!(layout(&module, "Draw"), (draw, size_of::<DrawUniform>()));
     }

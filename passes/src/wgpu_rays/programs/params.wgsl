@@ -46,6 +46,8 @@ struct Params {
     // through it; 0 where all of it is panes.
     beyond: vec3f,
     bodies_at: u32,
+    // Where tangents begin in `vertices`; 0 where there are none.
+    tangents_at: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -61,7 +63,7 @@ struct Params {
 @group(1) @binding(0) var<storage, read> nodes: array<vec4u>;
 // Three vectors a triangle of a leaf: its corners; in the first one's fourth place the id.
 @group(1) @binding(1) var<storage, read> leaves: array<vec4u>;
-// Positions, normals, texture coordinates and colours, as bits of numbers.
+// Positions, normals, texture coordinates, colours and tangents, as bits of numbers.
 @group(1) @binding(2) var<storage, read> vertices: array<u32>;
 // Corners of the triangles, then their materials.
 @group(1) @binding(3) var<storage, read> mesh: array<u32>;

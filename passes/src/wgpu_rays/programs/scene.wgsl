@@ -33,21 +33,20 @@ fn texture_coordinates(hit: Hit) -> vec2f {
     return weighed(texcoord_at(i.x), texcoord_at(i.y), texcoord_at(i.z), hit).xy;
 }
 
-fn color_at(vertex: u32) -> vec4f {
-    let place = params.colors_at + 4u * vertex;
-    return vec4f(vector_at(place), bitcast<f32>(vertices[place + 3u]));
-}
-fn vertex_color(hit: Hit) -> vec4f {
-    let i = corners_of(hit.triangle);
+fn four_at(place: u32) -> vec4f { return vec4f(vector_at(place), bitcast<f32>(vertices[place + 3u])); }
+// An attribute of four numbers a vertex, which begins there.
+fn four_between(first: u32, hit: Hit) -> vec4f {
+    let i = vec3u(first) + 4u * corners_of(hit.triangle);
     let w = 1.0 - hit.u - hit.v;
-    return sep4(sep4(color_at(i.x) * w) + sep4(color_at(i.y) * hit.u)) + sep4(color_at(i.z) * hit.v);
+    return sep4(sep4(four_at(i.x) * w) + sep4(four_at(i.y) * hit.u)) + sep4(four_at(i.z) * hit.v);
 }
+fn vertex_color(hit: Hit) -> vec4f { return four_between(params.colors_at, hit); }
 
 // Level 0 of a texture, which alone rays read.
-struct Texture { first: u32, width: u32, height: u32, wrap_u: u32, wrap_v: u32 }
+struct Texture { first: u32, width: u32, height: u32, wrap_u: u32, wrap_v: u32, decoded_at: u32 }
 fn texture_of(index: u32) -> Texture {
     let place = params.textures_at + TEXTURE_WORDS * index;
-    return Texture(tables[place], tables[place + 1u], tables[place + 2u], tables[place + 3u], tables[place + 4u]);
+    return Texture(tables[place], tables[place + 1u], tables[place + 2u], tables[place + 3u], tables[place + 4u], params.decoded_at);
 }
 // The texel that stands for one beyond the sides: from the other side, or the one at the edge.
 fn beyond(x: i32, size: i32, wrap: u32) -> i32 {
@@ -67,8 +66,8 @@ fn texel(image: Texture, column: i32, row: i32) -> vec4f {
     let y = beyond(row, i32(image.height), image.wrap_v);
     let word = texels[image.first + u32(y) * image.width + u32(x)];
     let bytes = vec4u(word & 0xffu, word >> 8u & 0xffu, word >> 16u & 0xffu, word >> 24u);
-    if params.decoded_at != 0u {
-        let code = vec3u(params.decoded_at) + bytes.xyz;
+    if image.decoded_at != 0u {
+        let code = vec3u(image.decoded_at) + bytes.xyz;
         return vec4f(table_number(code.x), table_number(code.y), table_number(code.z), f32(bytes.w) / 255.0);
     }
     return vec4f(bytes) / 255.0;
@@ -76,8 +75,14 @@ fn texel(image: Texture, column: i32, row: i32) -> vec4f {
 fn sep4(x: vec4f) -> vec4f { return bitcast<vec4f>(bitcast<vec4u>(x) ^ vec4u(params.zero)); }
 fn between(a: vec4f, b: vec4f, s: f32) -> vec4f { return sep4(a * (1.0 - s)) + sep4(b * s); }
 // Bilinear filtering; `v = 0` is the bottom row.
-fn sample_texture(index: u32, uv: vec2f) -> vec4f {
-    let image = texture_of(index);
+fn sample_texture(index: u32, uv: vec2f) -> vec4f { return sample_image(texture_of(index), uv); }
+// The same of numbers that are no colours.
+fn sample_numbers(index: u32, uv: vec2f) -> vec4f {
+    var image = texture_of(index);
+    image.decoded_at = 0u;
+    return sample_image(image, uv);
+}
+fn sample_image(image: Texture, uv: vec2f) -> vec4f {
     if !(is_finite(uv.x) && is_finite(uv.y)) { return texel(image, 0, 0); }
     let x = sep(share_of_side(uv.x, image.wrap_u) * f32(image.width)) - 0.5;
     let y = sep((1.0 - sep(share_of_side(uv.y, image.wrap_v))) * f32(image.height)) - 0.5;
@@ -111,10 +116,45 @@ fn covers(hit: Hit) -> bool {
     return alpha >= shade.cutoff;
 }
 
+// The normal that a texel makes of the one between the corners, on a triangle of unit normal `flat_normal` on either side, as
+// `normal_map::bent` of the pipeline has it.
+fn bent(texel: vec3f, scale: f32, normal: vec3f, tangent: vec4f, flat_normal: vec3f) -> vec3f {
+    let slopes = sep3((2.0 * texel - vec3f(1.0)) * scale);
+    let height = 2.0 * texel.z - 1.0;
+    let z = select(LEAST_HEIGHT, height, height > LEAST_HEIGHT);
+    let across = sep3(cross3(normal, tangent.xyz) * tangent.w);
+    let unbent = normalize_or(normal, normal);
+    let sum = sep3(sep3(tangent.xyz * slopes.x) + sep3(across * slopes.y)) + sep3(normal * z);
+    let turned = normalize_or(sum, unbent);
+    let side = select(flat_normal, -flat_normal, dot3(flat_normal, normal) < 0.0);
+    let cosine = dot3(turned, side);
+    if cosine < LEAST_COSINE { return normalize_or(turned + sep3(side * (LEAST_COSINE - cosine)), normalize_or(side, side)); }
+    return turned;
+}
+// The normal at a hit, bent by the normal map of its material if it has one; `vertex_normal` is the one between the corners.
+fn bent_normal(hit: Hit, vertex_normal: vec3f, flat_normal: vec3f) -> vec3f {
+    if params.tangents_at == 0u || !(dot3(vertex_normal, vertex_normal) > LEAST_SQUARE) { return vertex_normal; }
+    let place = SHADE_WORDS * mesh[params.materials_at + hit.triangle];
+    if (tables[place + 3u] & SHADE_NORMAL_MAP) == 0u { return vertex_normal; }
+    let texel = sample_numbers(tables[place + 10u], texture_coordinates(hit)).xyz;
+    return bent(texel, table_number(place + 11u), vertex_normal, four_between(params.tangents_at, hit), flat_normal);
+}
+// Whether the normal between the corners faces the light, on the side of the triangle on which a bent normal is.
+fn vertices_face_light(hit: Hit, bent: vec3f) -> bool {
+    let corners = positions_of(hit.triangle);
+    let flat_normal = cross3(corners.b - corners.a, corners.c - corners.a);
+    let vertex_normal = normal_at(hit);
+    let is_turned = (dot3(flat_normal, vertex_normal) < 0.0) != (dot3(flat_normal, bent) < 0.0);
+    let cosine = dot3(vertex_normal, params.to_light);
+    return select(cosine, -cosine, is_turned) > 0.0;
+}
+
 // Diffuse light, ambient light and texture, with this unit normal, times the vertex colour.
 fn reflected_color(hit: Hit, normal: vec3f) -> vec3f {
     let shade = shade_of(hit.triangle);
-    let lit = sep3(shade.diffuse * (params.light_color * max(dot3(params.to_light, normal), 0.0)));
+    var cosine = max(dot3(params.to_light, normal), 0.0);
+    if (shade.flags & SHADE_NORMAL_MAP) != 0u && !vertices_face_light(hit, normal) { cosine = 0.0; }
+    let lit = sep3(shade.diffuse * (params.light_color * cosine));
     var reflected = lit + sep3(AMBIENT * shade.diffuse);
     if shade.texture != NO_TEXTURE {
         reflected = (lit + vec3f(AMBIENT)) * sample_texture(shade.texture, texture_coordinates(hit)).xyz;

@@ -137,5 +137,6 @@ fn surface_of(point: SurfacePoint, stored: vec3f, view: vec3f) -> Surface {
 }
 // The point that a ray meets.
 fn surface_hit(direction: vec3f, hit: Hit) -> Surface {
-    return surface_of(point_on(positions_of(hit.triangle), wide(hit.u), wide(hit.v)), normal_at(hit), direction);
+    let point = point_on(positions_of(hit.triangle), wide(hit.u), wide(hit.v));
+    return surface_of(point, bent_normal(hit, normal_at(hit), point.normal), direction);
 }

@@ -28,6 +28,10 @@ fn world() -> World {
     world.quad(glass, Vec3::new(0.0, 0.0, 3.0), Vec3::X, Vec3::Y);
     let vertices = world.scene.geometry.positions.len();
     world.scene.geometry.colors.resize(vertices, Vec4::ONE);
+    // Bumps on what is lit, cut out, and glass.
+    world.bump(0, [[220, 90, 200, 255], [40, 160, 220, 255]], 1.0);
+    world.bump(picture, [[128, 200, 220, 255], [60, 60, 200, 255]], 0.5);
+    world.bump(glass, [[150, 120, 240, 255], [110, 140, 240, 255]], -1.0);
     world
 }
 

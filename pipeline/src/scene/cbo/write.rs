@@ -83,11 +83,15 @@ fn latin_1(text: &str, path: &Path, warnings: &mut Warnings) -> String {
     kept
 }
 
-/// The path of every texture, relative to the file; writes those that are not files yet.
+/// The path of every texture of a colour, relative to the file; writes those that are not files yet. Others have no path.
 fn texture_paths(scene: &Scene, path: &Path, warnings: &mut Warnings) -> Result<Vec<String>, SceneError> {
     let folder = folder_of(path);
     let mut paths = Vec::with_capacity(scene.textures.len());
     for (index, source) in scene.textures.iter().enumerate() {
+        if source.is_data() {
+            paths.push(String::new());
+            continue;
+        }
         if let TextureSource::File(file) = source.texels().0 {
             let relative = relative_to(folder, file).or_else(|| file.to_str().map(str::to_owned)).ok_or_else(|| {
                 SceneError::file(path, format!("the texture path {} is not valid Unicode", file.display()))
@@ -191,6 +195,7 @@ impl SceneWriter<'_> {
             (material.transmission != defaults.transmission, "materials with transmission", "not written"),
             (absorption, "materials with absorption", "not written"),
             (material.emission_texture.is_some(), "emissive textures", "not written; the colour alone is"),
+            (material.normal_texture.is_some(), "normal maps", "not written"),
             (
                 material.alpha_cutoff.is_some() && !self.layout.is_2014(),
                 "materials with an alpha cutoff",

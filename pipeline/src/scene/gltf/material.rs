@@ -1,8 +1,9 @@
 //! Materials and textures of a glTF asset.
 
-use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, texture_file};
+use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, normal_scale, texture_file_or};
 use super::super::dispersion::of_cauchy;
 use super::super::error::SceneError;
+use super::super::render::texture::NO_NORMAL_MAP;
 use super::super::texture::Wrap;
 use super::super::{Material, TextureSource};
 use super::accessor::Data;
@@ -49,6 +50,8 @@ pub(super) struct Surface {
     /// Its index in the table.
     pub(super) material: u32,
     pub(super) coordinates: Coordinates,
+    /// Whether it has a normal map that is wanted.
+    pub(super) mapped: bool,
     alpha: Alpha,
 }
 
@@ -87,7 +90,7 @@ impl Materials {
             let base = written.pbr_metallic_roughness.base_color_texture.as_ref().filter(|_| context.needs.textures);
             if let Some(info) = base {
                 coordinates = coordinates_of(info);
-                let source = image(info, data, &mut images, &material.name, context, warnings)?;
+                let source = image(info, data, &mut images, (&material.name, NO_TEXTURE), context, warnings)?;
                 material.texture = source.map(|source| add_texture(&mut materials.textures, source));
             }
             let shines = material.emission.truncate() != Vec3::ZERO;
@@ -104,20 +107,41 @@ impl Materials {
                 } else {
                     coordinates = own;
                 }
-                let source = image(info, data, &mut images, &material.name, context, warnings)?;
+                let source = image(info, data, &mut images, (&material.name, NO_TEXTURE), context, warnings)?;
                 material.emission_texture = source.map(|source| add_texture(&mut materials.textures, source));
                 if material.emission_texture.is_none() {
                     // The factor alone would make all of the surface shine.
                     material.emission = Material::default().emission;
                 }
             }
+            if let Some(map) = written.normal_texture.as_ref().filter(|_| context.needs.normal_maps) {
+                let info = normal_info(map).map_err(|why| {
+                    let place =
+                        format!("the normal texture of material `{}`: KHR_texture_transform: {why}", material.name);
+                    SceneError::file(context.file, place)
+                })?;
+                let own = coordinates_of(&info);
+                let emissive = written.emissive_texture.as_ref().filter(|_| shines);
+                let others = written.pbr_metallic_roughness.base_color_texture.as_ref().or(emissive);
+                if others.is_some_and(|others| coordinates_of(others) != own) {
+                    let what = "normal textures with coordinates of their own";
+                    warnings.add(context.file, what, NO_NORMAL_MAP, || format!("`{}`", material.name));
+                } else {
+                    coordinates = own;
+                    let source = image(&info, data, &mut images, (&material.name, NO_NORMAL_MAP), context, warnings)?;
+                    let source = source.map(TextureSource::data);
+                    material.normal_texture = source.map(|source| add_texture(&mut materials.textures, source));
+                    material.normal_scale = normal_scale(context, map.scale, &material.name, warnings);
+                }
+            }
+            let mapped = material.normal_texture.is_some();
             let alpha = match written.alpha_mode {
                 Checked::Valid(AlphaMode::Mask) => Alpha::Cut,
                 Checked::Valid(AlphaMode::Blend) => Alpha::Blended(MASK_CUTOFF * material.diffuse.w),
                 _ => Alpha::Ignored,
             };
             let index = materials.table.materials.len() as u32;
-            materials.by_index.push(Surface { material: index, coordinates, alpha });
+            materials.by_index.push(Surface { material: index, coordinates, mapped, alpha });
             materials.table.declare(material);
         }
         Ok(materials)
@@ -139,7 +163,7 @@ impl Materials {
                 self.table.declare(Material { name, diffuse: Vec4::ONE, single_sided: true, ..Material::default() });
                 self.table.materials.len() as u32 - 1
             });
-            return Ok(Surface { material, coordinates: Coordinates::PLAIN, alpha: Alpha::Ignored });
+            return Ok(Surface { material, coordinates: Coordinates::PLAIN, mapped: false, alpha: Alpha::Ignored });
         };
         self.by_index
             .get(index.value())
@@ -254,7 +278,6 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
     }
     let pbr = &written.pbr_metallic_roughness;
     for (present, what) in [
-        (written.normal_texture.is_some(), "normals of "),
         (written.occlusion_texture.is_some(), "occlusion of "),
         (pbr.metallic_roughness_texture.is_some(), "metalness and roughness of "),
     ] {
@@ -301,6 +324,23 @@ fn dispersion(extensions: Option<&json::extensions::material::Material>) -> Resu
     share.filter(|share| share.is_finite() && *share >= 0.0).ok_or(())
 }
 
+/// What serves without a texture of a colour.
+const NO_TEXTURE: &str = "the diffuse colour serves";
+
+/// A normal texture as the other textures are written; the crate `gltf` leaves its extensions as they are.
+fn normal_info(map: &json::material::NormalTexture) -> Result<json::texture::Info, String> {
+    const TRANSFORM: &str = "KHR_texture_transform";
+    let transform = map.extensions.as_ref().and_then(|extensions| extensions.others.get(TRANSFORM));
+    let texture_transform =
+        transform.cloned().map(serde_json::from_value).transpose().map_err(|error| error.to_string())?;
+    Ok(json::texture::Info {
+        index: map.index,
+        tex_coord: map.tex_coord,
+        extensions: Some(json::extensions::texture::Info { texture_transform, ..Default::default() }),
+        extras: Default::default(),
+    })
+}
+
 fn coordinates_of(info: &json::texture::Info) -> Coordinates {
     let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
     let Some(transform) = transform else { return Coordinates { set: info.tex_coord, ..Coordinates::PLAIN } };
@@ -341,14 +381,13 @@ fn image(
     info: &json::texture::Info,
     data: &Data<'_>,
     images: &mut [Option<Option<TextureSource>>],
-    material: &str,
+    (material, remedy): (&str, &'static str),
     context: &mut Context<'_>,
     warnings: &mut Warnings,
 ) -> Result<Option<TextureSource>, SceneError> {
     let file = context.file;
     let missing = |warnings: &mut Warnings, why: String| {
-        warnings
-            .add(file, "missing textures", "the diffuse colour serves", || format!("{why}, of material `{material}`"));
+        warnings.add(file, "missing textures", remedy, || format!("{why}, of material `{material}`"));
     };
     let Some(texture) = data.root.textures.get(info.index.value()) else {
         return Err(SceneError::file(file, format!("texture {} does not exist", info.index.value())));
@@ -368,7 +407,9 @@ fn image(
     let name = || format!("{}#image{index}", file.display());
     let source = match (&written.uri, written.buffer_view) {
         (Some(uri), _) => match uri_target(uri) {
-            Ok(Target::Path(path)) => texture_file(context, &path, warnings, material).map(TextureSource::File),
+            Ok(Target::Path(path)) => {
+                texture_file_or(context, &path, warnings, (material, remedy)).map(TextureSource::File)
+            }
             Ok(Target::Data(text)) => {
                 context.take("an embedded image", text.len(), 1)?;
                 let bytes = base64(text);

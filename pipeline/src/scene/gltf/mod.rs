@@ -233,7 +233,9 @@ impl Assembler<'_> {
             mesh.normals = vectors.read::<3>(normals, "NORMAL", context)?.into_iter().map(Vec3::from).collect();
         }
         let texcoords = attribute(Semantic::TexCoords(coordinates.set));
-        if let Some(texcoords) = texcoords.filter(|_| context.needs.textures) {
+        if let Some(texcoords) =
+            texcoords.filter(|_| context.needs.textures || (surface.mapped && context.needs.normals))
+        {
             let semantic = format!("TEXCOORD_{}", coordinates.set);
             let texcoords = vectors.read::<2>(texcoords, &semantic, context)?.into_iter();
             mesh.texcoords = texcoords.map(|texcoord| coordinates.apply(Vec2::from(texcoord))).collect();
@@ -241,11 +243,16 @@ impl Assembler<'_> {
         if let Some(colors) = attribute(Semantic::Colors(0)).filter(|_| context.needs.colors) {
             mesh.colors = self.colors(surface, &vectors, colors, context)?;
         }
+        // Tangents without normals mean nothing (glTF 2.0, section 3.7.2.1).
+        if let Some(tangents) = attribute(Semantic::Tangents).filter(|_| surface.mapped && !mesh.normals.is_empty()) {
+            mesh.tangents = vectors.read::<4>(tangents, "TANGENT", context)?.into_iter().map(Vec4::from).collect();
+        }
         let vertices = mesh.positions.len();
         let counts = [
             ("normals", mesh.normals.len()),
             ("texture coordinates", mesh.texcoords.len()),
             ("colours", mesh.colors.len()),
+            ("tangents", mesh.tangents.len()),
         ];
         for (what, count) in counts {
             if count != 0 && count != vertices {

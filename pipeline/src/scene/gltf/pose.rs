@@ -55,16 +55,18 @@ impl Pose {
             });
         }
         let vertices = mesh.positions.len();
-        context.take("the morphed vertices", 2 * vertices, size_of::<DVec3>())?;
-        let mut sums: [Vec<DVec3>; 2] =
+        context.take("the morphed vertices", 3 * vertices, size_of::<DVec3>())?;
+        let [positions, normals] =
             [&mesh.positions, &mesh.normals].map(|list| list.iter().map(|vector| vector.as_dvec3()).collect());
+        let tangents = mesh.tangents.iter().map(|tangent| tangent.truncate().as_dvec3()).collect();
+        let mut sums: [Vec<DVec3>; 3] = [positions, normals, tangents];
         for (number, (target, weight)) in targets.iter().zip(&self.weights).enumerate() {
             let weight = f64::from(f32::from_bits(*weight));
             if weight == 0.0 {
                 continue;
             }
-            for (sum, accessor) in sums.iter_mut().zip([target.positions, target.normals]) {
-                // Normals that the file has not, or nobody reads, are none to be displaced.
+            for (sum, accessor) in sums.iter_mut().zip([target.positions, target.normals, target.tangents]) {
+                // Normals and tangents that the file has not, or nobody reads, are none to be displaced.
                 let Some(accessor) = accessor.filter(|_| !sum.is_empty()) else { continue };
                 let displacements = vectors.data.vectors::<3>(accessor, context)?;
                 if displacements.len() != vertices {
@@ -82,10 +84,13 @@ impl Pose {
                 context.budget.give_back((vertices * size_of::<[f32; 3]>()) as u64);
             }
         }
-        let [positions, normals] = sums;
+        let [positions, normals, tangents] = sums;
         mesh.positions = positions.into_iter().map(|position| position.as_vec3()).collect();
         mesh.normals = normals.into_iter().map(|normal| normal.as_vec3()).collect();
-        context.budget.give_back((2 * vertices * size_of::<DVec3>()) as u64);
+        for (tangent, moved) in mesh.tangents.iter_mut().zip(tangents) {
+            *tangent = moved.as_vec3().extend(tangent.w);
+        }
+        context.budget.give_back((3 * vertices * size_of::<DVec3>()) as u64);
         Ok(())
     }
 }
@@ -200,6 +205,10 @@ impl Skins {
             if let Some(normal) = mesh.normals.get_mut(vertex) {
                 *normal = turned(&linear, normal.as_dvec3()).as_vec3();
             }
+            if let Some(tangent) = mesh.tangents.get_mut(vertex) {
+                let moved = scaled(linear * tangent.truncate().as_dvec3()).as_vec3();
+                *tangent = moved.extend(if mirrored[vertex] { -tangent.w } else { tangent.w });
+            }
         }
         if mirrored.contains(&true) {
             let is_mirrored = |vertex: u32| mirrored.get(vertex as usize) == Some(&true);
@@ -243,10 +252,14 @@ fn turned(linear: &DMat3, normal: DVec3) -> DVec3 {
     let DMat3 { x_axis, y_axis, z_axis } = *linear;
     let cofactors = DMat3::from_cols(y_axis.cross(z_axis), z_axis.cross(x_axis), x_axis.cross(y_axis));
     let turned = cofactors * normal;
-    // Cofactors of tiny or huge matrices leave the range of 32 bits.
-    let unit = turned / turned.abs().max_element();
-    let unit = if unit.is_finite() { unit } else { DVec3::ZERO };
+    let unit = scaled(turned);
     if linear.determinant() < 0.0 { -unit } else { unit }
+}
+
+/// A vector up to a positive factor: those of tiny or huge matrices leave the range of 32 bits. 0 where it has no direction.
+fn scaled(vector: DVec3) -> DVec3 {
+    let unit = vector / vector.abs().max_element();
+    if unit.is_finite() { unit } else { DVec3::ZERO }
 }
 
 /// The place of every node in the world; `None` for those that are their own ancestors.

@@ -34,7 +34,7 @@ use super::origin::{bounds, origin_for};
 use crate::diagnostic::Warnings;
 use faces::Faces;
 use glam::DVec3;
-use lines::{Lines, pieces};
+use lines::{Lines, pieces, split_word, text};
 use mtl::Library;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -57,8 +57,11 @@ fn read_in_pieces(bytes: &[u8], piece: usize, max_run: usize, context: &mut Cont
     const WHAT: &str = "the vertices and faces";
     let file = context.file;
     let pieces = pieces(bytes, piece);
+    let mut needs = context.needs;
+    // Texture coordinates alone are wanted where only a normal map reads them.
+    needs.textures |= needs.normals && needs.normal_maps && names_normal_map(&pieces, context);
     let allowance = Allowance::new(context);
-    let scans = scan::scan(&pieces, context.needs, &allowance);
+    let scans = scan::scan(&pieces, needs, &allowance);
     allowance.settle(WHAT, context)?;
     let (mut numbers, starts) = scan::combine(scans, file)?;
     let origin = bounds(&numbers.positions).map_or(DVec3::ZERO, origin_for);
@@ -69,7 +72,7 @@ fn read_in_pieces(bytes: &[u8], piece: usize, max_run: usize, context: &mut Cont
 
     let allowance = Allowance::new(context);
     let read = |(piece, start): (&Lines<'_>, scan::Start)| {
-        faces::read(piece.clone(), start, &numbers, context.needs, file, &allowance)
+        faces::read(piece.clone(), start, &numbers, needs, file, &allowance)
     };
     let faces: Vec<Faces> = pieces.par_iter().zip(starts).with_max_len(1).map(read).collect();
     allowance.settle(WHAT, context)?;
@@ -100,6 +103,30 @@ fn read_in_pieces(bytes: &[u8], piece: usize, max_run: usize, context: &mut Cont
     scene.textures = library.textures;
     scene.warnings = warnings;
     Ok(scene)
+}
+
+/// Whether a material of the libraries of a file has a normal map; false where one cannot be read, which is an error later.
+fn names_normal_map(pieces: &[Lines<'_>], context: &mut Context<'_>) -> bool {
+    let named: Vec<String> = pieces
+        .par_iter()
+        .flat_map_iter(|piece| {
+            let (mut lines, mut named) = (piece.clone(), Vec::new());
+            while let Some((_, statement)) = lines.next() {
+                let (keyword, rest) = split_word(&statement);
+                if keyword == b"mtllib" {
+                    named.push(text(rest));
+                }
+            }
+            named
+        })
+        .collect();
+    let (mut library, mut unheard) = (Library::default(), Warnings::default());
+    for argument in named {
+        if mtl::read_libraries(&argument, 0, &mut library, context, &mut unheard).is_err() {
+            return false;
+        }
+    }
+    library.table.materials.iter().any(|material| material.normal_texture.is_some())
 }
 
 /// The material that faces name. Files without any `usemtl` get the default one, without a warning.

@@ -4,9 +4,11 @@
 
 use super::super::Material;
 use super::super::TextureSource;
-use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, read_file, texture_file};
+use super::super::context::{
+    Context, MASK_CUTOFF, MaterialTable, add_texture, normal_scale, read_file, texture_file, texture_file_or,
+};
 use super::super::error::SceneError;
-use super::super::render::texture::{image_has_alpha, is_cut_out};
+use super::super::render::texture::{NO_NORMAL_MAP, image_has_alpha, is_cut_out};
 use super::super::texture::Wrap;
 use super::lines::{Lines, number, split_word, text, words};
 use crate::diagnostic::Warnings;
@@ -22,6 +24,18 @@ struct Map {
     offset: Vec2,
     /// `-clamp on`.
     clamped: bool,
+    /// `-bm`.
+    multiplier: f32,
+}
+
+impl Map {
+    fn coordinates(&self) -> (Vec2, Vec2) {
+        (self.scale, self.offset)
+    }
+
+    fn wrap(&self) -> [Wrap; 2] {
+        [if self.clamped { Wrap::Clamp } else { Wrap::Repeat }; 2]
+    }
 }
 
 /// Statements of one material, as written.
@@ -41,6 +55,7 @@ struct Declaration {
     illum: Option<u32>,
     map_kd: Option<Map>,
     map_d: Option<Map>,
+    norm: Option<Map>,
 }
 
 /// The materials of all libraries of a file.
@@ -84,7 +99,7 @@ impl Library {
                 });
                 continue;
             }
-            let coordinates = declaration.map_kd.as_ref().map(|map| (map.scale, map.offset));
+            let coordinates = declaration.map_kd.as_ref().or(declaration.norm.as_ref()).map(Map::coordinates);
             let material = self.material(declaration, context, warnings)?;
             self.table.declare(material);
             self.coordinates.push(coordinates.filter(|(scale, offset)| *scale != Vec2::ONE || *offset != Vec2::ZERO));
@@ -138,6 +153,9 @@ impl Library {
             name: written.name,
             ..defaults
         };
+        if let Some(map) = written.norm.as_ref().filter(|_| context.needs.normal_maps) {
+            self.normal_map(map, written.map_kd.as_ref(), &mut material, context, warnings);
+        }
         if !context.needs.textures {
             return Ok(material);
         }
@@ -171,8 +189,7 @@ impl Library {
                         TextureSource::File(color)
                     }
                 };
-                let beyond = if map.clamped { Wrap::Clamp } else { Wrap::Repeat };
-                material.texture = Some(add_texture(&mut self.textures, source.wrapped([beyond; 2])));
+                material.texture = Some(add_texture(&mut self.textures, source.wrapped(map.wrap())));
             }
         } else if let Some(mask) = &written.map_d {
             warnings.add(context.file, "masks of materials without a colour texture", "ignored", || {
@@ -180,6 +197,29 @@ impl Library {
             });
         }
         Ok(material)
+    }
+}
+
+impl Library {
+    /// The normal map of a material (`norm` of "PBR Extension to the MTL Format"), which is read where the colour texture is.
+    fn normal_map(
+        &mut self,
+        map: &Map,
+        color: Option<&Map>,
+        material: &mut Material,
+        context: &Context<'_>,
+        warnings: &mut Warnings,
+    ) {
+        if color.is_some_and(|color| color.coordinates() != map.coordinates()) {
+            let what = "normal textures with coordinates of their own";
+            warnings.add(context.file, what, NO_NORMAL_MAP, || format!("`{}`", material.name));
+            return;
+        }
+        if let Some(path) = texture_file_or(context, &map.file, warnings, (&material.name, NO_NORMAL_MAP)) {
+            let source = TextureSource::File(path).wrapped(map.wrap()).data();
+            material.normal_texture = Some(add_texture(&mut self.textures, source));
+            material.normal_scale = normal_scale(context, map.multiplier, &material.name, warnings);
+        }
     }
 }
 
@@ -260,9 +300,10 @@ impl Parser<'_> {
             b"illum" => set(&mut current.illum, scalar(rest).map(|model| model as u32)),
             b"map_kd" => set(&mut current.map_kd, map(rest)),
             b"map_d" => set(&mut current.map_d, map(rest)),
+            b"norm" | b"map_kn" => set(&mut current.norm, map(rest)),
             b"map_ka" | b"map_ks" | b"map_ke" | b"map_ns" | b"map_bump" | b"bump" | b"map_tr" | b"disp" | b"decal"
-            | b"refl" | b"norm" | b"map_refl" | b"map_pr" | b"map_pm" | b"map_ps" | b"map_aat" | b"map_rma"
-            | b"map_orm" | b"map_disp" | b"map_ni" => {
+            | b"refl" | b"map_refl" | b"map_pr" | b"map_pm" | b"map_ps" | b"map_aat" | b"map_rma" | b"map_orm"
+            | b"map_disp" | b"map_ni" => {
                 self.warn(line, "texture maps that no program reads", Some(&keyword));
                 true
             }
@@ -307,7 +348,7 @@ fn color(rest: &[u8]) -> Option<Vec3> {
 
 /// Options and a file name that may hold blanks. `-s` and `-o` change the coordinates; the others have no effect here.
 fn map(rest: &[u8]) -> Option<Map> {
-    let mut map = Map { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamped: false };
+    let mut map = Map { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamped: false, multiplier: 1.0 };
     let mut rest = rest;
     while rest.starts_with(b"-") {
         let (option, after) = split_word(rest);
@@ -337,7 +378,12 @@ fn map(rest: &[u8]) -> Option<Map> {
                 map.clamped = word == b"on";
                 rest = after;
             }
-            b"-blendu" | b"-blendv" | b"-cc" | b"-bm" | b"-boost" | b"-texres" | b"-imfchan" | b"-type" => {
+            b"-bm" => {
+                let (word, after) = split_word(rest);
+                map.multiplier = finite(word).unwrap_or(map.multiplier);
+                rest = after;
+            }
+            b"-blendu" | b"-blendv" | b"-cc" | b"-boost" | b"-texres" | b"-imfchan" | b"-type" => {
                 rest = split_word(rest).1;
             }
             // A file name may start with a hyphen.

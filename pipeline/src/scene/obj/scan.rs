@@ -60,7 +60,7 @@ pub(super) fn scan(pieces: &[Lines<'_>], needs: Needs, allowance: &Allowance) ->
 }
 
 fn scan_piece(mut lines: Lines<'_>, needs: Needs, allowance: &Allowance) -> Scan {
-    let Needs { textures, normals, colors } = needs;
+    let Needs { textures, normals, colors, .. } = needs;
     let mut found = Scan::default();
     let mut purse = Purse::new(allowance);
     while let Some((_, statement)) = lines.next() {

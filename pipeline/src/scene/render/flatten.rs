@@ -4,8 +4,10 @@ use super::super::error::{Budget, SceneError};
 use super::super::origin::{origin_for, placed_bounds};
 use super::super::parallel::concatenate;
 use super::super::{Batch, Geometry, Material, Mesh, Object};
-use super::{BuildOptions, FilesOfObjects, normals};
+use super::texture::NO_NORMAL_MAP;
+use super::{BuildOptions, FilesOfObjects, normals, tangents};
 use crate::diagnostic::Warnings;
+use crate::memory;
 use glam::{DMat4, DVec3, Mat3, Mat4, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -64,10 +66,26 @@ pub(super) fn flatten(
     if options.needs.colors {
         mend_colors(&mut meshes, &first_users, &uses, files, warnings);
     }
-    let vertices = total_size(&meshes, objects, colored, options, files, budget)?;
-    if options.needs.textures {
+    let mapped: Vec<bool> = materials
+        .iter()
+        .map(|material| {
+            options.needs.normal_maps
+                && options.needs.normals
+                && !options.model_space_normals
+                && material.normal_texture.is_some()
+        })
+        .collect();
+    let mapped =
+        meshes.iter().zip(&uses).any(|(mesh, uses)| *uses > 0 && tangents::is_mapped(mesh, &mapped)).then_some(mapped);
+    let has =
+        Has { texcoords: options.needs.textures || mapped.is_some(), colors: colored, tangents: mapped.is_some() };
+    if has.texcoords {
         mend_texcoords(&mut meshes, &first_users, &uses, files, warnings);
     }
+    if let Some(mapped) = mapped {
+        ensure_tangents(&mut meshes, (&first_users, &uses), &mapped, files, budget, warnings)?;
+    }
+    let vertices = total_size(&meshes, objects, has, options, files, budget)?;
 
     // What is made unit size lies around 0 first, wherever it was.
     let own = if options.unitize { DVec3::ZERO } else { own };
@@ -89,8 +107,9 @@ pub(super) fn flatten(
     if objects.len() > 1 {
         geometry.positions.reserve_exact(vertices);
         geometry.normals.reserve_exact(if options.needs.normals { vertices } else { 0 });
-        geometry.texcoords.reserve_exact(if options.needs.textures { vertices } else { 0 });
-        geometry.colors.reserve_exact(if colored { vertices } else { 0 });
+        geometry.texcoords.reserve_exact(if has.texcoords { vertices } else { 0 });
+        geometry.colors.reserve_exact(if has.colors { vertices } else { 0 });
+        geometry.tangents.reserve_exact(if has.tangents { vertices } else { 0 });
     }
     let mut parts: Vec<(Run, Vec<[u32; 3]>)> = Vec::new();
     for (index, object) in objects.iter().enumerate() {
@@ -112,8 +131,17 @@ pub(super) fn flatten(
             let run = Run { material: group.material, object: index, group: group_index, triangles: triangles.len() };
             parts.push((run, triangles));
         }
-        if colored {
-            append_colors(&mut geometry, mesh, last);
+        let vertices = vertices as usize;
+        if has.colors {
+            append_or_fill(&mut geometry.colors, &mut mesh.colors, (vertices, Vec4::ONE), last);
+        }
+        if has.texcoords {
+            append(&mut geometry.texcoords, claim(&mut mesh.texcoords, last));
+        }
+        if has.tangents {
+            let first = geometry.tangents.len();
+            append_or_fill(&mut geometry.tangents, &mut mesh.tangents, (vertices, Vec4::ZERO), last);
+            turn_tangents(&mut geometry.tangents[first..], object.transform, swap(options));
         }
         let whole = (exact && !options.unitize).then(|| DMat4::from_translation(-origin) * to_world(object));
         append_vertices(&mut geometry, mesh, last, (object.transform, whole), options);
@@ -141,11 +169,19 @@ pub(super) fn flatten(
     Ok((geometry, scale, origin))
 }
 
+/// What vertices have besides positions and normals.
+#[derive(Clone, Copy)]
+struct Has {
+    texcoords: bool,
+    colors: bool,
+    tangents: bool,
+}
+
 /// Adds up what the objects need, books it, and returns the number of vertices.
 fn total_size(
     meshes: &[Mesh],
     objects: &[Object],
-    colored: bool,
+    has: Has,
     options: &BuildOptions,
     files: &FilesOfObjects,
     budget: &mut Budget,
@@ -171,8 +207,9 @@ fn total_size(
     }
     let vertex_size = 12
         + if options.needs.normals { 12 } else { 0 }
-        + if options.needs.textures { 8 } else { 0 }
-        + if colored { 16 } else { 0 };
+        + if has.texcoords { 8 } else { 0 }
+        + if has.colors { 16 } else { 0 }
+        + if has.tangents { 16 } else { 0 };
     budget.take(file, "the placed vertices", vertices * vertex_size)?;
     budget.take(file, "the placed triangles", triangles * 12)?;
     Ok(vertices as usize)
@@ -252,6 +289,48 @@ fn mend_colors(
     }
 }
 
+/// Tangents of the meshes with normal maps; `mapped` says by material whether it has one.
+fn ensure_tangents(
+    meshes: &mut [Mesh],
+    (first_users, uses): (&[usize], &[u32]),
+    mapped: &[bool],
+    files: &FilesOfObjects,
+    budget: &mut Budget,
+    warnings: &mut Warnings,
+) -> Result<(), SceneError> {
+    let is_computed = |mesh: &Mesh| tangents::is_mapped(mesh, mapped) && mesh.tangents.len() != mesh.positions.len();
+    let triangles = |mesh: &Mesh| mesh.groups.iter().map(|group| group.triangles.len() as u64).sum::<u64>();
+    let in_use = || meshes.iter().zip(uses).filter(|(_, uses)| **uses > 0).map(|(mesh, _)| mesh);
+    // As many are computed at a time as there are threads; in the worst case those that need most.
+    let mut sizes: Vec<u64> = in_use().filter(|mesh| is_computed(mesh)).map(triangles).collect();
+    sizes.sort_unstable_by_key(|size| std::cmp::Reverse(*size));
+    let working = sizes.iter().take(rayon::current_num_threads()).sum::<u64>() * tangents::BYTES_PER_TRIANGLE;
+    let file = files.whole_scene();
+    budget.take(file, "computing tangents", working)?;
+    memory::probe(working).map_err(|refused| SceneError::file(file, format!("computing tangents: {refused}")))?;
+    let computed: Vec<_> = meshes
+        .par_iter_mut()
+        .zip(uses)
+        .with_max_len(1)
+        .map(|(mesh, uses)| (*uses > 0 && tangents::is_mapped(mesh, mapped)).then(|| tangents::ensure(mesh, mapped)))
+        .collect();
+    budget.give_back(working);
+    for (index, result) in computed.into_iter().enumerate() {
+        let Some(result) = result else { continue };
+        let (file, name) = (files.of(first_users[index]), &meshes[index].name);
+        let bare = result.map_err(|what| SceneError::file(file, format!("the tangents of `{name}`: {what}")))?;
+        if bare.of_file > 0 {
+            let what = "meshes with tangents that have no direction";
+            warnings.add(file, what, NO_NORMAL_MAP, || format!("{} in `{name}`", bare.of_file));
+        }
+        if bare.crowded > 0 {
+            let what = "meshes with vertices of more than 1024 triangles, around which no tangent is computed";
+            warnings.add(file, what, NO_NORMAL_MAP, || format!("{} in `{name}`", bare.crowded));
+        }
+    }
+    Ok(())
+}
+
 /// The list itself when this is its last use, and a view of it otherwise.
 fn claim<T: Clone>(list: &mut Vec<T>, last: bool) -> Cow<'_, [T]> {
     if last { Cow::Owned(std::mem::take(list)) } else { Cow::Borrowed(list) }
@@ -264,13 +343,12 @@ fn append<T: Clone>(target: &mut Vec<T>, source: Cow<'_, [T]>) {
     }
 }
 
-/// Appends the colours of a mesh's vertices; white where it has none.
-fn append_colors(geometry: &mut Geometry, mesh: &mut Mesh, last: bool) {
-    let vertices = mesh.positions.len();
-    if mesh.colors.len() == vertices {
-        append(&mut geometry.colors, claim(&mut mesh.colors, last));
+/// Appends an attribute of a mesh's vertices, or as many times what stands for it where the mesh has none.
+fn append_or_fill<T: Clone>(target: &mut Vec<T>, source: &mut Vec<T>, (vertices, missing): (usize, T), last: bool) {
+    if source.len() == vertices {
+        append(target, claim(source, last));
     } else {
-        geometry.colors.resize(geometry.colors.len() + vertices, Vec4::ONE);
+        target.resize(target.len() + vertices, missing);
     }
 }
 
@@ -283,6 +361,12 @@ fn unit_cube() -> Mesh {
     Mesh { positions: vec![Vec3::NEG_ONE, Vec3::ONE], ..Mesh::default() }
 }
 
+/// What [`BuildOptions::swap_yz`] makes of a vector.
+fn swap(options: &BuildOptions) -> impl Fn(Vec3) -> Vec3 + Sync {
+    let swaps = options.swap_yz;
+    move |v: Vec3| if swaps { Vec3::new(v.x, v.z, -v.y) } else { v }
+}
+
 /// Appends a mesh's vertices in world space. Where there is a transform of the whole way, in `f64`, positions take that.
 fn append_vertices(
     geometry: &mut Geometry,
@@ -293,10 +377,7 @@ fn append_vertices(
 ) {
     let first = geometry.positions.len();
     append(&mut geometry.positions, claim(&mut mesh.positions, last));
-    if options.needs.textures {
-        append(&mut geometry.texcoords, claim(&mut mesh.texcoords, last));
-    }
-    let swap = |v: Vec3| if options.swap_yz { Vec3::new(v.x, v.z, -v.y) } else { v };
+    let swap = swap(options);
     if let Some(whole) = whole {
         let place = |position: &mut Vec3| *position = whole.transform_point3(position.as_dvec3()).as_vec3();
         geometry.positions[first..].par_iter_mut().for_each(place);
@@ -331,6 +412,7 @@ fn place(geometry: &mut Geometry, options: &BuildOptions, exact: bool, origin: D
     }
     if !options.model_space_normals {
         turn(&mut geometry.normals, transform, |normal| normal);
+        turn_tangents(&mut geometry.tangents, transform, |tangent| tangent);
     }
 }
 
@@ -341,6 +423,18 @@ fn turn(normals: &mut [Vec3], transform: Mat4, after: impl Fn(Vec3) -> Vec3 + Sy
         let turned = normals::unit(matrix * *normal);
         // Only a transform of rank 1 or less leaves no direction; its triangles have no area.
         *normal = if turned == Vec3::ZERO { Vec3::Z } else { after(turned) };
+    });
+}
+
+/// Moves unit tangents with a transform, then changes them by `after`, which turns. Where the transform mirrors, the bitangent is on the other
+/// side: normals stay on theirs.
+fn turn_tangents(tangents: &mut [Vec4], transform: Mat4, after: impl Fn(Vec3) -> Vec3 + Sync) {
+    let side = if transform.determinant() < 0.0 { -1.0 } else { 1.0 };
+    let linear = Mat3::from_mat4(transform);
+    tangents.par_iter_mut().filter(|tangent| tangent.w != 0.0).for_each(|tangent| {
+        let moved =
+            if transform == Mat4::IDENTITY { tangent.truncate() } else { normals::unit(linear * tangent.truncate()) };
+        *tangent = if moved == Vec3::ZERO { Vec4::ZERO } else { after(moved).extend(tangent.w * side) };
     });
 }
 
@@ -446,6 +540,7 @@ fn drop_unused_vertices(geometry: &mut Geometry) {
     retain(&mut geometry.normals, &used);
     retain(&mut geometry.texcoords, &used);
     retain(&mut geometry.colors, &used);
+    retain(&mut geometry.tangents, &used);
     geometry
         .triangles
         .par_iter_mut()

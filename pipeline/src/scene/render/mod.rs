@@ -2,6 +2,7 @@
 
 mod flatten;
 mod normals;
+mod tangents;
 pub(crate) mod texture;
 
 use super::error::{Budget, SceneError};
@@ -69,6 +70,9 @@ impl RenderScene {
     /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
     ///   its material has none.
     /// - Vertex colours are there where a mesh that is placed has some; the vertices of the others are white.
+    /// - Tangents are there where a material that is placed has a normal map: those of the file, or else by MikkTSpace, which splits
+    ///   vertices. A tangent turns with the surface; where a transform mirrors, its bitangent changes sides. A material without a tangent
+    ///   on any of its triangles has no normal map.
     /// - Colours of materials are kept within [`BRIGHTEST`]; those that were not are counted.
     /// - In linear light colours of materials are decoded from sRGB, and textures when they are read ([`Texture::space`](super::texture::Texture::space)).
     ///   What light keeps in a filter, and what is absorbed, is linear as it is.
@@ -93,6 +97,7 @@ impl RenderScene {
             geometry.colors.par_iter_mut().for_each(|color| *color = options.color.of_display(*color));
         }
         mark_colored(&geometry, &mut materials);
+        keep_normal_maps(&geometry, &mut materials);
         let mut in_use = vec![false; materials.len()];
         for batch in &geometry.batches {
             in_use[batch.material as usize] = true;
@@ -105,8 +110,10 @@ impl RenderScene {
                 warnings.add(files.whole_scene(), what, "1e9 serves", || format!("`{}`", material.name));
             }
             to_space(material, options.color);
-            if !in_use || !options.needs.textures {
+            if !in_use {
                 material.textures_mut().into_iter().for_each(|texture| *texture = None);
+            } else if !options.needs.textures {
+                (material.texture, material.emission_texture) = (None, None);
             }
         }
         let file = files.whole_scene();
@@ -133,6 +140,23 @@ fn mark_colored(geometry: &Geometry, materials: &mut [Material]) {
         let colored =
             |triangle: &[u32; 3]| triangle.iter().any(|vertex| geometry.colors[*vertex as usize] != Vec4::ONE);
         materials[batch.material as usize].vertex_colors |= triangles.par_iter().any(colored);
+    }
+}
+
+/// Takes normal maps away from materials none of whose triangles has tangents.
+fn keep_normal_maps(geometry: &Geometry, materials: &mut [Material]) {
+    let mut kept = vec![false; materials.len()];
+    if !geometry.tangents.is_empty() {
+        for batch in geometry.batches.iter().filter(|batch| materials[batch.material as usize].normal_texture.is_some())
+        {
+            let triangles = &geometry.triangles[batch.first as usize..][..batch.count as usize];
+            let turned =
+                |triangle: &[u32; 3]| triangle.iter().any(|corner| geometry.tangents[*corner as usize].w != 0.0);
+            kept[batch.material as usize] |= triangles.par_iter().any(turned);
+        }
+    }
+    for (material, kept) in materials.iter_mut().zip(kept) {
+        material.normal_texture = material.normal_texture.filter(|_| kept);
     }
 }
 

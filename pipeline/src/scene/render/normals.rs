@@ -161,6 +161,9 @@ fn split(mesh: &mut Mesh, splits: &[Split]) {
         if let Some(color) = mesh.colors.get(from).copied() {
             mesh.colors.push(color);
         }
+        if let Some(tangent) = mesh.tangents.get(from).copied() {
+            mesh.tangents.push(tangent);
+        }
         moved.extend(split.corners.iter().map(|corner| (*corner, to)));
     }
     moved.par_sort_unstable();

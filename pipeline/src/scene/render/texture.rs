@@ -17,6 +17,9 @@ use std::path::Path;
 /// The longest side of a texture, texels.
 const MAX_SIDE: u32 = 16_384;
 
+/// What becomes of a surface whose normal map cannot be had.
+pub(in crate::scene) const NO_NORMAL_MAP: &str = "the normals of the vertices serve";
+
 /// Decodes the textures that materials refer to, and makes the references count the decoded ones. A texture that
 /// cannot be decoded is counted as a warning and dropped from its materials.
 pub(super) fn decode_used(
@@ -60,11 +63,10 @@ pub(super) fn decode_used(
         .collect();
     // All threads make the smaller levels of one texture after the other: the larger ones end no later than the others.
     let named = sources.iter().map(TextureSource::name);
-    let decoded = decoded.into_iter().zip(named).zip(cut_out).zip(sources.iter().map(|source| source.texels().1)).map(
-        |(((base, name), cut_out), wrap)| {
-            base.map(|base| base.map(|base| Texture::build(name, base, cut_out, space).wrapped(wrap)))
-        },
-    );
+    let decoded = decoded.into_iter().zip(named).zip(cut_out).zip(sources).map(|(((base, name), cut_out), source)| {
+        let space = if source.is_data() { ColorSpace::Report } else { space };
+        base.map(|base| base.map(|base| Texture::build(name, base, cut_out, space).wrapped(source.texels().1)))
+    });
 
     no_file_refused()?;
 
@@ -80,9 +82,8 @@ pub(super) fn decode_used(
                 return Err(SceneError::file(file, format!("the texels of {}: {refused}", source.name())));
             }
             Some(Err(Fault::Broken(why))) => {
-                warnings.add(file, "textures that cannot be decoded", "the diffuse colour serves", || {
-                    format!("{}: {why}", source.name())
-                })
+                let remedy = if source.is_data() { NO_NORMAL_MAP } else { "the diffuse colour serves" };
+                warnings.add(file, "textures that cannot be decoded", remedy, || format!("{}: {why}", source.name()))
             }
             None => {}
         }
@@ -125,7 +126,7 @@ fn cost(source: &TextureSource) -> Result<Cost, String> {
             let color = color?;
             Ok(Cost { texels: color.texels, working: color.working.max(4 * mask.texels + mask.working) })
         }
-        TextureSource::Wrapped { source, .. } => cost(source),
+        TextureSource::Wrapped { source, .. } | TextureSource::Data { source } => cost(source),
     }
 }
 
@@ -192,7 +193,7 @@ fn pixels(source: &TextureSource) -> Result<RgbaImage, Fault> {
             mask_alpha(&mut image, &mask);
             Ok(image)
         }
-        TextureSource::Wrapped { source, .. } => pixels(source),
+        TextureSource::Wrapped { source, .. } | TextureSource::Data { source } => pixels(source),
     }
 }
 

@@ -76,6 +76,7 @@ impl Joiner<'_> {
             normals: read.normals.chunks_exact(3).map(Vec3::from_slice).collect(),
             texcoords,
             colors: colors(&read),
+            tangents: Vec::new(),
             groups: Vec::new(),
         };
         let mut triangles: Vec<[u32; 3]> = read.indices.chunks_exact(3).map(|i| [i[0], i[1], i[2]]).collect();
