@@ -183,6 +183,13 @@ pub enum BackendError {
 }
 
 impl BackendError {
+    /// That a pass shows exact spheres, of which the first is declared at `place`, and the backend knows triangles only; `what` of it does.
+    #[must_use]
+    pub fn no_spheres(backend: &'static str, what: &str, place: &str, help: &str) -> Self {
+        let why = format!("it knows triangles only; {help}, or declare them without exact=\"true\"");
+        Self::Unsupported { backend, what: format!("{what} with exact spheres ({place})"), why }
+    }
+
     /// The name of the backend that it is of.
     #[must_use]
     pub fn backend(&self) -> &'static str {
@@ -228,6 +235,10 @@ pub trait Rasteriser {
     /// If the device fails.
     fn read_back(&mut self, job: &RasterJob<'_>, wanted: Attachments, target: &mut GBuffer)
     -> Result<(), BackendError>;
+    /// Whether it draws exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)); none draws them into maps.
+    fn draws_spheres(&self) -> bool {
+        false
+    }
     /// What a ray backend on the same device reads attachments by, without a copy: those of the last job that named some in
     /// [`RasterJob::shared`].
     fn lends(&mut self) -> Option<InPlace> {
@@ -495,6 +506,10 @@ pub trait RayBackend {
                    glass=pane, background=black and shadow=report on the pass";
         let what = format!("{} with {asked}", program.info().stem);
         Err(BackendError::Unsupported { backend: self.name(), what, why: why.to_owned() })
+    }
+    /// Whether it traces exact spheres ([`Geometry::spheres`](crate::scene::Geometry::spheres)), in corrected fidelity.
+    fn traces_spheres(&self) -> bool {
+        false
     }
     /// Builds the acceleration structure; the executor times it. `filtered` tells by material whether some pass may let
     /// rays through it (alpha-cut textures, glass that shadow rays pass).

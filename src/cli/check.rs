@@ -77,7 +77,11 @@ impl Found {
                 print_warnings(&found);
                 self.warnings += found.groups().len();
                 let (triangles, materials) = (built.geometry.triangles.len(), built.materials.len());
-                crate::say!("{name}: {triangles} triangles, {materials} materials");
+                let spheres = match built.geometry.spheres.len() {
+                    0 => String::new(),
+                    count => format!("{count} exact spheres, "),
+                };
+                crate::say!("{name}: {triangles} triangles, {spheres}{materials} materials");
             }
             Err(error) => self.failures.push(format!("{place}: {error}")),
         }

@@ -156,6 +156,9 @@ fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     };
     plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))
         .map_err(|error| Failure::Usage(error.to_string()))?;
+    if let Some((pass, error)) = plan.undrawn_spheres(&*raster).or_else(|| plan.untraced_spheres(&*rays)) {
+        return Err(Failure::Work(format!("pass `{pass}`: {error}")));
+    }
     for planned in &plan.passes {
         let pass = plan.pass(planned);
         if let PassKind::Ray(ray) = &pass.kind {

@@ -293,6 +293,7 @@ impl Renderer {
         for index in 0..self.plan.passes.len() {
             self.resolve_materials(index);
         }
+        self.check_drawn()?;
         if let Some((pass, error)) = self.unsupported() {
             self.stand_in(&pass, error, observer)?;
         }

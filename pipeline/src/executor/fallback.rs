@@ -67,6 +67,9 @@ impl Renderer {
 
     /// The first pass that the ray backend does not run, with its reason; what glass takes counts once the scenes are loaded.
     pub(super) fn unsupported(&self) -> Option<(String, BackendError)> {
+        if let Some(refused) = self.plan.untraced_spheres(&*self.engines.rays) {
+            return Some(refused);
+        }
         self.plan.passes.iter().enumerate().find_map(|(index, planned)| {
             let pass = self.plan.pass(planned);
             let (PassKind::Ray(ray), Work::Rays { params, .. }) = (&pass.kind, &planned.work) else { return None };

@@ -26,6 +26,7 @@ impl Renderer {
     /// Loads every scene set, resolves what each pass sees of its materials, uploads and builds for the first pass of
     /// each kind.
     pub(super) fn prepare(&mut self, observer: &mut dyn Observer) -> Result<(), RenderError> {
+        self.check_drawn()?;
         self.load_scenes(observer)?;
         for index in 0..self.plan.passes.len() {
             self.resolve_materials(index);
@@ -52,6 +53,14 @@ impl Renderer {
         }
         self.join_engines();
         Ok(())
+    }
+
+    /// Refuses what the rasteriser does not draw.
+    pub(super) fn check_drawn(&self) -> Result<(), RenderError> {
+        match self.plan.undrawn_spheres(&*self.engines.raster) {
+            Some((pass, error)) => Err(RenderError::Pass { pass, frame: None, error }),
+            None => Ok(()),
+        }
     }
 
     /// Loads every scene set, and keeps what was decided and left out.
@@ -112,7 +121,11 @@ impl Renderer {
         let scene = loaded?;
         let row = self.timeline.record(StepKind::Load, &name, start.elapsed());
         let (triangles, textures) = (scene.geometry.triangles.len(), scene.textures.len());
-        row.note = format!("{triangles} triangles, {} materials, {textures} textures", scene.materials.len());
+        let spheres = match scene.geometry.spheres.len() {
+            0 => String::new(),
+            count => format!("{count} exact spheres, "),
+        };
+        row.note = format!("{triangles} triangles, {spheres}{} materials, {textures} textures", scene.materials.len());
         Ok(scene)
     }
 

@@ -26,19 +26,25 @@ pub struct Decided {
 /// | material | is |
 /// |---|---|
 /// | lets less than [`TRANSPARENT`] of the light through, or has no triangle | opaque |
+/// | is that of exact spheres, and of no triangle | solid |
 /// | has a volume (glTF `thicknessFactor` above 0; MTL `illum` 6 and 7), and its triangles are closed | solid |
 /// | has a volume, and is open | thin, with a warning |
 /// | any other | thin |
+///
+/// Exact spheres are closed: their material has a volume whether or not its file says so, and where it is that of triangles too, these
+/// must be closed.
 #[must_use]
 pub fn decide(scene: &mut RenderScene, file: &Path) -> Decided {
     let mut decided = Decided::default();
     for index in 0..scene.materials.len() {
         let material = &scene.materials[index];
         let triangles = triangles_of(&scene.geometry, index as u32);
-        let transparent = material.transmission >= TRANSPARENT && !triangles.is_empty();
+        let spheres = scene.geometry.spheres.iter().filter(|sphere| sphere.material as usize == index).count();
+        let transparent = material.transmission >= TRANSPARENT && !(triangles.is_empty() && spheres == 0);
         let mut dielectric = Dielectric { shape: Shape::Opaque, ..properties(material) };
         if transparent {
-            let (shape, why) = shape(material, &scene.geometry, &triangles, file, &mut decided.warnings);
+            let surfaces = (&triangles[..], spheres);
+            let (shape, why) = shape(material, &scene.geometry, surfaces, file, &mut decided.warnings);
             dielectric.shape = shape.0;
             let name = &material.name;
             let what = format!("material `{name}` as glass");
@@ -112,21 +118,25 @@ fn dispersion(material: &Material) -> String {
 fn shape(
     material: &Material,
     geometry: &Geometry,
-    triangles: &[u32],
+    (triangles, spheres): (&[u32], usize),
     file: &Path,
     warnings: &mut Warnings,
 ) -> ((Shape, Vec<u32>), String) {
     let (index, rough) = (material.ior, roughness(material));
-    if !material.volume {
+    if !material.volume && spheres == 0 {
         return ((Shape::Thin, Vec::new()), format!("it has no volume; index {index}{rough}"));
     }
     match closedness(geometry, triangles) {
         Closedness::Closed { inside_out } => {
             let absorbs = material.attenuation_distance.is_finite() && material.attenuation_color != glam::Vec3::ONE;
             let absorption = if absorbs { "it absorbs" } else { "clear" };
-            let count = triangles.len();
             let colors = dispersion(material);
-            let why = format!("its {count} triangles are closed; index {index}, {absorption}{colors}{rough}");
+            let bodies = match (triangles.len(), spheres) {
+                (count, 0) => format!("its {count} triangles are closed"),
+                (0, spheres) => format!("it is that of {spheres} exact spheres"),
+                (count, spheres) => format!("its {count} triangles are closed, as its {spheres} exact spheres are"),
+            };
+            let why = format!("{bodies}; index {index}, {absorption}{colors}{rough}");
             ((Shape::Solid, inside_out), why)
         }
         Closedness::Open { edges, first } => {
@@ -154,7 +164,7 @@ fn turn(scene: &mut RenderScene, triangles: &[u32], material: usize, file: &Path
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Batch;
+    use crate::scene::{Batch, Sphere};
     use glam::Vec3;
 
     /// Tetrahedra of a material each; `None` leaves out a triangle.
@@ -236,5 +246,22 @@ mod tests {
         let mut scene = scene(vec![mirror], &[true]);
         let found = decide(&mut scene, Path::new("a")).dielectrics[0];
         assert_eq!((found.index, found.spread), (Dielectric::MIRROR, 0.0));
+    }
+
+    #[test]
+    fn exact_spheres_are_closed_whatever_their_file_says() {
+        let materials = vec![glass(false), glass(true), glass(false), Material::default()];
+        let mut scene = scene(materials, &[false, true]);
+        let sphere = |material| Sphere { center: Vec3::ZERO, radius: 1.0, material };
+        scene.geometry.spheres = [0, 1, 2, 2, 3].map(sphere).to_vec();
+        let decided = decide(&mut scene, Path::new("a.xml"));
+        let shapes: Vec<Shape> = decided.dielectrics.iter().map(|glass| glass.shape).collect();
+        // The first is that of an open tetrahedron, too.
+        assert_eq!(shapes, [Shape::Thin, Shape::Solid, Shape::Solid, Shape::Opaque]);
+        assert!(
+            decided.decisions[2].why.starts_with("solid: it is that of 2 exact spheres"),
+            "{:?}",
+            decided.decisions
+        );
     }
 }

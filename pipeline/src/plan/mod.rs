@@ -9,6 +9,7 @@ mod liveness;
 mod off;
 mod parts;
 mod settings;
+mod spheres;
 
 pub use access::{Access, Slot, TRIANGLES};
 pub use off::Instead;
@@ -203,6 +204,7 @@ impl Plan {
         if !plan.settings.off.is_empty() {
             plan.check_switched_off()?;
         }
+        plan.check_spheres()?;
         plan.decide_needs();
         plan.explain_color(&widened);
         plan.choose_parts()?;

@@ -149,6 +149,8 @@ pub struct SceneDecl {
     pub memory: Option<Arc<Scene>>,
     /// `<geometry>` primitives.
     pub shapes: Vec<Shape>,
+    /// Where the first exact sphere is declared: `project.xml:12:17`, for messages. `None` where no primitive is one.
+    pub exact: Option<String>,
     /// What places all of it in the world: `<TRANSLATE>`, `<ROTATE>`, `<SCALE>`.
     pub place: Placement,
     /// `param="SWAP_YZ"`: y and z are exchanged (z negated), for models with z up.
@@ -171,6 +173,13 @@ impl SceneDecl {
         let named = self.files.first().map_or(Path::new(&self.name), |file| &file.path);
         shapes::add(&mut scene, &self.shapes, named, options.max_bytes)?;
         Ok(scene)
+    }
+
+    /// Where its first exact sphere is declared; `None` without any. What a scene made in memory has counts.
+    #[must_use]
+    pub fn exact_sphere(&self) -> Option<&str> {
+        let in_memory = self.memory.as_ref().filter(|scene| !scene.spheres.is_empty());
+        self.exact.as_deref().or(in_memory.map(|_| self.name.as_str()))
     }
 
     /// How it is made ready: as `options` say, and turned, fitted and placed as the project does.

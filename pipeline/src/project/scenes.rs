@@ -22,7 +22,7 @@ impl Loader {
         self.stray_text(element);
         self.expect_children(element, &[&["file", "folder", "geometry"], PLACES].concat());
         self.expect_attributes(element, &[&["name", "type", "param", "filename"], PLACE_ATTRIBUTES].concat());
-        let (mut files, mut shapes) = (Vec::new(), Vec::new());
+        let (mut files, mut shapes, mut exact) = (Vec::new(), Vec::new(), None);
         let mut whole = true;
         if let Some(path) = element.attribute("filename") {
             whole &= self.scene_file(element, path, &mut files).is_some();
@@ -39,12 +39,20 @@ impl Loader {
                 whole &= read.is_some();
             } else if child.is(&["geometry"]) {
                 match self.shape(child) {
-                    Some(shape) => shapes.extend(shape),
+                    Some(shape) => {
+                        if shape.as_ref().is_some_and(|shape| shape.kind == ShapeKind::ExactSphere) {
+                            exact.get_or_insert_with(|| self.place(child));
+                        }
+                        shapes.extend(shape);
+                    }
                     None => whole = false,
                 }
             }
         }
         let place = self.place_of(element);
+        if let (Some(place), true) = (&place, exact.is_some()) {
+            whole &= self.scales_alike(element, place);
+        }
         let (swap_yz, unitize) = self.scene_parameters(element);
         let names_nothing = !element.children.iter().any(|child| child.is(&["file", "folder", "geometry"]));
         if files.is_empty() && whole && names_nothing {
@@ -55,7 +63,7 @@ impl Loader {
         if let Some(name) = self.required(element, "name") {
             let item = place.filter(|_| whole).map(|place| {
                 let name = name.text.clone();
-                SceneDecl { name, files, memory: None, shapes, place, swap_yz, unitize }
+                SceneDecl { name, files, memory: None, shapes, exact, place, swap_yz, unitize }
             });
             self.scenes.add(&mut self.report, name, item);
         }
@@ -111,14 +119,32 @@ impl Loader {
     fn shape(&mut self, element: &Element) -> Option<Option<Shape>> {
         self.stray_text(element);
         self.expect_children(element, PLACES);
-        let known = ["name", "type", "material", "slices", "stacks", "divisions", "length"];
+        let known = ["name", "type", "material", "slices", "stacks", "divisions", "length", "exact"];
         self.expect_attributes(element, &[&known[..], PLACE_ATTRIBUTES].concat());
         let place = self.place_of(element);
         let (name, kind) = (element.attribute("name"), self.required(element, "type")?);
         let material = element.attribute("material").map_or(SHAPE_MATERIAL, |value| &value.text).to_owned();
+        let exact = match element.attribute("exact") {
+            Some(value) => self.boolean(value)?,
+            None => false,
+        };
+        if let Some(value) = element.attribute("exact").filter(|_| exact && !kind.text.eq_ignore_ascii_case("SPHERE")) {
+            let message = format!("a {} is no exact sphere", kind.shown());
+            self.report.error_help(value.span, message, || "valid: exact=\"true\" with type=\"SPHERE\"".to_owned());
+            return None;
+        }
         let kind = match kind.text.to_ascii_uppercase().as_str() {
             "BOX" => ShapeKind::Box,
             "SQUARE" => ShapeKind::Square,
+            "SPHERE" if exact => {
+                for value in ["slices", "stacks"].into_iter().filter_map(|name| element.attribute(name)) {
+                    self.report.warning(value.span, "an exact sphere has no parts: it is ignored", || None);
+                }
+                if !self.scales_alike(element, place.as_ref()?) {
+                    return None;
+                }
+                ShapeKind::ExactSphere
+            }
             "SPHERE" => {
                 let (slices, stacks) = (self.count(element, "slices", 3, 10), self.count(element, "stacks", 2, 10));
                 ShapeKind::Sphere { slices: slices?, stacks: stacks? }
@@ -140,6 +166,20 @@ impl Loader {
         };
         let name = name.map_or_else(|| "geometry".to_owned(), |name| name.text.clone());
         Some(Some(Shape { name, material, kind, place: place? }))
+    }
+
+    /// Whether exact spheres stay spheres that are placed so.
+    fn scales_alike(&mut self, element: &Element, place: &Placement) -> bool {
+        let [x, y, z] = place.scale.abs().to_array();
+        let alike = x == y && y == z && x > 0.0;
+        if !alike {
+            let message = format!("an exact sphere is scaled by {x}, {y} and {z} along the axes");
+            self.report.error_help(element.span, message, || {
+                "valid: the same scale, above 0, along all three; without exact=\"true\" the sphere is a mesh"
+                    .to_owned()
+            });
+        }
+        alike
     }
 
     /// A whole number of parts, from `least` to [`ShapeKind::MOST`].

@@ -44,6 +44,9 @@ impl RenderScene {
         if !geometry.tangents.is_empty() {
             hashes.push(parts(bytemuck::cast_slice(&geometry.tangents)));
         }
+        if !geometry.spheres.is_empty() {
+            hashes.push(parts(format!("{:?}", geometry.spheres).as_bytes()));
+        }
         if self.origin != DVec3::ZERO {
             hashes.push(parts(format!("{:?}", self.origin).as_bytes()));
         }

@@ -45,6 +45,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Where the textures come from; decoded by [`texture`] when a program reads them.
     pub textures: Vec<TextureSource>,
+    /// Placed exact spheres, which no mesh stands for.
+    pub spheres: Vec<PlacedSphere>,
     /// Perspective cameras of the files, placed. Projects have cameras of their own; one that is made from the scene takes these.
     pub cameras: Vec<SceneCamera>,
     /// Directional lights of the files, placed; taken as the cameras are.
@@ -138,6 +140,17 @@ pub struct Object {
     /// Index into [`Scene::meshes`].
     pub mesh: u32,
     /// Model to world, relative to [`Scene::origin`].
+    pub transform: Mat4,
+}
+
+/// The sphere of radius 1 about the origin, placed in the world.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedSphere {
+    /// Name, for messages.
+    pub name: String,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+    /// Model to world, relative to [`Scene::origin`]: turns, moves, and scales alike along all axes.
     pub transform: Mat4,
 }
 
@@ -363,7 +376,9 @@ impl Needs {
     pub const NOTHING: Needs = Needs { normals: false, textures: false, colors: false, normal_maps: false };
 }
 
-/// Triangles in world space, sorted by material: what rasterisers draw and tracers build on.
+/// Triangles and spheres in world space, sorted by material: what rasterisers draw and tracers build on.
+///
+/// Surfaces have ids: that of a triangle is its position in [`Self::triangles`]; those of the spheres follow, in their order.
 ///
 /// Every index is below `positions.len()`, every position is finite, no triangle has zero area, and `normals`, `texcoords`,
 /// `colors` and `tangents` are either empty (not needed, or without contents) or as long as `positions`. Normals are unit length.
@@ -387,6 +402,20 @@ pub struct Geometry {
     pub triangles: Vec<[u32; 3]>,
     /// Runs of triangles with one material, in ascending order, covering all of them.
     pub batches: Vec<Batch>,
+    /// Exact spheres, in ascending order of their materials. Their normals look outwards; they have neither texture coordinates nor
+    /// colours of vertices.
+    pub spheres: Vec<Sphere>,
+}
+
+/// An exact sphere in world space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sphere {
+    /// Relative to [`RenderScene::origin`]; finite.
+    pub center: Vec3,
+    /// Above 0 and finite.
+    pub radius: f32,
+    /// Index into [`RenderScene::materials`].
+    pub material: u32,
 }
 
 /// A run of triangles with one material.
@@ -412,6 +441,19 @@ impl Geometry {
         self.batches[next - 1].material
     }
 
+    /// The sphere of an id; `None` for triangles, and where there is none.
+    #[inline]
+    #[must_use]
+    pub fn sphere(&self, id: u32) -> Option<&Sphere> {
+        self.spheres.get((id as usize).checked_sub(self.triangles.len())?)
+    }
+
+    /// Number of triangles and spheres: no id is as large.
+    #[must_use]
+    pub fn surfaces(&self) -> usize {
+        self.triangles.len() + self.spheres.len()
+    }
+
     /// The material of each triangle, in their order.
     pub fn materials(&self) -> impl Iterator<Item = u32> {
         self.batches.iter().flat_map(|batch| std::iter::repeat_n(batch.material, batch.count as usize))
@@ -425,7 +467,7 @@ impl Geometry {
     }
 }
 
-/// The triangles of some materials. They are sorted by material, so these are few ranges of ids, and whether a triangle is among them
+/// The triangles and spheres of some materials. Both are sorted by material, so these are few ranges of ids, and whether one is among them
 /// takes a comparison or two where its material would have to be looked for among all.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TriangleRanges(Vec<[u32; 2]>);
@@ -444,10 +486,19 @@ impl TriangleRanges {
         self.0.clear();
         let is_marked = |batch: &&Batch| batch.count > 0 && marked.get(batch.material as usize) == Some(&true);
         for &Batch { first, count, .. } in geometry.batches.iter().filter(is_marked) {
-            match self.0.last_mut() {
-                Some([_, end]) if *end == first => *end += count,
-                _ => self.0.push([first, first + count]),
+            self.add(first, count);
+        }
+        for (sphere, id) in geometry.spheres.iter().zip(geometry.triangles.len() as u32..) {
+            if marked.get(sphere.material as usize) == Some(&true) {
+                self.add(id, 1);
             }
+        }
+    }
+
+    fn add(&mut self, first: u32, count: u32) {
+        match self.0.last_mut() {
+            Some([_, end]) if *end == first => *end += count,
+            _ => self.0.push([first, first + count]),
         }
     }
 
@@ -508,7 +559,7 @@ impl RenderScene {
         let (vertices, triangles) = (index(geometry.positions.len()), index(geometry.triangles.len()));
         let (materials, textures) = (index(self.materials.len()), index(self.textures.len()));
         index(whole);
-        index(geometry.triangles.len() + other.geometry.triangles.len());
+        index(geometry.surfaces() + other.geometry.surfaces());
         geometry.positions.extend(other.geometry.positions);
         geometry.normals.extend(other.geometry.normals);
         let normals = geometry.normals.len();
@@ -521,6 +572,9 @@ impl RenderScene {
             first: batch.first + triangles,
             count: batch.count,
         }));
+        geometry.spheres.extend(
+            other.geometry.spheres.iter().map(|sphere| Sphere { material: sphere.material + materials, ..*sphere }),
+        );
         self.materials.extend(other.materials.into_iter().map(|mut material| {
             material.textures_mut().into_iter().flatten().for_each(|texture| *texture += textures);
             material
@@ -538,6 +592,7 @@ mod tests {
         let batch = |material, first, count| Batch { material, first, count };
         let geometry = Geometry {
             batches: vec![batch(4, 0, 3), batch(1, 3, 2), batch(2, 5, 0), batch(0, 5, 4), batch(3, 9, 1)],
+            triangles: vec![[0; 3]; 10],
             ..Geometry::default()
         };
         for marks in 0..32_u32 {
@@ -553,5 +608,31 @@ mod tests {
             assert!(found.as_slice().len() <= 3 && !found.contains(10) && !found.contains(u32::MAX));
         }
         assert!((0..10).all(|triangle| !TriangleRanges::new(&geometry, &[]).contains(triangle)));
+    }
+
+    #[test]
+    fn spheres_come_after_the_triangles() {
+        let sphere = |material| Sphere { center: Vec3::ZERO, radius: 1.0, material };
+        let mut geometry = Geometry {
+            triangles: vec![[0; 3]; 4],
+            batches: vec![Batch { material: 0, first: 0, count: 2 }, Batch { material: 2, first: 2, count: 2 }],
+            spheres: [0, 1, 2, 2].map(sphere).to_vec(),
+            ..Geometry::default()
+        };
+        assert_eq!(
+            (geometry.sphere(3), geometry.sphere(5).map(|s| s.material), geometry.sphere(8)),
+            (None, Some(1), None)
+        );
+        assert_eq!(geometry.surfaces(), 8);
+        let found = |marked: &[bool], geometry: &Geometry| TriangleRanges::new(geometry, marked).as_slice().to_vec();
+        assert_eq!(found(&[true, false, false], &geometry), [[0, 2], [4, 5]]);
+        assert_eq!(found(&[false, false, true], &geometry), [[2, 4], [6, 8]]);
+        assert_eq!(found(&[true; 3], &geometry), [[0, 8]]);
+        geometry.spheres.clear();
+        assert_eq!(found(&[true; 3], &geometry), [[0, 4]]);
+        let mut scene = RenderScene { materials: vec![Material::default(); 3], ..RenderScene::default() };
+        scene.geometry.spheres.push(sphere(2));
+        scene.append(scene.clone());
+        assert_eq!(scene.geometry.spheres.iter().map(|sphere| sphere.material).collect::<Vec<_>>(), [2, 5]);
     }
 }

@@ -1,7 +1,7 @@
-//! The primitives of `<geometry>`: boxes, squares, spheres and grids, tessellated as the engine does.
+//! The primitives of `<geometry>`: boxes, squares, spheres and grids, tessellated as the engine does; and exact spheres.
 
 use super::error::SceneError;
-use super::{Group, Material, Mesh, Object, Scene};
+use super::{Group, Material, Mesh, Object, PlacedSphere, Scene};
 use glam::{Mat4, Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::path::Path;
@@ -72,6 +72,8 @@ pub enum ShapeKind {
         /// From pole to pole, 2 to [`ShapeKind::MOST`].
         stacks: u32,
     },
+    /// Radius 1 about the origin, and no mesh: every ray and every pixel meets the sphere itself.
+    ExactSphere,
     /// A square on x and z about the origin, facing up.
     Grid {
         /// Along each side, 1 to [`ShapeKind::MOST`].
@@ -87,25 +89,27 @@ impl ShapeKind {
 
     /// Bytes of the mesh.
     fn bytes(self) -> u64 {
-        let (columns, rows) = self.cells();
+        let Some((columns, rows)) = self.cells() else { return size_of::<PlacedSphere>() as u64 };
         let (columns, rows) = (u64::from(columns), u64::from(rows));
         32 * (columns + 1) * (rows + 1) + 24 * columns * rows
     }
 
-    /// Quads along the two directions of its net.
-    fn cells(self) -> (u32, u32) {
+    /// Quads along the two directions of its net, where it has one.
+    fn cells(self) -> Option<(u32, u32)> {
         match self {
-            Self::Box => (6, 1),
-            Self::Square => (1, 1),
-            Self::Sphere { slices, stacks } => (slices, stacks),
-            Self::Grid { divisions, .. } => (divisions, divisions),
+            Self::Box => Some((6, 1)),
+            Self::Square => Some((1, 1)),
+            Self::Sphere { slices, stacks } => Some((slices, stacks)),
+            Self::ExactSphere => None,
+            Self::Grid { divisions, .. } => Some((divisions, divisions)),
         }
     }
 
-    /// Its geometry; the group's material is 0.
+    /// Its geometry; the group's material is 0. `None` for exact spheres.
     #[must_use]
-    pub fn mesh(self) -> Mesh {
-        match self {
+    pub fn mesh(self) -> Option<Mesh> {
+        let mesh = match self {
+            Self::ExactSphere => return None,
             Self::Box => cube(),
             Self::Square => net((1, 1), |u, v| (Vec3::new(2.0 * u - 1.0, 0.0, 2.0 * v - 1.0), Vec3::Y), true),
             Self::Sphere { slices, stacks } => net(
@@ -122,7 +126,8 @@ impl ShapeKind {
                 |u, v| (Vec3::new((u - 0.5) * length, 0.0, (0.5 - v) * length), Vec3::Y),
                 false,
             ),
-        }
+        };
+        Some(mesh)
     }
 }
 
@@ -197,7 +202,11 @@ pub(crate) fn add(scene: &mut Scene, shapes: &[Shape], file: &Path, max_bytes: u
             scene.materials.push(Material { name: shape.material.clone(), ..Material::default() });
             scene.materials.len() - 1
         });
-        let mut mesh = shape.kind.mesh();
+        let Some(mut mesh) = shape.kind.mesh() else {
+            let (name, transform) = (shape.name.clone(), shape.place.matrix());
+            scene.spheres.push(PlacedSphere { name, material: material as u32, transform });
+            continue;
+        };
         mesh.name.clone_from(&shape.name);
         mesh.groups.iter_mut().for_each(|group| group.material = material as u32);
         let number = scene.meshes.len() as u32;
@@ -213,7 +222,7 @@ mod tests {
 
     /// Area, and volume by the divergence theorem; every face looks where its normals do.
     fn measured(kind: ShapeKind) -> (f64, f64) {
-        let mesh = kind.mesh();
+        let mesh = kind.mesh().expect("it has a mesh");
         let (mut area, mut volume) = (0.0, 0.0);
         for triangle in &mesh.groups[0].triangles {
             let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize].as_dvec3());
@@ -288,6 +297,8 @@ mod tests {
         add(&mut scene, &shapes, Path::new("p.xml"), 1 << 20).expect("they fit");
         assert_eq!((scene.materials.len(), scene.meshes.len(), scene.objects[1].mesh), (2, 2, 1));
         assert!(scene.meshes.iter().all(|mesh| mesh.groups[0].material == 1));
+        add(&mut scene, &[shape("d", ShapeKind::ExactSphere)], Path::new("p.xml"), 1 << 20).expect("it fits");
+        assert_eq!((scene.meshes.len(), scene.objects.len(), scene.spheres[0].material), (2, 2, 1));
         let largest = [shape("c", ShapeKind::Grid { divisions: ShapeKind::MOST, length: 1.0 })];
         let error = add(&mut scene, &largest, Path::new("p.xml"), 1 << 20).expect_err("too large").to_string();
         assert!(error.contains("p.xml") && error.contains("--max-memory"), "{error}");

@@ -1,7 +1,9 @@
 //! Scenes and cameras as present-day files write them: folders, primitives, placements, projections.
 
-use super::support::{Files, RASTER, bad, good, project, with};
+use super::support::{Files, RASTER, bad, good, one_error, project, with};
 use curitiba_pipeline::diagnostic::Severity;
+use curitiba_pipeline::plan::{Plan, Settings};
+use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::project::{Orthographic, declared_scenes};
 use curitiba_pipeline::scene::{BuildOptions, LoadOptions, RenderScene, ShapeKind};
 use glam::{Mat4, Vec3};
@@ -58,6 +60,79 @@ fn primitives_and_placements_of_both_dialects_are_read() {
     let scene = good(&of_2014).scenes.swap_remove(0);
     let expected = Mat4::from_translation(Vec3::new(7.0, 0.0, 0.0)) * Mat4::from_scale(Vec3::new(2.0, 0.5, 1.0));
     assert_eq!(scene.place.matrix(), expected);
+}
+
+const EXACT: &str = "<SCALE x=2 y=-2 z=2/>
+    <geometry name=a type=SPHERE exact=true material=earth><SCALE x=0.5 y=0.5 z=0.5/><TRANSLATE x=1 y=2 z=3/></geometry>
+    <geometry name=b type=sphere exact=TRUE material=earth><ROTATE x=1 y=1 z=0 w=33/></geometry>";
+
+fn built(text: &str) -> RenderScene {
+    let scene = good(text).scenes.swap_remove(0);
+    let loaded = scene.load(&LoadOptions::default(), &|_| {}).expect("it needs no file");
+    let (built, warnings) = RenderScene::build(loaded, &scene.build_options(BuildOptions::default())).expect("small");
+    assert!(!format!("{warnings:?}").contains("exact"), "{warnings:?}");
+    built
+}
+
+#[test]
+fn exact_spheres_are_placed_as_meshes_are() {
+    let text = with(&project(RASTER), FILE, EXACT);
+    let declared = good(&text).scenes.swap_remove(0);
+    let place = declared.exact_sphere().expect("it has some").to_owned();
+    assert!(place.contains("project.xml:"), "{place}");
+    let spheres = built(&text).geometry.spheres;
+    assert_eq!((spheres.len(), spheres[0].center, spheres[0].radius), (2, Vec3::new(2.0, -4.0, 6.0), 1.0));
+    assert!(spheres[1].center == Vec3::ZERO && (spheres[1].radius - 2.0).abs() < 1e-6, "{:?}", spheres[1]);
+    // What a mesh of the same place is.
+    for param in ["NO_SWAP", "SWAP_YZ", "UNITIZE", "SWAP_YZ UNITIZE"] {
+        let with_param = with(&text, "<scene name=\"Main\">", &format!("<scene name=\"Main\" param=\"{param}\">"));
+        let spheres = built(&with_param).geometry.spheres;
+        let mesh = built(&with_param.replace("exact=true", "").replace("exact=TRUE", "")).geometry;
+        for vertex in &mesh.positions {
+            let off = spheres.iter().map(|sphere| (vertex.distance(sphere.center) - sphere.radius).abs());
+            // A mesh of ten slices does not reach as far as its sphere, which is what is made unit size.
+            let allowed = if param.contains("UNITIZE") { 0.04 } else { 1e-5 };
+            let off = off.fold(f32::INFINITY, f32::min);
+            assert!(off < allowed, "{param}: {spheres:?} {vertex} {off}");
+        }
+    }
+}
+
+#[test]
+fn exact_spheres_stay_spheres_or_are_refused_with_their_place() {
+    let wrong =
+        |old: &str, new: &str, message: &str, help: &str| one_error(&with(&project(RASTER), old, new), message, help);
+    let scaled = |by: &str| format!("an exact sphere is scaled by {by} along the axes");
+    let shape = |inside: &str| format!("@<geometry name=\"g\" type=\"SPHERE\" exact=\"true\">{inside}</geometry>");
+    wrong(FILE, &shape("<SCALE x=1 y=2 z=1/>"), &scaled("1, 2 and 1"), "without exact=\"true\"");
+    wrong(FILE, &shape("<SCALE x=0 y=0 z=0/>"), &scaled("0, 0 and 0"), "above 0");
+    let inside = format!("@<scene name=\"Main\"><SCALE x=1 y=1 z=3/>{}", shape("").replace('@', ""));
+    wrong("<scene name=\"Main\"><file>box.obj</file>", &inside, &scaled("1, 1 and 3"), "along all three");
+    wrong(FILE, "<geometry type=\"BOX\" exact=\"@true\"/>", "a BOX is no exact sphere", "SPHERE");
+    wrong(FILE, "<geometry type=SPHERE exact=\"@maybe\"/>", "`maybe` is neither true nor false", "true");
+    let parts = good(&with(&project(RASTER), FILE, "<geometry type=SPHERE exact=true slices=9/>"));
+    assert!(parts.problems.to_string().contains("an exact sphere has no parts"), "{}", parts.problems);
+    let not = good(&with(&project(RASTER), FILE, "<geometry type=SPHERE exact=false slices=9/>"));
+    assert_eq!(
+        (not.scenes[0].shapes[0].kind, not.scenes[0].exact_sphere()),
+        (ShapeKind::Sphere { slices: 9, stacks: 10 }, None)
+    );
+}
+
+#[test]
+fn thesis_fidelity_refuses_exact_spheres_by_their_place() {
+    let plan = |text: &str, fidelity| {
+        let files = Files::new(text);
+        files.write("box.obj", TRIANGLE);
+        let settings = Settings { fidelity, show: vec!["color".to_owned()], ..Settings::default() };
+        Plan::new(files.load().expect("it loads"), settings)
+    };
+    let text = with(&project(RASTER), FILE, EXACT);
+    let refused = plan(&text, Fidelity::Thesis).expect_err("triangles only");
+    assert!(refused.message.contains("project.xml:") && refused.message.contains("thesis fidelity"), "{refused:?}");
+    assert!(refused.help.is_some_and(|help| help.contains("corrected") && help.contains("exact=")));
+    assert!(plan(&text, Fidelity::Corrected).is_ok());
+    assert!(plan(&project(RASTER), Fidelity::Thesis).is_ok(), "control");
 }
 
 #[test]

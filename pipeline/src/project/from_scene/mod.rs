@@ -138,6 +138,7 @@ impl SceneProjects {
                 files: files.iter().map(|path| SceneFile { path: path.clone(), place: place(path) }).collect(),
                 memory: None,
                 shapes: Vec::new(),
+                exact: None,
                 place: Placement::default(),
                 swap_yz: options.up == Up::Z,
                 unitize: false,

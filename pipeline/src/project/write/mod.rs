@@ -179,6 +179,7 @@ fn write_shape(xml: &mut Xml, shape: &Shape) {
             ("slices", slices.to_string()),
             ("stacks", stacks.to_string()),
         ]),
+        ShapeKind::ExactSphere => attributes.extend([("type", "SPHERE".to_owned()), ("exact", "true".to_owned())]),
         ShapeKind::Grid { divisions, length } => attributes.extend([
             ("type", "GRID".to_owned()),
             ("divisions", divisions.to_string()),

@@ -11,6 +11,7 @@ fn contents(project: &Project) -> String {
     let mut project = project.clone();
     (project.path, project.source) = (PathBuf::new(), PathBuf::new());
     project.problems = crate::diagnostic::Problems::default();
+    project.scenes.iter_mut().for_each(|scene| scene.exact = None);
     for file in project.scenes.iter_mut().flat_map(|scene| &mut scene.files) {
         file.path = std::fs::canonicalize(&file.path).unwrap_or_else(|_| file.path.clone());
         file.place.clear();

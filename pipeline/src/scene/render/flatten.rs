@@ -1,9 +1,10 @@
 //! Objects into one list of triangles in world space.
 
 use super::super::error::{Budget, SceneError};
-use super::super::origin::{origin_for, placed_bounds};
+use super::super::origin::{Bounds, origin_for, placed_bounds};
 use super::super::parallel::concatenate;
-use super::super::{Batch, Geometry, Material, Mesh, Object};
+use super::super::{Batch, Geometry, Material, Mesh, Object, PlacedSphere};
+use super::spheres::{self, Ball};
 use super::texture::NO_NORMAL_MAP;
 use super::{BuildOptions, FilesOfObjects, normals, tangents};
 use crate::diagnostic::Warnings;
@@ -40,6 +41,7 @@ const BAD: u32 = u32::MAX;
 #[derive(Clone, Copy)]
 pub(super) struct Placed<'a> {
     pub objects: &'a [Object],
+    pub spheres: &'a [PlacedSphere],
     /// In the files' coordinates, where 0 of the objects lies.
     pub origin: DVec3,
 }
@@ -47,7 +49,7 @@ pub(super) struct Placed<'a> {
 /// The triangles in world space, by how much lengths of the files were scaled, and where 0 of the triangles lies in the world.
 pub(super) fn flatten(
     mut meshes: Vec<Mesh>,
-    (Placed { objects, origin: own }, materials): (Placed<'_>, &[Material]),
+    (Placed { objects, spheres: placed_spheres, origin: own }, materials): (Placed<'_>, &[Material]),
     options: &BuildOptions,
     files: &FilesOfObjects,
     budget: &mut Budget,
@@ -89,17 +91,29 @@ pub(super) fn flatten(
 
     // What is made unit size lies around 0 first, wherever it was.
     let own = if options.unitize { DVec3::ZERO } else { own };
+    let turn = if options.swap_yz { DMat4::from_cols_array_2d(&SWAP_YZ) } else { DMat4::IDENTITY };
+    let file = files.whole_scene();
+    budget.take(file, "the placed spheres", (placed_spheres.len() * size_of::<Ball>()) as u64)?;
+    let mut balls = spheres::placed(placed_spheres, turn * DMat4::from_translation(own), file)?;
+    let in_world = |balls: &[Ball]| -> Result<Vec<Ball>, SceneError> {
+        let moved = balls.iter().zip(placed_spheres).map(|(ball, placed)| {
+            ball.moved(options.transform.as_dmat4()).ok_or_else(|| spheres::stretched(&placed.name, file))
+        });
+        moved.collect()
+    };
     let to_world = |object: &Object| {
-        let turn = if options.swap_yz { DMat4::from_cols_array_2d(&SWAP_YZ) } else { DMat4::IDENTITY };
         options.transform.as_dmat4() * turn * DMat4::from_translation(own) * object.transform.as_dmat4()
     };
-    let origin = options.origin.unwrap_or_else(|| {
-        let bounds = match options.unitize {
-            true => placed_bounds(&[unit_cube()], std::iter::once((0, options.transform.as_dmat4()))),
-            false => placed_bounds(&meshes, objects.iter().map(|object| (object.mesh, to_world(object)))),
-        };
-        bounds.map_or(DVec3::ZERO, origin_for)
-    });
+    let origin = match (options.origin, options.unitize) {
+        (Some(origin), _) => origin,
+        (None, true) => placed_bounds(&[unit_cube()], std::iter::once((0, options.transform.as_dmat4())))
+            .map_or(DVec3::ZERO, origin_for),
+        (None, false) => {
+            let meshes = placed_bounds(&meshes, objects.iter().map(|object| (object.mesh, to_world(object))));
+            let spheres = spheres::bounds(in_world(&balls)?.into_iter());
+            around(meshes, spheres).map_or(DVec3::ZERO, origin_for)
+        }
+    };
     // Near the origin all is placed in f32, one transform after the other.
     let exact = own != DVec3::ZERO || origin != DVec3::ZERO;
 
@@ -154,8 +168,8 @@ pub(super) fn flatten(
     sort_out(&mut geometry, &mut runs, objects, files, warnings);
     drop_unused_vertices(&mut geometry);
     let mut scale = 1.0;
-    if options.unitize && !geometry.positions.is_empty() {
-        scale = unitize(&mut geometry.positions);
+    if options.unitize && !(geometry.positions.is_empty() && balls.is_empty()) {
+        scale = unitize(&mut geometry.positions, &mut balls);
         // Rounding after the scaling may flatten slivers.
         sort_out(&mut geometry, &mut runs, objects, files, warnings);
         drop_unused_vertices(&mut geometry);
@@ -166,6 +180,11 @@ pub(super) fn flatten(
         drop_unused_vertices(&mut geometry);
     }
     geometry.batches = batches(&runs);
+    geometry.spheres = spheres::finished(&in_world(&balls)?, (placed_spheres, origin), file, warnings);
+    if geometry.surfaces() >= u32::MAX as usize {
+        return Err(SceneError::file(file, "the triangles and spheres are too many")
+            .help(format!("valid: fewer than {} together", u32::MAX)));
+    }
     Ok((geometry, scale, origin))
 }
 
@@ -552,13 +571,24 @@ fn retain<T>(list: &mut Vec<T>, used: &[bool]) {
     list.retain(|_| *flags.next().expect("one flag a vertex"));
 }
 
-/// Centres the positions and scales them until the longest side of their box is [-1, 1]. Returns the scale.
-fn unitize(positions: &mut [Vec3]) -> f32 {
+/// The box around two.
+fn around(one: Option<Bounds>, other: Option<Bounds>) -> Option<Bounds> {
+    match (one, other) {
+        (Some([low, high]), Some([a, b])) => Some([low.min(a), high.max(b)]),
+        (one, other) => one.or(other),
+    }
+}
+
+/// Centres positions and spheres and scales them until the longest side of their box is [-1, 1]. Returns the scale.
+fn unitize(positions: &mut [Vec3], balls: &mut [Ball]) -> f32 {
     let low = positions.iter().fold(Vec3::INFINITY, |low, position| low.min(*position)).as_dvec3();
     let high = positions.iter().fold(Vec3::NEG_INFINITY, |high, position| high.max(*position)).as_dvec3();
+    let own = (!positions.is_empty()).then_some([low, high]);
+    let Some([low, high]) = around(own, spheres::bounds(balls.iter().copied())) else { return 1.0 };
     let center = 0.5 * (low + high);
     let half = 0.5 * (high - low).max_element();
     positions.par_iter_mut().for_each(|position| *position = ((position.as_dvec3() - center) / half).as_vec3());
+    balls.iter_mut().for_each(|ball| *ball = ball.fitted(-center, 1.0 / half));
     (1.0 / half) as f32
 }
 

@@ -2,6 +2,7 @@
 
 mod flatten;
 mod normals;
+mod spheres;
 mod tangents;
 pub(crate) mod texture;
 
@@ -69,6 +70,8 @@ impl RenderScene {
     ///   latter.
     /// - Textures that no triangle's material uses are not decoded; a texture that cannot be decoded is counted, and
     ///   its material has none.
+    /// - Exact spheres are sorted by material. They are shown without textures, since they have no texture coordinates; those of a
+    ///   material that has one are counted.
     /// - Vertex colours are there where a mesh that is placed has some; the vertices of the others are white.
     /// - Tangents are there where a material that is placed has a normal map: those of the file, or else by MikkTSpace, which splits
     ///   vertices. A tangent turns with the surface; where a transform mirrors, its bitangent changes sides. A material without a tangent
@@ -78,7 +81,8 @@ impl RenderScene {
     ///   What light keeps in a filter, and what is absorbed, is linear as it is.
     ///
     /// # Errors
-    /// If the geometry has more than 2^32 - 2 vertices or triangles, or more memory is needed than allowed.
+    /// If the geometry has more than 2^32 - 2 vertices or triangles, or more memory is needed than allowed; if an exact sphere is not scaled
+    /// alike along all axes.
     ///
     /// # Panics
     /// If an index of the scene (of a mesh, material or texture) leads nowhere; [`super::load`] makes no such scene.
@@ -86,9 +90,9 @@ impl RenderScene {
         let files = FilesOfObjects::new(&scene);
         let mut warnings = Warnings::default();
         let mut budget = Budget::new(options.max_bytes);
-        let Scene { meshes, objects, mut materials, textures: sources, origin, .. } = scene;
+        let Scene { meshes, objects, spheres, mut materials, textures: sources, origin, .. } = scene;
 
-        let placed = flatten::Placed { objects: &objects, origin };
+        let placed = flatten::Placed { objects: &objects, spheres: &spheres, origin };
         let (mut geometry, scale, origin) =
             flatten::flatten(meshes, (placed, &materials), options, &files, &mut budget, &mut warnings)?;
 
@@ -98,6 +102,13 @@ impl RenderScene {
         }
         mark_colored(&geometry, &mut materials);
         keep_normal_maps(&geometry, &mut materials);
+        for sphere in geometry.spheres.iter().filter(|_| options.needs.textures) {
+            let material = &materials[sphere.material as usize];
+            if material.textures().next().is_some() {
+                let what = "exact spheres of a material with a texture";
+                warnings.add(files.whole_scene(), what, "shown without it", || format!("`{}`", material.name));
+            }
+        }
         let mut in_use = vec![false; materials.len()];
         for batch in &geometry.batches {
             in_use[batch.material as usize] = true;

@@ -1,0 +1,73 @@
+//! Exact spheres: which passes show some, and what cannot.
+
+use super::{Plan, PlanError, PlannedPass, Work};
+use crate::backend::{BackendError, Rasteriser, RayBackend};
+use crate::programs::{Fidelity, RayProgram};
+use crate::project::PassKind;
+
+impl Plan {
+    /// Where the first exact sphere is declared that a pass shows; `None` where it shows none.
+    #[must_use]
+    pub fn exact_sphere(&self, planned: &PlannedPass) -> Option<&str> {
+        let (Work::Raster { scene_set, .. } | Work::Rays { scene_set, .. } | Work::Effect { scene_set, .. }) =
+            planned.work
+        else {
+            return None;
+        };
+        self.scene_sets.get(scene_set)?.iter().find_map(|scene| self.project.scenes[*scene].exact_sphere())
+    }
+
+    /// Refuses exact spheres where no engine knows them.
+    pub(super) fn check_spheres(&self) -> Result<(), PlanError> {
+        for planned in &self.passes {
+            let Some(place) = self.exact_sphere(planned) else { continue };
+            let name = &self.pass(planned).name;
+            let what = match (&planned.work, self.settings.fidelity) {
+                (Work::Effect { .. }, _) => "draws maps of triangles",
+                (_, Fidelity::Thesis) => "is in thesis fidelity, which knows triangles only",
+                _ => continue,
+            };
+            let message = format!("{place}: pass `{name}` shows exact spheres, and {what}");
+            let instead = match planned.work {
+                Work::Effect { .. } => "let a ray pass do what the raster pass does",
+                _ => "use --fidelity corrected",
+            };
+            return Err(PlanError::new(message, format!("{instead}, or declare the spheres without exact=\"true\"")));
+        }
+        Ok(())
+    }
+
+    /// The first pass that shows exact spheres which the rasteriser does not draw, with what to do.
+    #[must_use]
+    pub fn undrawn_spheres(&self, raster: &dyn Rasteriser) -> Option<(String, BackendError)> {
+        self.first_refused(|planned| {
+            if raster.draws_spheres() || !matches!(planned.work, Work::Raster { .. }) {
+                return None;
+            }
+            Some(BackendError::no_spheres(
+                raster.name(),
+                "a pass",
+                self.exact_sphere(planned)?,
+                "draw with --raster cpu",
+            ))
+        })
+    }
+
+    /// The first pass that shows exact spheres which the ray backend does not trace, with what to do.
+    #[must_use]
+    pub fn untraced_spheres(&self, rays: &dyn RayBackend) -> Option<(String, BackendError)> {
+        self.first_refused(|planned| {
+            let PassKind::Ray(ray) = &self.pass(planned).kind else { return None };
+            let runs = matches!(planned.work, Work::Rays { .. });
+            if rays.traces_spheres() || !runs || ray.program == RayProgram::Dummy {
+                return None;
+            }
+            let help = "use --backend cpu, or allow it with --fallback cpu";
+            Some(BackendError::no_spheres(rays.name(), ray.program.info().stem, self.exact_sphere(planned)?, help))
+        })
+    }
+
+    fn first_refused(&self, why: impl Fn(&PlannedPass) -> Option<BackendError>) -> Option<(String, BackendError)> {
+        self.passes.iter().find_map(|planned| Some((self.pass(planned).name.clone(), why(planned)?)))
+    }
+}
