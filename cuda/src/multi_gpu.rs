@@ -194,7 +194,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
             ));
         }
         if job.program != RayProgram::Dummy {
-            check::scene(T::NAME, job)?;
+            check::scene(T::NAME, job, false)?;
             check_glass(T::NAME, &job.params, job.dielectrics)?;
         }
         if output.pixels.is_empty() {

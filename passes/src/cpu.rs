@@ -7,7 +7,7 @@ use crate::effects::{
     dielectric, dielectric::Media, reflection, refraction, ssao,
 };
 use crate::sampling::HemisphereSampler;
-use crate::trace::{Bvh, Quality, Tracer};
+use crate::trace::{Bvh, Quality, SphereTree, Tracer, WithSpheres};
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Dielectric;
@@ -23,10 +23,16 @@ const NAME: &str = "cpu";
 /// The most that building the structure takes, as [`Bvh`] documents it.
 const BYTES_PER_TRIANGLE: u64 = 270;
 
+/// What rays are traced in.
+pub(crate) struct Structure {
+    pub(crate) triangles: Bvh,
+    spheres: SphereTree,
+}
+
 /// The ray backend of the processor. Results do not depend on the number of threads.
 #[derive(Default)]
 pub struct CpuRays {
-    built: Option<(Arc<RenderScene>, Bvh)>,
+    built: Option<(Arc<RenderScene>, Structure)>,
 }
 
 impl CpuRays {
@@ -40,9 +46,9 @@ impl CpuRays {
     ///
     /// # Errors
     /// [`BackendError::Unsupported`] if it was not built.
-    pub(crate) fn tracer(&self, job: &RayJob<'_>) -> Result<Option<&Bvh>, BackendError> {
+    pub(crate) fn tracer(&self, job: &RayJob<'_>) -> Result<Option<&Structure>, BackendError> {
         match &self.built {
-            Some((scene, bvh)) if std::ptr::eq(&raw const **scene, job.scene) => Ok(Some(bvh)),
+            Some((scene, built)) if std::ptr::eq(&raw const **scene, job.scene) => Ok(Some(built)),
             _ if !may_trace(job) => Ok(None),
             _ => Err(check::missing(NAME, job, "its scene's acceleration structure was not built")),
         }
@@ -70,10 +76,15 @@ impl RayBackend for CpuRays {
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         // The old structure is released first: two would not always fit.
         self.built = None;
-        let bvh = Bvh::build(&scene.geometry, filtered, Quality::default());
-        let stats = BuildStats { bytes: bvh.bytes() as u64, nodes: bvh.node_count() as u64 };
-        self.built = Some((Arc::clone(scene), bvh));
-        Ok(stats)
+        let triangles = Bvh::build(&scene.geometry, filtered, Quality::default());
+        let spheres = SphereTree::build(&scene.geometry, filtered);
+        let (bytes, nodes) = (triangles.bytes() + spheres.bytes(), triangles.node_count() + spheres.node_count());
+        self.built = Some((Arc::clone(scene), Structure { triangles, spheres }));
+        Ok(BuildStats { bytes: bytes as u64, nodes: nodes as u64 })
+    }
+
+    fn traces_spheres(&self) -> bool {
+        true
     }
 
     fn bytes_per_triangle(&self) -> u64 {
@@ -88,15 +99,30 @@ impl RayBackend for CpuRays {
             return Ok(RayStats::default());
         }
         match self.tracer(job)? {
-            Some(bvh) => trace(bvh, job, output, progress),
-            None => trace(&empty(), job, output, progress),
+            Some(built) => trace_in(built, job, output, progress),
+            None => trace_in(&empty(), job, output, progress),
         }
     }
 }
 
-/// The structure of a scene without triangles.
-pub(crate) fn empty() -> Bvh {
-    Bvh::build(&Geometry::default(), &[], Quality::default())
+/// The structure of an empty scene.
+pub(crate) fn empty() -> Structure {
+    let triangles = Bvh::build(&Geometry::default(), &[], Quality::default());
+    Structure { triangles, spheres: SphereTree::default() }
+}
+
+/// Scenes without spheres are traced by programs that know none.
+fn trace_in(
+    Structure { triangles, spheres }: &Structure,
+    job: &RayJob<'_>,
+    output: &mut Image,
+    progress: &Progress,
+) -> Result<RayStats, BackendError> {
+    if job.scene.geometry.spheres.is_empty() {
+        trace(triangles, job, output, progress)
+    } else {
+        trace(&WithSpheres { triangles, spheres }, job, output, progress)
+    }
 }
 
 fn in_host(job: &RayJob<'_>) -> Result<(), BackendError> {
@@ -142,7 +168,7 @@ pub(crate) fn trace_pixels(
 ) -> Result<RayCounts, BackendError> {
     check::images(NAME, job, output)?;
     in_host(job)?;
-    check::scene(NAME, job)?;
+    check::scene(NAME, job, false)?;
     let tiles = tiles_at_a_time(job.program);
     Ok(each_tile(Whole { output, progress, tiles }, alone, |at, work| pixel(at, &mut work.rays)))
 }
@@ -158,7 +184,7 @@ pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> R
 
 fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
     in_host(job)?;
-    check::scene(NAME, job)?;
+    check::scene(NAME, job, T::SPHERES)?;
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
     Ok(if cut {
         let coverage = AlphaTested { scene: job.scene, shades: job.shades };

@@ -1,7 +1,9 @@
 //! Every ray of one pixel, for people who want to know why it has its colour.
 
 use crate::cpu;
-use crate::trace::{Bvh, Event, Hit, Outcome, Quality, RecordedRay, Recorder, SurfacePoint, Tracer};
+use crate::trace::{
+    Bvh, Event, Hit, Outcome, Quality, RecordedRay, Recorder, SphereTree, SurfacePoint, Tracer, WithSpheres,
+};
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
 use curitiba_pipeline::programs::RayProgram;
 use glam::{Vec3, Vec4};
@@ -31,8 +33,12 @@ pub struct PixelRays<'a> {
 pub fn pixel<'a>(job: &RayJob<'a>, x: u32, y: u32) -> Result<PixelRays<'a>, BackendError> {
     let transparent: Vec<bool> =
         job.shades.iter().zip(job.shadow_glass).map(|(shade, glass)| shade.alpha_cutoff.is_some() || *glass).collect();
-    let tree = Bvh::build(&job.scene.geometry, &transparent, Quality::default());
-    pixel_on(&tree, job, x, y)
+    let triangles = Bvh::build(&job.scene.geometry, &transparent, Quality::default());
+    if job.scene.geometry.spheres.is_empty() {
+        return pixel_on(&triangles, job, x, y);
+    }
+    let spheres = SphereTree::build(&job.scene.geometry, &transparent);
+    pixel_on(&WithSpheres { triangles: &triangles, spheres: &spheres }, job, x, y)
 }
 
 /// The same on any tracer of the job's scene.
@@ -62,14 +68,23 @@ impl PixelRays<'_> {
     }
 
     fn triangle(&self, triangle: u32) -> String {
-        let material = self.job.scene.geometry.material_of(triangle) as usize;
+        let geometry = &self.job.scene.geometry;
+        let (what, material) = match geometry.sphere(triangle) {
+            Some(sphere) => ("sphere", sphere.material),
+            None => ("triangle", geometry.material_of(triangle)),
+        };
+        let material = material as usize;
         let name = self.job.scene.materials.get(material).map_or("", |material| material.name.as_str());
         let glass = if self.job.glass.get(material) == Some(&true) { ", glass" } else { "" };
-        format!("triangle {triangle} `{name}`{glass}")
+        format!("{what} {triangle} `{name}`{glass}")
     }
 
     fn hit(&self, hit: &Hit) -> String {
-        format!("{} at t {}, u {}, v {}", self.triangle(hit.triangle), hit.t, hit.u, hit.v)
+        let surface = self.triangle(hit.triangle);
+        match self.job.scene.geometry.sphere(hit.triangle) {
+            Some(_) => format!("{surface} at t {}", hit.t),
+            None => format!("{surface} at t {}, u {}, v {}", hit.t, hit.u, hit.v),
+        }
     }
 
     fn write_ray(&self, f: &mut fmt::Formatter<'_>, number: usize, recorded: &RecordedRay) -> fmt::Result {
@@ -77,6 +92,7 @@ impl PixelRays<'_> {
         let bounce = if *bounce > 0 { format!(" after {bounce} bounces") } else { String::new() };
         writeln!(f, "  {number:4} {} ray{bounce}, weight {weight}", purpose.name())?;
         let leaves = match leaves {
+            Some(id) if self.job.scene.geometry.sphere(*id).is_some() => format!(", {offset:.3e} off sphere {id}"),
             Some(triangle) => format!(", {offset:.3e} off triangle {triangle}"),
             None => String::new(),
         };
@@ -118,13 +134,21 @@ impl fmt::Display for PixelRays<'_> {
                 writeln!(f, "  shows     {}", self.triangle(triangle))?;
                 if let Some(stored) = job.position.get(index) {
                     let stored = Vec4::from_array(*stored).truncate();
-                    let point = SurfacePoint::snap(geometry, triangle, stored);
-                    let off =
-                        (stored.as_dvec3() - geometry.corners(triangle)[0].as_dvec3()).dot(point.normal.as_dvec3());
+                    let (point, off, what) = match geometry.sphere(triangle) {
+                        Some(sphere) => {
+                            let from = stored.as_dvec3().distance(sphere.center.as_dvec3());
+                            (SurfacePoint::on_sphere(sphere, stored), from - f64::from(sphere.radius), "sphere")
+                        }
+                        None => {
+                            let point = SurfacePoint::snap(geometry, triangle, stored);
+                            let from = stored.as_dvec3() - geometry.corners(triangle)[0].as_dvec3();
+                            (point, from.dot(point.normal.as_dvec3()), "triangle's plane")
+                        }
+                    };
                     writeln!(f, "  snapped   {}", vector(point.position))?;
                     writeln!(
                         f,
-                        "  the stored position is {off:.3e} off the triangle's plane, a snapped one at most {:.3e}",
+                        "  the stored position is {off:.3e} off the {what}, a snapped one at most {:.3e}",
                         point.error
                     )?;
                 }

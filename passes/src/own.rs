@@ -29,6 +29,8 @@ pub struct At<'a> {
 /// The replaced program decides what the pass may read ([`RayProgram::info`]): `final` has position, normal and colour, `dummy` the colour
 /// alone and no tracer. The plan, the other passes and the parameters are those of the project.
 ///
+/// Scenes with exact spheres are refused, since the function is given triangles.
+///
 /// The function runs on many threads at once, pixels in any order; it should depend on nothing but what it is given. A panic in it is a
 /// panic of [`RayBackend::run`].
 pub struct OwnProgram<F> {
@@ -80,7 +82,7 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
             return self.rays.run(job, output, progress);
         }
         let none = empty();
-        let tracer = self.rays.tracer(job)?.unwrap_or(&none);
+        let tracer = &self.rays.tracer(job)?.unwrap_or(&none).triangles;
         let pixel = |pixel, rays: &mut RayCounts| (self.pixel)(At { job, tracer, pixel, rays });
         let rays = trace_pixels(job, output, progress, pixel)?;
         Ok(RayStats { rays, ..RayStats::default() })

@@ -40,11 +40,11 @@ const OF_TRACE: &Floors = &[
     &["rounding"],
     &["ray"],
     &["tree"],
-    &["origin", "build", "single"],
+    &["origin", "build", "single", "spheres"],
     &["packet", "fan"],
     &["parallel"],
     &["tracer", "segments"],
-    &["bvh", "reference", "recorder"],
+    &["bvh", "reference", "recorder", "with_spheres"],
 ];
 
 /// The floor of a module's room below `folder`, counted from the ground; `None` for the folder itself.

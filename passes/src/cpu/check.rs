@@ -56,11 +56,12 @@ pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
     Ok(())
 }
 
-/// Checks that materials, vertex attributes and the light are there as far as the program reads them.
+/// Checks that materials, vertex attributes and the light are there as far as the program reads them; `spheres` says whether the backend
+/// knows exact spheres.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`] of that backend; says what is missing.
-pub fn scene(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
+pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(), BackendError> {
     let info = job.program.info();
     let (scene, geometry) = (job.scene, &job.scene.geometry);
     if job.sun.is_none() && info.globals.contains(&"lightDir") {
@@ -120,7 +121,12 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError
         let why = format!("material `{name}` has a normal map, and the scene was prepared without {what}");
         return Err(missing(backend, job, &why));
     }
-    let known = geometry.triangles.len();
+    let knows_all = geometry.spheres.is_empty() || spheres && job.fidelity == Fidelity::Corrected;
+    if !knows_all {
+        let why = "the scene has exact spheres, and it knows triangles only; in corrected fidelity the cpu knows both";
+        return Err(missing(backend, job, why));
+    }
+    let known = geometry.surfaces();
     if job.fidelity == Fidelity::Corrected && most_triangles(job.triangle) > known {
         return Err(missing(backend, job, &format!("the triangle ids name more than the scene's {known} triangles")));
     }

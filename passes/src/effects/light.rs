@@ -23,7 +23,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// Whether a hit stops light; `crosses` is called where it passes glass instead.
     pub(super) fn blocks_light(&self, hit: &Hit, crosses: impl FnOnce()) -> bool {
-        if !self.coverage.covers(hit) {
+        if !self.covers(hit) {
             return false;
         }
         let glass = self.passes_light(hit);

@@ -2,7 +2,7 @@
 
 use super::interpolate::{interpolate, texture_coordinates};
 use super::pass::Pass;
-use crate::trace::Hit;
+use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::scene::normal_map;
 use glam::Vec3;
 
@@ -12,30 +12,31 @@ pub const LEAST_SQUARE: f32 = 1e-30;
 /// The report's ambient light.
 pub const AMBIENT: f32 = 0.3;
 
-impl<T, C> Pass<'_, T, C> {
+impl<T: Tracer, C> Pass<'_, T, C> {
     /// The report's `closest_hit`: diffuse light, ambient light and texture (level 0), with this unit normal, times the vertex colour; and
-    /// the light that the surface sends out.
+    /// the light that the surface sends out. Spheres have neither texture coordinates nor colours of vertices.
     pub(super) fn lit_color(&self, hit: &Hit, normal: Vec3) -> Vec3 {
         let scene = self.job.scene;
-        let shade = &self.job.shades[scene.geometry.material_of(hit.triangle) as usize];
+        let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
         let diffuse = shade.diffuse.truncate();
-        let faces_light = shade.normal_map.is_none() || self.vertices_face_light(hit, normal);
+        let flat = self.sphere(hit.triangle).is_none();
+        let faces_light = shade.normal_map.is_none() || !flat || self.vertices_face_light(hit, normal);
         let cosine = if faces_light { self.to_light.dot(normal).max(0.0) } else { 0.0 };
         let lit = diffuse * (self.light_color * cosine);
-        let reflected = match shade.texture {
+        let reflected = match shade.texture.filter(|_| flat) {
             None => lit + AMBIENT * diffuse,
             Some(texture) => {
                 let texel = scene.textures[texture as usize].sample(texture_coordinates(&scene.geometry, hit), 0.0);
                 (lit + AMBIENT) * texel.truncate()
             }
         };
-        let reflected = if shade.vertex_colors {
+        let reflected = if shade.vertex_colors && flat {
             reflected * interpolate(&scene.geometry, &scene.geometry.colors, hit).truncate()
         } else {
             reflected
         };
         let Some(glow) = shade.glow else { return reflected };
-        let shining = glow.texture.map_or(Vec3::ONE, |texture| {
+        let shining = glow.texture.filter(|_| flat).map_or(Vec3::ONE, |texture| {
             scene.textures[texture as usize].sample(texture_coordinates(&scene.geometry, hit), 0.0).truncate()
         });
         reflected + glow.color * shining

@@ -77,7 +77,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// Whether a hit stops light: covered, and not glass that shadow rays pass.
     pub(super) fn stops_light(&self, hit: &Hit) -> bool {
-        !self.passes_light(hit) && self.coverage.covers(hit)
+        !self.passes_light(hit) && self.covers(hit)
     }
 
     pub(super) fn passes_light(&self, hit: &Hit) -> bool {

@@ -141,11 +141,18 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// The same of a stored position.
     pub(super) fn point_of(&self, triangle: u32, stored: Vec3) -> SurfacePoint {
-        SurfacePoint::snap(&self.job.scene.geometry, triangle, stored)
+        match self.sphere(triangle) {
+            Some(sphere) => SurfacePoint::on_sphere(sphere, stored),
+            None => SurfacePoint::snap(&self.job.scene.geometry, triangle, stored),
+        }
     }
 
     /// The point that a ray meets.
     pub(super) fn surface_hit(&self, ray: &Ray, hit: &Hit) -> Surface {
+        if let Some(sphere) = self.sphere(hit.triangle) {
+            let point = SurfacePoint::on_sphere_by(sphere, ray, hit.t);
+            return Surface::new(point, point.normal, ray.direction);
+        }
         let geometry = &self.job.scene.geometry;
         let point = SurfacePoint::from_hit(geometry, hit);
         let vertex = interpolate(geometry, &geometry.normals, hit);
@@ -156,6 +163,6 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// The nearest surface from an origin that lies off its own.
     pub(super) fn closest(&self, origin: Vec3, direction: Vec3) -> (Ray, Option<Hit>) {
         let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-        (ray, self.tracer.closest(&ray, |hit| self.coverage.covers(hit)))
+        (ray, self.tracer.closest(&ray, |hit| self.covers(hit)))
     }
 }

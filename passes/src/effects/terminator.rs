@@ -71,10 +71,13 @@ pub fn way_onto_round(
     if way.is_finite() { way } else { Vec3::ZERO }
 }
 
-impl<T, C> Pass<'_, T, C> {
+impl<T: Tracer, C> Pass<'_, T, C> {
     /// A point of a triangle, on a side that is turned away from the light, lifted; `None` where it is dark without a ray
-    /// ([`way_onto_round`]).
+    /// ([`way_onto_round`]), as it is on a sphere.
     pub(super) fn lifted(&self, triangle: u32, point: &SurfacePoint, facing: Vec3) -> Option<Lifted> {
+        if self.sphere(triangle).is_some() {
+            return None;
+        }
         let way = way_onto_round(&self.job.scene.geometry, triangle, point, (facing, self.to_light));
         (way != Vec3::ZERO).then(|| Lifted { from: point.spawn(facing), way })
     }
@@ -90,7 +93,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
 
     /// The light's share in `deferredShadows` at a lifted point.
     pub(super) fn light_at_lifted(&self, lifted: &Lifted, rays: &mut u64) -> f32 {
-        let covers = |hit: &Hit| self.coverage.covers(hit);
+        let covers = |hit: &Hit| self.covers(hit);
         if self.is_cut_off(lifted, rays, covers) {
             return SHADOWED;
         }

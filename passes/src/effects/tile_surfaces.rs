@@ -68,7 +68,19 @@ impl TileSurfaces {
         wanted: impl Fn(Pixel, u32) -> bool,
     ) {
         self.clear();
-        Detected::cached().run(Survey { surfaces: self, pass, area, wanted });
+        let of_triangles = |pixel, id| pass.sphere(id).is_none() && wanted(pixel, id);
+        Detected::cached().run(Survey { surfaces: self, pass, area, wanted: of_triangles });
+        if !T::SPHERES {
+            return;
+        }
+        for (place, pixel) in area.pixels() {
+            let sphere = pass.triangle(pixel).filter(|id| pass.sphere(*id).is_some() && wanted(pixel, *id));
+            if let Some(id) = sphere {
+                let seen @ (surface, _) = pass.surface_at(pixel, id, pass.normal(pixel));
+                self.known[place].surface = Some(seen);
+                self.known[place].origin = surface.origin(surface.facing);
+            }
+        }
     }
 
     /// Nothing is known of any pixel, as if none had been surveyed.

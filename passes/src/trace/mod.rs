@@ -5,6 +5,7 @@
 //!   2013), with conservative box tests.
 //! * [`BruteForce`] is the reference that tests compare with.
 //! * [`Double`] gives the same answers as it, fast enough for reference pictures.
+//! * [`WithSpheres`] puts exact spheres ([`SphereTree`]) beside the triangles of another.
 //! * [`Recorder`] keeps every ray of a pixel, for people to read.
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 //!
@@ -12,11 +13,11 @@
 //!
 //! | floor | what it holds |
 //! |---|---|
-//! | `bvh`, `reference`, `recorder` | the tracers |
+//! | `bvh`, `reference`, `recorder`, `with_spheres` | the tracers |
 //! | `tracer`, `segments` | the traits that effects and devices meet at |
 //! | `parallel` | rays of one direction |
 //! | `packet`, `fan` | rays that start or run side by side |
-//! | `single`, `build`, `origin` | one ray; how the tree is made; where rays start |
+//! | `single`, `build`, `origin`, `spheres` | one ray; how the tree is made; where rays start; exact spheres |
 //! | `tree` | the tree in memory |
 //! | `ray` | questions and answers |
 //! | `rounding` | every error bound |
@@ -35,8 +36,10 @@ mod rounding;
 mod segments;
 mod simd;
 mod single;
+mod spheres;
 mod tracer;
 mod tree;
+mod with_spheres;
 
 pub use build::{Quality, gpu_binary, gpu_tree};
 pub use bvh::Bvh;
@@ -51,4 +54,6 @@ pub use reference::{BruteForce, Double};
 pub use segments::{Segment, SegmentTracer, Segments};
 pub use simd::InstructionSet;
 pub(crate) use simd::{Detected, F16, Kernel, LANES, Mask, Simd, higher, lower, vector_at};
+pub use spheres::SphereTree;
 pub use tracer::{Announcement, Purpose, Tracer};
+pub use with_spheres::WithSpheres;

@@ -31,7 +31,7 @@ pub struct RecordedRay {
     pub weight: f32,
     /// The ray.
     pub ray: Ray,
-    /// The triangle that it leaves; `None` at a pixel that shows none.
+    /// The triangle or sphere that it leaves; `None` at a pixel that shows none.
     pub leaves: Option<u32>,
     /// Distance of its origin from that triangle's plane, positive on the side to which the ray goes; 0 without one.
     pub offset: f64,
@@ -117,6 +117,11 @@ impl<'a, T: Tracer> Recorder<'a, T> {
     }
 
     fn distance(&self, triangle: u32, ray: &Ray) -> f64 {
+        if let Some(sphere) = self.geometry.sphere(triangle) {
+            let from = ray.origin.as_dvec3() - sphere.center.as_dvec3();
+            let above = from.length() - f64::from(sphere.radius);
+            return if from.dot(ray.direction.as_dvec3()) < 0.0 { -above } else { above };
+        }
         let [a, b, c] = self.geometry.corners(triangle).map(|corner| corner.as_dvec3());
         let normal: DVec3 = (b - a).cross(c - a).normalize_or_zero();
         let distance = (ray.origin.as_dvec3() - a).dot(normal);
@@ -137,6 +142,8 @@ fn listen<'l>(
 }
 
 impl<T: Tracer> Tracer for Recorder<'_, T> {
+    const SPHERES: bool = T::SPHERES;
+
     fn closest(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
         let mut asked = Vec::new();
         let hit = self.inner.closest(ray, listen(&mut asked, &mut accept));

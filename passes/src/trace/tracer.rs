@@ -49,6 +49,10 @@ pub struct Announcement {
 /// (what is transparent is said when the tracer is built), in no particular order, some perhaps more than once and not
 /// all of them; hits on other triangles are accepted without asking.
 pub trait Tracer: Sync {
+    /// Whether it knows exact spheres ([`Geometry::spheres`](curitiba_pipeline::scene::Geometry::spheres)). Their hits have ids beyond those of
+    /// the triangles, and no barycentric coordinates. Effects on a tracer that knows none are compiled without them.
+    const SPHERES: bool = false;
+
     /// The nearest accepted hit; of several at the same distance, the one with the lowest triangle id.
     fn closest(&self, ray: &Ray, accept: impl FnMut(&Hit) -> bool) -> Option<Hit>;
 

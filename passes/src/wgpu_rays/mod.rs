@@ -344,7 +344,7 @@ impl RayBackend for WgpuRays {
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
         self.supports(job.program, job.fidelity)?;
         check::images(NAME, job, output)?;
-        check::scene(NAME, job)?;
+        check::scene(NAME, job, false)?;
         check_glass(NAME, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)?;
         self.trace(job, output, progress).map_err(of_rays)

@@ -16,7 +16,7 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
         Light::Certain(share) => share,
         Light::Ray(origin) => {
             work.rays.shadow += 1;
-            if pass.sees_light(origin, |hit| pass.coverage.covers(hit)) { 1.0 } else { SHADOWED }
+            if pass.sees_light(origin, |hit| pass.covers(hit)) { 1.0 } else { SHADOWED }
         }
         Light::Lifted(lifted) => pass.light_at_lifted(&lifted, &mut work.rays.shadow),
     };

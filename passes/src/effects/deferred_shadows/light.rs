@@ -33,7 +33,7 @@ pub(super) fn light<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel)
 }
 
 /// What the light at a point depends on.
-pub(super) fn light_at<T, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
+pub(super) fn light_at<T: Tracer, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> Light {
     let side = side(pass, triangle, point);
     let is_turned_away = point.normal.dot(pass.to_light) * side <= 0.0;
     if !is_turned_away {
@@ -43,7 +43,10 @@ pub(super) fn light_at<T, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &Surfa
 }
 
 /// 1 where the triangle's normal is on the side that is shaded, else -1.
-fn side<T, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> f32 {
+fn side<T: Tracer, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> f32 {
+    if pass.sphere(triangle).is_some() {
+        return 1.0;
+    }
     let geometry = &pass.job.scene.geometry;
     if geometry.normals.is_empty() {
         return 1f32.copysign(point.normal.dot(pass.job.eye - point.position));

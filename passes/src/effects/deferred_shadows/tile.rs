@@ -45,6 +45,31 @@ impl Tile {
 
     /// Finds out the light of a tile's pixels, and returns the number of rays that it took.
     pub(super) fn prepare<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
+        let rays = self.triangles(pass, area);
+        if T::SPHERES { rays + self.spheres(pass, area) } else { rays }
+    }
+
+    /// Finds out the light of the pixels that show spheres, one by one; returns the number of rays that it took.
+    fn spheres<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
+        let mut rays = 0;
+        for (place, pixel) in area.pixels().filter(|(_, pixel)| is_lit(pass, *pixel)) {
+            let Some(id) = pass.triangle(pixel).filter(|id| pass.sphere(*id).is_some()) else { continue };
+            let is_dark = match light_at(pass, id, &pass.point_at(pixel, id)) {
+                Light::Certain(share) => share == SHADOWED,
+                Light::Lifted(lifted) => pass.light_at_lifted(&lifted, &mut rays) == SHADOWED,
+                Light::Ray(origin) => {
+                    rays += 1;
+                    !pass.sees_light(origin, |hit| pass.covers(hit))
+                }
+            };
+            let (part, lane) = part_of(place);
+            self.dark[part] |= u16::from(is_dark) << lane;
+        }
+        rays
+    }
+
+    /// The same of those that show triangles.
+    fn triangles<T: Tracer, C: Coverage>(&mut self, pass: &Pass<'_, T, C>, area: &Area) -> u64 {
         (self.dark, self.turned) = ([0; PARTS], [0; PARTS]);
         self.places.clear();
         let simd = Detected::cached();
@@ -62,7 +87,7 @@ impl Tile {
         let packets = &self.packets[..self.places.len()];
         self.blocked.clear();
         self.blocked.resize(packets.len(), 0);
-        let accept = |_, hit: &Hit| pass.coverage.covers(hit);
+        let accept = |_, hit: &Hit| pass.covers(hit);
         if is_sketched {
             pass.tracer.occluded_undecided(packets, &mut self.blocked, accept);
         } else {
@@ -112,7 +137,7 @@ impl Tile {
                 }
                 Light::Ray(origin) => {
                     rays += 1;
-                    !pass.sees_light(origin, |hit| pass.coverage.covers(hit))
+                    !pass.sees_light(origin, |hit| pass.covers(hit))
                 }
             };
             self.dark[part] |= u16::from(is_dark) << lane;
@@ -219,7 +244,7 @@ impl<T: Tracer, C: Coverage> Kernel<()> for Collect<'_, T, C> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Self { shown, pass, area } = self;
-        shown.collect(simd, (pass, *area), |pixel, _| is_lit(pass, pixel), |_| ());
+        shown.collect(simd, (pass, *area), |pixel, id| pass.sphere(id).is_none() && is_lit(pass, pixel), |_| ());
     }
 }
 

@@ -23,7 +23,7 @@ pub fn around_eye<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Media {
     for _ in 0..MOST {
         let (ray, Some(hit)) = pass.closest(origin, direction) else { break };
         let surface = pass.surface_hit(&ray, &hit);
-        let material = pass.job.scene.geometry.material_of(hit.triangle);
+        let material = pass.material_of(hit.triangle);
         if solid(material) {
             crossings.push(Crossing { material, enters: surface.is_front() });
         }

@@ -11,13 +11,14 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// The share of the light that passes, by colour, of that which is not reflected.
     pub(in crate::effects) fn filter(&self, hit: &Hit, dielectric: &Dielectric) -> Vec3 {
         let scene = self.job.scene;
-        let texel = dielectric.filter_texture.map_or(Vec3::ONE, |texture| {
+        let flat = self.sphere(hit.triangle).is_none();
+        let texel = dielectric.filter_texture.filter(|_| flat).map_or(Vec3::ONE, |texture| {
             let texture = &scene.textures[texture as usize];
             let texel = texture.sample(texture_coordinates(&scene.geometry, hit), 0.0).truncate();
             // A share of light is linear whatever the colours of the pass are.
             if texture.space == ColorSpace::Linear { texel } else { texel.map(decode) }
         });
-        let vertices = if dielectric.filter_vertex_colors && !scene.geometry.colors.is_empty() {
+        let vertices = if flat && dielectric.filter_vertex_colors && !scene.geometry.colors.is_empty() {
             let color = interpolate(&scene.geometry, &scene.geometry.colors, hit).truncate();
             if scene.geometry.color_space == ColorSpace::Linear { color } else { color.map(decode) }
         } else {

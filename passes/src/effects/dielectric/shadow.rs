@@ -41,8 +41,11 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// be given more than once.
     fn straight(&self, ray: &Ray, hits: &mut Vec<Hit>, work: &mut Workspace) -> Vec3 {
         let (geometry, dielectrics) = (&self.job.scene.geometry, self.job.dielectrics);
-        let material = |hit: &Hit| geometry.material_of(hit.triangle);
+        let material = |hit: &Hit| self.material_of(hit.triangle);
         let enters = |hit: &Hit| {
+            if let Some(normal) = self.sphere_normal(ray, hit) {
+                return normal.dot(ray.direction) < 0.0;
+            }
             let [a, b, c] = geometry.corners(hit.triangle).map(|corner| corner.as_dvec3());
             (b - a).cross(c - a).dot(ray.direction.as_dvec3()) < 0.0
         };
@@ -58,7 +61,9 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             passes *= self.on_the_way(media, hit.t - from);
             from = hit.t;
             let dielectric = &dielectrics[material(hit) as usize];
-            let normal = interpolate(geometry, &geometry.normals, hit).normalize_or_zero();
+            let normal = self
+                .sphere_normal(ray, hit)
+                .unwrap_or_else(|| interpolate(geometry, &geometry.normals, hit).normalize_or_zero());
             let share = |ratio: f32| interface(self.job.params.fresnel, normal.dot(ray.direction).abs(), ratio);
             passes *= match dielectric.shape {
                 Shape::Solid => {

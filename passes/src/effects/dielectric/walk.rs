@@ -64,9 +64,11 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
     /// What a pixel of glass shows.
     pub fn pixel(&self, pixel: Pixel, triangle: u32, seen: (Surface, Vec3), key: u32, work: &mut Workspace) -> Vec3 {
         let (surface, view) = seen;
-        let geometry = &self.pass.job.scene.geometry;
         let stored = self.pass.position(pixel).truncate();
-        let hit = locate(geometry, triangle, stored);
+        let hit = match self.pass.sphere(triangle) {
+            Some(_) => Hit { t: 0.0, triangle, u: 0.0, v: 0.0 },
+            None => locate(&self.pass.job.scene.geometry, triangle, stored),
+        };
         let path = Path { media: self.pass.around_eye, surfaces: 0, splits: 0, key, wavelength: None, sample: None };
         let length = stored.distance(self.pass.job.eye);
         transmittance(self.extinction(path.media), length)
@@ -83,7 +85,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             work.rays.lost += 1;
             return Vec3::ZERO;
         }
-        let material = self.pass.job.scene.geometry.material_of(met.hit.triangle);
+        let material = self.pass.material_of(met.hit.triangle);
         let dielectric = &self.pass.job.dielectrics[material as usize];
         match dielectric.shape {
             Shape::Solid => self.solid(met, (material, dielectric), path, work),

@@ -13,11 +13,11 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     }
     let (surface, _) = known.surface.unwrap_or_else(|| pass.surface_at(pixel, triangle, pass.normal(pixel)));
     let key = pass.key(pixel);
-    opaque(Vec3::splat(pass.occlusion(&surface, key, work, |hit| pass.coverage.covers(hit))))
+    opaque(Vec3::splat(pass.occlusion(&surface, key, work, |hit| pass.covers(hit))))
 }
 
 /// Finds out the occlusion of a tile's pixels together, before they ask.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
     work.surfaces.survey(pass, area, |_, _| true);
-    tile_occlusion::prepare(pass, area, work, |hit| pass.coverage.covers(hit));
+    tile_occlusion::prepare(pass, area, work, |hit| pass.covers(hit));
 }

@@ -1,14 +1,14 @@
 //! Small worlds for tests, traced by brute force.
 
 use crate::cpu;
-use crate::trace::{BruteForce, Bvh, Quality, Ray, Tracer};
+use crate::trace::{BruteForce, Bvh, Quality, Ray, SphereTree, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, NormalMap, RayCounts, RayJob, Shade, Sun};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::{Dielectric, Shape};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba_pipeline::scene::texture::Texture;
-use curitiba_pipeline::scene::{Batch, Material, RenderScene};
+use curitiba_pipeline::scene::{Batch, Material, RenderScene, Sphere};
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 
 /// A scene in the making, with what passes know of its materials.
@@ -147,6 +147,31 @@ impl World {
         }
     }
 
+    /// An exact sphere; materials must ascend.
+    pub fn sphere(&mut self, material: u32, center: Vec3, radius: f32) {
+        self.scene.geometry.spheres.push(Sphere { center, radius, material });
+    }
+
+    /// The tree over its exact spheres; every hit asks the program.
+    pub fn spheres(&self) -> SphereTree {
+        SphereTree::build(&self.scene.geometry, &vec![true; self.scene.materials.len()])
+    }
+
+    /// The nearest exact sphere along a line, in `f64`: the distance, its id and the point.
+    fn nearest_sphere(&self, eye: Vec3, direction: Vec3) -> Option<(f64, u32, DVec3)> {
+        let (eye, direction) = (eye.as_dvec3(), direction.as_dvec3().normalize());
+        let first = self.scene.geometry.triangles.len() as u32;
+        let hits = self.scene.geometry.spheres.iter().zip(first..).filter_map(|(sphere, id)| {
+            let (from, radius) = (eye - sphere.center.as_dvec3(), f64::from(sphere.radius));
+            let b = -from.dot(direction);
+            let square = radius * radius - (from + b * direction).length_squared();
+            let half = (square >= 0.0).then(|| square.sqrt())?;
+            let t = [b - half, b + half].into_iter().find(|t| *t > 0.0)?;
+            Some((t, id, eye + direction * t))
+        });
+        hits.min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
     /// Gives every vertex this normal.
     pub fn bend_normals(&mut self, normal: Vec3) {
         self.scene.geometry.normals.fill(normal.normalize());
@@ -227,6 +252,10 @@ impl<'w> Shot<'w> {
     fn push(&mut self, tracer: &BruteForce, direction: Vec3) {
         let ray = Ray { origin: self.eye, direction, t_min: 0.0, t_max: f32::INFINITY };
         let nearest = tracer.candidates(&ray).min_by(|a, b| a.0.x.total_cmp(&b.0.x));
+        let sphere = self.world.nearest_sphere(self.eye, direction);
+        if let Some((_, id, at)) = sphere.filter(|(t, ..)| nearest.is_none_or(|nearest| *t < nearest.0.x)) {
+            return self.push_sphere(id, at);
+        }
         let Some((DVec3 { x: t, y: u, z: v }, triangle, _)) = nearest else {
             self.position.push([0.0; 4]);
             self.normal.push([0.0; 4]);
@@ -247,6 +276,18 @@ impl<'w> Shot<'w> {
         let lit = self.world.lit(material, cos).extend(1.0).to_array();
         self.color.push(if glass { [1.0, 0.0, 1.0, 0.0] } else { lit });
         self.triangle.push(triangle);
+    }
+
+    fn push_sphere(&mut self, id: u32, at: DVec3) {
+        let sphere = self.world.scene.geometry.sphere(id).expect("it was found");
+        let normal = (at - sphere.center.as_dvec3()).normalize().as_vec3();
+        let cos = self.world.sun.map_or(0.0, |sun| normal.dot(-sun.direction).max(0.0));
+        let glass = self.world.glass[sphere.material as usize];
+        let lit = self.world.lit(sphere.material, cos).extend(1.0).to_array();
+        self.position.push(at.as_vec3().extend(cos).to_array());
+        self.normal.push(normal.extend(0.0).to_array());
+        self.color.push(if glass { [1.0, 0.0, 1.0, 0.0] } else { lit });
+        self.triangle.push(id);
     }
 
     /// A job of a program over this G-buffer.

@@ -53,6 +53,9 @@ pub(super) fn scene(job: &RasterJob<'_>, held: Rect) -> Result<(), BackendError>
     if !geometry.normals.is_empty() && geometry.normals.len() != vertices {
         return refuse("this scene", "it has not as many normals as positions".to_owned());
     }
+    if let Some(sphere) = geometry.spheres.iter().find(|sphere| sphere.material as usize >= job.shades.len()) {
+        return refuse("this scene", format!("material {} has no colours", sphere.material));
+    }
     for batch in &geometry.batches {
         let Some(shade) = job.shades.get(batch.material as usize) else {
             return refuse("this scene", format!("material {} has no colours", batch.material));

@@ -5,7 +5,7 @@
 //! 1. `vertex`: every vertex is projected and snapped to 1/256 pixel.
 //! 2. `bins`: runs of triangles are sorted into tiles of 64 x 64 pixels, in their order. Those that need it are
 //!    clipped, those that contain no pixel centre dropped.
-//! 3. `tile`: each tile finds the nearest triangle of each pixel, then shades each pixel once.
+//! 3. `tile`: each tile finds the nearest triangle of each pixel, then shades each pixel once; `spheres` puts exact spheres before them.
 //!
 //! Scenes of many triangles are drawn in several rounds of 2 and 3 so that the bins' memory is bounded; tiles then keep
 //! their depth from round to round. Nothing is allocated in a draw of a size that was drawn before. The result is the
@@ -19,6 +19,7 @@ mod frame;
 mod interpolate;
 mod shade;
 mod simd;
+mod spheres;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -39,6 +40,7 @@ use curitiba_pipeline::scene::RenderScene;
 use frame::{BIN_TRIANGLES, Frame};
 use rayon::prelude::*;
 use simd::{Detected, Kernel};
+use spheres::Screen;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use surface::{Grid, Target, TileSurface};
@@ -76,6 +78,8 @@ pub struct CpuRasteriser {
     tiles: Vec<Mutex<Tile>>,
     /// By thread.
     rows: Vec<Mutex<shade::Rows>>,
+    /// By thread: the spheres that the pixels of a tile show.
+    shown: Vec<Mutex<Vec<u32>>>,
     stages: Stages,
     round: usize,
     effects: effects::Effects,
@@ -110,6 +114,7 @@ impl CpuRasteriser {
             clipped: Vec::new(),
             tiles: Vec::new(),
             rows: Vec::new(),
+            shown: Vec::new(),
             stages: Stages::default(),
             round: ROUND,
             effects: effects::Effects::default(),
@@ -158,6 +163,8 @@ impl CpuRasteriser {
         let rounds = bins.div_ceil(self.round).max(1);
         let threads = rayon::current_num_threads();
         grow(&mut self.rows, threads);
+        let spheres = Screen::new(job, hidden);
+        grow(&mut self.shown, threads);
         grow(&mut self.tiles, if rounds == 1 { threads } else { grid.drawn() });
         grow(&mut self.clipped, bins);
         grow(&mut self.bins, bins.min(self.round));
@@ -189,12 +196,14 @@ impl CpuRasteriser {
             let start = Instant::now();
             let clipped = &self.clipped;
             let frame = Frame { job, geometry, vertices: &self.vertices, clipped };
-            let (tiles, rows) = (&self.tiles, &self.rows);
+            let (tiles, rows, shown) = (&self.tiles, &self.rows, &self.shown);
+            let spheres = spheres.as_ref().filter(|_| round + 1 == rounds);
             surface::for_each_tile(&mut target, &grid, |number, index, surface| {
                 let thread = rayon::current_thread_index().unwrap_or(0);
                 let tile = &tiles[if rounds == 1 { thread } else { number }];
                 let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
                 let mut rows = rows[thread].lock().unwrap_or_else(PoisonError::into_inner);
+                let mut shown = shown[thread].lock().unwrap_or_else(PoisonError::into_inner);
                 detected.run(DrawTile {
                     frame: &frame,
                     bins: filled,
@@ -203,6 +212,7 @@ impl CpuRasteriser {
                     last: round + 1 == rounds,
                     tile: &mut tile,
                     rows: &mut rows,
+                    spheres: spheres.map(|screen| (screen, &mut *shown)),
                     surface,
                 });
             });
@@ -239,6 +249,10 @@ impl Rasteriser for CpuRasteriser {
 
     fn needs_read_back(&self) -> bool {
         false
+    }
+
+    fn draws_spheres(&self) -> bool {
+        true
     }
 
     fn read_back(
@@ -278,6 +292,8 @@ struct DrawTile<'a> {
     last: bool,
     tile: &'a mut Tile,
     rows: &'a mut shade::Rows,
+    /// In the last round of a draw that has spheres.
+    spheres: Option<(&'a Screen<'a>, &'a mut Vec<u32>)>,
     surface: TileSurface<'a>,
 }
 
@@ -292,10 +308,16 @@ impl Kernel for DrawTile<'_> {
         for bins in self.bins {
             self.tile.draw_bins(self.frame, bins, self.index, &self.surface);
         }
+        if let Some((screen, shown)) = &mut self.spheres {
+            screen.draw(self.tile, &self.surface, shown);
+        }
         if self.last && self.surface.is_depth() {
             store_depths(self.tile, &mut self.surface);
         } else if self.last {
             shade::shade(self.frame, self.tile, self.rows, &mut self.surface);
+            if let Some((screen, shown)) = &self.spheres {
+                screen.shade(shown, &mut self.surface);
+            }
         }
     }
 }

@@ -173,6 +173,16 @@ impl Tile {
         }
     }
 
+    /// Puts something else before what is seen at a pixel, unless that is as near; whether it does.
+    pub fn cover(&mut self, column: usize, row: usize, depth: f32) -> bool {
+        let (at, bits) = (row * STRIDE + column, depth.to_bits() as i32);
+        let nearer = bits > self.depth[at] || self.depth[at] == 0 && self.parts[at] == Part::NONE.0;
+        if nearer {
+            (self.depth[at], self.parts[at], self.empty) = (bits, Part::NONE.0, false);
+        }
+        nearer
+    }
+
     /// The parts seen in a row, [`Part::NONE`] where there is none; `None` if the whole tile is empty.
     #[inline(always)]
     pub fn row(&self, row: usize) -> Option<&[u32; TILE]> {

@@ -3,6 +3,7 @@
 //! [`SurfacePoint`] is one point; [`SurfacePoints`] are eight at a time, with the same bits.
 //! May use: `ray`, `rounding`, `simd`.
 
+mod sphere_point;
 mod surface_point;
 mod surface_points;
 

@@ -29,7 +29,8 @@ impl Ray {
 pub struct Hit {
     /// Distance along the ray.
     pub t: f32,
-    /// Triangle id, as in [`Geometry::triangles`](curitiba_pipeline::scene::Geometry::triangles).
+    /// Triangle id, as in [`Geometry::triangles`](curitiba_pipeline::scene::Geometry::triangles); of a tracer that knows exact spheres also
+    /// that of one ([`Geometry::sphere`](curitiba_pipeline::scene::Geometry::sphere)).
     pub triangle: u32,
     /// Barycentric coordinate of corner 1.
     pub u: f32,

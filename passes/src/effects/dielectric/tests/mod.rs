@@ -2,6 +2,7 @@
 
 mod dispersion;
 mod rough;
+mod spheres;
 
 use crate::effects::fresnel;
 use crate::effects::tests::world::{Shot, World, assert_close};

@@ -1,0 +1,177 @@
+//! Exact spheres: each pixel's line of sight meets the sphere itself, in `f64`.
+//!
+//! A pixel shows a sphere where it is nearer than the triangles there, by the depth of the point that is met. Spheres are drawn after all
+//! triangles and never change what those wrote elsewhere, so scenes without spheres are drawn as they were.
+
+use super::surface::{TILE, TileSurface};
+use super::tile::Tile;
+use curitiba_pipeline::backend::{NO_TRIANGLE, RasterJob};
+use curitiba_pipeline::scene::Sphere;
+use glam::{DMat4, DVec3, DVec4, Vec3, Vec4};
+use std::ops::Range;
+
+/// Share of the diffuse colour that is seen without light: the report's ambient term, as for triangles.
+const AMBIENT: f32 = 0.3;
+
+/// The spheres of a draw.
+pub(super) struct Screen<'a> {
+    job: &'a RasterJob<'a>,
+    /// From the eye to clip space, and back.
+    matrix: DMat4,
+    inverse: DMat4,
+    eye: DVec3,
+    size: [f64; 2],
+    /// By sphere that is seen at all: its index, and columns and rows of the viewport that it lies in.
+    seen: Vec<(u32, [Range<usize>; 2])>,
+}
+
+/// Where a line of sight meets a sphere.
+struct Met {
+    /// 1 near, 0 far.
+    depth: f32,
+    /// Outwards.
+    normal: DVec3,
+    /// Relative to the eye.
+    position: DVec3,
+}
+
+impl<'a> Screen<'a> {
+    /// Those of a job, but for hidden materials; `None` where it has none.
+    pub fn new(job: &'a RasterJob<'a>, hidden: &[bool]) -> Option<Self> {
+        let spheres = &job.scene.geometry.spheres;
+        if spheres.is_empty() {
+            return None;
+        }
+        let (matrix, eye) = job.view.projection();
+        let (matrix, eye) = (matrix.as_dmat4(), eye.as_dvec3());
+        let size = [job.viewport.width, job.viewport.height].map(f64::from);
+        let mut screen = Self { job, matrix, inverse: matrix.inverse(), eye, size, seen: Vec::new() };
+        let shown = |sphere: &&Sphere| hidden.get(sphere.material as usize) != Some(&true);
+        for (sphere, index) in spheres.iter().zip(0..).filter(|(sphere, _)| shown(sphere)) {
+            if let Some(pixels) = screen.pixels(sphere) {
+                screen.seen.push((index, pixels));
+            }
+        }
+        Some(screen)
+    }
+
+    /// Columns and rows that a sphere lies in, with some around them; `None` where it is behind the eye or beside the viewport.
+    fn pixels(&self, sphere: &Sphere) -> Option<[Range<usize>; 2]> {
+        let center = (sphere.center.as_dvec3() - self.eye).extend(1.0);
+        let [right, up, _, w] = [0, 1, 2, 3].map(|row| self.matrix.row(row));
+        let radius = f64::from(sphere.radius);
+        let range = |row: DVec4, side: f64, flip: f64| {
+            let (low, high) = extent(center, radius, row * flip, w)?;
+            // Of -1 to 1 to pixels, and one more on each side for rounding.
+            let pixel = |at: f64| (0.5 * at + 0.5) * side;
+            let (low, high) = (pixel(low).floor() - 1.0, pixel(high).ceil() + 1.0);
+            let range = low.clamp(0.0, side) as usize..high.clamp(0.0, side) as usize;
+            (!range.is_empty()).then_some(range)
+        };
+        Some([range(right, self.size[0], 1.0)?, range(up, self.size[1], -1.0)?])
+    }
+
+    /// Where the line of sight through the centre of a pixel of the viewport meets a sphere first, between the near and the far plane.
+    fn meets(&self, sphere: &Sphere, x: usize, y: usize) -> Option<Met> {
+        let [width, height] = self.size;
+        let at = [(x as f64 + 0.5) / width * 2.0 - 1.0, 1.0 - (y as f64 + 0.5) / height * 2.0];
+        let [near, far] = [1.0, 0.0].map(|depth| self.inverse * DVec4::new(at[0], at[1], depth, 1.0));
+        let start = near.truncate() / near.w;
+        // Without a division by the far w, which may be 0.
+        let direction = (far.truncate() * near.w - near.truncate() * far.w).normalize();
+        let end = if far.w > 0.0 { (far.truncate() / far.w - start).dot(direction) } else { f64::INFINITY };
+        let center = sphere.center.as_dvec3() - self.eye;
+        let (from, radius) = (start - center, f64::from(sphere.radius));
+        let b = -from.dot(direction);
+        let nearest = from + b * direction;
+        let half = radius * radius - nearest.length_squared();
+        let half = (half >= 0.0).then(|| half.sqrt())?;
+        // The farther one is the inner side.
+        let inside = self.job.culled.get(sphere.material as usize) != Some(&true);
+        let mut sides = [(-half, true), (half, inside)].into_iter().filter(|(_, shown)| *shown);
+        let (step, _) = sides.find(|(step, _)| (0.0..=end).contains(&(b + step)))?;
+        let normal = (nearest + direction * step).normalize_or(DVec3::Y);
+        let position = center + normal * radius;
+        let clip = self.matrix * position.extend(1.0);
+        Some(Met { depth: (clip.z / clip.w).clamp(0.0, 1.0) as f32, normal, position })
+    }
+
+    fn sphere(&self, index: u32) -> &Sphere {
+        &self.job.scene.geometry.spheres[index as usize]
+    }
+
+    /// Draws the spheres of a tile over its triangles. `shown` gets one index a pixel of the tile, [`NO_TRIANGLE`] where no sphere is seen;
+    /// empty where none is in the tile.
+    pub fn draw(&self, tile: &mut Tile, surface: &TileSurface<'_>, shown: &mut Vec<u32>) {
+        shown.clear();
+        for (index, [columns, rows]) in &self.seen {
+            let columns = columns.start.max(surface.x)..columns.end.min(surface.x + surface.width);
+            let rows = rows.start.max(surface.y)..rows.end.min(surface.y + surface.height);
+            if columns.is_empty() || rows.is_empty() {
+                continue;
+            }
+            shown.resize(TILE * TILE, NO_TRIANGLE);
+            for y in rows {
+                for x in columns.clone() {
+                    let (column, row) = (x - surface.x, y - surface.y);
+                    if let Some(met) = self.meets(self.sphere(*index), x, y)
+                        && tile.cover(column, row, met.depth)
+                    {
+                        shown[row * TILE + column] = *index;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Writes the attachments of those pixels of a tile that show spheres.
+    pub fn shade(&self, shown: &[u32], surface: &mut TileSurface<'_>) {
+        let first = self.job.scene.geometry.triangles.len() as u32;
+        let towards = self.job.sun.map_or(Vec3::ZERO, |sun| -sun.direction);
+        let light_color = self.job.sun.map_or(Vec4::ZERO, |sun| sun.color.extend(1.0));
+        for (row, indices) in shown.chunks(TILE).enumerate().take(surface.height) {
+            for (column, index) in indices.iter().enumerate().filter(|(_, index)| **index != NO_TRIANGLE) {
+                let sphere = self.sphere(*index);
+                let Some(met) = self.meets(sphere, surface.x + column, surface.y + row) else { continue };
+                let normal = met.normal.as_vec3();
+                let light = normal.dot(towards).clamp(0.0, 1.0);
+                if let Some(pixels) = surface.color(row) {
+                    let shade = &self.job.shades[sphere.material as usize];
+                    let glow = shade.glow.map_or(Vec3::ZERO, |glow| glow.color);
+                    let color = shade.diffuse * AMBIENT + shade.diffuse * light_color * light + glow.extend(0.0);
+                    pixels[column] = color.to_array();
+                }
+                if let Some(pixels) = surface.position(row) {
+                    pixels[column] = (met.position + self.eye).as_vec3().extend(light).to_array();
+                }
+                if let Some(pixels) = surface.normal(row) {
+                    pixels[column] = normal.extend(0.0).to_array();
+                }
+                if let Some(pixels) = surface.triangle(row) {
+                    pixels[column] = first + index;
+                }
+            }
+        }
+    }
+}
+
+/// From where to where along an axis of the screen a sphere lies: of x/w, where `row` and `w` give x and w of a point. `None` where
+/// all of it is behind the eye.
+///
+/// The plane x = k w touches the sphere where (x - k w)² = r² |∇(x - k w)|²: an equation of second degree in k.
+fn extent(center: DVec4, radius: f64, row: DVec4, w: DVec4) -> Option<(f64, f64)> {
+    let (x, depth, square) = (row.dot(center), w.dot(center), radius * radius);
+    let (along_x, along_w) = (row.truncate(), w.truncate());
+    if depth + radius * along_w.length() <= 0.0 {
+        return None;
+    }
+    let a = depth * depth - square * along_w.length_squared();
+    // Where a part of it is behind the eye it may be anywhere.
+    if depth <= 0.0 || a <= 1e-9 * depth * depth {
+        return Some((f64::NEG_INFINITY, f64::INFINITY));
+    }
+    let b = x * depth - square * along_x.dot(along_w);
+    let c = x * x - square * along_x.length_squared();
+    let root = (b * b - a * c).max(0.0).sqrt();
+    Some(((b - root) / a, (b + root) / a))
+}
