@@ -186,7 +186,8 @@ fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<
     in_host(job)?;
     check::scene(NAME, job, T::SPHERES)?;
     let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
-    Ok(if cut {
+    // Programs that know spheres always ask for cut-outs: each of the two is compiled for itself, and takes a minute.
+    Ok(if T::SPHERES || cut {
         let coverage = AlphaTested { scene: job.scene, shades: job.shades };
         run_program(&new_pass(job, tracer, coverage)?, runner)
     } else {
@@ -296,37 +297,50 @@ impl Runner for One {
 /// The table of the programs' implementations: for each program and fidelity what computes a pixel, and where its pixels have something
 /// in common, what is done with a tile before.
 fn run_program<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
-    use Fidelity::{Corrected, Thesis};
+    match pass.job.fidelity {
+        Fidelity::Corrected => run_corrected(pass, pixels),
+        Fidelity::Thesis if T::SPHERES => unreachable!("`check::scene` refuses exact spheres in thesis fidelity"),
+        Fidelity::Thesis => run_thesis(pass, pixels),
+    }
+}
+
+fn run_thesis<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
+    match pass.job.program {
+        RayProgram::Dummy => pixels.each(alone, |p, _| pass.job.color[p.index]),
+        RayProgram::DeferredShadows => pixels.each(alone, |p, w| deferred_shadows::thesis::pixel(pass, p, w)),
+        RayProgram::Reflection => pixels.each(alone, |p, w| reflection::thesis::pixel(pass, p, w)),
+        RayProgram::Refraction => pixels.each(alone, |p, w| refraction::thesis::pixel(pass, p, w)),
+        RayProgram::Ssao => pixels.each(alone, |p, w| ssao::thesis::pixel(pass, p, w)),
+        RayProgram::Final => pixels.each(alone, |p, w| combined::thesis::pixel(pass, p, w)),
+    }
+}
+
+fn run_corrected<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: R) -> R::Output {
     // Programs of their own, so that the report's panes cost what they did.
     let bodies = !pass.job.dielectrics.is_empty();
-    match (pass.job.program, pass.job.fidelity) {
-        (RayProgram::Dummy, _) => pixels.each(alone, |p, _| pass.job.color[p.index]),
-        (RayProgram::DeferredShadows, Thesis) => pixels.each(alone, |p, w| deferred_shadows::thesis::pixel(pass, p, w)),
-        (RayProgram::DeferredShadows, Corrected) => {
+    match pass.job.program {
+        RayProgram::Dummy => pixels.each(alone, |p, _| pass.job.color[p.index]),
+        RayProgram::DeferredShadows => {
             let tile = |area, rows: &mut Rows<'_>, work: &mut Workspace| {
                 deferred_shadows::corrected::tile(pass, area, rows, work);
                 true
             };
             pixels.each(tile, |p, w| deferred_shadows::corrected::pixel(pass, p, w))
         }
-        (RayProgram::Reflection, Thesis) => pixels.each(alone, |p, w| reflection::thesis::pixel(pass, p, w)),
-        (RayProgram::Reflection, Corrected) => pixels.each(alone, |p, w| reflection::corrected::pixel(pass, p, w)),
-        (RayProgram::Refraction, Thesis) => pixels.each(alone, |p, w| refraction::thesis::pixel(pass, p, w)),
-        (RayProgram::Refraction, Corrected) if bodies => {
+        RayProgram::Reflection => pixels.each(alone, |p, w| reflection::corrected::pixel(pass, p, w)),
+        RayProgram::Refraction if bodies => {
             pixels.each(alone, |p, w| refraction::corrected::pixel_of_bodies(pass, p, w))
         }
-        (RayProgram::Refraction, Corrected) => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
-        (RayProgram::Ssao, Thesis) => pixels.each(alone, |p, w| ssao::thesis::pixel(pass, p, w)),
-        (RayProgram::Ssao, Corrected) => {
+        RayProgram::Refraction => pixels.each(alone, |p, w| refraction::corrected::pixel(pass, p, w)),
+        RayProgram::Ssao => {
             let prepare = |area, work: &mut Workspace| ssao::corrected::prepare(pass, area, work);
             pixels.each(before(prepare), |p, w| ssao::corrected::pixel(pass, p, w))
         }
-        (RayProgram::Final, Thesis) => pixels.each(alone, |p, w| combined::thesis::pixel(pass, p, w)),
-        (RayProgram::Final, Corrected) if bodies => {
+        RayProgram::Final if bodies => {
             let prepare = |area, work: &mut Workspace| combined::bodies::prepare(pass, area, work);
             pixels.each(before(prepare), |p, w| combined::bodies::pixel(pass, p, w))
         }
-        (RayProgram::Final, Corrected) => {
+        RayProgram::Final => {
             let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);
             pixels.each(before(prepare), |p, w| combined::corrected::pixel(pass, p, w))
         }
