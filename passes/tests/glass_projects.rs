@@ -49,6 +49,19 @@ fn glass_is_what_its_materials_say_and_no_pixel_is_black() {
         ("panes", &[("red pane", "thin"), ("clear pane", "thin"), ("blue pane", "thin")]),
         ("Prism", &[("flint", "solid"), ("crown", "solid"), ("diamond", "solid")]),
         (
+            "Spheres",
+            &[
+                ("nothing", "solid"),
+                ("water", "solid"),
+                ("crown glass", "solid"),
+                ("diamond", "solid"),
+                ("dye", "solid"),
+                ("blue water", "solid"),
+                ("green glass", "solid"),
+                ("red diamond", "solid"),
+            ],
+        ),
+        (
             "Frosted",
             &[
                 ("glass of roughness 0", "solid"),
