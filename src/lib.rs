@@ -36,6 +36,7 @@ pub mod report;
 pub mod shard;
 pub mod spec;
 pub mod threads;
+pub mod trace_events;
 pub mod tune;
 pub mod visibility;
 

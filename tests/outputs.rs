@@ -322,3 +322,38 @@ fn files_of_another_kind_are_not_quoted() {
     let told = fails_with(3, folder, &["check", &xml]);
     assert!(told.contains("secret.txt") && !told.contains("hidden"), "{told}");
 }
+
+#[test]
+fn a_trace_has_every_step_of_every_frame_one_after_the_other() {
+    let place = tempfile::tempdir().expect("a folder");
+    let folder = place.path();
+    let input = project("SceneShadows.xml").display().to_string();
+    let arguments =
+        [&["render", &input, "--backend", "cpu", "--frames", "3", "--json", "--trace", "t.json"], &SMALL[..]].concat();
+    let (printed, _) = succeeds(folder, &arguments);
+    let report: serde_json::Value = serde_json::from_str(&printed).expect("a report");
+    let text = std::fs::read_to_string(folder.join("t.json")).expect("a trace");
+    let trace: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let events = trace["traceEvents"].as_array().expect("events");
+    let number = |event: &serde_json::Value, key: &str| event[key].as_f64().expect("a number");
+    let mut spans: Vec<(f64, f64)> = Vec::new();
+    for step in report["steps"].as_array().expect("steps") {
+        let name = format!("{} {}", step["kind"].as_str().expect("a kind"), step["name"].as_str().expect("a name"));
+        let of_step: Vec<_> = events.iter().filter(|event| event["ph"] == "X" && event["name"] == *name).collect();
+        let expected = step["host_ms"].as_array().expect("samples");
+        assert_eq!(of_step.len(), expected.len(), "{name}");
+        for (event, host) in of_step.iter().zip(expected) {
+            assert!((number(event, "dur") - 1e3 * host.as_f64().expect("a number")).abs() < 1e-6, "{name}");
+            spans.push((number(event, "ts"), number(event, "ts") + number(event, "dur")));
+        }
+    }
+    let rays = events.iter().filter(|event| event["cat"] == "rays");
+    assert_eq!(rays.clone().count(), 3, "{text}");
+    assert!(rays.clone().all(|event| number(&event["args"], "rays") > 0.0), "{text}");
+    spans.sort_by(|a, b| a.0.total_cmp(&b.0));
+    assert!(spans[0].0 == 0.0 && spans.windows(2).all(|pair| pair[1].0 >= pair[0].1 - 1.0), "{spans:?}");
+
+    let told = fails_with(2, folder, &[&["render", &input, "--trace", "no/t.json"], &SMALL[..]].concat());
+    assert!(told.contains("no/t.json"), "{told}");
+    assert_eq!(names(folder), ["SceneShadows.png", "t.json"], "nothing is rendered for a trace that cannot be written");
+}

@@ -222,6 +222,9 @@ pub struct RenderArgs {
     /// (64), a time (2s, 500ms), or a standard error (0.002); docs/library.md says what that is
     #[arg(long, value_name = "GOAL", conflicts_with_all = ["frames", "bands", "pixel", "check_numerics"])]
     pub accumulate: Option<Goal>,
+    /// Write when each step of each frame began and ended, as trace events that Perfetto and chrome://tracing open
+    #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with = "camera_path")]
+    pub trace: Option<PathBuf>,
     /// Print the report as JSON, with every sample
     #[arg(long)]
     pub json: bool,

@@ -11,6 +11,7 @@ use curitiba::pipeline::diagnostic::{Decision, WarningGroup};
 use curitiba::pipeline::executor::{AccumulatedPass, Fallback, Goal, RenderError, Renderer, Row, Written};
 use curitiba::pipeline::files::{check_outputs, record_files_read};
 use curitiba::pipeline::memory::mebibytes;
+use curitiba::trace_events;
 use serde::Serialize;
 use std::path::Path;
 
@@ -31,7 +32,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     set_threads(args.project.threads)?;
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.project.path));
     check_extension(&output)?;
-    check_outputs([(&*output, "window")])?;
+    let trace = args.trace.as_deref().map(|path| (path, "trace"));
+    check_outputs([(&*output, "window")].into_iter().chain(trace))?;
     // No file that the project consists of is to be replaced.
     record_files_read();
     let mut inspector = Inspector::new(Bars::default(), args.pixel, args.check_numerics);
@@ -42,7 +44,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     failure::print_warnings_of(&renderer.plan().project.problems);
     print_warnings(renderer.warnings());
     let outputs = renderer.outputs(&output);
-    check_outputs(outputs.iter().map(|(path, what)| (&**path, &**what)))?;
+    check_outputs(outputs.iter().map(|(path, what)| (&**path, &**what)).chain(trace))?;
     if !args.json {
         print_header(&renderer);
     }
@@ -83,6 +85,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
              and --show all writes every target",
         );
     }
+    if let Some((path, _)) = trace {
+        trace_events::write(path, renderer.timeline(), renderer.engines()).map_err(Failure::work)?;
+    }
     if args.json {
         print_json(&renderer, frames, &accumulation, &files)?;
     } else {
@@ -98,6 +103,9 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         }
         for file in &files {
             crate::say!("wrote {} ({})", file.path.display(), file.what);
+        }
+        if let Some((path, what)) = trace {
+            crate::say!("wrote {} ({what})", path.display());
         }
     }
     inspector.verdict(args.json)

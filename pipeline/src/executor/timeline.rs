@@ -2,7 +2,7 @@
 
 use crate::backend::RayCounts;
 use serde::{Deserialize, Serialize};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What a step is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -65,6 +65,8 @@ pub struct Row {
     pub kind: StepKind,
     /// The pass, the scene or the file.
     pub name: String,
+    /// When each run began, milliseconds after the first step of the timeline.
+    pub start_ms: Vec<f64>,
     /// Host time of each run, milliseconds.
     pub host_ms: Vec<f64>,
     /// Device time of each run, milliseconds; empty where the device has no clock of its own.
@@ -109,18 +111,25 @@ pub fn median(samples: &[f64]) -> f64 {
 pub struct Timeline {
     /// The steps.
     pub rows: Vec<Row>,
+    /// When the first step began.
+    #[serde(skip)]
+    began: Option<Instant>,
     /// Samples of each row, on the host and on the device, when the frame began that is rendered in parts.
     #[serde(skip)]
     before: Vec<[usize; 2]>,
 }
 
 impl Timeline {
-    /// Adds a run of a step.
+    /// Adds a run of a step that ends now.
     pub fn record(&mut self, kind: StepKind, name: &str, host: Duration) -> &mut Row {
+        let now = Instant::now();
+        let start = now.checked_sub(host).unwrap_or(now);
+        let began = *self.began.get_or_insert(start);
         let index = self.rows.iter().position(|row| row.kind == kind && row.name == name).unwrap_or_else(|| {
             self.rows.push(Row {
                 kind,
                 name: name.to_owned(),
+                start_ms: Vec::new(),
                 host_ms: Vec::new(),
                 device_ms: Vec::new(),
                 rays: None,
@@ -130,6 +139,7 @@ impl Timeline {
             self.rows.len() - 1
         });
         let row = &mut self.rows[index];
+        row.start_ms.push(start.saturating_duration_since(began).as_secs_f64() * 1e3);
         row.host_ms.push(host.as_secs_f64() * 1e3);
         row
     }
@@ -144,6 +154,7 @@ impl Timeline {
         let before = std::mem::take(&mut self.before);
         for (index, row) in self.rows.iter_mut().enumerate().filter(|(_, row)| row.kind.per_frame()) {
             let starts = before.get(index).copied().unwrap_or_default();
+            row.start_ms.truncate(starts[0] + 1);
             for (samples, start) in [&mut row.host_ms, &mut row.device_ms].into_iter().zip(starts) {
                 if samples.len() > start + 1 {
                     let sum = samples.drain(start..).sum();
@@ -172,6 +183,8 @@ mod tests {
         }
         timeline.record(StepKind::Quad, "pass2", Duration::from_millis(9));
         assert_eq!(timeline.rows.len(), 2);
+        assert_eq!(timeline.rows[0].start_ms.len(), 3);
+        assert!(timeline.rows[0].start_ms.iter().all(|start| *start >= 0.0));
         assert_eq!(timeline.rows[0].median_ms(), 3.0);
         assert_eq!(timeline.rows[0].mrays_per_second(), Some(1.0));
         assert_eq!(timeline.rows[1].mrays_per_second(), None);

@@ -1,0 +1,63 @@
+//! The steps of a timeline as trace events: the JSON that Perfetto (<https://ui.perfetto.dev>) and `chrome://tracing` open.
+//!
+//! The format is Google's "Trace Event Format", of which complete events (`"ph": "X"`) and names of threads (`"ph": "M"`) are used. Times are
+//! microseconds after the first step. One row holds the steps of the host, another the same steps on the device's clock where it
+//! has one; that clock tells how long a step took and not when it began, so each begins there with its step on the host.
+
+use crate::pipeline::executor::{Engines, Row, Timeline};
+use crate::pipeline::files;
+use serde_json::{Value, json};
+use std::io;
+use std::path::Path;
+
+const PROCESS: u32 = 1;
+const HOST: u32 = 1;
+const DEVICE: u32 = 2;
+
+/// The events of all steps, and what they ran on.
+#[must_use]
+pub fn trace_events(timeline: &Timeline, engines: &Engines) -> Value {
+    let mut events = vec![named("process_name", HOST, "curitiba"), named("thread_name", HOST, "host")];
+    if timeline.rows.iter().any(|row| !row.device_ms.is_empty()) {
+        events.push(named("thread_name", DEVICE, "device"));
+    }
+    for row in &timeline.rows {
+        let samples = row.start_ms.iter().zip(&row.host_ms);
+        events.extend(samples.map(|(start, host)| complete(row, HOST, *start, *host)));
+        // Where a run has no time of the device, nobody knows which one that is.
+        if row.device_ms.len() == row.start_ms.len() {
+            let samples = row.start_ms.iter().zip(&row.device_ms);
+            events.extend(samples.map(|(start, device)| complete(row, DEVICE, *start, *device)));
+        }
+    }
+    json!({
+        "displayTimeUnit": "ms",
+        "otherData": { "raster": engines.raster.device(), "rays": engines.rays.device() },
+        "traceEvents": events,
+    })
+}
+
+/// Writes them to a file.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write(path: &Path, timeline: &Timeline, engines: &Engines) -> io::Result<()> {
+    let text = serde_json::to_vec(&trace_events(timeline, engines))?;
+    files::write_atomically(path, &text)
+        .map_err(|error| io::Error::new(error.kind(), format!("{}: {error}", path.display())))
+}
+
+fn named(what: &str, thread: u32, name: &str) -> Value {
+    json!({ "ph": "M", "name": what, "pid": PROCESS, "tid": thread, "args": { "name": name } })
+}
+
+fn complete(row: &Row, thread: u32, start_ms: f64, length_ms: f64) -> Value {
+    let mut about = json!({ "note": row.note });
+    if let Some(rays) = row.rays {
+        about["rays"] = rays.total().into();
+    }
+    json!({
+        "ph": "X", "name": format!("{} {}", row.kind.name(), row.name), "cat": row.kind.name(), "pid": PROCESS, "tid": thread,
+        "ts": start_ms * 1e3, "dur": length_ms * 1e3, "args": about,
+    })
+}
