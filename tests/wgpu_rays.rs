@@ -6,14 +6,18 @@ use curitiba::conformance::{Beside, Found, Record, compare};
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::{AdapterKind, adapters};
+use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
 use curitiba::pipeline::color::ColorSpace;
-use curitiba::pipeline::executor::{Engines, Renderer, Silent, StepKind};
+use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent, StepKind};
+use curitiba::pipeline::glass::Dielectric;
+use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
-use curitiba::pipeline::programs::Fidelity;
+use curitiba::pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba::pipeline::project;
+use curitiba::pipeline::scene::RenderScene;
 use curitiba::{BackendChoice, Choice, RasterChoice};
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 /// Pixels a side: software drivers take a second for each picture of 128 pixels.
 const SIDE: u32 = 64;
@@ -30,14 +34,66 @@ fn is_there() -> bool {
     }
 }
 
+/// One backend for many renderers, one after the other: software drivers take most of these tests' time to compile programs, and a backend
+/// keeps those that it has.
+#[derive(Clone)]
+struct Lent(Arc<Mutex<Box<dyn RayBackend>>>);
+
+impl Lent {
+    fn wgpu() -> Self {
+        let backend = ray_backend(Choice::CPU.traced_by(BackendChoice::Wgpu)).expect("it was there before");
+        Self(Arc::new(Mutex::new(backend)))
+    }
+
+    fn held(&self) -> MutexGuard<'_, Box<dyn RayBackend>> {
+        self.0.lock().expect("no panic while it was held")
+    }
+}
+
+impl RayBackend for Lent {
+    fn name(&self) -> &'static str {
+        self.held().name()
+    }
+
+    fn device(&self) -> String {
+        self.held().device()
+    }
+
+    fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
+        self.held().supports(program, fidelity)
+    }
+
+    fn supports_glass(
+        &self,
+        program: RayProgram,
+        params: &RayParams,
+        dielectrics: &[Dielectric],
+    ) -> Result<(), BackendError> {
+        self.held().supports_glass(program, params, dielectrics)
+    }
+
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        self.held().build(scene, filtered)
+    }
+
+    fn bytes_per_triangle(&self) -> u64 {
+        self.held().bytes_per_triangle()
+    }
+
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        self.held().run(job, output, progress)
+    }
+}
+
 /// Runs a project's ray pass on the processor and on `wgpu`, in the project's colours.
-fn record(name: &str, camera: &str, fidelity: Fidelity, set: &[&str], found: &Arc<Mutex<Found>>) {
-    record_in(None, name, camera, fidelity, set, found);
+fn record(lent: &Lent, name: &str, camera: &str, fidelity: Fidelity, set: &[&str], found: &Arc<Mutex<Found>>) {
+    record_in(None, lent, name, camera, fidelity, set, found);
 }
 
 /// [`record`] in another space of colours.
 fn record_in(
     color: Option<ColorSpace>,
+    lent: &Lent,
     name: &str,
     camera: &str,
     fidelity: Fidelity,
@@ -56,7 +112,7 @@ fn record_in(
     };
     let beside = Beside {
         cpu: ray_backend(Choice::CPU).expect("always there"),
-        others: vec![ray_backend(Choice::CPU.traced_by(BackendChoice::Wgpu)).expect("it was there before")],
+        others: vec![Box::new(lent.clone())],
         found: Arc::clone(found),
         project: name.to_owned(),
         camera: Some(camera.to_owned()),
@@ -93,22 +149,23 @@ fn every_program_computes_what_the_processor_does() {
         return;
     }
     let found = Arc::new(Mutex::new(Found::default()));
+    let lent = &Lent::wgpu();
     let occlusion: &[&str] = &["samples=9"];
     for camera in ["MainCamera", "Vidro"] {
         for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
             for name in ["SceneDummy", "SceneShadows", "SceneReflect", "SceneRefract"] {
-                record(name, camera, fidelity, &[], &found);
+                record(lent, name, camera, fidelity, &[], &found);
             }
             for name in ["SceneSSAO", "SceneFinal"] {
-                record(name, camera, fidelity, occlusion, &found);
+                record(lent, name, camera, fidelity, occlusion, &found);
             }
         }
-        record("SceneRefract", camera, Fidelity::Corrected, &["fresnel=schlick"], &found);
-        record("SceneSSAO", camera, Fidelity::Corrected, &["sampler=strata", "samples=4"], &found);
+        record(lent, "SceneRefract", camera, Fidelity::Corrected, &["fresnel=schlick"], &found);
+        record(lent, "SceneSSAO", camera, Fidelity::Corrected, &["sampler=strata", "samples=4"], &found);
         // What is seen in panes is textured: texels are decoded.
         let linear = Some(ColorSpace::Linear);
-        record_in(linear, "SceneReflect", camera, Fidelity::Corrected, &[], &found);
-        record_in(linear, "SceneFinal", camera, Fidelity::Corrected, occlusion, &found);
+        record_in(linear, lent, "SceneReflect", camera, Fidelity::Corrected, &[], &found);
+        record_in(linear, lent, "SceneFinal", camera, Fidelity::Corrected, occlusion, &found);
     }
     let found = found.lock().expect("no panic while it was held");
     assert_eq!(found.records.len(), 2 * (6 * 2 + 2 + 2), "a pass of the matrix did not run");
@@ -127,8 +184,9 @@ fn glass_as_each_material_says_is_the_processors() {
     // Software drivers leave long loops, and refuse deeper glass for it (`deep_glass_is_whole_or_refused`).
     let is_software = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
     let set: &[&str] = if is_software { &["samples=9", "depth=2"] } else { &["samples=9"] };
+    let lent = &Lent::wgpu();
     for name in ["glass/balls", "glass/filled", "glass/panes"] {
-        record(name, "MainCamera", Fidelity::Corrected, set, &found);
+        record(lent, name, "MainCamera", Fidelity::Corrected, set, &found);
     }
     let found = found.lock().expect("no panic while it was held");
     assert_eq!(found.records.len(), 3, "a pass did not run");
