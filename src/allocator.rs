@@ -93,12 +93,33 @@ fn give_back(bytes: usize) {
     }
 }
 
+/// Blocks of so many bytes or more, which the C library maps one by one, ask for large pages.
+#[cfg(target_os = "linux")]
+const LARGE_PAGES: usize = 32 << 20;
+
+/// Asks for large pages, where the system has them: first touches of 4 KiB each take longer than reading a scene's numbers, and those of
+/// several threads wait for each other.
+#[cfg(target_os = "linux")]
+fn ask_for_large_pages(block: *mut u8, bytes: usize) {
+    const PAGE: usize = 4096;
+    if bytes >= LARGE_PAGES && !block.is_null() {
+        let within = block.addr() % PAGE;
+        let start = block.wrapping_sub(within);
+        // SAFETY: the range is of pages that the block lies in, which are mapped; the advice changes no byte, and may be refused.
+        unsafe { libc::madvise(start.cast(), bytes + within, libc::MADV_HUGEPAGE) };
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn ask_for_large_pages(_: *mut u8, _: usize) {}
+
 /// Books `bytes`, calls the system, and takes the booking back if it has no memory.
 fn counted(bytes: usize, allocate: impl FnOnce() -> *mut u8) -> *mut u8 {
     if !take(bytes) {
         return std::ptr::null_mut();
     }
     let block = allocate();
+    ask_for_large_pages(block, bytes);
     if block.is_null() {
         give_back(bytes);
         REFUSED.set(Refused::BySystem);
@@ -144,6 +165,7 @@ unsafe impl GlobalAlloc for Counting {
         if moved.is_null() {
             REFUSED.set(Refused::BySystem);
         }
+        ask_for_large_pages(moved, size);
         moved
     }
 }

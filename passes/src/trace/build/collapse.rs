@@ -133,13 +133,27 @@ impl<'a> Subtree<'a> {
     /// Adds its triangles to a list, from left to right.
     #[inline]
     pub(crate) fn triangles(self, list: &mut Vec<u32>) {
-        if let Some(halves) = &self.plan.halves {
-            return halves.iter().for_each(|half| half.root().triangles(list));
+        match &self.plan.halves {
+            Some(halves) => halves.iter().for_each(|half| half.root().triangles(list)),
+            None => list.extend_from_slice(self.own_triangles()),
         }
+    }
+
+    /// How many it has.
+    pub(crate) fn count(self) -> usize {
+        match &self.plan.halves {
+            Some(halves) => halves.iter().map(|half| half.root().count()).sum(),
+            None => self.own_triangles().len(),
+        }
+    }
+
+    /// Those of a subtree of a plan without halves.
+    #[inline]
+    fn own_triangles(self) -> &'a [u32] {
         let entry = self.entry();
         let behind =
             self.plan.entries.get(entry.end as usize).map_or(self.plan.triangles.len(), |next| next.first as usize);
-        list.extend_from_slice(&self.plan.triangles[entry.first as usize..behind]);
+        &self.plan.triangles[entry.first as usize..behind]
     }
 }
 

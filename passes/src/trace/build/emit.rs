@@ -68,7 +68,7 @@ impl Layout {
         let mut subtrees = Vec::new();
         below(source.plan.root(), 0, &mut subtrees);
         let write = |&(subtree, depth): &(Subtree<'_>, usize)| {
-            let mut writer = Writer { source, layout: Self::default(), written: None };
+            let mut writer = Writer { source, layout: Self::for_about(subtree.count()), written: None };
             let root = writer.write(subtree, depth);
             Self { root, ..writer.layout }
         };
@@ -83,6 +83,16 @@ impl Layout {
         let mut writer = Writer { source, layout, written: Some(parts.into_iter()) };
         let root = writer.write(source.plan.root(), 0);
         Self { root, ..writer.layout }
+    }
+
+    /// Lists that hold a subtree of so many triangles, as a rule: on many threads lists that grow wait for each other.
+    fn for_about(triangles: usize) -> Self {
+        Self {
+            nodes: Vec::with_capacity(triangles / 16),
+            members: Vec::with_capacity(triangles),
+            ends: Vec::with_capacity(triangles / 2),
+            root: Child::NONE,
+        }
     }
 
     /// The triangles of a leaf.

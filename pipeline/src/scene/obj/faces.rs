@@ -109,7 +109,7 @@ pub(super) fn read(
     allowance: &Allowance,
 ) -> Faces {
     let Needs { textures, normals: shading, .. } = needs;
-    let mut faces = Faces::default();
+    let mut faces = Faces { positions: Vec::with_capacity(lines.about().faces), ..Faces::default() };
     let object = faces.objects.index_of(&start.object);
     let material = faces.materials.index_of(&start.material);
     let Start { positions, texcoords, normals, .. } = start;

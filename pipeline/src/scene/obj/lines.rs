@@ -9,6 +9,17 @@ use std::borrow::Cow;
 pub(super) struct Lines<'a> {
     rest: &'a [u8],
     next_number: u64,
+    about: Counts,
+}
+
+/// How many statements of a kind a piece seems to have, by the first letters of its lines: how long its lists will about be. A list that
+/// grows step by step on one thread makes all other threads wait for the system's memory.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    pub(super) positions: usize,
+    pub(super) texcoords: usize,
+    pub(super) normals: usize,
+    pub(super) faces: usize,
 }
 
 /// Cuts a file into pieces of about `size` bytes, each with whole logical lines that know their numbers.
@@ -20,14 +31,32 @@ pub(super) fn pieces(bytes: &[u8], size: usize) -> Vec<Lines<'_>> {
         parts.push(part);
         rest = after;
     }
-    let ends: Vec<u64> = parts.par_iter().map(|part| memchr_iter(b'\n', part).count() as u64).collect();
+    let counts: Vec<(u64, Counts)> = parts.par_iter().with_max_len(1).map(|part| count(part)).collect();
     let mut next_number = 1;
     let mut pieces = Vec::with_capacity(parts.len());
-    for (rest, ends) in parts.into_iter().zip(ends) {
-        pieces.push(Lines { rest, next_number });
+    for (rest, (ends, about)) in parts.into_iter().zip(counts) {
+        pieces.push(Lines { rest, next_number, about });
         next_number += ends;
     }
     pieces
+}
+
+/// The line ends of a piece, and about what it has.
+fn count(part: &[u8]) -> (u64, Counts) {
+    let (mut ends, mut about) = (0, Counts::default());
+    let mut line = |start: usize| match part[start..] {
+        [b'v', b' ' | b'\t', ..] => about.positions += 1,
+        [b'v', b't', ..] => about.texcoords += 1,
+        [b'v', b'n', ..] => about.normals += 1,
+        [b'f', ..] => about.faces += 1,
+        _ => {}
+    };
+    line(0);
+    for end in memchr_iter(b'\n', part) {
+        ends += 1;
+        line(end + 1);
+    }
+    (ends, about)
 }
 
 /// Where the logical line ends that the byte before `from` is in.
@@ -46,7 +75,12 @@ fn end_of_line(bytes: &[u8], mut from: usize) -> usize {
 impl<'a> Lines<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
         let rest = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-        Self { rest, next_number: 1 }
+        Self { rest, next_number: 1, about: Counts::default() }
+    }
+
+    /// About what the piece has; nothing is known of lines that are no piece.
+    pub(super) fn about(&self) -> Counts {
+        self.about
     }
 
     /// The next line with the number of its first physical line; `None` at the end.

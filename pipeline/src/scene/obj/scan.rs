@@ -62,6 +62,10 @@ pub(super) fn scan(pieces: &[Lines<'_>], needs: Needs, allowance: &Allowance) ->
 fn scan_piece(mut lines: Lines<'_>, needs: Needs, allowance: &Allowance) -> Scan {
     let Needs { textures, normals, colors, .. } = needs;
     let mut found = Scan::default();
+    let about = lines.about();
+    found.numbers.positions.reserve_exact(about.positions);
+    found.numbers.texcoords.reserve_exact(if textures { about.texcoords } else { 0 });
+    found.numbers.normals.reserve_exact(if normals { about.normals } else { 0 });
     let mut purse = Purse::new(allowance);
     while let Some((_, statement)) = lines.next() {
         let (keyword, rest) = split_word(&statement);
@@ -190,7 +194,7 @@ fn color_of(rest: &[u8]) -> Option<Vec4> {
 pub(super) fn positions_from(pieces: &[Lines<'_>], origin: DVec3) -> Vec<Vec3> {
     let read = |piece: &Lines<'_>| {
         let mut lines = piece.clone();
-        let mut positions = Vec::new();
+        let mut positions = Vec::with_capacity(lines.about().positions);
         while let Some((_, statement)) = lines.next() {
             if let (b"v", rest) = split_word(&statement) {
                 positions.push(position_from(rest, origin).unwrap_or(Vec3::ZERO));

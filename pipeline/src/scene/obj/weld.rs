@@ -37,7 +37,16 @@ fn weld_run(run: Run, segments: &[Segment], faces: &[Faces], numbers: &Numbers) 
     };
     let count: usize = segments.iter().map(|segment| segment.part.count as usize).sum();
     let mut vertices = Vertices::new(segments.iter().flat_map(positions_of).flatten().copied(), 3 * count);
-    let mut welded = Welded { triangles: Vec::with_capacity(count), ..Welded::default() };
+    // A mesh has about half as many vertices as triangles; where edges are not shared, it has more.
+    let expected = vertices.first.len().min(count);
+    let list = |wanted: bool| if wanted { expected } else { 0 };
+    let mut welded = Welded {
+        positions: Vec::with_capacity(expected),
+        normals: Vec::with_capacity(list(run.normals)),
+        texcoords: Vec::with_capacity(list(run.texcoords)),
+        colors: Vec::with_capacity(list(!numbers.colors.is_empty())),
+        triangles: Vec::with_capacity(count),
+    };
     for segment in segments {
         let piece = &faces[segment.piece as usize];
         let Part { first_texcoords, first_normals, .. } = segment.part;

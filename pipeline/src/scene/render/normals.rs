@@ -87,11 +87,11 @@ fn smooth(mesh: &Mesh, creases: bool) -> Smooth {
                 if creases {
                     fan.unite_across_edges(faces);
                 }
-                let mut parts = fan.parts();
-                if let Some((first, _)) = parts.next() {
-                    *normal = first;
-                }
-                splits.extend(parts.map(|(normal, corners)| Split { vertex: vertex as u32, normal, corners }));
+                fan.unite_parts();
+                let [first, others @ ..] = &fan.parts[..] else { continue };
+                *normal = first.normal;
+                let others = others.iter().map(|part| (part.normal, fan.corners_of(part)));
+                splits.extend(others.map(|(normal, corners)| Split { vertex: vertex as u32, normal, corners }));
             }
             splits
         })
@@ -194,10 +194,18 @@ struct FanCorner {
     parent: usize,
 }
 
-/// The faces around a vertex.
+/// Corners that edges below the crease angle connect.
+struct FanPart {
+    /// The first of them.
+    root: usize,
+    normal: Vec3,
+}
+
+/// The faces around a vertex. It serves one vertex after the other, so that its lists are made once.
 #[derive(Default)]
 struct Fan {
     corners: Vec<FanCorner>,
+    parts: Vec<FanPart>,
     /// The vertex at the edge's other end, and a corner whose face has the edge.
     edges: Vec<(u32, usize)>,
 }
@@ -242,25 +250,25 @@ impl Fan {
         }
     }
 
-    /// The normal and corners of each part, in the order of their first corners.
-    fn parts(&self) -> impl Iterator<Item = (Vec3, Vec<u64>)> {
-        let mut parts: Vec<(usize, Vec3, Vec<u64>)> = Vec::new();
+    /// One part for each root, in the order of their first corners.
+    fn unite_parts(&mut self) {
+        self.parts.clear();
         for corner in &self.corners {
             let weighted = (corner.normal * corner.angle).as_vec3();
-            match parts.binary_search_by_key(&corner.parent, |(root, ..)| *root) {
-                Ok(part) => {
-                    parts[part].1 += weighted;
-                    parts[part].2.push(corner.corner);
-                }
+            match self.parts.binary_search_by_key(&corner.parent, |part| part.root) {
+                Ok(part) => self.parts[part].normal += weighted,
                 // Roots come before their corners, hence in ascending order.
-                Err(end) => parts.insert(end, (corner.parent, weighted, vec![corner.corner])),
+                Err(end) => self.parts.insert(end, FanPart { root: corner.parent, normal: weighted }),
             }
         }
-        parts.into_iter().map(|(root, sum, corners)| {
-            let normal = unit(sum);
-            let normal = if normal == Vec3::ZERO { self.corners[root].normal.as_vec3() } else { normal };
-            (normal, corners)
-        })
+        for part in &mut self.parts {
+            let normal = unit(part.normal);
+            part.normal = if normal == Vec3::ZERO { self.corners[part.root].normal.as_vec3() } else { normal };
+        }
+    }
+
+    fn corners_of(&self, part: &FanPart) -> Vec<u64> {
+        self.corners.iter().filter(|corner| corner.parent == part.root).map(|corner| corner.corner).collect()
     }
 }
 
