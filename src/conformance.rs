@@ -260,6 +260,10 @@ impl RayBackend for Beside {
         self.others.iter().try_for_each(|other| other.supports_glass(program, params, dielectrics))
     }
 
+    fn continues_sequences(&self) -> bool {
+        self.others.iter().all(|other| other.continues_sequences())
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         for other in &mut self.others {
             let start = Instant::now();

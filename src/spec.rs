@@ -19,6 +19,7 @@ pub const SETTINGS: &[(&str, &str)] = &[
     ("camera", "NAME of a camera of the project"),
     ("size", "WIDTHxHEIGHT of the window"),
     ("seed", "N, of the random numbers"),
+    ("aa", "N, samples of every pixel: 1, 2, 4, 8, 16, 32 or 64"),
     ("pipeline", "NAME of a pipeline of the project"),
     ("effects", "of scene files: shadows, ao, glass with + between, or none"),
     ("look-from", "of scene files: X/Y/Z, where the camera stands"),
@@ -135,6 +136,7 @@ impl Spec {
                 let help = format!("valid: 0 to {}", u32::MAX);
                 self.settings.seed = value.parse().map_err(|_| (true, format!("`{value}` is no seed"), help))?;
             }
+            "aa" => self.settings.aa = value.parse().map_err(|help| in_value(key, value, help))?,
             "size" => {
                 let sides = value.split_once(['x', 'X']);
                 let sides = sides.and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
@@ -204,13 +206,13 @@ mod tests {
 
     #[test]
     fn every_setting_is_read() {
-        let text = "a@b/p.xml@raster=wgpu,backend=cpu,gpus=2,fidelity=thesis,color=linear,camera=Vidro é,size=64x32,seed=7,pipeline=x,pass2.samples=4,pass2.sampler=strata";
+        let text = "a@b/p.xml@raster=wgpu,backend=cpu,gpus=2,fidelity=thesis,color=linear,camera=Vidro é,size=64x32,seed=7,aa=16,pipeline=x,pass2.samples=4,pass2.sampler=strata";
         let spec = Spec::parse(text).expect("valid");
         assert_eq!(spec.project, Path::new("a@b/p.xml"));
         assert_eq!(spec.choice, Choice { raster: RasterChoice::Wgpu, gpus: Gpus::Count(2), ..Choice::CPU });
         let settings = spec.settings;
         assert_eq!((settings.fidelity, settings.seed, settings.size), (Fidelity::Thesis, 7, Some([64, 32])));
-        assert_eq!(settings.color, Some(ColorSpace::Linear));
+        assert_eq!((settings.color, settings.aa.count()), (Some(ColorSpace::Linear), 16));
         assert_eq!((settings.camera.as_deref(), settings.pipeline.as_deref()), (Some("Vidro é"), Some("x")));
         assert_eq!(settings.set, ["pass2.samples=4", "pass2.sampler=strata"]);
     }
@@ -237,6 +239,7 @@ mod tests {
             ("p.xml@fidelity=thesys", 16, &["did you mean `thesis`?"]),
             ("p.xml@size=64", 12, &["WIDTHxHEIGHT"]),
             ("p.xml@size=64x-1", 12, &["WIDTHxHEIGHT"]),
+            ("p.xml@aa=9", 10, &["no value of `aa`", "1, 2, 4, 8"]),
             ("p.xml@gpus=0", 12, &["no number of GPUs", "or all"]),
             ("p.xml@seed=-1", 12, &["0 to 4294967295"]),
             ("p.xml@camera=", 14, &["`camera` has no value"]),

@@ -142,6 +142,11 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         Limits { parts: false, ..Limits::NONE }
     }
 
+    fn continues_sequences(&self) -> bool {
+        // The device's tables of points are of the beginning of the sequence.
+        false
+    }
+
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
         match T::program(program, Variant::Panes(fidelity)) {
             Some(_) => Ok(()),

@@ -4,12 +4,13 @@ pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
 
 use crate::glass::Dielectric;
 use crate::image::Image;
+use crate::pixel_samples::PixelSamples;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
 use crate::progress::Progress;
 use crate::raster_effects::{EffectParams, EffectProgram};
 use crate::scene::RenderScene;
 use crate::shared::{DeviceUuid, InPlace, SharedGBuffer};
-use glam::{Mat4, Vec3, Vec4};
+use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -23,13 +24,32 @@ pub struct View {
     /// The same as [`Self::clip_from_world`] for positions from which the eye was subtracted: what rasterisers project with where it is
     /// given. A product with a matrix that moves by a large distance loses digits that the difference keeps.
     pub clip_from_eye: Option<Mat4>,
+    /// Side of the square of the picture over which textures are filtered, in pixels: below 1 where a pixel has several samples.
+    pub footprint: f32,
 }
 
 impl View {
     /// A camera not far from the origin.
     #[must_use]
     pub fn new(clip_from_world: Mat4, eye: Vec3) -> Self {
-        Self { clip_from_world, eye, clip_from_eye: None }
+        Self { clip_from_world, eye, clip_from_eye: None, footprint: 1.0 }
+    }
+
+    /// The same camera for one of the samples of every pixel of a viewport: where the pixel's sample was is its centre now.
+    #[must_use]
+    pub fn of_sample(self, viewport: Rect, samples: PixelSamples, sample: u32) -> Self {
+        let [right, down] = samples.offset(sample).map(f64::from);
+        let [width, height] = [viewport.width, viewport.height].map(|side| f64::from(side.max(1)));
+        // Clip space is 2 wide and 2 high, and goes up; what is seen moves against the sample.
+        let moved = DMat4::from_translation(DVec3::new(-2.0 * right / width, 2.0 * down / height, 0.0));
+        Self { footprint: samples.side(), ..self.mapped(moved) }
+    }
+
+    /// The same camera with its clip space mapped by a matrix, which is multiplied in `f64`.
+    #[must_use]
+    pub fn mapped(self, map: DMat4) -> Self {
+        let of = |matrix: Mat4| (map * matrix.as_dmat4()).as_mat4();
+        Self { clip_from_world: of(self.clip_from_world), clip_from_eye: self.clip_from_eye.map(of), ..self }
     }
 
     /// What rasterisers project with: a matrix, and what is subtracted from positions before.
@@ -478,6 +498,10 @@ pub trait RayBackend {
     /// The largest job that it runs.
     fn limits(&self) -> Limits {
         Limits::NONE
+    }
+    /// Whether it goes on with sequences of samples where another job ended: [`RayParams::first`] above 0.
+    fn continues_sequences(&self) -> bool {
+        true
     }
     /// The device and driver, in words.
     fn device(&self) -> String;

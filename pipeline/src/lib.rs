@@ -20,6 +20,7 @@ pub mod image;
 pub mod memory;
 pub mod metrics;
 pub mod paths;
+pub mod pixel_samples;
 pub mod plan;
 pub mod programs;
 pub mod progress;

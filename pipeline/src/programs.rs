@@ -114,9 +114,11 @@ pub struct RayParams {
     pub wavelengths: u32,
     /// Ways on from the first rough glass of a path.
     pub paths: u32,
-    /// Place in the sequence of the first of the [`Self::samples`], and of the [`Self::paths`]: 0, but for pictures whose samples are accumulated. No parameter of
-    /// projects.
+    /// Place in the sequence of the first of the [`Self::samples`]: 0, but for pictures whose samples are accumulated, and for all but the
+    /// first of several samples a pixel. No parameter of projects.
     pub first: u32,
+    /// The same of the first of the [`Self::paths`].
+    pub first_path: u32,
 }
 
 impl Default for RayParams {
@@ -136,6 +138,7 @@ impl Default for RayParams {
             wavelengths: 16,
             paths: 16,
             first: 0,
+            first_path: 0,
         }
     }
 }
@@ -667,6 +670,7 @@ pub(crate) mod tests {
             wavelengths: 24,
             paths: 48,
             first: 0,
+            first_path: 0,
         };
         assert_eq!(params, expected);
         assert_eq!(PARAMS.len(), 12, "this test sets every parameter");

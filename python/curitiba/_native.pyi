@@ -174,11 +174,13 @@ def open(
     up: Literal["y", "z"] | None = None,
     background: Vector | None = None,
     color: ColorSpace | None = None,
+    aa: int = 1,
 ) -> Renderer:
     """Opens a project file, a scene file (.glb, .gltf, .obj, .cbo, .nbo, .3ds, .mesh.xml) or a folder of scenes.
 
     `size` is (width, height) in pixels; `parameters` are those of passes, such as {"pass2.samples": 16}; `off` names passes that are
-    switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None. For scene files alone:
+    switched off; `max_memory` is in bytes; `color` is what the project says, or "linear" for scene files, if None; `aa` is the samples of
+    every pixel, 1, 2, 4, 8, 16, 32 or 64, of which a picture is the mean. For scene files alone:
     `effects` such as "shadows+ao", `look_from` and `look_at` in scene units, `fov` in degrees, `sun` the direction in which it stands, `up` the
     axis that points up, `background` display values from 0 to 1.
     """

@@ -80,7 +80,7 @@ impl SceneArguments {
 #[pyo3(signature = (
     path, *, size = None, camera = None, pipeline = None, backend = "auto", raster = "auto", fidelity = "corrected", seed = 0,
     parameters = None, off = vec![], max_memory = 8 << 30, effects = None, look_from = None, look_at = None, fov = None,
-    sun = None, up = None, background = None, color = None
+    sun = None, up = None, background = None, color = None, aa = 1
 ))]
 #[expect(clippy::too_many_arguments, reason = "they have names in Python")]
 pub fn open(
@@ -104,6 +104,7 @@ pub fn open(
     up: Option<String>,
     background: Option<[f32; 3]>,
     color: Option<&str>,
+    aa: u32,
 ) -> PyResult<Renderer> {
     let mut set = Vec::new();
     for (key, value) in parameters.into_iter().flat_map(|parameters| parameters.iter()) {
@@ -112,8 +113,21 @@ pub fn open(
     let fidelity = named("fidelity", fidelity, &[("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)])?;
     let scene = SceneArguments { effects, look_from, look_at, fov, sun, up, background }.options()?;
     let color = color.map(|color| color.parse().map_err(invalid)).transpose()?;
-    let settings =
-        Settings { pipeline, camera, size, fidelity, color, seed, set, off, max_memory, scene, ..Settings::default() };
+    let aa = aa.to_string().parse().map_err(|why: String| invalid(format!("aa: {why}")))?;
+    let settings = Settings {
+        pipeline,
+        camera,
+        size,
+        fidelity,
+        color,
+        seed,
+        set,
+        off,
+        max_memory,
+        scene,
+        aa,
+        ..Settings::default()
+    };
     let choice = Choice {
         raster: named("raster", raster, &RasterChoice::NAMES)?,
         backend: named("backend", backend, &BackendChoice::NAMES)?,

@@ -95,6 +95,10 @@ def test_scenes_are_linear_and_displayed_as_the_program_writes_them(tmp_path):
             curitiba.displayed(picture, **wrong)
     with pytest.raises(ValueError, match="y, z"):
         curitiba.open(scene, up="x")
+    averaged = curitiba.open(scene, **settings, aa=4).render()
+    assert 0 < np.abs(averaged - picture).mean() < 0.05
+    with pytest.raises(ValueError, match="1, 2, 4, 8"):
+        curitiba.open(scene, aa=9)
 
 
 def test_setters_equal_a_renderer_that_was_opened_so():

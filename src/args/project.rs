@@ -3,6 +3,7 @@
 use super::scene::SceneFlags;
 use crate::pipeline::backend::Rect;
 use crate::pipeline::color::{ColorSpace, Display, Tone};
+use crate::pipeline::pixel_samples::PixelSamples;
 use crate::pipeline::plan::Settings;
 use crate::pipeline::programs::Fidelity;
 use crate::{BackendChoice, Choice, Gpus, RasterChoice};
@@ -75,6 +76,11 @@ pub struct ProjectArgs {
     /// --max-memory asks for]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub bands: Option<u32>,
+    /// Samples of every pixel, 1, 2, 4, 8, 16, 32 or 64: every pass runs for each of them, and the picture is their mean, without stairs at
+    /// edges. The mean is of linear radiance with linear colours, before exposure and tone curve, else of display values as they are.
+    /// Of --show, colours are averaged too; positions and normals are refused
+    #[arg(long, value_name = "N", default_value_t = PixelSamples::ONE)]
+    pub aa: PixelSamples,
     /// Threads of the cpu engines [default: all cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
@@ -160,6 +166,7 @@ impl ProjectArgs {
             scene: self.scene.options(&self.more),
             crop: self.crop,
             bands: self.bands,
+            aa: self.aa,
         }
     }
 

@@ -52,6 +52,8 @@ impl Case {
         let samples = plan.passes.iter().find_map(|planned| samples(&plan, planned));
         let view = view_of(camera.as_deref().unwrap_or_default());
         let label = label(&effect, samples, &plan);
+        let label =
+            if plan.settings.aa.are_several() { format!("{label}, {} a pixel", plan.settings.aa) } else { label };
         let settings = plan.settings.clone();
         let key = key(path, &plan, &view, choice);
         let display = plan.display;
@@ -131,6 +133,7 @@ fn key(path: &Path, plan: &Plan, view: &str, choice: Choice) -> String {
         format!("raster {}", choice.raster.name()),
         format!("rays {}", choice.rays_in_words()),
     ];
+    parts.extend(settings.aa.are_several().then(|| format!("aa {}", settings.aa)));
     parts.extend(settings.color.map(|color| format!("color {color}")));
     parts.extend(settings.set.iter().cloned());
     parts.extend(settings.scene.words());

@@ -5,6 +5,7 @@ use curitiba::args::{
     Backend, FidelityArg, MAX_MEMORY, ProjectArgs, Raster, SceneFlags, parse_bytes, parse_size, quoted,
 };
 use curitiba::pipeline::color::{ColorSpace, Tone};
+use curitiba::pipeline::pixel_samples::PixelSamples;
 use curitiba::shard::{Request, Shard};
 use curitiba::{Choice, Gpus};
 use std::path::PathBuf;
@@ -73,6 +74,9 @@ pub struct BenchArgs {
     /// Seed of the random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u32,
+    /// Samples of every pixel, 1, 2, 4, 8, 16, 32 or 64: a frame has them all, and its error is against a reference that has them, too
+    #[arg(long, value_name = "N", default_value_t = PixelSamples::ONE)]
+    pub aa: PixelSamples,
     /// Set a parameter of a ray or effect pass, which `curitiba list` names, or a texture's format: norm.format=RGBA16F
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     pub set: Vec<String>,
@@ -184,6 +188,7 @@ impl BenchArgs {
             max_memory: self.max_memory,
             crop: None,
             bands: None,
+            aa: self.aa,
         }
     }
 
@@ -246,6 +251,9 @@ impl BenchArgs {
         words.extend(named("fidelity", value(name_of(self.fidelity))));
         words.extend(self.color.into_iter().flat_map(|color| named("color", color.to_string())));
         words.extend(named("seed", self.seed.to_string()));
+        if self.aa.are_several() {
+            words.extend(named("aa", self.aa.to_string()));
+        }
         words.extend(self.set.iter().flat_map(|set| named("set", set.clone())));
         for word in self.scene.options(&[]).words() {
             let (name, value) = word.split_once('=').unwrap_or((&word, ""));

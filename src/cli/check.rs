@@ -29,6 +29,9 @@ pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     let mut plan = Plan::new(project, settings).map_err(|error| Failure::from(OpenError::from(error)))?;
     ask_engines(&mut plan, args.choice())?;
     print_warnings(&plan.warnings);
+    if let Some(cost) = plan.cost_of_samples() {
+        crate::say!("{} samples a pixel: {cost}", plan.settings.aa);
+    }
     let warnings = plan.project.problems.0.len() + plan.warnings.groups().len();
     let mut found = Found { warnings, ..Found::default() };
     plan.project.scenes.iter().for_each(|declared| found.look_at(declared, plan.needs, max_bytes));

@@ -29,6 +29,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
             return Err(Failure::Usage(message));
         }
     };
+    check_samples(args)?;
     set_threads(args.project.threads)?;
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.project.path));
     check_extension(&output)?;
@@ -111,6 +112,23 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     inspector.verdict(args.json)
 }
 
+/// Refuses what is of one sample a pixel.
+fn check_samples(args: &RenderArgs) -> Result<(), Failure> {
+    let samples = args.project.aa;
+    let refused = |option: &str, help: &str| Err(Failure::Usage(format!("{option} with --aa {samples}: {help}")));
+    match samples.are_several() {
+        true if args.accumulate.is_some() => refused(
+            "--accumulate",
+            "samples are accumulated at one place of every pixel; leave it out: samples of passes go on from one sample of a pixel to the \
+             next, and --set PASS.samples=N says how many each takes",
+        ),
+        true if args.pixel.is_some() => {
+            refused("--pixel", "it prints the rays of one sample of a pixel; leave --aa out")
+        }
+        _ => Ok(()),
+    }
+}
+
 /// What was accumulated in a pass.
 #[derive(Serialize)]
 struct Accumulated {
@@ -158,6 +176,7 @@ struct Report<'a> {
     window: [u32; 2],
     fidelity: &'static str,
     seed: u32,
+    samples_a_pixel: u32,
     frames: u32,
     environment: Environment,
     raster: Engine,
@@ -195,6 +214,7 @@ fn print_json(renderer: &Renderer, frames: u32, accumulated: &[Accumulated], fil
         window: plan.window,
         fidelity: fidelity_name(renderer.plan().settings.fidelity),
         seed: plan.settings.seed,
+        samples_a_pixel: plan.settings.aa.count(),
         frames,
         environment: Environment::here().with_engines(engines),
         raster: Engine { name: engines.raster.name(), device: engines.raster.device() },

@@ -41,6 +41,9 @@ pub(super) fn print_header(renderer: &Renderer) {
     for decision in plan.decisions.iter().filter(|decision| decision.what.starts_with("parts of")) {
         crate::say!("{}: {}", decision.what, decision.why);
     }
+    if let Some(cost) = plan.cost_of_samples() {
+        crate::say!("{} samples a pixel: {cost}", plan.settings.aa);
+    }
     crate::say!("raster {}: {}", engines.raster.name(), engines.raster.device());
     crate::say!("rays   {}: {}", engines.rays.name(), engines.rays.device());
     crate::say!("{}, {} threads, {} build", environment.cpu, environment.threads, environment.profile);

@@ -74,6 +74,9 @@ impl Request {
         if plan.display.space != ColorSpace::Report {
             lines.push(format!("color {}", plan.display.space));
         }
+        if plan.settings.aa.are_several() {
+            lines.push(format!("samples a pixel {}", plan.settings.aa));
+        }
         lines.extend(scenes.iter().map(|hash| format!("scene {hash}")));
         lines.extend(plan.project.lights.iter().map(|light| format!("{:?} {:?}", light.direction, light.color)));
         for (target, planned) in plan.project.targets.iter().zip(&plan.targets) {

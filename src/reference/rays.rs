@@ -82,7 +82,9 @@ impl RayBackend for ReferenceRays {
         }
         let Sampling { samples, seed } = self.sampling.get();
         let samples = if job.params.samples > 0 { samples } else { 0 };
-        let job = RayJob { params: RayParams { samples, ..job.params }, seed, ..*job };
+        // The plan of a reference takes one sample: of several samples a pixel, each goes on behind as many as this is told.
+        let first = job.params.first * samples;
+        let job = RayJob { params: RayParams { samples, first, ..job.params }, seed, ..*job };
         match &mut self.fast {
             Some(fast) => fast.run(&job, output, progress),
             None => unreachable!("it was built above"),

@@ -13,7 +13,7 @@ type Floors = [&'static [&'static str]];
 const CRATES: [(&str, usize); 4] = [("src", 60), ("pipeline/src", 130), ("passes/src", 150), ("cuda/src", 15)];
 
 const OF_PIPELINE: &Floors = &[
-    &["named", "paths", "diagnostic", "files", "guard", "memory", "progress"],
+    &["named", "paths", "diagnostic", "files", "guard", "memory", "progress", "pixel_samples"],
     &["color", "gbuffer"],
     &["image", "shared"],
     &["scene", "metrics"],

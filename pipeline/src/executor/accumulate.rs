@@ -192,9 +192,17 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Self::frame`]; where samples cannot be accumulated: strata, which are no sequence, and so thesis fidelity; colours with an
-    /// exponent (`final` with an `intensity` other than 1); a pass that reads what another one accumulates; pictures in bands.
+    /// exponent (`final` with an `intensity` other than 1); a pass that reads what another one accumulates; pictures in bands, and those of
+    /// several samples a pixel.
     pub fn accumulation(&mut self, observer: &mut dyn Observer) -> Result<Accumulation, RenderError> {
         self.settle(observer)?;
+        if self.samples().are_several() {
+            let message =
+                format!("samples are accumulated at one place of every pixel, and {} are asked for", self.samples());
+            let help = "leave --accumulate out: samples of passes go on from one sample of a pixel to the next; --set PASS.samples=N says \
+                        how many each takes";
+            return Err(PlanError { message, help: Some(help.to_owned()) }.into());
+        }
         if self.plan.parts.list.len() > 1 {
             let message = "samples are accumulated over a whole picture, and this one is rendered in bands".to_owned();
             return Err(PlanError { message, help: Some("raise --max-memory, or leave --bands out".to_owned()) }.into());
@@ -295,7 +303,8 @@ impl Renderer {
         let scene_set = *scene_set;
         // Of rough glass a batch follows as many paths as it takes samples: they count alike in the mean.
         let paths = samples.min(MOST_PATHS);
-        *params = RayParams { samples, paths, first: pass.estimate.samples() as u32, ..pass.params };
+        let first = pass.estimate.samples() as u32;
+        *params = RayParams { samples, paths, first, first_path: first, ..pass.params };
         if pass.writes == Writes::Share {
             params.intensity = 1.0;
         }

@@ -6,6 +6,7 @@
 use super::{Observer, RenderError, Renderer, prepare};
 use crate::backend::{Attachments, GBuffer, NO_TRIANGLE};
 use crate::memory::Refused;
+use crate::pixel_samples::PixelSamples;
 use crate::plan::{Plan, PlanError, PlannedTarget, Settings, Work};
 pub use crate::project::Pose;
 use crate::project::{Project, SourceError, names_scenes};
@@ -205,6 +206,14 @@ impl Renderer {
                 settings.off.push(pass.to_owned());
             }
         })
+    }
+
+    /// Sets how many samples of every pixel the picture is averaged over.
+    ///
+    /// # Errors
+    /// If positions or normals are kept for inspection, which have no mean, or there is no memory for the sums.
+    pub fn set_pixel_samples(&mut self, samples: PixelSamples) -> Result<(), ChangeError> {
+        self.set(|settings| settings.aa = samples)
     }
 
     /// Sets the seed of the random numbers of the frames that follow.

@@ -3,8 +3,9 @@
 use super::{PassMaterials, Renderer};
 use crate::backend::{Attachments, Sun};
 use crate::image::PixelFormat;
+use crate::pixel_samples::PixelSamples;
 use crate::plan::{Access, Work};
-use crate::project::PassKind;
+use crate::project::{ChannelRef, PassKind};
 
 /// What a pass was given when it last ran. Its picture is that of the last frame as long as this, and what it reads, is the same.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +20,8 @@ pub(super) struct Given {
     formats: Vec<PixelFormat>,
     /// What a raster pass draws, and what of it is in host memory.
     drawn: [Attachments; 2],
+    /// Samples a pixel and, where there are several, the channels that hold their mean.
+    averaged: (PixelSamples, Vec<ChannelRef>),
 }
 
 impl Given {
@@ -56,6 +59,8 @@ impl Renderer {
             (Work::Effect { .. }, _) => true,
             _ => false,
         };
+        let samples = self.samples();
+        let kept = if samples.are_several() { self.plan.shown.clone() } else { Vec::new() };
         let channels = pass.target.map_or(&[][..], |target| &self.plan.project.targets[target].channels);
         Given {
             work,
@@ -64,6 +69,7 @@ impl Renderer {
             materials: self.materials[index].clone(),
             formats: channels.iter().map(|channel| channel.format).collect(),
             drawn,
+            averaged: (samples, kept),
         }
     }
 

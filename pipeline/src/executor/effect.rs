@@ -44,7 +44,7 @@ impl Renderer {
             scene: &scene,
             program: effect.program,
             params,
-            seed: self.plan.settings.seed,
+            seed: self.seed_of_sample(),
             view,
             sun: effect.light.filter(|_| info.lit).and_then(|light| self.sun(light)),
             width: output.width,

@@ -15,6 +15,7 @@ mod prepare;
 mod quad;
 mod raster;
 mod rays;
+mod samples;
 mod save;
 mod show;
 mod timeline;
@@ -141,6 +142,8 @@ pub struct Renderer {
     frame: u32,
     /// The part of the picture that the targets hold: an index of its list.
     part: usize,
+    /// Of several samples a pixel, the one that passes render.
+    sample: u32,
     /// By index of the pipeline: what each pass was given when it last ran, where its picture is still there.
     ran: Vec<Option<dirty::Given>>,
     /// Indices into the plan's passes: those that the last frame ran.
@@ -188,6 +191,7 @@ impl Renderer {
             handed_over: 0,
             frame: 0,
             part: 0,
+            sample: 0,
             timeline: Timeline::default(),
             warnings: plan.warnings.clone(),
             plan,
@@ -253,7 +257,8 @@ impl Renderer {
     }
 
     /// The picture with all that was set: runs the passes that were given something else since they last ran, and those that depend on
-    /// them. It equals, bit for bit, that of [`Self::frame`]. A picture that is rendered in bands is rendered as a whole.
+    /// them. It equals, bit for bit, that of [`Self::frame`]. A picture that is rendered in bands is rendered as a whole, and one of
+    /// several samples a pixel runs every pass again or none.
     ///
     /// # Errors
     /// As [`Self::frame`].
@@ -282,7 +287,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Renders a frame, every pass of it, and returns the window's picture.
+    /// Renders a frame, every pass of it, and returns the window's picture: of several samples a pixel the mean.
     ///
     /// # Errors
     /// If a backend fails and no other may stand in for it; names the pass and the frame. What was rendered before stays.
@@ -322,9 +327,16 @@ impl Renderer {
         vec![true; self.plan.passes.len()]
     }
 
-    /// Runs passes for a part of the picture: those that `run` says, by index of the plan.
-    fn draw_part(&mut self, part: usize, mut run: Vec<bool>, observer: &mut dyn Observer) -> Result<(), RenderError> {
+    /// Runs passes for one sample of every pixel of a part of the picture: those that `run` says, by index of the plan.
+    fn draw_sample(
+        &mut self,
+        part: usize,
+        sample: u32,
+        mut run: Vec<bool>,
+        observer: &mut dyn Observer,
+    ) -> Result<(), RenderError> {
         self.place_targets(part)?;
+        self.sample = sample;
         if part == 0 {
             self.passes_run.clear();
         }
@@ -360,7 +372,7 @@ impl Renderer {
     /// Runs the pass at an index of the plan.
     fn run_pass(&mut self, index: usize, observer: &mut dyn Observer) -> Result<Traced, RenderError> {
         self.check_cancelled()?;
-        let planned = self.plan.passes[index].clone();
+        let planned = self.for_sample(&self.plan.passes[index]);
         let name = self.plan.pass(&planned).name.clone();
         // What it leaves if it fails is nobody's picture.
         self.ran[planned.pass] = None;

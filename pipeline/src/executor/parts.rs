@@ -36,14 +36,19 @@ impl Renderer {
     /// A frame begins.
     pub(super) fn begin_frame(&mut self) {
         self.frame = self.frame.saturating_add(1);
-        if self.plan.parts.list.len() > 1 {
+        if self.runs_often() {
             self.timeline.begin_parts();
         }
     }
 
+    /// Whether passes run more than once a frame: for parts of the picture, or for samples of every pixel.
+    fn runs_often(&self) -> bool {
+        self.plan.parts.list.len() > 1 || self.samples().are_several()
+    }
+
     /// All parts of a frame are done.
     pub(super) fn end_frame(&mut self) {
-        if self.plan.parts.list.len() > 1 {
+        if self.runs_often() {
             self.timeline.end_parts();
         }
     }
@@ -115,12 +120,7 @@ fn view_of_block(view: View, whole: Rect, block: Rect) -> View {
         DVec4::Z,
         DVec4::new(right, -down, 0.0, 1.0),
     );
-    let of_block = |matrix: glam::Mat4| (to_block * matrix.as_dmat4()).as_mat4();
-    View {
-        clip_from_world: of_block(view.clip_from_world),
-        eye: view.eye,
-        clip_from_eye: view.clip_from_eye.map(of_block),
-    }
+    view.mapped(to_block)
 }
 
 /// Draws a job block by block, and returns the triangles submitted.

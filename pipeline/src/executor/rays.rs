@@ -74,12 +74,13 @@ impl Renderer {
         };
         let materials = &self.materials[index];
         let scene = Arc::clone(&self.scenes[scene_set].scene);
+        let (params, seed) = self.random_of_sample(ray.program, params);
         let job = RayJob {
             scene: &scene,
             program: ray.program,
             params,
             fidelity: self.plan.settings.fidelity,
-            seed: self.plan.settings.seed,
+            seed,
             eye: view.eye,
             sun: ray.light.and_then(|light| self.sun(light)),
             origin: buffer.origin,
@@ -105,7 +106,7 @@ impl Renderer {
         if traced.is_ok() && in_host {
             observer.traced(name, &job, &output);
         }
-        let mut sums = self.part > 0;
+        let mut sums = self.part > 0 || self.sample > 0;
         if let (Ok(_), Some((estimate, samples)), false) = (&traced, batch, self.cancellation.is_cancelled()) {
             sums |= estimate.batches() > 0;
             estimate.add(&output.pixels, *samples);

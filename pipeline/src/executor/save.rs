@@ -9,7 +9,6 @@ use crate::image::{
 };
 use crate::image::{DisplayRows, write_displayed};
 use crate::memory::{self, Refused};
-use crate::plan::Work;
 use crate::project::ChannelRef;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -135,7 +134,7 @@ impl Renderer {
     }
 
     /// What a target, or the window, holds of the picture, and the pixels of a channel.
-    fn pixels_mut(&mut self, channel: Option<ChannelRef>) -> (Rect, &mut Vec<[f32; 4]>) {
+    pub(super) fn pixels_mut(&mut self, channel: Option<ChannelRef>) -> (Rect, &mut Vec<[f32; 4]>) {
         let (buffer, channel) = match channel {
             None => (&mut self.window, 0),
             Some(channel) => (&mut self.targets[channel.target], channel.channel),
@@ -215,14 +214,7 @@ impl Renderer {
     /// What a channel holds, and so how it is made visible: raster passes write positions and normals, all others colours.
     #[must_use]
     pub fn content(&self, channel: ChannelRef) -> Content {
-        let by_raster = self.plan.passes.iter().any(|planned| {
-            matches!(planned.work, Work::Raster { .. }) && self.plan.pass(planned).target == Some(channel.target)
-        });
-        match channel.channel {
-            1 if by_raster => Content::Position,
-            2 if by_raster => Content::Normal,
-            _ => Content::Color,
-        }
+        self.plan.content(channel)
     }
 
     fn timed(

@@ -114,7 +114,7 @@ pub struct Timeline {
     /// When the first step began.
     #[serde(skip)]
     began: Option<Instant>,
-    /// Samples of each row, on the host and on the device, when the frame began that is rendered in parts.
+    /// Samples of each row, on the host and on the device, when the frame began that runs steps more than once.
     #[serde(skip)]
     before: Vec<[usize; 2]>,
 }
@@ -144,12 +144,12 @@ impl Timeline {
         row
     }
 
-    /// A frame begins that is rendered in parts.
+    /// A frame begins that is rendered in parts, or with several samples a pixel.
     pub(super) fn begin_parts(&mut self) {
         self.before = self.rows.iter().map(|row| [row.host_ms.len(), row.device_ms.len()]).collect();
     }
 
-    /// It has ended: a step's time is the sum over the parts.
+    /// It has ended: a step's time is the sum over the parts and samples.
     pub(super) fn end_parts(&mut self) {
         let before = std::mem::take(&mut self.before);
         for (index, row) in self.rows.iter_mut().enumerate().filter(|(_, row)| row.kind.per_frame()) {

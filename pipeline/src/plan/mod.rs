@@ -8,6 +8,7 @@ mod effect;
 mod liveness;
 mod off;
 mod parts;
+mod samples;
 mod settings;
 mod spheres;
 
@@ -208,6 +209,7 @@ impl Plan {
         plan.decide_needs();
         plan.explain_color(&widened);
         plan.choose_parts()?;
+        plan.explain_samples()?;
         plan.warn_of_rounded_positions();
         plan.check_memory()?;
         Ok(plan)
@@ -439,7 +441,7 @@ fn view(camera: &Camera, viewport: Rect, origin: DVec3) -> View {
     };
     let far = camera.orthographic.is_none() && position.length() > FAR_EYE * camera.near;
     let clip_from_eye = far.then(|| projection * rh::view::look_to_mat4(Vec3::ZERO, camera.direction, camera.up));
-    View { clip_from_world: projection * to_view, eye, clip_from_eye }
+    View { clip_from_eye, ..View::new(projection * to_view, eye) }
 }
 
 #[cfg(test)]

@@ -181,18 +181,20 @@ impl Plan {
         }
     }
 
-    /// Bytes of the targets and the window for the largest part.
+    /// Bytes of the targets, the window and the sums of several samples a pixel for the largest part.
     #[must_use]
     pub fn target_bytes(&self) -> u64 {
-        let part = self.parts.pixels();
-        let in_parts = self.in_parts();
-        let pixels = |size: [u32; 2]| if in_parts { part } else { u64::from(size[0]) * u64::from(size[1]) };
         let bytes = |target: &super::PlannedTarget| {
             let Attachments { color, position, normal, triangle } = target.stored;
             let pixel = 16 * (u64::from(color) + u64::from(position) + u64::from(normal)) + 4 * u64::from(triangle);
-            pixel * pixels([target.width, target.height])
+            pixel * self.held_pixels([target.width, target.height])
         };
-        16 * part + self.targets.iter().map(bytes).sum::<u64>()
+        16 * self.parts.pixels() + self.targets.iter().map(bytes).sum::<u64>() + self.sum_bytes()
+    }
+
+    /// Pixels that are held of a target or window of that size: those of the largest part, where it is rendered in parts.
+    pub(super) fn held_pixels(&self, [width, height]: [u32; 2]) -> u64 {
+        if self.in_parts() { self.parts.pixels() } else { u64::from(width) * u64::from(height) }
     }
 
     /// Whether the picture is rendered in parts of its own coordinates, and not as a whole.

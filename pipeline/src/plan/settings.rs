@@ -6,6 +6,7 @@ use crate::color::{ColorSpace, Display, Tone};
 use crate::diagnostic::valid_names;
 use crate::image::MAX_SIDE;
 use crate::image::PixelFormat;
+use crate::pixel_samples::PixelSamples;
 use crate::programs::{Fidelity, Fresnel, RayParams, Sampler};
 use crate::project::{self, ChannelRef, PassKind, Project, SceneOptions, SourceError};
 use crate::raster_effects::EffectParams;
@@ -46,6 +47,8 @@ pub struct Settings {
     pub crop: Option<Rect>,
     /// Bands of rows that are rendered one after the other, at most; as few as fit into the memory if `None`.
     pub bands: Option<u32>,
+    /// Samples of every pixel, over which the picture is averaged. A ray pass takes its own samples for each of them.
+    pub aa: PixelSamples,
 }
 
 impl Settings {
@@ -76,6 +79,7 @@ impl Default for Settings {
             scene: SceneOptions::default(),
             crop: None,
             bands: None,
+            aa: PixelSamples::ONE,
         }
     }
 }

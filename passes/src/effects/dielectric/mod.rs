@@ -35,7 +35,7 @@ pub(crate) fn facets(job: &RayJob<'_>) -> Vec<[u32; 2]> {
     if job.dielectrics.iter().all(|dielectric| dielectric.alpha <= 0.0) {
         return Vec::new();
     }
-    (0..job.params.paths).map(|path| reversed_sobol(job.params.first.wrapping_add(path))).collect()
+    (0..job.params.paths).map(|path| reversed_sobol(job.params.first_path.wrapping_add(path))).collect()
 }
 
 /// The strata of the spectrum that a job asks for; none where no body bends colours apart.

@@ -22,6 +22,7 @@ const DEFAULTS: RayParams = RayParams {
     wavelengths: 16,
     paths: 16,
     first: 0,
+    first_path: 0,
 };
 
 fn occlusion(shot: &Shot<'_>, fidelity: Fidelity, params: RayParams) -> (Vec<f32>, RayCounts) {

@@ -53,10 +53,10 @@ impl Barycentric {
         ]
     }
 
-    /// How texture coordinates and a texture of some size lie on it.
+    /// How texture coordinates and a texture of some size lie on it, for a filter over a square of side `footprint` (pixels).
     #[inline(always)]
-    pub(super) fn mapping(&self, corners: [Vec2; 3], size: Vec2) -> Mapping {
-        let slope = |step: [f64; 2]| step.map(|step| (step * self.scale) as f32);
+    pub(super) fn mapping(&self, corners: [Vec2; 3], size: Vec2, footprint: f32) -> Mapping {
+        let slope = |step: [f64; 2]| step.map(|step| (step * self.scale) as f32 * footprint);
         Mapping { corners, right: slope(self.right), down: slope(self.down), size }
     }
 }
@@ -66,7 +66,7 @@ impl Barycentric {
 pub(super) struct Mapping {
     /// Texture coordinates.
     pub(super) corners: [Vec2; 3],
-    /// What a step to the right, and one down, adds to the screen-space coordinates of corners 1 and 2.
+    /// What a step across the filter to the right, and one down, adds to the screen-space coordinates of corners 1 and 2.
     pub(super) right: [f32; 2],
     pub(super) down: [f32; 2],
     /// Texels of level 0.

@@ -291,7 +291,8 @@ impl Rows {
             let normals = shade.normal_map.map(|map| map.texture).filter(|_| wanted.bent);
             if let Some(texture) = color.or(normals) {
                 let size = frame.job.scene.textures[texture as usize].size();
-                let mapping = barycentric.mapping(attribute(frame, &placed, &geometry.texcoords), size);
+                let mapping =
+                    barycentric.mapping(attribute(frame, &placed, &geometry.texcoords), size, frame.job.view.footprint);
                 for column in run.step_by(LANES) {
                     self.mapping.spread(column, &mapping);
                 }

@@ -20,7 +20,7 @@ enable primitive_index;
 struct Frame {
     // Of positions less `eye`. Depth is reversed: 1 at the near plane, 0 at the far plane.
     clip_from_eye: mat4x4<f32>,
-    // In xyz; zero for cameras not far from the origin.
+    // In xyz; zero for cameras not far from the origin. In w the side of the square over which textures are filtered, pixels.
     eye: vec4<f32>,
     // Unit vector towards the light in xyz; zero without a light.
     to_light: vec4<f32>,
@@ -135,8 +135,8 @@ fn vertex_main(vertex: Vertex) -> Varyings {
 //#if TEXCOORD
 // `log2` of the longer footprint side in texels of level 0 (Vulkan 1.3, section 16.5.7), of a texture of so many; 0 where it is below 1.
 fn level_of_detail(texcoord: vec2<f32>, size: vec2<f32>) -> f32 {
-    let along_x = dpdxFine(texcoord) * size;
-    let along_y = dpdyFine(texcoord) * size;
+    let along_x = dpdxFine(texcoord) * size * frame.eye.w;
+    let along_y = dpdyFine(texcoord) * size * frame.eye.w;
     let footprint = max(dot(along_x, along_x), dot(along_y, along_y));
     return select(0.0, 0.5 * log2(footprint), footprint > 1.0);
 }

@@ -156,7 +156,7 @@ impl FrameUniform {
         let (to_light, light_color) =
             sun.map_or((Vec4::ZERO, Vec4::ZERO), |sun| ((-sun.direction).extend(0.0), sun.color.extend(1.0)));
         let (clip_from_eye, eye) = view.projection();
-        Self { clip_from_eye, eye: eye.extend(0.0), to_light, light_color }
+        Self { clip_from_eye, eye: eye.extend(view.footprint), to_light, light_color }
     }
 }
 

@@ -140,8 +140,8 @@ fn rough_glass_is_the_same_for_any_number_of_threads() {
 #[test]
 fn paths_go_on_where_others_ended() {
     let world = face(0.3, 0.2);
-    let render = |first: u32, count: u32| {
-        let params = RayParams { first, ..paths(count, 3) };
+    let render = |first_path: u32, count: u32| {
+        let params = RayParams { first_path, ..paths(count, 3) };
         Vec3::from_slice(&look(&world, Vec3::new(0.3, 0.4, 5.0), down(40.0), params).0)
     };
     let whole = render(0, 64);

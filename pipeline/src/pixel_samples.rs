@@ -1,0 +1,208 @@
+//! Where in a pixel its samples lie.
+//!
+//! The samples are Hammersley points, shifted digit by digit: sample `i` of `N = 2^m` lies `(i + 1/2) / N` of a pixel from the left and
+//! `(v + 1/2) / N` from the top, where `v` is `i` with its `m` binary digits reversed and the first `⌊m/2⌋` of them flipped. They are a
+//! (0, m, 2)-net in base 2 (Niederreiter 1987, "Point sets and sequences with small discrepancy", Monatshefte für Mathematik 104): each of
+//! the `N` columns and of the `N` rows has one sample, and so has each box of area `1/N` that halving the pixel makes. So:
+//!
+//! * An upright or level edge has `N + 1` shades; a regular grid of as many samples has `√N + 1`.
+//! * The mean of the samples is the pixel's centre, and turning the pixel by half a turn maps them to each other; with 4, 16 and 64
+//!   samples, so does a quarter turn. Of 4 samples it is the rotated grid of graphics devices.
+//! * The coordinates are whole multiples of 1/128 of a pixel: rasterisers that snap corners to 1/256 snap every sample's picture alike.
+//!
+//! Which digits are flipped was chosen among all `N` by the error of half-planes, at all angles and distances.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// Samples a pixel: 1, 2, 4, 8, 16, 32 or 64.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PixelSamples(u32);
+
+impl PixelSamples {
+    /// One, at the pixel's centre.
+    pub const ONE: Self = Self(1);
+
+    /// The numbers that there are.
+    pub const COUNTS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
+
+    /// So many; `None` where it is none of [`Self::COUNTS`].
+    #[must_use]
+    pub fn new(count: u32) -> Option<Self> {
+        Self::COUNTS.contains(&count).then_some(Self(count))
+    }
+
+    /// How many.
+    #[must_use]
+    pub fn count(self) -> u32 {
+        self.0
+    }
+
+    /// Whether there are several.
+    #[must_use]
+    pub fn are_several(self) -> bool {
+        self.0 > 1
+    }
+
+    /// Where a sample lies: pixels right of the pixel's centre and below it, in -1/2..1/2; exact.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    #[must_use]
+    pub fn offset(self, sample: u32) -> [f32; 2] {
+        assert!(sample < self.0, "sample {sample} of {}", self.0);
+        let digits = self.0.trailing_zeros();
+        let reversed = sample.reverse_bits().checked_shr(32 - digits).unwrap_or(0);
+        let flipped = reversed ^ (self.0 - (self.0 >> (digits / 2)));
+        [sample, flipped].map(|cell| (cell as f32 + 0.5) / self.0 as f32 - 0.5)
+    }
+
+    /// Side of the square that a sample stands for, in pixels: what a texture is filtered over. The whole of the samples then filters
+    /// as much as one sample does that stands for the pixel.
+    #[must_use]
+    pub fn side(self) -> f32 {
+        (self.0 as f32).sqrt().recip()
+    }
+
+    /// The seed of a sample's random numbers that do not continue those of the sample before: that of the first is the picture's own.
+    #[must_use]
+    pub fn seed(seed: u32, sample: u32) -> u32 {
+        seed.wrapping_add(sample.wrapping_mul(0x85eb_ca6b))
+    }
+}
+
+impl Default for PixelSamples {
+    fn default() -> Self {
+        Self::ONE
+    }
+}
+
+impl fmt::Display for PixelSamples {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl FromStr for PixelSamples {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let counts = Self::COUNTS.map(|count| count.to_string()).join(", ");
+        text.parse().ok().and_then(Self::new).ok_or_else(|| {
+            format!("`{text}` is no number of samples a pixel; valid: {counts} (powers of two, of which every row and column of a pixel has one)")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    fn all() -> impl Iterator<Item = PixelSamples> {
+        PixelSamples::COUNTS.into_iter().map(|count| PixelSamples::new(count).expect("there are so many"))
+    }
+
+    fn offsets(samples: PixelSamples) -> Vec<[f32; 2]> {
+        (0..samples.count()).map(|sample| samples.offset(sample)).collect()
+    }
+
+    #[test]
+    fn every_box_of_an_equal_share_has_one_sample() {
+        for samples in all() {
+            let digits = samples.count().trailing_zeros();
+            for columns in 0..=digits {
+                let cell = |offset: f32, count: u32| ((offset + 0.5) * count as f32) as u32;
+                let (across, down) = (1 << columns, samples.count() >> columns);
+                let cells: BTreeSet<_> =
+                    offsets(samples).iter().map(|[x, y]| (cell(*x, across), cell(*y, down))).collect();
+                assert_eq!(cells.len(), samples.count() as usize, "{samples}: {across} columns and {down} rows");
+            }
+        }
+    }
+
+    #[test]
+    fn samples_lie_around_the_centre() {
+        assert_eq!(offsets(PixelSamples::ONE), [[0.0, 0.0]]);
+        for samples in all() {
+            let points = offsets(samples);
+            assert!(points.iter().flatten().all(|value| value.abs() < 0.5 && (value * 128.0).fract() == 0.0));
+            assert_eq!([0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f32>()), [0.0; 2]);
+            assert!(points.iter().all(|[x, y]| points.contains(&[-x, -y])), "{samples}: half a turn");
+            let quarter = points.iter().all(|[x, y]| points.contains(&[-y, *x]));
+            assert_eq!(quarter, samples.count().trailing_zeros() % 2 == 0, "{samples}: a quarter turn");
+        }
+        let four = PixelSamples::new(4).map(offsets).expect("four");
+        assert_eq!(four, [[-0.375, 0.125], [-0.125, -0.375], [0.125, 0.375], [0.375, -0.125]]);
+    }
+
+    /// The area of a pixel on one side of a line, `distance` from its centre: that of sums of two uniform numbers.
+    fn share(normal: [f64; 2], distance: f64) -> f64 {
+        let [a, b] = normal.map(f64::abs);
+        let ramp = |value: f64| value.max(0.0).powi(2);
+        let [plus, minus] = [(a + b) / 2.0, (a - b) / 2.0];
+        (ramp(distance + plus) - ramp(distance + minus) - ramp(distance - minus) + ramp(distance - plus))
+            / (2.0 * a * b)
+    }
+
+    /// Root mean square and largest error of the covered share over half-planes at `angles`.
+    fn error(points: &[[f32; 2]], angles: impl Iterator<Item = f64>) -> [f64; 2] {
+        let (mut squares, mut largest, mut count) = (0.0, 0.0_f64, 0);
+        for angle in angles {
+            let normal = [angle.cos(), angle.sin()];
+            for step in -120..=120 {
+                let distance = f64::from(step) / 160.0;
+                let exact = share(normal, distance);
+                if !(1e-9..1.0 - 1e-9).contains(&exact) {
+                    continue;
+                }
+                let inside = |[x, y]: &&[f32; 2]| f64::from(*x) * normal[0] + f64::from(*y) * normal[1] < distance;
+                let off = points.iter().filter(inside).count() as f64 / points.len() as f64 - exact;
+                (squares, largest, count) = (squares + off * off, largest.max(off.abs()), count + 1);
+            }
+        }
+        [(squares / f64::from(count)).sqrt(), largest]
+    }
+
+    /// Half-planes at all angles have the error of a regular grid, those of nearly upright and level edges far less.
+    #[test]
+    fn half_planes_are_covered_as_by_a_grid_and_better_along_the_axes() {
+        let everywhere = || (0..90).map(|step| (f64::from(step) + 0.5) * 2.0_f64.to_radians());
+        let near_axes = || (0..8).map(|step| f64::from(step / 2) * 90.0 + if step % 2 == 0 { 0.25 } else { -0.4 });
+        for (count, side) in [(4, 2), (16, 4), (64, 8)] {
+            let samples = PixelSamples::new(count).expect("so many");
+            let axis = |index: i32| (index as f32 + 0.5) / side as f32 - 0.5;
+            let grid: Vec<[f32; 2]> = (0..side * side).map(|index| [axis(index % side), axis(index / side)]).collect();
+            let net = offsets(samples);
+            let [ours, largest] = error(&net, everywhere());
+            let [theirs, _] = error(&grid, everywhere());
+            let along = error(&net, near_axes().map(f64::to_radians))[0];
+            let grid_along = error(&grid, near_axes().map(f64::to_radians))[0];
+            println!(
+                "{count}: {ours:.4}, largest {largest:.4}, grid {theirs:.4}; near axes {along:.4}, grid {grid_along:.4}"
+            );
+            assert!(
+                ours < 1.15 * theirs && largest < 0.75 * f64::from(count).powf(-0.625),
+                "{ours} {theirs} {largest}"
+            );
+            assert!(along < 1.3 * grid_along / f64::from(side), "{along} {grid_along}");
+        }
+    }
+
+    #[test]
+    fn other_numbers_are_refused_with_those_that_there_are() {
+        for samples in all() {
+            assert_eq!(samples.to_string().parse(), Ok(samples));
+        }
+        for text in ["0", "3", "9", "128", "-4", "4x", "", "4294967296"] {
+            let error = text.parse::<PixelSamples>().expect_err(text);
+            assert!(error.contains("1, 2, 4, 8, 16, 32, 64"), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_first_sample_has_the_pictures_seed_and_no_other_has_the_same() {
+        let seeds: BTreeSet<u32> = (0..64).map(|sample| PixelSamples::seed(7, sample)).collect();
+        assert_eq!((PixelSamples::seed(7, 0), seeds.len()), (7, 64));
+    }
+}

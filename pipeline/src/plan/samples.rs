@@ -1,0 +1,92 @@
+//! Several samples a pixel: what they cost, and what cannot be averaged.
+
+use super::{Plan, PlanError, PlannedPass};
+use crate::backend::Rect;
+use crate::color::ColorSpace;
+use crate::image::Content;
+use crate::memory::mebibytes;
+use crate::plan::Work;
+use crate::project::{ChannelRef, PassKind};
+
+/// Bytes of the sum of a pixel's samples: four numbers in `f64`.
+const SUM: u64 = 32;
+
+impl Plan {
+    /// What a channel holds, and so how it is made visible: raster passes write positions and normals, all others colours.
+    #[must_use]
+    pub fn content(&self, channel: ChannelRef) -> Content {
+        let by_raster = self.passes.iter().any(|planned| {
+            matches!(planned.work, Work::Raster { .. }) && self.pass(planned).target == Some(channel.target)
+        });
+        match channel.channel {
+            1 if by_raster => Content::Position,
+            2 if by_raster => Content::Normal,
+            _ => Content::Color,
+        }
+    }
+
+    /// Says what several samples a pixel cost, and refuses to keep what has no mean.
+    pub(super) fn explain_samples(&mut self) -> Result<(), PlanError> {
+        let samples = self.settings.aa;
+        if !samples.are_several() {
+            return Ok(());
+        }
+        for channel in &self.shown {
+            let what = match self.content(*channel) {
+                Content::Color => continue,
+                Content::Position => "positions",
+                Content::Normal => "normals",
+            };
+            let target = &self.project.targets[channel.target];
+            let name = &target.channels[channel.channel].name;
+            return Err(PlanError::new(
+                format!(
+                    "--show keeps the {what} of `{}::{name}`, and {samples} samples a pixel are asked for: where a pixel shows two \
+                     surfaces, their mean is on neither",
+                    target.library
+                ),
+                "leave --aa out for them; of the channels that --show names, colours are averaged as the window is",
+            ));
+        }
+        if let Some(why) = self.cost_of_samples() {
+            self.decide(format!("{samples} samples a pixel"), true, format!("--aa asks for them: {why}"));
+        }
+        Ok(())
+    }
+
+    /// What several samples a pixel do and cost, in words; `None` with one.
+    #[must_use]
+    pub fn cost_of_samples(&self) -> Option<String> {
+        let samples = self.settings.aa;
+        let of = match self.display.space {
+            ColorSpace::Report => "of display values as they are",
+            ColorSpace::Linear => "of linear radiance, before exposure and tone curve",
+        };
+        let (bytes, side) = (mebibytes(self.sum_bytes()), samples.side());
+        samples.are_several().then(|| {
+            format!(
+                "every pass runs {samples} times; the picture is the mean {of}; the sums take {bytes}; textures are filtered over {side:.2} \
+                 of a pixel's width"
+            )
+        })
+    }
+
+    /// Bytes of the sums of several samples a pixel, for the largest part: 0 with one sample.
+    pub(super) fn sum_bytes(&self) -> u64 {
+        if !self.settings.aa.are_several() {
+            return 0;
+        }
+        let shown = self.shown.iter().map(|channel| self.held_pixels(self.target_size(Some(channel.target))));
+        SUM * (self.held_pixels(self.window) + shown.sum::<u64>())
+    }
+
+    /// The whole of the G-buffer that an effect pass reads; nothing for other passes.
+    #[must_use]
+    pub(crate) fn seen_by(&self, planned: &PlannedPass) -> Rect {
+        let PassKind::Effect(effect) = &self.pass(planned).kind else {
+            return Rect { x: 0, y: 0, width: 0, height: 0 };
+        };
+        let [width, height] = self.target_size(effect.position.map(|position| position.target));
+        Rect { x: 0, y: 0, width, height }
+    }
+}

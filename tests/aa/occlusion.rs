@@ -1,0 +1,126 @@
+//! Random numbers of several samples: sequences go on, and noise falls with the stairs.
+
+use super::{file, frame, opened, rms, samples, settings};
+use curitiba::passes::cpu::CpuRays;
+use curitiba::passes::raster::cpu::CpuRasteriser;
+use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
+use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent};
+use curitiba::pipeline::image::Image;
+use curitiba::pipeline::plan::{Plan, Settings};
+use curitiba::pipeline::programs::{Fidelity, RayProgram};
+use curitiba::pipeline::project;
+use curitiba::pipeline::scene::RenderScene;
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Place of the first sample and of the first path, and the seed, of each job.
+type Noted = Rc<RefCell<Vec<[u32; 3]>>>;
+
+/// The processor, noting what it is asked.
+struct Noting {
+    rays: CpuRays,
+    continues: bool,
+    noted: Noted,
+}
+
+impl RayBackend for Noting {
+    fn name(&self) -> &'static str {
+        "noting"
+    }
+    fn device(&self) -> String {
+        "for a test".to_owned()
+    }
+    fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
+        Ok(())
+    }
+    fn continues_sequences(&self) -> bool {
+        self.continues
+    }
+    fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        self.rays.build(scene, filtered)
+    }
+    fn bytes_per_triangle(&self) -> u64 {
+        self.rays.bytes_per_triangle()
+    }
+    fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+        self.noted.borrow_mut().push([job.params.first, job.params.first_path, job.seed]);
+        self.rays.run(job, output, progress)
+    }
+}
+
+fn noted(settings: Settings, continues: bool) -> (Vec<[u32; 3]>, Image) {
+    let plan = Plan::new(project::load(&file("SceneSSAO")).expect("it loads"), settings).expect("a plan");
+    let noted = Noted::default();
+    let rays = Noting { rays: CpuRays::new(), continues, noted: Rc::clone(&noted) };
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(rays));
+    let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("the scene loads");
+    let picture = frame(&mut renderer);
+    let list = noted.borrow().clone();
+    (list, picture)
+}
+
+#[test]
+fn sequences_go_on_and_others_have_seeds_of_their_own() {
+    let settings = Settings { seed: 5, ..settings("SceneSSAO", 4) };
+    // Four samples a sample of the pixel, and sixteen ways on from rough glass.
+    let (going_on, picture) = noted(settings.clone(), true);
+    assert_eq!(going_on, [[0, 0, 5], [4, 16, 5], [8, 32, 5], [12, 48, 5]]);
+    let strata =
+        Settings { set: vec!["pass2.samples=4".to_owned(), "pass2.sampler=strata".to_owned()], ..settings.clone() };
+    let thesis = Settings { fidelity: Fidelity::Thesis, ..settings.clone() };
+    for (settings, continues) in [(settings, false), (strata, true), (thesis, true)] {
+        let (seeded, other) = noted(settings, continues);
+        let mut seeds: Vec<u32> = seeded
+            .iter()
+            .map(|[first, first_path, seed]| {
+                assert_eq!((*first, *first_path), (0, 0));
+                *seed
+            })
+            .collect();
+        assert_eq!((seeds.len(), seeds[0]), (4, 5), "the first sample is the picture's");
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 4);
+        assert!(rms(&other, &picture) < 0.1, "another noise of the same picture");
+    }
+}
+
+/// Stairs and noise fall together. The reference has other random numbers.
+#[test]
+fn occlusion_tends_to_its_mean() {
+    for (name, intensity) in [("SceneSSAO", "pass2.intensity=1"), ("SceneFinal", "pass2.intensity=1")] {
+        let of = |count: u32, own: u32, seed: u32| Settings {
+            seed,
+            size: Some([64, 48]),
+            aa: samples(count),
+            set: vec![format!("pass2.samples={own}"), intensity.to_owned()],
+            ..Settings::default()
+        };
+        let reference = frame(&mut opened(name, of(64, 64, 77)));
+        let errors = [1, 4, 16, 64].map(|count| rms(&frame(&mut opened(name, of(count, 4, 0))), &reference));
+        println!("{name}: {errors:.5?}");
+        assert!(errors.windows(2).all(|errors| errors[1] < 0.6 * errors[0]), "{name}: {errors:?}");
+    }
+}
+
+/// Without edges: a part of the picture whose samples show one plane. What is left is noise, and it falls as that of one sequence does, faster
+/// than that of numbers which have nothing to do with each other.
+#[test]
+fn noise_falls_as_that_of_one_sequence() {
+    let of = |continues: bool, count: u32, own: u32, seed: u32| {
+        let settings = Settings {
+            seed,
+            size: Some([64, 48]),
+            aa: samples(count),
+            set: vec![format!("pass2.samples={own}"), "pass2.intensity=1".to_owned(), "pass2.radius=3".to_owned()],
+            ..Settings::default()
+        };
+        noted(settings, continues).1
+    };
+    // The same places in pixels and other samples there: what differs is noise.
+    let reference = of(true, 16, 256, 77);
+    let (going_on, seeded) = (rms(&of(true, 16, 4, 0), &reference), rms(&of(false, 16, 4, 0), &reference));
+    println!("one sequence {going_on:.5}, sixteen {seeded:.5}");
+    assert!(going_on < 0.9 * seeded, "{going_on} and {seeded}");
+}
