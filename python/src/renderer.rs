@@ -6,6 +6,7 @@ use curitiba::pipeline::backend::RayCounts;
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::executor::{self, Cancellation, ChangeError, Goal, RenderError, Row, Silent};
 use curitiba::pipeline::image::Image;
+use curitiba::pipeline::pixel_samples::PixelSamples;
 use curitiba::pipeline::plan::{Settings, Work};
 use curitiba::pipeline::programs::Fidelity;
 use curitiba::pipeline::project::{PassKind, Pose, SceneOptions, Up};
@@ -113,7 +114,7 @@ pub fn open(
     let fidelity = named("fidelity", fidelity, &[("corrected", Fidelity::Corrected), ("thesis", Fidelity::Thesis)])?;
     let scene = SceneArguments { effects, look_from, look_at, fov, sun, up, background }.options()?;
     let color = color.map(|color| color.parse().map_err(invalid)).transpose()?;
-    let aa = aa.to_string().parse().map_err(|why: String| invalid(format!("aa: {why}")))?;
+    let aa: PixelSamples = aa.to_string().parse().map_err(|why: String| invalid(format!("aa: {why}")))?;
     let settings = Settings {
         pipeline,
         camera,

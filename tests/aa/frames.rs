@@ -2,13 +2,14 @@
 
 use super::{bits, file, frame, mean, opened, rms, samples, settings};
 use curitiba::pipeline::backend::Rect;
-use curitiba::pipeline::executor::{Goal, Renderer, Silent, StepKind};
+use curitiba::pipeline::executor::{Cancellation, Goal, Observer, Output, Progress, Renderer, Silent, StepKind};
 use curitiba::pipeline::image::{Image, read_image};
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::Fidelity;
 use curitiba::pipeline::project;
 use curitiba::{BackendChoice, Choice, RasterChoice};
 use std::process::Command;
+use std::sync::Arc;
 
 const PROJECTS: [&str; 7] =
     ["SceneNoEffects", "SceneDummy", "SceneShadows", "SceneReflect", "SceneRefract", "SceneSSAO", "SceneFinal"];
@@ -116,24 +117,24 @@ fn an_update_is_a_frame_and_runs_nothing_twice() {
 fn a_frame_that_is_given_up_between_samples_is_rendered_again() {
     let mut renderer = opened("SceneShadows", settings("SceneShadows", 4));
     let expected = frame(&mut renderer);
-    // After the passes of so many samples, when the next would begin.
-    struct StopAfter(u32, curitiba::pipeline::executor::Cancellation);
-    impl curitiba::pipeline::executor::Observer for StopAfter {
-        fn begin(&mut self, _: StepKind, _: &str, _: &std::sync::Arc<curitiba::pipeline::executor::Progress>) {}
-        fn end(&mut self) {
-            self.0 -= 1;
+    // When the last pass of so many samples is done, and the next sample would begin.
+    struct StopAfter(u32, Cancellation);
+    impl Observer for StopAfter {
+        fn begin(&mut self, _: StepKind, _: &str, _: &Arc<Progress>) {}
+        fn end(&mut self) {}
+        fn wrote(&mut self, output: &Output<'_>) {
+            self.0 -= u32::from(output.channel == "window");
             if self.0 == 0 {
                 self.1.cancel();
             }
         }
     }
-    let passes = renderer.plan().passes.len() as u32;
-    for steps in [passes, 2 * passes, 2 * passes + 1, 3 * passes] {
+    for done in [1, 2, 3] {
         let stop = renderer.cancellation();
-        let given_up = renderer.frame(&mut StopAfter(steps, stop.clone()));
+        let given_up = renderer.frame(&mut StopAfter(done, stop.clone()));
         stop.reset();
-        assert!(given_up.is_err(), "{steps} steps");
-        assert!(bits(&renderer.update(&mut Silent).expect("a frame")) == bits(&expected), "{steps} steps");
+        assert!(given_up.is_err() && bits(&renderer.window_image()) != bits(&expected), "{done} samples");
+        assert!(bits(&renderer.update(&mut Silent).expect("a frame")) == bits(&expected), "{done} samples");
     }
 }
 

@@ -3,7 +3,7 @@
 use super::{file, frame, opened, rms, samples, settings};
 use curitiba::passes::cpu::CpuRays;
 use curitiba::passes::raster::cpu::CpuRasteriser;
-use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
+use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats, Rect};
 use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
@@ -104,23 +104,26 @@ fn occlusion_tends_to_its_mean() {
     }
 }
 
-/// Without edges: a part of the picture whose samples show one plane. What is left is noise, and it falls as that of one sequence does, faster
-/// than that of numbers which have nothing to do with each other.
+/// A part of a large picture whose pixels show one surface each: what is left is noise, and it falls as that of one sequence does, faster than
+/// that of numbers which have nothing to do with each other.
 #[test]
 fn noise_falls_as_that_of_one_sequence() {
     let of = |continues: bool, count: u32, own: u32, seed: u32| {
         let settings = Settings {
             seed,
-            size: Some([64, 48]),
+            size: Some([1024, 1024]),
+            crop: Some(Rect { x: 448, y: 704, width: 64, height: 64 }),
             aa: samples(count),
-            set: vec![format!("pass2.samples={own}"), "pass2.intensity=1".to_owned(), "pass2.radius=3".to_owned()],
+            set: vec![format!("pass2.samples={own}"), "pass2.intensity=1".to_owned(), "pass2.radius=8".to_owned()],
             ..Settings::default()
         };
         noted(settings, continues).1
     };
     // The same places in pixels and other samples there: what differs is noise.
     let reference = of(true, 16, 256, 77);
-    let (going_on, seeded) = (rms(&of(true, 16, 4, 0), &reference), rms(&of(false, 16, 4, 0), &reference));
-    println!("one sequence {going_on:.5}, sixteen {seeded:.5}");
-    assert!(going_on < 0.9 * seeded, "{going_on} and {seeded}");
+    for seed in [0, 1, 2] {
+        let (going_on, seeded) = (rms(&of(true, 16, 4, seed), &reference), rms(&of(false, 16, 4, seed), &reference));
+        println!("one sequence {going_on:.5}, sixteen {seeded:.5}");
+        assert!(going_on < 0.75 * seeded, "{going_on} and {seeded}");
+    }
 }

@@ -76,7 +76,9 @@ fn main() -> ExitCode {
 fn run(args: ViewArgs) -> Result<ExitCode, String> {
     if args.project.aa.are_several() {
         let samples = args.project.aa;
-        eprintln!("error: --aa {samples}: the window shows one sample of every pixel; leave it out, and write pictures with `curitiba render`");
+        eprintln!(
+            "error: --aa {samples}: the window shows one sample of every pixel; leave it out, and write pictures with `curitiba render`"
+        );
         return Ok(ExitCode::from(2));
     }
     if let Some(folder) = &args.confine {
