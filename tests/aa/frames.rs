@@ -198,7 +198,7 @@ fn devices_agree() {
                 Ok(mut renderer) => {
                     let off = rms(&frame(&mut renderer), &expected);
                     println!("{name}, {choice:?}: {off:.6}, one sample {one:.6}");
-                    assert!(off < 0.2 * one, "{name}, {choice:?}: {off}, and one sample is off by {one}");
+                    assert!(off < 0.06 * one, "{name}, {choice:?}: {off}, and one sample is off by {one}");
                 }
                 Err(error) => {
                     assert!(std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_none(), "{error}");
