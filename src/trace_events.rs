@@ -22,12 +22,11 @@ pub fn trace_events(timeline: &Timeline, engines: &Engines) -> Value {
         events.push(named("thread_name", DEVICE, "device"));
     }
     for row in &timeline.rows {
-        let samples = row.start_ms.iter().zip(&row.host_ms);
-        events.extend(samples.map(|(start, host)| complete(row, HOST, *start, *host)));
-        // Where a run has no time of the device, nobody knows which one that is.
-        if row.device_ms.len() == row.start_ms.len() {
-            let samples = row.start_ms.iter().zip(&row.device_ms);
-            events.extend(samples.map(|(start, device)| complete(row, DEVICE, *start, *device)));
+        events.extend(row.spans.iter().map(|span| complete(row, HOST, span.start_ms, span.ms)));
+        // Where a frame runs a step more than once, and where a run has no time of the device, it is not known which run took what.
+        if row.device_ms.len() == row.spans.len() {
+            let runs = row.spans.iter().zip(&row.device_ms);
+            events.extend(runs.map(|(span, device)| complete(row, DEVICE, span.start_ms, *device)));
         }
     }
     json!({

@@ -353,7 +353,23 @@ fn a_trace_has_every_step_of_every_frame_one_after_the_other() {
     spans.sort_by(|a, b| a.0.total_cmp(&b.0));
     assert!(spans[0].0 == 0.0 && spans.windows(2).all(|pair| pair[1].0 >= pair[0].1 - 1.0), "{spans:?}");
 
+    // Steps that a frame runs more than once are one row of the report, and events of their own.
+    succeeds(
+        folder,
+        &[&["render", &input, "--backend", "cpu", "--aa", "2", "--trace", "aa.json"], &SMALL[..]].concat(),
+    );
+    let text = std::fs::read_to_string(folder.join("aa.json")).expect("a trace");
+    let trace: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let events = trace["traceEvents"].as_array().expect("events");
+    let rays: Vec<_> = events.iter().filter(|event| event["cat"] == "rays").collect();
+    assert_eq!(rays.len(), 2, "{text}");
+    assert!(number(rays[1], "ts") >= number(rays[0], "ts") + number(rays[0], "dur") - 1.0, "{text}");
+
     let told = fails_with(2, folder, &[&["render", &input, "--trace", "no/t.json"], &SMALL[..]].concat());
     assert!(told.contains("no/t.json"), "{told}");
-    assert_eq!(names(folder), ["SceneShadows.png", "t.json"], "nothing is rendered for a trace that cannot be written");
+    assert_eq!(
+        names(folder),
+        ["SceneShadows.png", "aa.json", "t.json"],
+        "nothing is rendered for a trace that cannot be written"
+    );
 }

@@ -28,7 +28,7 @@ pub use estimate::Estimate;
 pub use observer::{Observer, Silent};
 pub use output::{Faults, Output, Range, Triangles};
 pub use save::{Saved, Written};
-pub use timeline::{Row, StepKind, Timeline, median};
+pub use timeline::{Row, Span, StepKind, Timeline, median};
 
 use crate::backend::{Attachments, BackendError, GBuffer, Rect, Shade, Sun};
 use crate::diagnostic::{Decision, Warnings};

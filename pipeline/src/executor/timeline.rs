@@ -65,9 +65,7 @@ pub struct Row {
     pub kind: StepKind,
     /// The pass, the scene or the file.
     pub name: String,
-    /// When each run began, milliseconds after the first step of the timeline.
-    pub start_ms: Vec<f64>,
-    /// Host time of each run, milliseconds.
+    /// Host time of each run, milliseconds; of a step that a frame runs more than once, the sum.
     pub host_ms: Vec<f64>,
     /// Device time of each run, milliseconds; empty where the device has no clock of its own.
     pub device_ms: Vec<f64>,
@@ -77,6 +75,18 @@ pub struct Row {
     pub bytes: u64,
     /// What was done: triangles, bytes.
     pub note: String,
+    /// Each run by itself, where a frame runs the step more than once as well.
+    #[serde(skip)]
+    pub spans: Vec<Span>,
+}
+
+/// When a run of a step was.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Span {
+    /// Its beginning, milliseconds after that of the first step of the timeline.
+    pub start_ms: f64,
+    /// Its host time, milliseconds.
+    pub ms: f64,
 }
 
 impl Row {
@@ -129,18 +139,19 @@ impl Timeline {
             self.rows.push(Row {
                 kind,
                 name: name.to_owned(),
-                start_ms: Vec::new(),
                 host_ms: Vec::new(),
                 device_ms: Vec::new(),
                 rays: None,
                 bytes: 0,
                 note: String::new(),
+                spans: Vec::new(),
             });
             self.rows.len() - 1
         });
         let row = &mut self.rows[index];
-        row.start_ms.push(start.saturating_duration_since(began).as_secs_f64() * 1e3);
-        row.host_ms.push(host.as_secs_f64() * 1e3);
+        let ms = host.as_secs_f64() * 1e3;
+        row.spans.push(Span { start_ms: start.saturating_duration_since(began).as_secs_f64() * 1e3, ms });
+        row.host_ms.push(ms);
         row
     }
 
@@ -154,7 +165,6 @@ impl Timeline {
         let before = std::mem::take(&mut self.before);
         for (index, row) in self.rows.iter_mut().enumerate().filter(|(_, row)| row.kind.per_frame()) {
             let starts = before.get(index).copied().unwrap_or_default();
-            row.start_ms.truncate(starts[0] + 1);
             for (samples, start) in [&mut row.host_ms, &mut row.device_ms].into_iter().zip(starts) {
                 if samples.len() > start + 1 {
                     let sum = samples.drain(start..).sum();
@@ -183,8 +193,8 @@ mod tests {
         }
         timeline.record(StepKind::Quad, "pass2", Duration::from_millis(9));
         assert_eq!(timeline.rows.len(), 2);
-        assert_eq!(timeline.rows[0].start_ms.len(), 3);
-        assert!(timeline.rows[0].start_ms.iter().all(|start| *start >= 0.0));
+        let lengths: Vec<f64> = timeline.rows[0].spans.iter().map(|span| span.ms).collect();
+        assert_eq!(lengths, timeline.rows[0].host_ms);
         assert_eq!(timeline.rows[0].median_ms(), 3.0);
         assert_eq!(timeline.rows[0].mrays_per_second(), Some(1.0));
         assert_eq!(timeline.rows[1].mrays_per_second(), None);
