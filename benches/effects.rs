@@ -13,7 +13,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// The projects, and whether occlusion samples are set in their pass `pass2`.
-const PROJECTS: [(&str, bool); 12] = [
+const PROJECTS: [(&str, bool); 13] = [
     ("SceneNoEffects.xml", false),
     ("SceneDummy.xml", false),
     ("SceneShadows.xml", false),
@@ -24,6 +24,7 @@ const PROJECTS: [(&str, bool); 12] = [
     ("raster/SceneShadowMap.xml", false),
     ("raster/SceneCubeReflect.xml", false),
     ("raster/SceneCubeRefract.xml", false),
+    ("raster/ScenePlanarReflect.xml", false),
     ("raster/SceneDepthOcclusion.xml", false),
     ("raster/SceneGTAO.xml", false),
 ];

@@ -11,7 +11,7 @@ mod world;
 
 use curitiba_passes::raster::gpu::WgpuRasteriser;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, Rect,
+    Attachments, BackendError, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, Rect, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::{Image, write_png};
@@ -131,6 +131,7 @@ fn every_effect_agrees_with_the_processors() {
             }
             assert_eq!((stats.map_count, stats.triangles), (cpu.map_count, cpu.triangles), "{name}, {}", info.name);
             assert_eq!(stats.maps.is_some(), cpu.maps.is_some(), "{name}, {}", info.name);
+            assert_eq!(stats.glass_pixels, cpu.glass_pixels, "{name}, {}", info.name);
             assert!(stats.transfer.is_some() && stats.bytes >= cpu.bytes, "{name}, {}", info.name);
         }
     }
@@ -176,6 +177,11 @@ fn a_wrong_light_eye_or_parameter_is_found_out() {
                 });
             }
             EffectProgram::CubeReflection => job.view.eye += Vec3::X * 0.5,
+            // The camera itself is mirrored.
+            EffectProgram::PlanarReflection => {
+                let moved = glam::Mat4::from_translation(Vec3::X * 0.5);
+                job.view = View::new(job.view.clip_from_world * moved, job.view.eye - Vec3::X * 0.5);
+            }
             EffectProgram::CubeRefraction => job.params.index = 1.6,
             EffectProgram::DepthOcclusion => job.params.radius *= 1.1,
             EffectProgram::HorizonOcclusion => job.seed = 1,
@@ -235,7 +241,7 @@ fn what_was_drawn_last_is_read_in_place_and_survives_the_maps() {
             let (in_place, stats) = run(&mut gpu, &resident(&shot, info.program)).expect("a whole job");
             let (copied, other) = uploaded(&mut gpu, &shot, info.program);
             assert!(in_place == copied, "{name}, {}", info.name);
-            let counts = |stats: EffectStats| (stats.map_count, stats.triangles, stats.bytes);
+            let counts = |stats: EffectStats| (stats.map_count, stats.triangles, stats.bytes, stats.glass_pixels);
             assert_eq!(counts(stats), counts(other), "{name}, {}", info.name);
         }
         let job = raster_job(&shot, ALL);
@@ -324,7 +330,8 @@ fn a_frame_like_the_last_allocates_nothing_and_is_the_same() {
     let memory = gpu.memory();
     // Four shadow maps, cube maps for two panes with a depth buffer, output.
     let (map, pixels) = (256 * 256, u64::from(SIDE * SIDE));
-    assert_eq!(memory.effects, 4 * 4 * map + (2 * 6 * 16 + 4) * map + 16 * pixels);
+    // And two mirrors beside each other, with theirs.
+    assert_eq!(memory.effects, 4 * 4 * map + (2 * 6 * 16 + 4) * map + (16 + 4) * pixels + 16 * pixels);
     assert!(first == frame(&mut gpu));
     assert_eq!(gpu.memory(), memory);
 }
@@ -341,7 +348,8 @@ fn no_map_is_drawn_where_no_glass_is_seen() {
     for mut shot in [hollow().seen(Vec3::new(2.0, 3.0, 3.0), Vec3::ZERO, 64), away, hidden] {
         gpu.upload(&shot.scene).expect("uploads");
         draw(&mut gpu, &mut shot);
-        for program in [EffectProgram::CubeReflection, EffectProgram::CubeRefraction] {
+        use EffectProgram::{CubeReflection, CubeRefraction, PlanarReflection};
+        for program in [CubeReflection, CubeRefraction, PlanarReflection] {
             for job in [resident(&shot, program), EffectJob { resident: false, ..shot.job(program, params(program)) }] {
                 let (found, stats) = run(&mut gpu, &job).expect("a whole job");
                 assert!(found == shot.buffer.color);

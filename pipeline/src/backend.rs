@@ -26,13 +26,16 @@ pub struct View {
     pub clip_from_eye: Option<Mat4>,
     /// Side of the square of the picture over which textures are filtered, in pixels: below 1 where a pixel has several samples.
     pub footprint: f32,
+    /// Nothing is drawn where the dot product of this and `(p, 1)` is below 0: the mirror before a mirrored camera, which sees nothing
+    /// of what lies behind it. `p` is a position less what [`Self::projection`] says.
+    pub clip_plane: Option<Vec4>,
 }
 
 impl View {
     /// A camera not far from the origin.
     #[must_use]
     pub fn new(clip_from_world: Mat4, eye: Vec3) -> Self {
-        Self { clip_from_world, eye, clip_from_eye: None, footprint: 1.0 }
+        Self { clip_from_world, eye, clip_from_eye: None, footprint: 1.0, clip_plane: None }
     }
 
     /// The same camera for one of the samples of every pixel of a viewport: where the pixel's sample was is its centre now.
@@ -321,7 +324,7 @@ pub struct EffectJob<'a> {
     pub triangle: &'a [u32],
     /// By material: what maps show.
     pub shades: &'a [Shade],
-    /// By material: whether it is glass. Glass is in no cube map.
+    /// By material: whether it is glass. Glass is in no cube map and in no mirror.
     pub glass: &'a [bool],
 }
 
@@ -349,6 +352,8 @@ pub struct EffectStats {
     pub triangles: u64,
     /// Bytes that the maps take.
     pub bytes: u64,
+    /// Pixels of glass, and those of them that no map serves: they keep their colour. Both 0 for a program whose maps serve all glass.
+    pub glass_pixels: [u64; 2],
 }
 
 /// Attachments on their way into shared memory.

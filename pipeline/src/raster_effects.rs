@@ -8,6 +8,8 @@ use crate::programs::{Fresnel, ParamInfo, RayProgram, Values};
 
 /// Most shadow maps that a frame may have.
 pub const MAX_CASCADES: u32 = 8;
+/// Most mirrors that a frame may have.
+pub const MAX_PLANES: u32 = 64;
 
 /// What an effect pass runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -18,6 +20,8 @@ pub enum EffectProgram {
     CubeReflection,
     /// Reflection and refraction in glass from cube maps.
     CubeRefraction,
+    /// Reflection in flat glass from mirrored cameras.
+    PlanarReflection,
     /// Ambient occlusion by the difference of depths.
     DepthOcclusion,
     /// Ambient occlusion by horizons: GTAO.
@@ -37,6 +41,8 @@ pub struct EffectParams {
     pub bias: f32,
     /// Most cube maps of a frame.
     pub probes: u32,
+    /// Most mirrors of a frame, each a plane of glass.
+    pub planes: u32,
     /// Index of refraction of a whole pane.
     pub index: f32,
     /// How much a pane reflects.
@@ -60,6 +66,7 @@ impl Default for EffectParams {
             pcf: 1,
             bias: 1.5,
             probes: 4,
+            planes: 16,
             index: 1.1,
             fresnel: Fresnel::Exact,
             radius: 0.5,
@@ -97,6 +104,12 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
         values: Values::Number(0.0, 100.0),
     },
     ParamInfo { name: "probes", about: "most cube maps of a frame", valid: "1..=64", values: Values::Integer(1, 64) },
+    ParamInfo {
+        name: "planes",
+        about: "most planes of glass that mirror in a frame, those of the most pixels first",
+        valid: "1..=64",
+        values: Values::Integer(1, MAX_PLANES),
+    },
     ParamInfo {
         name: "index",
         about: "index of refraction that stands for a whole pane",
@@ -162,6 +175,7 @@ impl EffectParams {
             "pcf" => self.pcf = integer(0..=8)?,
             "bias" => self.bias = float(|v| (0.0..=100.0).contains(&v))?,
             "probes" => self.probes = integer(1..=64)?,
+            "planes" => self.planes = integer(1..=MAX_PLANES)?,
             "index" => self.index = float(|v| (0.1..=10.0).contains(&v))?,
             "fresnel" => self.fresnel = Fresnel::named(value).ok_or_else(wrong)?,
             "radius" => self.radius = float(|v| v.is_finite() && v > 0.0)?,
@@ -185,6 +199,7 @@ impl EffectParams {
             "pcf" => self.pcf.to_string(),
             "bias" => self.bias.to_string(),
             "probes" => self.probes.to_string(),
+            "planes" => self.planes.to_string(),
             "index" => self.index.to_string(),
             "fresnel" => self.fresnel.name().to_owned(),
             "radius" => self.radius.to_string(),
@@ -250,6 +265,16 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         params: &["mapsize", "probes", "index", "fresnel"],
     },
     EffectProgramInfo {
+        program: EffectProgram::PlanarReflection,
+        name: "planarReflection",
+        about: "reflection in flat glass from cameras mirrored at its planes; other pixels, and glass that is not flat, keep their colour",
+        counterpart: RayProgram::Reflection,
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        lit: true,
+        glass: true,
+        params: &["planes"],
+    },
+    EffectProgramInfo {
         program: EffectProgram::DepthOcclusion,
         name: "depthOcclusion",
         about: "ambient occlusion by the difference of depths alone, with its error where near things cross far ones",
@@ -281,7 +306,7 @@ impl EffectProgram {
     /// Whether its maps show shaded surfaces, so that materials and textures are needed.
     #[must_use]
     pub fn shades_maps(self) -> bool {
-        matches!(self, Self::CubeReflection | Self::CubeRefraction)
+        matches!(self, Self::CubeReflection | Self::CubeRefraction | Self::PlanarReflection)
     }
 }
 
@@ -300,7 +325,7 @@ mod tests {
     fn every_parameter_is_settable_by_its_name_and_read_by_a_program() {
         let mut params = EffectParams::default();
         for (info, value) in
-            EFFECT_PARAMS.iter().zip(["64", "2", "3", "2.5", "7", "1.5", "schlick", "2", "1", "9", "11"])
+            EFFECT_PARAMS.iter().zip(["64", "2", "3", "2.5", "7", "5", "1.5", "schlick", "2", "1", "9", "11"])
         {
             assert_ne!(params.get(info.name), value);
             params.set(info.name, value).expect("valid");

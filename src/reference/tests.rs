@@ -121,6 +121,7 @@ fn a_raster_effect_has_the_reference_of_the_rays_in_its_place() {
     for (rays, raster) in [
         ("SceneShadows.xml", "raster/SceneShadowMap.xml"),
         ("SceneReflect.xml", "raster/SceneCubeReflect.xml"),
+        ("SceneReflect.xml", "raster/ScenePlanarReflect.xml"),
         ("SceneRefract.xml", "raster/SceneCubeRefract.xml"),
         ("SceneSSAO.xml", "raster/SceneGTAO.xml"),
         ("SceneSSAO.xml", "raster/SceneDepthOcclusion.xml"),

@@ -111,10 +111,15 @@ pub const ROUNDS: u32 = 3;
 pub fn files(effect: Effect) -> (&'static str, &'static [&'static str]) {
     match effect {
         Effect::Shadows => ("SceneShadows.xml", &["raster/SceneShadowMap.xml"]),
-        Effect::Reflection => ("SceneReflect.xml", &["raster/SceneCubeReflect.xml"]),
+        Effect::Reflection => ("SceneReflect.xml", &["raster/SceneCubeReflect.xml", "raster/ScenePlanarReflect.xml"]),
         Effect::Refraction => ("SceneRefract.xml", &["raster/SceneCubeRefract.xml"]),
         Effect::Occlusion => ("SceneSSAO.xml", &["raster/SceneGTAO.xml", "raster/SceneDepthOcclusion.xml"]),
     }
+}
+
+/// Whether a project mirrors at planes.
+fn is_planar(file: &str) -> bool {
+    file.contains("Planar")
 }
 
 /// Rays a pixel of the usual ambient-occlusion row.
@@ -189,8 +194,11 @@ fn elsewhere() -> Vec<Entry> {
         let (by_rays, by_raster) = files(effect);
         let name = effect.title();
         let rays = entry(by_rays, effect.id(), Technique::Rays, &format!("{name} by rays"));
-        let raster = entry(by_raster[0], effect.id(), Technique::Raster, &format!("{name} by cube maps"));
-        [rays, raster]
+        let raster = by_raster.iter().map(move |file| {
+            let maps = if is_planar(file) { "mirrors" } else { "cube maps" };
+            entry(file, effect.id(), Technique::Raster, &format!("{name} by {maps}"))
+        });
+        std::iter::once(rays).chain(raster)
     };
     let mut rows: Vec<Entry> = [Effect::Reflection, Effect::Refraction].into_iter().flat_map(afar).collect();
     for (samples, effect, label) in [(0, "all-but-ao", "All but AO, by rays"), (USUAL_SAMPLES, "all", "All, by rays")] {
@@ -237,7 +245,7 @@ fn rays(effect: Effect, other: Option<(u32, &'static str)>) -> Entry {
 }
 
 /// An effect by raster. `other` are the parameters of a row that is not the usual one: the map's side and the number of
-/// cascades, or slices and steps.
+/// cascades, the mirrors, or slices and steps.
 fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entry {
     let base = entry(file, effect.id(), Technique::Raster, "");
     let (stage, in_table) = if other.is_some() { (Stage::Settings, false) } else { (Stage::Effects, true) };
@@ -248,6 +256,10 @@ fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entr
             let set = vec![format!("pass2.mapsize={side}"), format!("pass2.cascades={cascades}")];
             let series = if cascades == 1 { "one shadow map".to_owned() } else { format!("{cascades} shadow maps") };
             (set, series, side.to_string(), f64::from(cascades) * (f64::from(side * side) + 2e6))
+        }
+        Effect::Reflection | Effect::Refraction if is_planar(file) => {
+            let (planes, _) = other.unwrap_or((16, 0));
+            (vec![format!("pass2.planes={planes}")], "mirrors".to_owned(), planes.to_string(), f64::from(planes) * 2e6)
         }
         Effect::Reflection | Effect::Refraction => {
             let (side, _) = other.unwrap_or((512, 0));
@@ -261,20 +273,21 @@ fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entr
             (set, series.to_owned(), format!("{slices} × {steps}"), f64::from(slices * steps))
         }
     };
-    let unit = match effect {
-        Effect::Occlusion => "slices × steps",
-        _ => "texels",
+    let (wide, unit) = match effect {
+        Effect::Occlusion => ("", "slices × steps"),
+        _ if is_planar(file) => (" planes", "planes"),
+        _ => (" wide", "texels"),
     };
-    let role = if file.contains("DepthOcclusion") { "raster-depth" } else { "raster" };
+    let role = match file {
+        _ if file.contains("DepthOcclusion") => "raster-depth",
+        _ if is_planar(file) => "raster-planar",
+        _ => "raster",
+    };
     Entry {
         stage,
         panes,
         set,
-        label: format!(
-            "{} by {series}, {value}{}",
-            effect.title(),
-            if effect == Effect::Occlusion { "" } else { " wide" }
-        ),
+        label: format!("{} by {series}, {value}{wide}", effect.title()),
         picture: other.is_none().then(|| (role, format!("Raster: {series}, {value} {unit}"))),
         setting: Some((series, value)),
         in_table,
@@ -297,8 +310,13 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
             let others: Vec<_> = pairs.into_iter().filter(|pair| *pair != (1024, 4)).collect();
             every(by_raster[0], &others)
         }
-        Effect::Reflection | Effect::Refraction if quick => every(by_raster[0], &[(128, 0), (256, 0)]),
-        Effect::Reflection | Effect::Refraction => every(by_raster[0], &[(128, 0), (256, 0), (1024, 0), (2048, 0)]),
+        Effect::Reflection | Effect::Refraction => {
+            let sides: &[(u32, u32)] =
+                if quick { &[(128, 0), (256, 0)] } else { &[(128, 0), (256, 0), (1024, 0), (2048, 0)] };
+            let planes: &[(u32, u32)] = if quick { &[(4, 0)] } else { &[(1, 0), (4, 0), (64, 0)] };
+            let settings = |file: &&'static str| every(file, if is_planar(file) { planes } else { sides });
+            by_raster.iter().flat_map(settings).collect()
+        }
         Effect::Occlusion => {
             let pairs: &[(u32, u32)] =
                 if quick { &[(1, 4), (8, 8)] } else { &[(1, 4), (2, 4), (2, 8), (8, 8), (8, 16), (16, 16)] };
@@ -429,7 +447,7 @@ mod tests {
         assert!(without.iter().all(|entry| !entry.on_cpu));
         let added: Vec<_> = with.iter().filter(|entry| entry.on_cpu).collect();
         assert_eq!(added.len(), with.len() - without.len());
-        assert_eq!(added.len(), 5);
+        assert_eq!(added.len(), 6);
     }
 
     #[test]

@@ -13,6 +13,8 @@ const SQUARES: [u32; 8] = [1, 4, 9, 16, 36, 64, 144, 256];
 const SLICES_AND_STEPS: [(u32, u32); 6] = [(1, 4), (2, 4), (2, 8), (4, 8), (8, 8), (8, 16)];
 /// Texels a side of shadow maps, and on each side of the middle one.
 const SHADOW_MAPS: [(u32, u32); 7] = [(512, 0), (1024, 0), (1024, 1), (2048, 0), (2048, 1), (4096, 0), (4096, 1)];
+/// Most planes of glass that mirror.
+const PLANES: [u32; 4] = [1, 4, 16, 64];
 /// Texels a side of a cube map's face.
 const CUBE_MAPS: [u32; 4] = [128, 256, 512, 1024];
 
@@ -130,6 +132,8 @@ fn settings(info: &EffectProgramInfo, base: EffectParams) -> Vec<EffectParams> {
         SLICES_AND_STEPS.map(|(slices, steps)| EffectParams { slices, steps, ..base }).to_vec()
     } else if reads("pcf") {
         SHADOW_MAPS.map(|(map_size, pcf)| EffectParams { map_size, pcf, ..base }).to_vec()
+    } else if reads("planes") {
+        PLANES.map(|planes| EffectParams { planes, ..base }).to_vec()
     } else {
         CUBE_MAPS.map(|map_size| EffectParams { map_size, ..base }).to_vec()
     }
@@ -187,7 +191,7 @@ fn ray_label(pass: &RayPass) -> String {
 }
 
 fn effect_label(pass: &EffectPass) -> String {
-    const SAID: [&str; 5] = ["mapsize", "cascades", "pcf", "slices", "steps"];
+    const SAID: [&str; 6] = ["mapsize", "cascades", "pcf", "slices", "steps", "planes"];
     let info = pass.program.info();
     let said = SAID.iter().filter(|name| info.params.contains(name));
     said.fold(info.name.to_owned(), |label, name| label + &format!(" {name}={}", pass.params.get(name)))

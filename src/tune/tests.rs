@@ -157,11 +157,12 @@ fn every_shipped_effect_has_candidates_by_rays_and_by_raster() {
     for (project, raster, rays) in [
         ("SceneSSAO.xml", 12, 10),
         ("SceneShadows.xml", 7, 1),
-        ("SceneReflect.xml", 4, 1),
+        ("SceneReflect.xml", 8, 1),
         ("SceneRefract.xml", 4, 2),
         ("SceneFinal.xml", 0, 20),
         ("raster/SceneGTAO.xml", 12, 10),
         ("raster/SceneShadowMap.xml", 7, 1),
+        ("raster/ScenePlanarReflect.xml", 8, 1),
     ] {
         let slots = slots_of(project, &[]);
         assert_eq!(slots.len(), 1, "{project}");

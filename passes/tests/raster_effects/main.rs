@@ -2,7 +2,9 @@
 
 mod cubes;
 mod jobs;
+mod mirrors;
 mod occlusion;
+mod planes;
 mod shadows;
 mod square;
 mod world;

@@ -82,6 +82,11 @@ impl Renderer {
         let row = self.timeline.record(StepKind::Effect, name, stats.pixels.host);
         row.device_ms.extend(stats.pixels.device.map(milliseconds));
         row.note = format!("{program} on {engine}");
+        let [glass, without] = stats.glass_pixels;
+        if without > 0 {
+            let percent = 100.0 * without as f64 / glass as f64;
+            row.note += &format!(", {without} of {glass} pixels of glass ({percent:.2} %) in no mirror");
+        }
         if let Some(transfer) = stats.transfer {
             self.timeline.record(StepKind::ReadBack, name, transfer);
         }

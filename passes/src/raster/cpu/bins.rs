@@ -162,7 +162,9 @@ impl Kernel for Fill<'_> {
                     clip::clip(self.projection, triangle, positions, |part| {
                         let corners = part.corners.each_ref();
                         let pixels = Bounds::of(&corners, (0, 0), high);
-                        if !pixels.is_empty() && is_seen(&corners) {
+                        // One more than 16 bits count would be [`Part::NONE`] in the last bin of all; so many parts no triangles have.
+                        let room = clipped.len() < usize::from(u16::MAX);
+                        if room && !pixels.is_empty() && is_seen(&corners) {
                             bins.push(grid, &pixels, Part::clipped(self.index, clipped.len(), cut));
                             clipped.push(part);
                         }

@@ -1,4 +1,4 @@
-//! Clipping of the few triangles that reach behind the eye, past the far plane or far off the screen.
+//! Clipping of the few triangles that reach behind the eye, past the far plane, far off the screen or behind a mirror.
 
 use super::vertex::{Projection, ScreenVertex};
 use glam::Vec3;
@@ -14,8 +14,8 @@ pub(super) struct ClippedTriangle {
     pub triangle: u32,
 }
 
-/// Parts of one triangle: six planes make at most nine corners of three.
-pub(super) const MAX_PARTS: usize = 7;
+/// Parts of one triangle: seven planes make at most ten corners of three.
+pub(super) const MAX_PARTS: usize = 8;
 const MAX_CORNERS: usize = MAX_PARTS + 2;
 
 #[derive(Debug, Clone, Copy, Default)]
@@ -54,11 +54,11 @@ impl Polygon {
     }
 
     /// Sutherland and Hodgman, "Reentrant polygon clipping" (1974), for one plane.
-    fn clipped(&self, distance: impl Fn(&[f64; 4]) -> f64) -> Self {
+    fn clipped(&self, distance: impl Fn(&Corner) -> f64) -> Self {
         let mut output = Self::default();
         for i in 0..self.len {
             let (from, to) = (&self.corners[i], &self.corners[(i + 1) % self.len]);
-            let (start, end) = (distance(&from.clip), distance(&to.clip));
+            let (start, end) = (distance(from), distance(to));
             if start >= 0.0 {
                 output.push(*from);
             }
@@ -81,8 +81,13 @@ pub(super) fn clip(
     positions: [Vec3; 3],
     mut emit: impl FnMut(ClippedTriangle),
 ) {
+    let above = projection.plane.map(|plane| positions.map(|position| f64::from(projection.above(plane, position))));
+    if above.is_some_and(|above| above.iter().all(|value| *value < 0.0)) {
+        return;
+    }
     let clip = positions.map(|position| projection.clip(position));
-    if clip.iter().flatten().any(|value| !value.is_finite()) {
+    let finite = clip.iter().flatten().all(|value| value.is_finite());
+    if !finite || above.iter().flatten().any(|value| !value.is_finite()) {
         return;
     }
     // Where the view is a small part of the scene, as a near shadow map's is, most triangles end here: all corners are beyond
@@ -100,12 +105,15 @@ pub(super) fn clip(
         polygon.push(Corner { clip: corner.map(f64::from), weights });
     }
     let [guard_x, guard_y] = projection.guard.map(f64::from);
-    polygon = polygon.clipped(|[_, _, z, w]| w - z);
-    polygon = polygon.clipped(|[_, _, z, _]| *z);
-    polygon = polygon.clipped(|[x, _, _, w]| guard_x * w - x);
-    polygon = polygon.clipped(|[x, _, _, w]| guard_x * w + x);
-    polygon = polygon.clipped(|[_, y, _, w]| guard_y * w - y);
-    polygon = polygon.clipped(|[_, y, _, w]| guard_y * w + y);
+    if let Some([a, b, c]) = above {
+        polygon = polygon.clipped(|Corner { weights: [u, v], .. }| a * (1.0 - u - v) + b * u + c * v);
+    }
+    polygon = polygon.clipped(|Corner { clip: [_, _, z, w], .. }| w - z);
+    polygon = polygon.clipped(|Corner { clip: [_, _, z, _], .. }| *z);
+    polygon = polygon.clipped(|Corner { clip: [x, _, _, w], .. }| guard_x * w - x);
+    polygon = polygon.clipped(|Corner { clip: [x, _, _, w], .. }| guard_x * w + x);
+    polygon = polygon.clipped(|Corner { clip: [_, y, _, w], .. }| guard_y * w - y);
+    polygon = polygon.clipped(|Corner { clip: [_, y, _, w], .. }| guard_y * w + y);
     for second in 2..polygon.len {
         let corners = [&polygon.corners[0], &polygon.corners[second - 1], &polygon.corners[second]];
         let clip = corners.map(|corner| corner.clip.map(|value| value as f32));

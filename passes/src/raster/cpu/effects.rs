@@ -4,6 +4,7 @@ use super::surface::{DepthMap, Target};
 use super::{CpuRasteriser, refused};
 use crate::effects::{interface, reflect};
 use crate::raster::effects::cascades::{self, Cascades};
+use crate::raster::effects::mirrors::{Mirror, Mirrors, Survey};
 use crate::raster::effects::occlusion::{Occlusion, Shown};
 use crate::raster::effects::panes::{Probe, Probes, nearest};
 use crate::raster::effects::{self, SceneCache, cube};
@@ -11,7 +12,9 @@ use curitiba_pipeline::backend::{
     Attachments, BackendError, EffectJob, EffectStats, GBuffer, Part, RasterJob, Rasteriser, Rect, Sun, View,
 };
 use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::gbuffer::ALIGNMENT;
 use curitiba_pipeline::image::Image;
+use curitiba_pipeline::memory::resize;
 use curitiba_pipeline::programs::RasterProgram;
 use curitiba_pipeline::raster_effects::EffectProgram;
 use curitiba_pipeline::scene::{RenderScene, TriangleRanges};
@@ -32,6 +35,10 @@ pub(super) struct Effects {
     probes: Probes,
     /// Six for each probe.
     faces: Vec<GBuffer>,
+    /// One mirror after the other.
+    mirror: GBuffer,
+    /// By pixel: the plane of glass that it shows.
+    plane_of: Vec<u32>,
 }
 
 impl Effects {
@@ -65,6 +72,7 @@ impl Effects {
             EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
                 self.cubes(raster, job, output, progress, &mut stats)?;
             }
+            EffectProgram::PlanarReflection => self.mirrors(raster, job, output, progress, &mut stats)?,
             EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
                 let occlusion = Occlusion::new(job);
                 let depths = job.program == EffectProgram::DepthOcclusion;
@@ -110,7 +118,7 @@ impl Effects {
         }
         for (fit, map) in cascades.fits.iter().zip(&mut self.shadows) {
             map.resize(size);
-            let map_job = map_job(job, fit.view, None, size, Attachments::default());
+            let map_job = map_job(job, fit.view, None, square(size), Attachments::default());
             let drawn = raster.render(&map_job, &[], Target::Depth(map))?;
             stats.triangles += drawn.triangles;
             progress.advance(1);
@@ -163,13 +171,11 @@ impl Effects {
         }
         let faces = probes.iter().flat_map(|probe| (0..cube::FACES).map(|face| probe.view(face)));
         for (view, face) in faces.zip(&mut self.faces) {
-            let map_job = map_job(job, view, job.sun, size, attachments);
+            let map_job = map_job(job, view, job.sun, square(size), attachments);
             raster.render(&map_job, job.glass, Target::Attachments(face, attachments))?;
             progress.advance(1);
         }
-        let seen =
-            job.scene.geometry.batches.iter().filter(|batch| job.glass.get(batch.material as usize) != Some(&true));
-        stats.triangles = maps as u64 * seen.map(|batch| u64::from(batch.count)).sum::<u64>();
+        stats.triangles = maps as u64 * unglazed(job);
         stats.map_count = probes.len() as u32;
         stats.maps = Some(Part { host: start.elapsed(), device: None });
         let refracts = job.program == EffectProgram::CubeRefraction;
@@ -183,6 +189,102 @@ impl Effects {
         });
         Ok(())
     }
+
+    /// Draws one mirror after the other, into the same map, and takes the pixels that show it from there.
+    fn mirrors(
+        &mut self,
+        raster: &mut CpuRasteriser,
+        job: &EffectJob<'_>,
+        output: &mut Image,
+        progress: &Progress,
+        stats: &mut EffectStats,
+    ) -> Result<(), BackendError> {
+        let bounds = self.scene.bounds(job.scene);
+        let glazing = self.scene.glazing(job.scene, job.glass).map_err(refused)?;
+        progress.start(bands(output));
+        let start = Instant::now();
+        let survey = match glazing.runs.is_empty() {
+            true => Survey::default(),
+            false => Survey::new(job, glazing, &mut self.plane_of).map_err(refused)?,
+        };
+        let mirrors = Mirrors::choose(glazing, &survey, &bounds, &job.view, job.params.planes);
+        let choosing = start.elapsed();
+        stats.glass_pixels = mirrors.glass_pixels;
+        progress.start(bands(output) + mirrors.chosen.len() as u64);
+        stats.pixels = each_pixel(output, progress, |_, _, index| job.color[index]);
+        stats.pixels.host += choosing;
+        if mirrors.chosen.is_empty() {
+            return Ok(());
+        }
+        let texels = |mirror: &Mirror| {
+            let held = on_tiles(mirror.pixels, job);
+            u64::from(held.width) * u64::from(held.height)
+        };
+        stats.bytes = mirrors.chosen.iter().map(texels).max().unwrap_or(0) * size_of::<[f32; 4]>() as u64;
+        check_bytes(raster, job, stats.bytes)?;
+        let attachments = Attachments { color: true, ..Attachments::default() };
+        let whole = Rect { x: 0, y: 0, width: job.width, height: job.height };
+        let mut drawing = std::time::Duration::ZERO;
+        for mirror in &mirrors.chosen {
+            let start = Instant::now();
+            let held = on_tiles(mirror.pixels, job);
+            let map = &mut self.mirror;
+            (map.origin, map.width, map.height) = ([held.x, held.y], held.width, held.height);
+            resize(&mut map.color, held.width as usize * held.height as usize, [0.0; 4]).map_err(refused)?;
+            // As the picture itself is drawn: of two layers the nearer one is seen.
+            let map_job = RasterJob { snapped_depth: false, ..map_job(job, mirror.view, job.sun, whole, attachments) };
+            raster.render(&map_job, job.glass, Target::Attachments(map, attachments))?;
+            drawing += start.elapsed();
+            let start = Instant::now();
+            take(output, &self.plane_of, mirror, map);
+            stats.pixels.host += start.elapsed();
+            progress.advance(1);
+        }
+        stats.map_count = mirrors.chosen.len() as u32;
+        stats.triangles = u64::from(stats.map_count) * unglazed(job);
+        stats.maps = Some(Part { host: drawing, device: None });
+        Ok(())
+    }
+}
+
+/// The tiles of the picture that some pixels lie in.
+fn on_tiles(pixels: Rect, job: &EffectJob<'_>) -> Rect {
+    let axis = |first: u32, count: u32, side: u32| {
+        let start = first / ALIGNMENT * ALIGNMENT;
+        (start, (first + count).next_multiple_of(ALIGNMENT).min(side) - start)
+    };
+    let (x, width) = axis(pixels.x, pixels.width, job.width);
+    let (y, height) = axis(pixels.y, pixels.height, job.height);
+    Rect { x, y, width, height }
+}
+
+/// Takes the pixels that show a mirror from what was drawn of it.
+fn take(output: &mut Image, plane_of: &[u32], mirror: &Mirror, map: &GBuffer) {
+    let width = output.width as usize;
+    let Rect { x, y, width: columns, height: rows } = mirror.pixels;
+    let (first, last) = (y as usize * width, (y + rows) as usize * width);
+    let shown = output.pixels[first..last].par_chunks_mut(width).zip(plane_of[first..last].par_chunks(width));
+    shown.enumerate().with_min_len(8).for_each(|(row, (pixels, planes))| {
+        let from = (y - map.origin[1]) as usize + row;
+        let texels = &map.color[from * map.width as usize..][(x - map.origin[0]) as usize..][..columns as usize];
+        let columns = x as usize..(x + columns) as usize;
+        for ((pixel, plane), [r, g, b, _]) in pixels[columns.clone()].iter_mut().zip(&planes[columns]).zip(texels) {
+            if *plane == mirror.plane {
+                *pixel = [*r, *g, *b, 1.0];
+            }
+        }
+    });
+}
+
+/// Triangles that are not glass: what maps show.
+fn unglazed(job: &EffectJob<'_>) -> u64 {
+    let seen = job.scene.geometry.batches.iter().filter(|batch| job.glass.get(batch.material as usize) != Some(&true));
+    seen.map(|batch| u64::from(batch.count)).sum()
+}
+
+/// The viewport of a square map.
+fn square(size: u32) -> Rect {
+    Rect { x: 0, y: 0, width: size, height: size }
 }
 
 /// What a pixel of glass shows: the reflected colour, or both by their Fresnel weights.
@@ -218,12 +320,12 @@ fn check_bytes(raster: &CpuRasteriser, job: &EffectJob<'_>, bytes: u64) -> Resul
     })
 }
 
-/// A draw of the job's scene into a whole square map.
+/// A draw of the job's scene into a map.
 fn map_job<'a>(
     job: &EffectJob<'a>,
     view: View,
     sun: Option<Sun>,
-    size: u32,
+    viewport: Rect,
     attachments: Attachments,
 ) -> RasterJob<'a> {
     RasterJob {
@@ -234,7 +336,7 @@ fn map_job<'a>(
         shades: job.shades,
         // Maps show what rays meet: both sides of everything.
         culled: &[],
-        viewport: Rect { x: 0, y: 0, width: size, height: size },
+        viewport,
         clear_color: Vec4::ZERO,
         attachments,
         shared: Attachments::default(),

@@ -45,7 +45,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use surface::{Grid, Target, TileSurface};
 use tile::Tile;
-use vertex::{Project, Projection, ScreenVertex};
+use vertex::{Behind, Project, Projection, ScreenVertex};
 
 /// Vertices that a thread projects at once.
 const VERTEX_RUN: usize = 1024;
@@ -153,6 +153,12 @@ impl CpuRasteriser {
         outputs.zip(geometry.positions.par_chunks(VERTEX_RUN)).for_each(|(output, positions)| {
             detected.run(Project { projection: &projection, positions, output });
         });
+        if let Some(plane) = projection.plane {
+            let outputs = self.vertices.par_chunks_mut(VERTEX_RUN);
+            outputs.zip(geometry.positions.par_chunks(VERTEX_RUN)).for_each(|(output, positions)| {
+                detected.run(Behind { projection: &projection, plane, positions, output });
+            });
+        }
         self.stages.vertices = start.elapsed();
 
         self.cuts.clear();

@@ -2,7 +2,7 @@
 
 use super::simd::Kernel;
 use curitiba_pipeline::backend::{Rect, View};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// Sub-pixel units of a pixel.
 pub(super) const UNITS: i32 = 256;
@@ -81,6 +81,8 @@ pub(super) struct Projection {
     origin: [i64; 2],
     /// Largest `|x / w|` and `|y / w|`; powers of two, so that the clipper's planes and the test below agree exactly.
     pub guard: [f32; 2],
+    /// [`View::clip_plane`].
+    pub plane: Option<Vec4>,
 }
 
 impl Projection {
@@ -97,6 +99,7 @@ impl Projection {
             height: viewport.height as f32,
             origin: [viewport.x, viewport.y].map(|pixels| i64::from(pixels) * i64::from(UNITS)),
             guard: [guard(viewport.width), guard(viewport.height)],
+            plane: view.clip_plane,
         }
     }
 
@@ -105,6 +108,13 @@ impl Projection {
     pub fn clip(&self, p: Vec3) -> [f32; 4] {
         let ([a, b, c, d], p) = (&self.columns, p - self.eye);
         std::array::from_fn(|row| a[row] * p.x + b[row] * p.y + c[row] * p.z + d[row])
+    }
+
+    /// Where a world position is to a plane of [`Self::plane`]: below 0 behind it.
+    #[inline(always)]
+    pub fn above(&self, plane: Vec4, p: Vec3) -> f32 {
+        let p = p - self.eye;
+        plane.x * p.x + plane.y * p.y + plane.z * p.z + plane.w
     }
 
     /// Whether a corner needs no clipping.
@@ -161,6 +171,26 @@ impl Kernel for Project<'_> {
             let mut vertex = self.projection.screen(clip);
             vertex.fine_x = if self.projection.inside(clip) { vertex.fine_x } else { NEEDS_CLIPPING };
             *output = vertex;
+        }
+    }
+}
+
+/// Marks the vertices of a run that lie behind a plane: triangles that use them are clipped.
+pub(super) struct Behind<'a> {
+    pub projection: &'a Projection,
+    pub plane: Vec4,
+    pub positions: &'a [Vec3],
+    pub output: &'a mut [ScreenVertex],
+}
+
+impl Kernel for Behind<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (position, vertex) in self.positions.iter().zip(self.output) {
+            let above = self.projection.above(self.plane, *position);
+            vertex.fine_x = if above >= 0.0 { vertex.fine_x } else { NEEDS_CLIPPING };
         }
     }
 }

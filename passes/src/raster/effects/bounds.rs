@@ -65,6 +65,12 @@ impl Bounds {
         (point - point.clamp(self.min, self.max)).length_squared()
     }
 
+    /// Distance from a point to the farthest corner.
+    #[must_use]
+    pub fn farthest_from(&self, point: DVec3) -> f64 {
+        self.corners().iter().map(|corner| corner.distance(point)).fold(0.0, f64::max)
+    }
+
     /// The largest value of an affine function, the dot product of `plane` and `(p, 1)`, in the box.
     #[must_use]
     pub fn farthest(&self, plane: DVec4) -> f64 {

@@ -4,33 +4,39 @@
 //!
 //! - [`cascades`], [`shadow`]: how many depth maps there are, which one serves a pixel, their cameras and their test.
 //! - [`panes`], [`cube`]: which glass gets a cube map, its cameras, and how a direction is looked up.
+//! - [`planes`], [`mirrors`]: which flat glass lies in one plane, which planes mirror, and the cameras mirrored at them.
 //! - [`occlusion`]: what the two screen-space ambient occlusions compute at a pixel.
 //!
 //! # Pixels that an effect leaves alone
 //! As the ray programs in corrected fidelity do: `shadowMap` writes 1 where the position's `w` is not above 0 (background and
-//! surfaces turned away from the light), the occlusions write 1 where the normal is 0 (background), the cube maps keep the
-//! colour of pixels that are not glass. Alpha is 1 but for kept colours.
+//! surfaces turned away from the light), the occlusions write 1 where the normal is 0 (background), the cube maps and
+//! mirrors keep the colour of pixels that are not glass, mirrors that of glass that no mirror serves, too. Alpha is 1 but for kept colours.
 //!
 //! # What differs from the ray programs
 //! - The geometric normal is not known: sides and slopes are the shading normal's.
 //! - Cube maps show the world as seen from the middle of a pane, shaded as the G-buffer is (stored normals, filtered textures,
 //!   emission), and no glass.
+//! - Mirrors show it as rays meet it that are mirrored once: shaded so, and without glass.
 //! - Occlusions know only what the camera sees.
 
 pub mod bounds;
 pub mod cascades;
 pub mod cube;
+pub mod mirrors;
 pub mod occlusion;
 pub mod panes;
+pub mod planes;
 pub mod shadow;
 
 use bounds::Bounds;
 use curitiba_pipeline::backend::EffectJob;
 use curitiba_pipeline::image::Image;
+use curitiba_pipeline::memory::Refused;
 use curitiba_pipeline::raster_effects::{EFFECT_PARAMS, EffectParams, EffectProgram};
 use curitiba_pipeline::scene::RenderScene;
 use glam::Vec3;
 use panes::Pane;
+use planes::Glazing;
 use std::sync::{Arc, Weak};
 
 /// Most bytes that the maps of one effect may take.
@@ -44,6 +50,7 @@ pub struct SceneCache {
     bounds: Option<Bounds>,
     glass: Vec<bool>,
     panes: Option<Vec<Pane>>,
+    glazing: Option<Glazing>,
 }
 
 impl SceneCache {
@@ -66,12 +73,29 @@ impl SceneCache {
 
     /// The panes of the materials that are glass; found again only if `glass` differs from the last call's.
     pub fn panes(&mut self, scene: &RenderScene, glass: &[bool]) -> &[Pane] {
+        self.look_for(glass);
+        self.panes.get_or_insert_with(|| panes::find(&scene.geometry, glass))
+    }
+
+    /// The planes of the materials that are glass; found again only if `glass` differs from the last call's.
+    ///
+    /// # Errors
+    /// If there is not enough memory.
+    pub fn glazing(&mut self, scene: &RenderScene, glass: &[bool]) -> Result<&Glazing, Refused> {
+        self.look_for(glass);
+        match &mut self.glazing {
+            Some(glazing) => Ok(glazing),
+            none => Ok(none.insert(Glazing::find(&scene.geometry, glass)?)),
+        }
+    }
+
+    /// Forgets what is known of other glass.
+    fn look_for(&mut self, glass: &[bool]) {
         if self.glass != glass {
-            self.panes = None;
+            (self.panes, self.glazing) = (None, None);
             self.glass.clear();
             self.glass.extend_from_slice(glass);
         }
-        self.panes.get_or_insert_with(|| panes::find(&scene.geometry, glass))
     }
 }
 
@@ -118,8 +142,12 @@ pub fn check_map_bytes(program: EffectProgram, bytes: u64) -> Result<(), String>
     }
     let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
     let limit = gib(MAX_MAP_BYTES);
-    let other = if program == EffectProgram::ShadowMap { "cascades" } else { "probes" };
-    Err(format!("its maps would take {:.1} GiB, the limit is {limit} GiB; lower `mapsize` or `{other}`", gib(bytes)))
+    let lower = match program {
+        EffectProgram::ShadowMap => "`mapsize` or `cascades`",
+        EffectProgram::PlanarReflection => "`planes`, or render fewer pixels",
+        _ => "`mapsize` or `probes`",
+    };
+    Err(format!("its maps would take {:.1} GiB, the limit is {limit} GiB; lower {lower}", gib(bytes)))
 }
 
 /// The unit direction in which the eye sees a position, and the unit normal turned to the eye. `None` where there is no normal

@@ -102,7 +102,7 @@ impl DrawList {
             let normal_texture = shade.normal_map.map(|map| map.texture).filter(|_| variant.bent);
             let wrapped =
                 beyond(shade.texture.filter(|_| variant.textured)) || beyond(glow_texture) || beyond(normal_texture);
-            let variant = Variant { culled, wrapped, ..variant };
+            let variant = Variant { culled, wrapped, mirrored: job.view.clip_plane.is_some(), ..variant };
             if let Some(last) = self.draws.last_mut() {
                 let adjacent = last.chunk == part.chunk && last.first + last.count == part.first;
                 if adjacent && last.variant == variant && !variant.reads_material() {

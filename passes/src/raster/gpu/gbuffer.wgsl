@@ -12,6 +12,7 @@
 //   WRAPPED                             the samplers say what lies beyond the sides of textures; without, all repeat
 //   VERTEX_COLOR                        the vertices carry colours, and COLOR or ALPHA_CUT reads them
 //   ALPHA_CUT                           where alpha is below the material's cutoff there is no surface
+//   MIRRORED                            seen by a mirrored camera: nothing is behind the mirror
 //#if TRIANGLE
 enable primitive_index;
 //#endif
@@ -26,6 +27,8 @@ struct Frame {
     to_light: vec4<f32>,
     // Its colour; alpha is 1.
     light_color: vec4<f32>,
+    // MIRRORED: the dot product with a position less `eye` and 1 is below 0 behind the mirror.
+    clip_plane: vec4<f32>,
 }
 
 // What is the same for a draw: triangles of one material.
@@ -91,6 +94,9 @@ struct Varyings {
 //#if BENT
     @location(4) tangent: vec4<f32>,
 //#endif
+//#if MIRRORED
+    @location(5) above: f32,
+//#endif
 }
 
 //#if WRITES
@@ -114,6 +120,9 @@ struct Pixel {
 fn vertex_main(vertex: Vertex) -> Varyings {
     var out: Varyings;
     out.clip = frame.clip_from_eye * vec4<f32>(vertex.position - frame.eye.xyz, 1.0);
+//#if MIRRORED
+    out.above = dot(frame.clip_plane, vec4<f32>(vertex.position - frame.eye.xyz, 1.0));
+//#endif
 //#if WORLD
     out.world = vertex.position;
 //#endif
@@ -222,6 +231,11 @@ fn fragment_main(
     let size = vec2<f32>(textureDimensions(material_texture, 0));
     let texel = sample_texture(in.texcoord, level_of_detail(in.texcoord, size));
 //#endif
+//#endif
+//#if MIRRORED
+    if in.above < 0.0 {
+        discard;
+    }
 //#endif
 //#if ALPHA_CUT
     var alpha = 1.0;

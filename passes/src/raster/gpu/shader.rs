@@ -33,6 +33,8 @@ pub(super) struct Variant {
     pub bent: bool,
     /// Leaves what lies beyond the sides of its textures to their samplers.
     pub wrapped: bool,
+    /// Leaves out what is behind the mirror of a mirrored camera.
+    pub mirrored: bool,
     /// Leaves back faces out. The text does not depend on it.
     pub culled: bool,
 }
@@ -57,6 +59,7 @@ impl Variant {
             glow_textured: color && shade.glow.is_some_and(|glow| glow.texture.is_some()),
             bent: vertex_normal && shade.normal_map.is_some(),
             wrapped: false,
+            mirrored: false,
             culled: false,
         }
     }
@@ -78,7 +81,7 @@ impl Variant {
 
     /// Whether there is anything to do for a fragment.
     pub fn has_fragment_stage(self) -> bool {
-        self.writes() || self.alpha_cut
+        self.writes() || self.alpha_cut || self.mirrored
     }
 
     fn defines(self, name: &str) -> Option<bool> {
@@ -97,6 +100,7 @@ impl Variant {
             "WORLD" => self.position || self.bent,
             "GLOW" => self.glow,
             "WRAPPED" => self.wrapped,
+            "MIRRORED" => self.mirrored,
             "GLOW_TEXTURED" => self.glow_textured,
             _ => return None,
         })
@@ -149,6 +153,7 @@ pub(super) struct FrameUniform {
     eye: Vec4,
     to_light: Vec4,
     light_color: Vec4,
+    clip_plane: Vec4,
 }
 
 impl FrameUniform {
@@ -156,7 +161,8 @@ impl FrameUniform {
         let (to_light, light_color) =
             sun.map_or((Vec4::ZERO, Vec4::ZERO), |sun| ((-sun.direction).extend(0.0), sun.color.extend(1.0)));
         let (clip_from_eye, eye) = view.projection();
-        Self { clip_from_eye, eye: eye.extend(view.footprint), to_light, light_color }
+        let clip_plane = view.clip_plane.unwrap_or(Vec4::W);
+        Self { clip_from_eye, eye: eye.extend(view.footprint), to_light, light_color, clip_plane }
     }
 }
 
@@ -197,7 +203,7 @@ mod tests {
 
     /// Every combination that [`Variant::new`] can give, and the others with `alpha_cut` implying `textured`.
     fn variants() -> impl Iterator<Item = Variant> {
-        (0_u32..4096)
+        (0_u32..8192)
             .map(|bits| {
                 let bit = |index: u32| bits >> index & 1 == 1;
                 Variant {
@@ -213,12 +219,15 @@ mod tests {
                     wrapped: bit(9),
                     vertex_color: bit(10),
                     bent: bit(11),
+                    mirrored: bit(12),
                     culled: false,
                 }
             })
             .filter(|v| (v.textured || v.vertex_color || !v.alpha_cut) && (v.color || v.alpha_cut || !v.vertex_color))
             .filter(|v| (v.color || !v.glow) && (v.glow || !v.glow_textured))
             .filter(|v| v.texcoord() || !v.wrapped)
+            // Mirrors show colours.
+            .filter(|v| v.color || !v.mirrored)
             .filter(|v| !v.bent || (v.vertex_normal && (v.color || v.position || v.normal)))
             // What only has depth has nothing to shade.
             .filter(|v| v.writes() || (!v.vertex_normal && v.alpha_cut == (v.textured || v.vertex_color)))
@@ -246,7 +255,7 @@ mod tests {
             let names: Vec<&str> = module.entry_points.iter().map(|entry| entry.name.as_str()).collect();
             assert_eq!(names, ["vertex_main", "fragment_main"], "{variant:?}");
             assert_eq!(source.contains("textureSampleLevel"), variant.texcoord(), "{variant:?}");
-            assert_eq!(source.contains("discard;"), variant.alpha_cut, "{variant:?}");
+            assert_eq!(source.contains("discard;"), variant.alpha_cut || variant.mirrored, "{variant:?}");
             count += 1;
         }
         // With and without normals: 8 sets of attachments with a colour, 7 others. Of the ways to be textured, cut and coloured by the
@@ -254,9 +263,10 @@ mod tests {
         // cut, 2 and 3. With a colour also with light of their own, plain and textured. Depth alone: whole, cut by a texture, by the
         // vertices, by both. Bent normals have vertex normals and a texture, which may end at its sides: in 8 sets with a colour, and in 6
         // of the others.
-        let (colored, others) = (8 * 2, 7 * 2);
+        // All with a colour also before a mirrored camera.
+        let (colored, others) = (2 * 8 * 2, 7 * 2);
         let (plain, glowing) = (3 + 4 * 2, (3 + 4) * 2);
-        let bent = 8 * 3 * (3 + 4) * 2 + 6 * (2 + 3) * 2;
+        let bent = 2 * 8 * 3 * (3 + 4) * 2 + 6 * (2 + 3) * 2;
         assert_eq!(count, colored * (2 * plain + glowing) + others * (2 + 3 * 2) + 1 + 2 + 1 + 2 + bent);
     }
 
@@ -298,6 +308,7 @@ mod tests {
             ("eye", offset_of!(FrameUniform, eye)),
             ("to_light", offset_of!(FrameUniform, to_light)),
             ("light_color", offset_of!(FrameUniform, light_color)),
+            ("clip_plane", offset_of!(FrameUniform, clip_plane)),
         ]);
         assert_eq!(layout(&module, "Frame"), (frame, size_of::<FrameUniform>()));
         let draw = named(&[

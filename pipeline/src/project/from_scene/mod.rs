@@ -183,6 +183,7 @@ impl SceneProjects {
             ("raster/SceneShadowMap.xml", raster(EffectProgram::ShadowMap)),
             ("raster/SceneCubeReflect.xml", raster(EffectProgram::CubeReflection)),
             ("raster/SceneCubeRefract.xml", raster(EffectProgram::CubeRefraction)),
+            ("raster/ScenePlanarReflect.xml", raster(EffectProgram::PlanarReflection)),
             ("raster/SceneGTAO.xml", raster(EffectProgram::HorizonOcclusion)),
             ("raster/SceneDepthOcclusion.xml", raster(EffectProgram::DepthOcclusion)),
         ]

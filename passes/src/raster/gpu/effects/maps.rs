@@ -33,6 +33,33 @@ pub enum MapsKey {
         /// How many points.
         probes: u32,
     },
+    /// Colours as mirrors show them, with the pixels of the window.
+    Mirrors {
+        /// Columns and rows.
+        size: [u32; 2],
+        /// How many; mirrors beside each other in the window share one.
+        layers: u32,
+    },
+}
+
+/// What is drawn, and where.
+#[derive(Debug, Clone, Copy)]
+pub struct Shot {
+    /// From where.
+    pub view: View,
+    /// Into which map.
+    pub layer: u32,
+    /// The pixels that are drawn, of a map that others share; the whole map without.
+    pub pixels: Option<Rect>,
+    /// Whether others are in the map, and stay.
+    pub keeps: bool,
+}
+
+impl Shot {
+    /// That fills a map.
+    pub fn whole(view: View, layer: u32) -> Self {
+        Self { view, layer, pixels: None, keeps: false }
+    }
 }
 
 impl MapsKey {
@@ -42,11 +69,14 @@ impl MapsKey {
         match self {
             Self::Depth { size, cascades } => 4 * u64::from(cascades) * texels(size),
             Self::Cubes { size, probes } => (16 * u64::from(FACES) * u64::from(probes) + 4) * texels(size),
+            Self::Mirrors { size: [width, height], layers } => {
+                (16 * u64::from(layers) + 4) * u64::from(width) * u64::from(height)
+            }
         }
     }
 }
 
-/// Square maps of one size: some with depths only, or the faces of cube maps with colours.
+/// Maps of one size: square ones with depths only or the faces of cube maps with colours, or pictures of mirrors.
 #[derive(Debug, Clone)]
 pub struct Maps {
     /// What the pixel program reads: an array of all depths, or of all faces, probe by probe.
@@ -65,13 +95,14 @@ impl Maps {
         match key {
             MapsKey::Depth { size, cascades } => Self::depth(gpu, size, cascades),
             MapsKey::Cubes { size, probes } => Self::cubes(gpu, size, probes),
+            MapsKey::Mirrors { size, layers } => Self::mirrors(gpu, size, layers),
         }
     }
 
     fn depth(gpu: &Gpu, size: u32, cascades: u32) -> Result<Self, BackendError> {
         check_size(gpu, "a shadow map", size)?;
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let texture = texture(gpu, "shadow maps", DEPTH_FORMAT, usage, size, cascades);
+        let texture = texture(gpu, "shadow maps", DEPTH_FORMAT, usage, [size; 2], cascades);
         gpu.check("creation of the shadow maps")?;
         let depths = (0..cascades).map(|layer| layers(&texture, layer, 1, wgpu::TextureViewDimension::D2)).collect();
         let read = layers(&texture, 0, cascades, wgpu::TextureViewDimension::D2Array);
@@ -86,17 +117,31 @@ impl Maps {
             let why = format!("{} takes {most} at most: set `probes` to that or less, or", gpu.adapter);
             return Err(unsupported(&format!("{probes} cube maps"), &why));
         }
+        Self::colors(gpu, "cube maps", [size; 2], FACES * probes, MapsKey::Cubes { size, probes }.bytes())
+    }
+
+    fn mirrors(gpu: &Gpu, size: [u32; 2], count: u32) -> Result<Self, BackendError> {
+        let most = gpu.limits.max_texture_array_layers;
+        if count > most {
+            let why = format!("{} takes {most} at most: set `planes` to that or less, or", gpu.adapter);
+            return Err(unsupported(&format!("{count} pictures of mirrors"), &why));
+        }
+        Self::colors(gpu, "mirrors", size, count, MapsKey::Mirrors { size, layers: count }.bytes())
+    }
+
+    /// Maps with colours that share a depth buffer.
+    fn colors(gpu: &Gpu, label: &str, size: [u32; 2], count: u32, bytes: u64) -> Result<Self, BackendError> {
+        let doing = format!("creation of the {label}");
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
-        let count = FACES * probes;
-        let color = texture(gpu, "cube maps", CHANNEL_FORMATS[0], usage, size, count);
-        gpu.check("creation of the cube maps")?;
-        let depth = texture(gpu, "depth of cube maps", DEPTH_FORMAT, wgpu::TextureUsages::RENDER_ATTACHMENT, size, 1);
-        gpu.check("creation of the cube maps")?;
+        let color = texture(gpu, label, CHANNEL_FORMATS[0], usage, size, count);
+        gpu.check(&doing)?;
+        let depth = texture(gpu, "depth of maps", DEPTH_FORMAT, wgpu::TextureUsages::RENDER_ATTACHMENT, size, 1);
+        gpu.check(&doing)?;
         let faces = (0..count).map(|layer| layers(&color, layer, 1, wgpu::TextureViewDimension::D2)).collect();
         let read = layers(&color, 0, count, wgpu::TextureViewDimension::D2Array);
         let depths = [depth.create_view(&wgpu::TextureViewDescriptor::default())].into();
-        gpu.check("creation of the cube maps")?;
-        Ok(Self { read, faces, depths, bytes: MapsKey::Cubes { size, probes }.bytes() })
+        gpu.check(&doing)?;
+        Ok(Self { read, faces, depths, bytes })
     }
 }
 
@@ -124,12 +169,12 @@ fn texture(
     label: &str,
     format: wgpu::TextureFormat,
     usage: wgpu::TextureUsages,
-    size: u32,
+    [width, height]: [u32; 2],
     layers: u32,
 ) -> wgpu::Texture {
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
-        size: wgpu::Extent3d { width: size, height: size, depth_or_array_layers: layers },
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
@@ -139,25 +184,25 @@ fn texture(
     })
 }
 
-/// Draws the scene without the materials that are `left_out` into the first faces of `maps`, or its depths, one from each
-/// of `views`, and waits. Gives the time, and the triangles submitted.
+/// Draws the scene without the materials that are `left_out` into `maps`, colours or depths, one picture for each of `shots`,
+/// and waits. Gives the time, and the triangles submitted.
 pub fn draw(
     context: &mut Context<'_>,
     draws: &mut DrawList,
     maps: &Maps,
     job: &EffectJob<'_>,
-    views: &[View],
+    shots: &[Shot],
     left_out: &[bool],
     progress: &Progress,
 ) -> Result<(Part, u64), BackendError> {
     let start = Instant::now();
-    let (Some(first), Some(shared)) = (views.first(), maps.depths.first()) else { return Ok((Part::default(), 0)) };
+    let (Some(first), Some(shared)) = (shots.first(), maps.depths.first()) else { return Ok((Part::default(), 0)) };
     let color = !maps.faces.is_empty();
     // The draws do not depend on the viewport.
     let raster = RasterJob {
         scene: job.scene,
         program: RasterProgram::Deferred,
-        view: *first,
+        view: first.view,
         sun: job.sun,
         shades: job.shades,
         // Maps show what rays meet: both sides of everything.
@@ -174,16 +219,20 @@ pub fn draw(
     draws.leave_out(left_out);
     draws.prepare(gpu, layouts, pipelines, geometry, textures, &raster)?;
     let mut device = None;
-    for (index, view) in views.iter().enumerate() {
-        let (is_first, is_last) = (index == 0, index + 1 == views.len());
-        draws.look(gpu, view, job.sun)?;
+    for (index, shot) in shots.iter().enumerate() {
+        let (is_first, is_last) = (index == 0, index + 1 == shots.len());
+        let layer = shot.layer as usize;
+        draws.look(gpu, &shot.view, job.sun)?;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("map") };
         let mut encoder = gpu.device.create_command_encoder(&descriptor);
-        let face = maps.faces.get(index).map(|view| wgpu::RenderPassColorAttachment {
+        let face = maps.faces.get(layer).map(|view| wgpu::RenderPassColorAttachment {
             view,
             depth_slice: None,
             resolve_target: None,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+            ops: wgpu::Operations {
+                load: if shot.keeps { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT) },
+                store: wgpu::StoreOp::Store,
+            },
         });
         let store = if color { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
         let attachments = [face, None, None, None];
@@ -192,7 +241,7 @@ pub fn draw(
                 label: Some("map"),
                 color_attachments: if color { &attachments } else { &[] },
                 depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                    view: maps.depths.get(index).unwrap_or(shared),
+                    view: maps.depths.get(layer).unwrap_or(shared),
                     depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store }),
                     stencil_ops: None,
                 }),
@@ -200,13 +249,16 @@ pub fn draw(
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
+            if let Some(Rect { x, y, width, height }) = shot.pixels {
+                pass.set_scissor_rect(x, y, width, height);
+            }
             draws.record(&mut pass, pipelines, geometry, textures);
         }
         let doing = "drawing a map";
         device = submit(gpu, *timer, encoder, is_last, doing)?;
         progress.advance(1);
     }
-    Ok((Part { host: start.elapsed(), device }, draws.triangles() * views.len() as u64))
+    Ok((Part { host: start.elapsed(), device }, draws.triangles() * shots.len() as u64))
 }
 
 /// Submits, and at the last of a series waits; then gives the time of all where the device tells it.

@@ -12,6 +12,8 @@ mod kept;
 mod maps;
 mod programs;
 mod shader;
+mod survey;
+mod table;
 
 use super::device::Gpu;
 use super::draws::DrawList;
@@ -22,22 +24,25 @@ use super::targets::{Staging, Targets};
 use super::textures::DeviceTextures;
 use super::timer::Timer;
 use crate::raster::effects::cascades::{self, Cascades};
+use crate::raster::effects::mirrors::{Mirrors, Survey};
 use crate::raster::effects::panes::Probes;
 use crate::raster::effects::{SceneCache, check, check_map_bytes, cube};
 use ask::Ask;
-use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, View};
+use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, Rect};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::raster_effects::EffectProgram;
 use curitiba_pipeline::scene::TriangleRanges;
-use inputs::Inputs;
+use inputs::{Inputs, Ready};
 use kept::Kept;
-use maps::{Maps, MapsKey};
+use maps::{Maps, MapsKey, Shot};
 use programs::{OUTPUT_FORMAT, Program, Task};
 use rayon::prelude::*;
-use shader::{AskUniform, CubeUniform, OcclusionUniform, ProbeBox, ShadowUniform};
+use shader::{AskUniform, CubeUniform, MirrorPlane, OcclusionUniform, PlanarUniform, ProbeBox, ShadowUniform};
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
+use survey::Surveyor;
+use table::Table;
 
 /// What of the rasteriser effects use.
 pub(super) struct Context<'a> {
@@ -65,8 +70,14 @@ pub(super) struct Effects {
     groups: HashMap<GroupKey, wgpu::BindGroup>,
     glass: Table,
     boxes: Table,
+    /// The runs of glass, and the mirrors.
+    runs: Table,
+    run_count: u32,
+    mirrors: Table,
+    surveyor: Option<Surveyor>,
+    plane_of: Vec<u32>,
     probes: Probes,
-    views: Vec<View>,
+    shots: Vec<Shot>,
     /// The triangles that are glass: what [`Self::glass`] holds.
     ranges: TriangleRanges,
 }
@@ -99,41 +110,6 @@ impl Output {
     }
 }
 
-/// A short list that programs read.
-#[derive(Debug)]
-struct Table {
-    buffer: wgpu::Buffer,
-    /// What the device's buffer holds.
-    written: Vec<u8>,
-}
-
-impl Table {
-    fn new(gpu: &Gpu) -> Result<Self, BackendError> {
-        Ok(Self { buffer: Self::buffer(gpu, 1024)?, written: Vec::new() })
-    }
-
-    fn buffer(gpu: &Gpu, bytes: u64) -> Result<wgpu::Buffer, BackendError> {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
-        gpu.buffer("creation of a table", usage, bytes)
-    }
-
-    /// Uploads what is new; `true` if there is a new buffer.
-    fn write(&mut self, gpu: &Gpu, bytes: &[u8]) -> Result<bool, BackendError> {
-        if self.written == bytes {
-            return Ok(false);
-        }
-        self.written.clear();
-        let grows = bytes.len() as u64 > self.buffer.size();
-        if grows {
-            self.buffer = Self::buffer(gpu, (bytes.len() as u64).next_power_of_two())?;
-        }
-        gpu.queue.write_buffer(&self.buffer, 0, bytes);
-        gpu.check("upload of a table")?;
-        self.written.extend_from_slice(bytes);
-        Ok(grows)
-    }
-}
-
 /// The maps of a pass once they are drawn, and the uniforms of the program that reads them.
 #[derive(Debug, Default)]
 struct Prepared {
@@ -147,6 +123,7 @@ fn texels(job: &EffectJob<'_>) -> u64 {
     match job.program {
         EffectProgram::ShadowMap => 1 + (2 * u64::from(params.pcf) + 2).pow(2),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => 12 + u64::from(params.probes),
+        EffectProgram::PlanarReflection => 4,
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
             2 + 2 * u64::from(params.slices) * u64::from(params.steps)
         }
@@ -165,8 +142,13 @@ impl Effects {
             groups: HashMap::new(),
             glass: Table::new(gpu)?,
             boxes: Table::new(gpu)?,
+            runs: Table::new(gpu)?,
+            run_count: 0,
+            mirrors: Table::new(gpu)?,
+            surveyor: None,
+            plane_of: Vec::new(),
             probes: Probes::default(),
-            views: Vec::new(),
+            shots: Vec::new(),
             ranges: TriangleRanges::default(),
         })
     }
@@ -200,8 +182,13 @@ impl Effects {
         let ready = self.inputs.ready(gpu, drawn, job)?;
         let (id_base, upload) = (ready.id_base, ready.upload);
         let gbuffer = ready.group.clone();
+        let ready = Ready { group: &gbuffer, ..ready };
         let start = Instant::now();
         let called = self.called_for(gpu, job, &gbuffer, id_base)?;
+        let mirrors = match job.program {
+            EffectProgram::PlanarReflection => self.choose_mirrors(context, job, &ready)?,
+            _ => Mirrors::default(),
+        };
         let asking = start.elapsed();
 
         let task = Task { width: job.width, height: job.height, id_base, texels: texels(job) };
@@ -213,6 +200,7 @@ impl Effects {
             EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
                 self.cube_maps(context, job, called.is_some(), &task, &mut stats, progress)?
             }
+            EffectProgram::PlanarReflection => self.pictures(context, job, &mirrors, &task, &mut stats, progress)?,
             EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
                 Prepared { maps: None, params: bytemuck::bytes_of(&OcclusionUniform::new(job)).to_vec() }
             }
@@ -245,6 +233,9 @@ impl Effects {
         gbuffer: &wgpu::BindGroup,
         id_base: u32,
     ) -> Result<Option<[f32; 2]>, BackendError> {
+        if job.program == EffectProgram::PlanarReflection {
+            return Ok(None);
+        }
         let glass = job.program.info().glass;
         if glass {
             self.ranges.find(&job.scene.geometry, job.glass);
@@ -297,9 +288,9 @@ impl Effects {
         let maps = self.require_maps(context.gpu, job.program, key)?;
         if count > 0 {
             progress.start(u64::from(count) + task.submissions());
-            self.views.clear();
-            self.views.extend(cascades.fits.iter().map(|fit| fit.view));
-            let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.views, &[], progress)?;
+            self.shots.clear();
+            self.shots.extend(cascades.fits.iter().zip(0..).map(|(fit, layer)| Shot::whole(fit.view, layer)));
+            let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.shots, &[], progress)?;
             (stats.maps, stats.triangles, stats.map_count, stats.bytes) = (Some(part), triangles, count, maps.bytes);
         }
         let params = bytemuck::bytes_of(&ShadowUniform::new(job, &cascades)).to_vec();
@@ -326,21 +317,88 @@ impl Effects {
             0 => MapsKey::Cubes { size: 1, probes: 1 },
             _ => MapsKey::Cubes { size: job.params.map_size, probes: most },
         };
-        self.views.clear();
-        self.views.extend(probes.iter().flat_map(|probe| (0..cube::FACES).map(|face| probe.view(face))));
+        self.shots.clear();
+        let views = probes.iter().flat_map(|probe| (0..cube::FACES).map(|face| probe.view(face)));
+        self.shots.extend(views.zip(0..).map(|(view, layer)| Shot::whole(view, layer)));
         let boxes: Vec<ProbeBox> = probes.iter().map(ProbeBox::new).collect();
         if self.boxes.write(context.gpu, bytemuck::cast_slice(&boxes))? {
             self.groups.clear();
         }
         let maps = self.require_maps(context.gpu, job.program, key)?;
         if chosen > 0 {
-            progress.start(self.views.len() as u64 + task.submissions());
-            let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.views, job.glass, progress)?;
+            progress.start(self.shots.len() as u64 + task.submissions());
+            let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.shots, job.glass, progress)?;
             stats.map_count = chosen as u32;
             (stats.maps, stats.triangles, stats.bytes) = (Some(part), triangles, maps.bytes);
         }
         let params = bytemuck::bytes_of(&CubeUniform::new(job, chosen, self.ranges.as_slice().len())).to_vec();
         Ok(Prepared { maps: Some(key), params })
+    }
+
+    /// The planes of glass that the picture shows most of.
+    fn choose_mirrors(
+        &mut self,
+        context: &mut Context<'_>,
+        job: &EffectJob<'_>,
+        ready: &Ready<'_>,
+    ) -> Result<Mirrors, BackendError> {
+        let gpu = context.gpu;
+        let bounds = context.cache.bounds(job.scene);
+        let glazing = context.cache.glazing(job.scene, job.glass).map_err(|refused| failure(&refused.to_string()))?;
+        if self.runs.write(gpu, bytemuck::cast_slice(&glazing.runs))? {
+            self.groups.clear();
+        }
+        self.run_count = glazing.runs.len() as u32;
+        let survey = if glazing.runs.is_empty() {
+            Survey::default()
+        } else if job.resident {
+            let surveyor = match &mut self.surveyor {
+                Some(surveyor) => surveyor,
+                none => none.insert(Surveyor::new(gpu, &self.inputs)?),
+            };
+            surveyor.look(gpu, ready, job, glazing, &self.runs.buffer)?
+        } else {
+            Survey::new(job, glazing, &mut self.plane_of).map_err(|refused| failure(&refused.to_string()))?
+        };
+        Ok(Mirrors::choose(glazing, &survey, &bounds, &job.view, job.params.planes))
+    }
+
+    /// What the mirrors show.
+    fn pictures(
+        &mut self,
+        context: &mut Context<'_>,
+        job: &EffectJob<'_>,
+        mirrors: &Mirrors,
+        task: &Task,
+        stats: &mut EffectStats,
+        progress: &Progress,
+    ) -> Result<Prepared, BackendError> {
+        stats.glass_pixels = mirrors.glass_pixels;
+        let chosen = &mirrors.chosen;
+        let layers = share_layers(chosen.iter().map(|mirror| mirror.pixels));
+        // In powers of two, so that the maps mostly stay when the camera moves.
+        let count = layers.iter().max().map_or(1, |last| (last + 1).next_power_of_two());
+        let size = if chosen.is_empty() { [1; 2] } else { [job.width, job.height] };
+        let key = MapsKey::Mirrors { size, layers: count };
+        let planes: Vec<MirrorPlane> =
+            chosen.iter().zip(&layers).map(|(m, layer)| MirrorPlane::new(m, *layer)).collect();
+        if self.mirrors.write(context.gpu, bytemuck::cast_slice(&planes))? {
+            self.groups.clear();
+        }
+        let maps = self.require_maps(context.gpu, job.program, key)?;
+        if !chosen.is_empty() {
+            progress.start(chosen.len() as u64 + task.submissions());
+            self.shots.clear();
+            for (index, (mirror, layer)) in chosen.iter().zip(&layers).enumerate() {
+                let keeps = layers[..index].contains(layer);
+                self.shots.push(Shot { view: mirror.view, layer: *layer, pixels: Some(mirror.pixels), keeps });
+            }
+            let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.shots, job.glass, progress)?;
+            stats.map_count = chosen.len() as u32;
+            (stats.maps, stats.triangles, stats.bytes) = (Some(part), triangles, maps.bytes);
+        }
+        let uniform = PlanarUniform { mirrors: chosen.len() as u32, runs: self.run_count };
+        Ok(Prepared { maps: Some(key), params: bytemuck::bytes_of(&uniform).to_vec() })
     }
 
     fn require_maps(&mut self, gpu: &Gpu, program: EffectProgram, key: MapsKey) -> Result<Maps, BackendError> {
@@ -376,8 +434,40 @@ impl Effects {
             resources.push(self.glass.buffer.as_entire_binding());
             resources.push(self.boxes.buffer.as_entire_binding());
         }
+        if matches!(maps, Some(MapsKey::Mirrors { .. })) {
+            resources.push(self.runs.buffer.as_entire_binding());
+            resources.push(self.mirrors.buffer.as_entire_binding());
+        }
         let group = compiled.bind(gpu, &output.view, &resources)?;
         self.groups.insert(key, group.clone());
         Ok(group)
+    }
+}
+
+/// A layer for each picture, the first in which it meets no other.
+fn share_layers(pictures: impl Iterator<Item = Rect>) -> Vec<u32> {
+    let apart = |a: &Rect, b: &Rect| {
+        a.x + a.width <= b.x || b.x + b.width <= a.x || a.y + a.height <= b.y || b.y + b.height <= a.y
+    };
+    let mut placed: Vec<(Rect, u32)> = Vec::new();
+    for picture in pictures {
+        let is_free = |layer: &u32| placed.iter().all(|(other, taken)| taken != layer || apart(&picture, other));
+        let layer = (0..).find(is_free).unwrap_or(0);
+        placed.push((picture, layer));
+    }
+    placed.into_iter().map(|(_, layer)| layer).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_that_meet_have_different_layers() {
+        let rect = |x, y, width, height| Rect { x, y, width, height };
+        let pictures = [rect(0, 0, 10, 10), rect(10, 0, 5, 5), rect(9, 9, 3, 3), rect(9, 0, 1, 1), rect(12, 9, 1, 1)];
+        assert_eq!(share_layers(pictures.into_iter()), [0, 0, 1, 1, 0]);
+        assert_eq!(share_layers([rect(0, 0, 4, 4); 3].into_iter()), [0, 1, 2]);
+        assert!(share_layers(std::iter::empty()).is_empty());
     }
 }

@@ -70,6 +70,10 @@ fn resources(program: EffectProgram) -> Vec<wgpu::BindingType> {
             let faces = wgpu::TextureSampleType::Float { filterable: false };
             vec![texture(faces, wgpu::TextureViewDimension::D2Array), table, table]
         }
+        EffectProgram::PlanarReflection => {
+            let pictures = wgpu::TextureSampleType::Float { filterable: false };
+            vec![texture(pictures, wgpu::TextureViewDimension::D2Array), table, table]
+        }
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => Vec::new(),
     }
 }

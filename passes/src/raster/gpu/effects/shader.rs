@@ -3,8 +3,10 @@
 use crate::effects::SHADOWED;
 use crate::raster::effects::cascades::Cascades;
 use crate::raster::effects::cube::{AXES, FACES};
+use crate::raster::effects::mirrors::Mirror;
 use crate::raster::effects::occlusion::DEPTH_TOLERANCE;
 use crate::raster::effects::panes::Probe;
+use crate::raster::effects::planes::NO_PLANE;
 use crate::raster::effects::shadow::MAX_SLOPE;
 use crate::raster::gpu::shader::cut;
 use crate::sampling::hash;
@@ -25,6 +27,12 @@ const COMMON: &str = include_str!("common.wgsl");
 /// What programs that look for glass share.
 const GLASS: &str = include_str!("glass.wgsl");
 
+/// What programs that look for planes of glass share.
+const GLAZING: &str = include_str!("glazing.wgsl");
+
+/// Pixels of a row that an invocation of the survey looks at.
+pub const SEGMENT: u32 = 16;
+
 /// Slices of less weight than the root of this are left out, as `raster::effects::occlusion` does.
 const LEAST_WEIGHT: f32 = 1e-6;
 
@@ -32,6 +40,7 @@ fn text(program: EffectProgram) -> (&'static str, &'static str) {
     match program {
         EffectProgram::ShadowMap => ("shadow_map.wgsl", include_str!("shadow_map.wgsl")),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => ("cube.wgsl", include_str!("cube.wgsl")),
+        EffectProgram::PlanarReflection => ("planar.wgsl", include_str!("planar.wgsl")),
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
             ("occlusion.wgsl", include_str!("occlusion.wgsl"))
         }
@@ -52,9 +61,18 @@ pub fn source(program: EffectProgram) -> String {
         })
     });
     source.push_str(COMMON);
-    if program.info().glass {
-        source.push_str(GLASS);
+    match program {
+        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => source.push_str(GLASS),
+        EffectProgram::PlanarReflection => source.push_str(GLAZING),
+        EffectProgram::ShadowMap | EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {}
     }
+    push_constants(&mut source);
+    source
+}
+
+/// The survey of the planes of glass.
+pub fn survey_source() -> String {
+    let mut source = [include_str!("survey.wgsl"), GLAZING].concat();
     push_constants(&mut source);
     source
 }
@@ -89,6 +107,8 @@ fn push_constants(source: &mut String) {
     let integers = [
         ("MAX_CASCADES", MAX_CASCADES),
         ("GROUP", GROUP),
+        ("SEGMENT", SEGMENT),
+        ("NO_PLANE", NO_PLANE),
         ("HASH_PIXEL", hash::PIXEL),
         ("HASH_DIMENSIONS", hash::DIMENSIONS),
     ];
@@ -102,6 +122,7 @@ pub const fn params_bytes(program: EffectProgram) -> usize {
     match program {
         EffectProgram::ShadowMap => size_of::<ShadowUniform>(),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => size_of::<CubeUniform>(),
+        EffectProgram::PlanarReflection => size_of::<PlanarUniform>(),
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => size_of::<OcclusionUniform>(),
     }
 }
@@ -216,6 +237,40 @@ impl ProbeBox {
     }
 }
 
+/// `Params` of `planar.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct PlanarUniform {
+    pub mirrors: u32,
+    pub runs: u32,
+}
+
+/// `Mirror` of `planar.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct MirrorPlane {
+    normal: Vec4,
+    plane: u32,
+    layer: u32,
+    padding: [u32; 2],
+}
+
+impl MirrorPlane {
+    /// A mirror whose picture is in that layer.
+    pub fn new(mirror: &Mirror, layer: u32) -> Self {
+        Self { normal: mirror.normal, plane: mirror.plane, layer, padding: [0; 2] }
+    }
+}
+
+/// `Params` of `survey.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct SurveyUniform {
+    pub size: [u32; 2],
+    pub id_base: u32,
+    pub runs: u32,
+}
+
 /// `Params` of `occlusion.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
@@ -288,6 +343,12 @@ mod tests {
     }
 
     #[test]
+    fn the_survey_parses_and_validates() {
+        let module = validate(&survey_source()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(layout_in(&module, "Params"), offsets!(SurveyUniform: size, id_base, runs));
+    }
+
+    #[test]
     fn programs_that_share_a_text_differ() {
         let has = |program, what: &str| source(program).contains(what);
         assert!(has(EffectProgram::CubeRefraction, "fn fresnel") && !has(EffectProgram::CubeReflection, "fn fresnel"));
@@ -317,7 +378,9 @@ mod tests {
 
     #[test]
     fn uniforms_lie_as_the_shaders_read_them() {
-        use EffectProgram::{CubeReflection, CubeRefraction, DepthOcclusion, HorizonOcclusion, ShadowMap};
+        use EffectProgram::{
+            CubeReflection, CubeRefraction, DepthOcclusion, HorizonOcclusion, PlanarReflection, ShadowMap,
+        };
         for info in EFFECT_PROGRAMS {
             let frame = offsets!(FrameUniform: size, first_row, id_base);
             assert_eq!(layout(info.program, "Frame"), frame, "{}", info.name);
@@ -331,6 +394,8 @@ mod tests {
             assert_eq!(layout(program, "Params"), cube);
             assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high));
         }
+        assert_eq!(layout(PlanarReflection, "Params"), offsets!(PlanarUniform: mirrors, runs));
+        assert_eq!(layout(PlanarReflection, "Mirror"), offsets!(MirrorPlane: normal, plane, layer));
         for program in [HorizonOcclusion, DepthOcclusion] {
             let occlusion = offsets!(OcclusionUniform: clip_from_world, eye, radius, intensity, slices, steps, seed);
             assert_eq!(layout(program, "Params"), occlusion);

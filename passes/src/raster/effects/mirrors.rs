@@ -1,0 +1,244 @@
+//! Mirrors: which planes of glass a picture shows, and the cameras that see what is mirrored in them.
+//!
+//! A ray that leaves the eye through the centre of a pixel and is mirrored at a plane is the ray of the mirrored eye through the same
+//! point of the plane. With the camera's own projection that point is at the same pixel. So the scene, seen by the mirrored camera and cut
+//! off at the plane, has in each pixel of the mirror what the mirrored ray of that pixel meets: nothing is filtered. (Blinn and Newell 1976
+//! mirror at planes so; Kilgard, "Improving Shadows and Reflections via the Stencil Buffer", 1999, draws it on hardware.)
+
+use super::bounds::{Bounds, Frustum};
+use super::planes::{GlassPlane, Glazing, NO_PLANE, agrees};
+use curitiba_pipeline::backend::{EffectJob, NO_TRIANGLE, Rect, View};
+use curitiba_pipeline::memory::{Refused, filled, resize};
+use glam::{DMat4, DVec3, DVec4, Vec3, Vec4};
+use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
+
+/// The pixels that show a plane: how many, and the box around them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Seen {
+    /// How many pixels.
+    pub pixels: u32,
+    /// First column and row.
+    pub low: [u32; 2],
+    /// Last column and row.
+    pub high: [u32; 2],
+}
+
+impl Seen {
+    /// By no pixel.
+    pub const NONE: Self = Self { pixels: 0, low: [u32::MAX; 2], high: [0; 2] };
+
+    fn with(self, other: Self) -> Self {
+        Self {
+            pixels: self.pixels + other.pixels,
+            low: [0, 1].map(|axis: usize| self.low[axis].min(other.low[axis])),
+            high: [0, 1].map(|axis: usize| self.high[axis].max(other.high[axis])),
+        }
+    }
+}
+
+/// What a picture shows of the planes of glass.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Survey {
+    /// By plane.
+    pub planes: Vec<Seen>,
+    /// Pixels of glass, those that no plane serves included.
+    pub glass: u64,
+}
+
+impl Survey {
+    /// Looks at all pixels, on all threads. `plane_of` gets the plane of each, [`NO_PLANE`] where there is none or the normal is not
+    /// the plane's.
+    ///
+    /// # Errors
+    /// If there is not enough memory.
+    pub fn new(job: &EffectJob<'_>, glazing: &Glazing, plane_of: &mut Vec<u32>) -> Result<Self, Refused> {
+        let width = job.width as usize;
+        plane_of.clear();
+        resize(plane_of, width * job.height as usize, NO_PLANE)?;
+        let normals: Vec<Vec4> = glazing.planes.iter().map(GlassPlane::agreement).collect();
+        let whole = Mutex::new(Self { planes: filled(Seen::NONE, normals.len())?, glass: 0 });
+        if width == 0 || glazing.runs.is_empty() {
+            return Ok(whole.into_inner().unwrap_or_else(PoisonError::into_inner));
+        }
+        plane_of.par_chunks_mut(width).enumerate().with_min_len(8).for_each(|(row, planes)| {
+            // Neighbours show the same triangle, and the same plane.
+            let mut last = (NO_TRIANGLE, None);
+            let (mut found, mut glass): (Vec<(u32, Seen)>, u64) = (Vec::new(), 0);
+            let first = row * width;
+            for ((column, triangle), plane_of) in (0u32..).zip(&job.triangle[first..first + width]).zip(planes) {
+                if *triangle != last.0 {
+                    last = (*triangle, glazing.plane_of(*triangle));
+                }
+                let Some(plane) = last.1 else { continue };
+                glass += 1;
+                let [x, y, z, _] = job.normal[first + column as usize];
+                if normals.get(plane as usize).is_none_or(|normal| !agrees(Vec3::new(x, y, z), *normal)) {
+                    continue;
+                }
+                *plane_of = plane;
+                let place = [column, row as u32];
+                let one = Seen { pixels: 1, low: place, high: place };
+                match found.last_mut().filter(|(last, _)| *last == plane) {
+                    Some((_, seen)) => *seen = seen.with(one),
+                    None => found.push((plane, one)),
+                }
+            }
+            if glass > 0 {
+                let mut whole = whole.lock().unwrap_or_else(PoisonError::into_inner);
+                whole.glass += glass;
+                for (plane, seen) in found {
+                    let known = &mut whole.planes[plane as usize];
+                    *known = known.with(seen);
+                }
+            }
+        });
+        Ok(whole.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// A plane that mirrors in a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mirror {
+    /// Its index.
+    pub plane: u32,
+    /// Its unit normal, and the square of the sine that shading normals may lean from it.
+    pub normal: Vec4,
+    /// The mirrored camera. It has the window's own viewport.
+    pub view: View,
+    /// The box around the pixels that show it.
+    pub pixels: Rect,
+}
+
+/// The mirrors of a frame.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Mirrors {
+    /// Those of the most pixels first; of equals the first plane.
+    pub chosen: Vec<Mirror>,
+    /// Pixels of glass, and those of them that none of the mirrors serves.
+    pub glass_pixels: [u64; 2],
+}
+
+impl Mirrors {
+    /// Chooses the planes that serve most pixels, at most so many. `scene` is the box around the scene.
+    #[must_use]
+    pub fn choose(glazing: &Glazing, survey: &Survey, scene: &Bounds, camera: &View, most: u32) -> Self {
+        let mut mirrors = Self { chosen: Vec::new(), glass_pixels: [survey.glass; 2] };
+        let Some(camera) = Camera::new(camera, scene) else { return mirrors };
+        let shown = (0u32..).zip(glazing.planes.iter().zip(&survey.planes)).filter(|(_, (_, seen))| seen.pixels > 0);
+        let mut ranked: Vec<(u32, (&GlassPlane, &Seen))> = shown.collect();
+        ranked.sort_by_key(|(_, (_, seen))| std::cmp::Reverse(seen.pixels));
+        let views = ranked.into_iter().filter_map(|(index, (plane, seen))| {
+            let view = camera.mirrored(plane)?;
+            let [x, y] = seen.low;
+            let pixels = Rect { x, y, width: seen.high[0] - x + 1, height: seen.high[1] - y + 1 };
+            Some((Mirror { plane: index, normal: plane.agreement(), view, pixels }, u64::from(seen.pixels)))
+        });
+        for (mirror, pixels) in views.take(most as usize) {
+            mirrors.chosen.push(mirror);
+            mirrors.glass_pixels[1] -= pixels;
+        }
+        mirrors
+    }
+}
+
+/// A camera that can be mirrored.
+struct Camera {
+    /// To clip space, from positions less the eye; without perspective, from positions.
+    matrix: DMat4,
+    /// Where it stands; far away without perspective.
+    eye: DVec3,
+    /// What depth is.
+    depth: Depth,
+    /// [`View::footprint`].
+    footprint: f32,
+}
+
+/// Depths of mirrored cameras. They see to the end of the scene, as rays do.
+enum Depth {
+    /// In perspective `near / w`: 1 at the camera's own near distance, and as exact in the distance as nearby.
+    Near(f64),
+    /// Without perspective linear in the box around the scene.
+    Scene(Bounds),
+}
+
+impl Camera {
+    /// `None` of a camera that makes no sense.
+    fn new(view: &View, scene: &Bounds) -> Option<Self> {
+        let eye = view.eye.as_dvec3();
+        let (world, footprint) = (view.clip_from_world.as_dmat4(), view.footprint);
+        if Frustum::new(&view.clip_from_world)?.depth_plane().is_none() {
+            return Some(Self { matrix: world, eye, depth: Depth::Scene(*scene), footprint });
+        }
+        let matrix = match view.clip_from_eye {
+            Some(matrix) => matrix.as_dmat4(),
+            None => world * DMat4::from_translation(eye),
+        };
+        // Along the way on which w grows: where z is w.
+        let (z, w) = (matrix.row(2), matrix.row(3));
+        let forward = w.truncate().try_normalize()?;
+        let near = z.w / (w.truncate().length() - z.truncate().dot(forward)) * w.truncate().length();
+        // A little nearer, for rounding.
+        let near = near * (1.0 - 1e-4);
+        (near > 0.0 && near.is_finite()).then_some(Self { matrix, eye, depth: Depth::Near(near), footprint })
+    }
+
+    /// The camera mirrored at a plane, which sees only what is on the eye's side of it. `None` where the eye is in the plane, within
+    /// rounding.
+    fn mirrored(&self, plane: &GlassPlane) -> Option<View> {
+        let distance = plane.distance(self.eye);
+        let (normal, offset) =
+            if distance < 0.0 { (-plane.normal, -plane.offset) } else { (plane.normal, plane.offset) };
+        let height = distance.abs();
+        let turn = DMat4::from_cols(
+            (DVec3::X - 2.0 * normal.x * normal).extend(0.0),
+            (DVec3::Y - 2.0 * normal.y * normal).extend(0.0),
+            (DVec3::Z - 2.0 * normal.z * normal).extend(0.0),
+            DVec4::W,
+        );
+        let mirrored_eye = self.eye - 2.0 * height * normal;
+        let eye = mirrored_eye.as_vec3();
+        let scale = plane.bounds.min.abs().max(plane.bounds.max.abs()).max_element();
+        // What lies where its glass does, or within the rounding of distances in 32-bit floats, is the mirror.
+        let reach = match self.depth {
+            Depth::Near(_) => plane.bounds.farthest_from(self.eye),
+            Depth::Scene(_) => f64::from(scale),
+        };
+        let slack = plane.slack + reach * 4.0 * f64::from(f32::EPSILON);
+        if height.is_nan() || height <= slack {
+            return None;
+        }
+        let view = match &self.depth {
+            Depth::Near(near) => {
+                // From positions less the rounded eye.
+                let rest = turn * DMat4::from_translation(eye.as_dvec3() - mirrored_eye);
+                let mut matrix = (self.matrix * rest).transpose();
+                matrix.z_axis = DVec4::W * *near;
+                let matrix = matrix.transpose();
+                let above = (normal.dot(eye.as_dvec3()) - offset) - slack;
+                View {
+                    clip_from_world: (matrix * DMat4::from_translation(-eye.as_dvec3())).as_mat4(),
+                    eye,
+                    clip_from_eye: Some(matrix.as_mat4()),
+                    clip_plane: Some(normal.extend(above).as_vec4()),
+                    footprint: self.footprint,
+                }
+            }
+            Depth::Scene(bounds) => {
+                let mirror = DMat4::from_translation(2.0 * offset * normal) * turn;
+                let mut matrix = (self.matrix * mirror).transpose();
+                let z = matrix.z_axis;
+                let (low, high) = (-bounds.farthest(-z), bounds.farthest(z));
+                let margin = 0.01 * (high - low) + f64::MIN_POSITIVE;
+                matrix.z_axis = (z - DVec4::W * (low - margin)) / (high - low + 2.0 * margin);
+                View {
+                    clip_plane: Some(normal.extend(-offset - slack).as_vec4()),
+                    footprint: self.footprint,
+                    ..View::new(matrix.transpose().as_mat4(), eye)
+                }
+            }
+        };
+        let finite = view.clip_plane.is_some_and(|plane| plane.is_finite()) && view.eye.is_finite();
+        (finite && view.clip_from_world.is_finite() && view.projection().0.is_finite()).then_some(view)
+    }
+}

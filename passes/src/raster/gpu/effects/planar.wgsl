@@ -1,0 +1,41 @@
+// Reflection in flat glass from mirrored cameras: `raster::effects::mirrors`. A mirror's picture has the pixels of the window.
+
+struct Params {
+    // How many mirrors, and how many runs of glass there are.
+    mirrors: u32,
+    runs: u32,
+}
+
+// A plane that mirrors.
+struct Mirror {
+    // And in w the square of the sine that shading normals may lean from it.
+    normal: vec4<f32>,
+    plane: u32,
+    // Where its picture is.
+    layer: u32,
+}
+
+@group(1) @binding(3) var pictures: texture_2d_array<f32>;
+// First triangle, end and plane of each run of triangles of glass, ascending.
+@group(1) @binding(4) var<storage, read> runs: array<vec4<u32>>;
+@group(1) @binding(5) var<storage, read> mirrors: array<Mirror>;
+
+fn compute(pixel: vec2<u32>) -> vec4<f32> {
+    let color = textureLoad(color_buffer, pixel, 0);
+    if params.mirrors == 0u {
+        return color;
+    }
+    let plane = plane_of(textureLoad(triangle_buffer, pixel, 0).x - frame.id_base);
+    if plane >= NOT_GLASS {
+        return color;
+    }
+    for (var index = 0u; index < params.mirrors; index++) {
+        if mirrors[index].plane == plane {
+            if agrees(textureLoad(normal_buffer, pixel, 0).xyz, mirrors[index].normal) {
+                return vec4<f32>(textureLoad(pictures, pixel, mirrors[index].layer, 0).xyz, 1.0);
+            }
+            break;
+        }
+    }
+    return color;
+}
