@@ -5,7 +5,7 @@ use curitiba_pipeline::plan::Settings;
 use std::fmt::Write as _;
 
 /// The shipped projects: one for each ray program, one without, one for each raster effect.
-const PROJECTS: [&str; 13] = [
+const PROJECTS: [&str; 12] = [
     include_str!("../../../xml_projects/SceneNoEffects.xml"),
     include_str!("../../../xml_projects/SceneDummy.xml"),
     include_str!("../../../xml_projects/SceneShadows.xml"),
@@ -16,14 +16,13 @@ const PROJECTS: [&str; 13] = [
     include_str!("../../../xml_projects/raster/SceneShadowMap.xml"),
     include_str!("../../../xml_projects/raster/SceneCubeReflect.xml"),
     include_str!("../../../xml_projects/raster/SceneCubeRefract.xml"),
-    include_str!("../../../xml_projects/raster/ScenePlanarReflect.xml"),
     include_str!("../../../xml_projects/raster/SceneDepthOcclusion.xml"),
     include_str!("../../../xml_projects/raster/SceneGTAO.xml"),
 ];
 /// The first of [`PROJECTS`] whose `pass2` is a raster effect.
 const FIRST_EFFECT: usize = 7;
 /// The first of them that is an occlusion, and the place of a radius in [`EFFECT_SETTINGS`] in which these seeds have occluders.
-const FIRST_OCCLUSION: u8 = 11;
+const FIRST_OCCLUSION: u8 = 10;
 const RADIUS: u8 = 10;
 
 /// Their material libraries.
@@ -113,7 +112,7 @@ const EFFECT_SETTINGS: [&str; 16] = [
     "bias=0",
     "bias=100",
     "probes=1",
-    "planes=1",
+    "probes=7",
     "index=0.1",
     "index=10",
     "radius=2",
