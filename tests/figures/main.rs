@@ -154,7 +154,7 @@ fn a_wrong_marker_or_figure_is_found() {
         ("<!-- figures: machine -->\n", "a kind and a file are wanted"),
         ("<!-- figures: machine none.json -->\n", "none.json"),
         ("<!-- figures: tables epyc_table2.json -->\n", "there is no kind `tables`"),
-        ("<!-- figures: machine xeon16_load.json -->\n", "measure it again in a clean checkout"),
+        ("<!-- figures: machine h100_long_dragon.json -->\n", "measure it again in a clean checkout"),
         ("<!-- figures: cases epyc_table2.json names=a; view=Nowhere -->\n", "no row"),
         ("<!-- figures: machine epyc_table2.json\n", "does not end with -->"),
     ];

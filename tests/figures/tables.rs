@@ -257,7 +257,8 @@ fn backends(files: &[Value], options: &Options) -> Result<String, String> {
 fn threads(file: &Value, options: &Options) -> Result<String, String> {
     let wanted: Option<Vec<&str>> = options.get("steps").map(|steps| steps.split('/').collect());
     let mut out = String::new();
-    for case in file["cases"].as_array().into_iter().flatten() {
+    let names: Vec<&str> = options.get("labels").map_or_else(Vec::new, |names| names.split('/').collect());
+    for (index, case) in file["cases"].as_array().into_iter().flatten().enumerate() {
         for step in case["steps"].as_array().into_iter().flatten() {
             let kind = text(&step["kind"]);
             if wanted.as_ref().is_some_and(|wanted| !wanted.contains(&kind)) {
@@ -274,7 +275,8 @@ fn threads(file: &Value, options: &Options) -> Result<String, String> {
             let cells: Vec<String> = points.iter().map(|point| cell(wall(point))).collect();
             let ratio = |clock: &str| Some(first[clock]["median"].as_f64()? / last[clock]["median"].as_f64()?);
             let (speed_up, growth) = (cell(ratio("wall")), cell(ratio("processor").map(f64::recip)));
-            let (label, view) = (text(&case["label"]), text(&case["view"]));
+            let label = names.get(index).copied().unwrap_or_else(|| text(&case["label"]));
+            let view = text(&case["view"]);
             let _ = writeln!(out, "| {label} | {view} | {kind} | {} | {speed_up} | × {growth} |", cells.join(" | "));
         }
     }
