@@ -16,8 +16,10 @@ use curitiba::pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba::pipeline::project;
 use curitiba::pipeline::scene::RenderScene;
 use curitiba::{BackendChoice, Choice, RasterChoice};
+use std::cell::RefCell;
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 
 /// Pixels a side: software drivers take a second for each picture of 128 pixels.
 const SIDE: u32 = 64;
@@ -37,30 +39,26 @@ fn is_there() -> bool {
 /// One backend for many renderers, one after the other: software drivers take most of these tests' time to compile programs, and a backend
 /// keeps those that it has.
 #[derive(Clone)]
-struct Lent(Arc<Mutex<Box<dyn RayBackend>>>);
+struct Lent(Rc<RefCell<Box<dyn RayBackend>>>);
 
 impl Lent {
     fn wgpu() -> Self {
         let backend = ray_backend(Choice::CPU.traced_by(BackendChoice::Wgpu)).expect("it was there before");
-        Self(Arc::new(Mutex::new(backend)))
-    }
-
-    fn held(&self) -> MutexGuard<'_, Box<dyn RayBackend>> {
-        self.0.lock().expect("no panic while it was held")
+        Self(Rc::new(RefCell::new(backend)))
     }
 }
 
 impl RayBackend for Lent {
     fn name(&self) -> &'static str {
-        self.held().name()
+        self.0.borrow().name()
     }
 
     fn device(&self) -> String {
-        self.held().device()
+        self.0.borrow().device()
     }
 
     fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
-        self.held().supports(program, fidelity)
+        self.0.borrow().supports(program, fidelity)
     }
 
     fn supports_glass(
@@ -69,19 +67,19 @@ impl RayBackend for Lent {
         params: &RayParams,
         dielectrics: &[Dielectric],
     ) -> Result<(), BackendError> {
-        self.held().supports_glass(program, params, dielectrics)
+        self.0.borrow().supports_glass(program, params, dielectrics)
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
-        self.held().build(scene, filtered)
+        self.0.borrow_mut().build(scene, filtered)
     }
 
     fn bytes_per_triangle(&self) -> u64 {
-        self.held().bytes_per_triangle()
+        self.0.borrow().bytes_per_triangle()
     }
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
-        self.held().run(job, output, progress)
+        self.0.borrow_mut().run(job, output, progress)
     }
 }
 
