@@ -23,6 +23,8 @@ use std::sync::{Arc, Mutex};
 
 /// Pixels a side: software drivers take a second for each picture of 128 pixels.
 const SIDE: u32 = 64;
+/// Few samples of occlusion.
+const OCCLUSION: &[&str] = &["samples=9"];
 
 fn is_there() -> bool {
     match ray_backend(Choice::CPU.traced_by(BackendChoice::Wgpu)) {
@@ -141,35 +143,54 @@ fn check(record: &Record, nothing_fuses: bool) {
     }
 }
 
+/// What every program computes in one fidelity, from both views. The fidelities share no program of a device, so each is a test, and a
+/// software driver compiles them side by side.
+fn matrix(lent: &Lent, fidelity: Fidelity, found: &Arc<Mutex<Found>>) {
+    for camera in ["MainCamera", "Vidro"] {
+        for name in ["SceneDummy", "SceneShadows", "SceneReflect", "SceneRefract"] {
+            record(lent, name, camera, fidelity, &[], found);
+        }
+        for name in ["SceneSSAO", "SceneFinal"] {
+            record(lent, name, camera, fidelity, OCCLUSION, found);
+        }
+    }
+}
+
+/// Checks all records, of which there are so many.
+fn check_all(found: &Mutex<Found>, count: usize) {
+    let found = found.lock().expect("no panic while it was held");
+    assert_eq!(found.records.len(), count, "a pass of the matrix did not run");
+    // Software drivers fuse nothing, as far as is known of the one that there is.
+    let nothing_fuses = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
+    found.records.iter().for_each(|record| check(record, nothing_fuses));
+}
+
 #[test]
-fn every_program_computes_what_the_processor_does() {
+fn every_corrected_program_computes_what_the_processor_does() {
     if !is_there() {
         return;
     }
-    let found = Arc::new(Mutex::new(Found::default()));
-    let lent = &Lent::wgpu();
-    let occlusion: &[&str] = &["samples=9"];
+    let (lent, found) = (&Lent::wgpu(), Arc::default());
+    matrix(lent, Fidelity::Corrected, &found);
     for camera in ["MainCamera", "Vidro"] {
-        for fidelity in [Fidelity::Corrected, Fidelity::Thesis] {
-            for name in ["SceneDummy", "SceneShadows", "SceneReflect", "SceneRefract"] {
-                record(lent, name, camera, fidelity, &[], &found);
-            }
-            for name in ["SceneSSAO", "SceneFinal"] {
-                record(lent, name, camera, fidelity, occlusion, &found);
-            }
-        }
         record(lent, "SceneRefract", camera, Fidelity::Corrected, &["fresnel=schlick"], &found);
         record(lent, "SceneSSAO", camera, Fidelity::Corrected, &["sampler=strata", "samples=4"], &found);
         // What is seen in panes is textured: texels are decoded.
         let linear = Some(ColorSpace::Linear);
         record_in(linear, lent, "SceneReflect", camera, Fidelity::Corrected, &[], &found);
-        record_in(linear, lent, "SceneFinal", camera, Fidelity::Corrected, occlusion, &found);
+        record_in(linear, lent, "SceneFinal", camera, Fidelity::Corrected, OCCLUSION, &found);
     }
-    let found = found.lock().expect("no panic while it was held");
-    assert_eq!(found.records.len(), 2 * (6 * 2 + 2 + 2), "a pass of the matrix did not run");
-    // Software drivers fuse nothing, as far as is known of the one that there is.
-    let nothing_fuses = adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software);
-    found.records.iter().for_each(|record| check(record, nothing_fuses));
+    check_all(&found, 2 * (6 + 2 + 2));
+}
+
+#[test]
+fn every_program_of_the_report_computes_what_the_processor_does() {
+    if !is_there() {
+        return;
+    }
+    let found = Arc::default();
+    matrix(&Lent::wgpu(), Fidelity::Thesis, &found);
+    check_all(&found, 2 * 6);
 }
 
 /// Balls of several kinds, a filled glass with a bubble, panes: glass as each material says, before a background.
