@@ -5,20 +5,11 @@ const NOT_GLASS = 0xfffffffeu;
 
 // The plane that a triangle of glass lies in, or NO_PLANE; NOT_GLASS for others and for ids of no triangle.
 fn plane_of(triangle: u32) -> u32 {
-    var low = 0u;
-    var high = params.runs;
-    while low < high {
-        let middle = (low + high) / 2u;
-        if runs[middle].x <= triangle {
-            low = middle + 1u;
-        } else {
-            high = middle;
-        }
-    }
-    if low == 0u || triangle >= runs[low - 1u].y {
+    let range = range_of(triangle);
+    if range == 0u {
         return NOT_GLASS;
     }
-    return runs[low - 1u].z;
+    return glass[range - 1u].z;
 }
 
 // Whether a shading normal is that of a plane: its unit normal, and the square of the sine that is allowed.

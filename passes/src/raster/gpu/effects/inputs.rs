@@ -1,5 +1,6 @@
 //! The G-buffer as programs read it: the attachments drawn last, or textures filled from host memory.
 
+use super::bindings;
 use super::kept::Kept;
 use crate::raster::gpu::device::Gpu;
 use crate::raster::gpu::faults::{failure, unsupported};
@@ -42,21 +43,14 @@ struct Upload {
 
 impl Inputs {
     pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
-        let entries: [_; 4] = std::array::from_fn(|channel| wgpu::BindGroupLayoutEntry {
-            binding: channel as u32,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Texture {
-                sample_type: match channel {
-                    TRIANGLE => wgpu::TextureSampleType::Uint,
-                    _ => wgpu::TextureSampleType::Float { filterable: false },
-                },
-                view_dimension: wgpu::TextureViewDimension::D2,
-                multisampled: false,
-            },
-            count: None,
+        let types = (0..4).map(|channel| {
+            let sample_type = match channel {
+                TRIANGLE => wgpu::TextureSampleType::Uint,
+                _ => wgpu::TextureSampleType::Float { filterable: false },
+            };
+            bindings::texture(sample_type, wgpu::TextureViewDimension::D2)
         });
-        let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("G-buffer"), entries: &entries };
-        let layout = gpu.device.create_bind_group_layout(&descriptor);
+        let layout = bindings::layout(&gpu.device, "G-buffer", types);
         let unread = CHANNEL_FORMATS.map(|format| {
             let texture = texture(gpu, "unread", format, 1, 1);
             texture.create_view(&wgpu::TextureViewDescriptor::default())
@@ -94,15 +88,9 @@ impl Inputs {
     }
 
     fn bind(&self, gpu: &Gpu, views: [Option<&wgpu::TextureView>; 4]) -> wgpu::BindGroup {
-        let entries: [_; 4] = std::array::from_fn(|channel| wgpu::BindGroupEntry {
-            binding: channel as u32,
-            resource: wgpu::BindingResource::TextureView(views[channel].unwrap_or(&self.unread[channel])),
-        });
-        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("G-buffer"),
-            layout: &self.layout,
-            entries: &entries,
-        })
+        let view = |channel: usize| views[channel].unwrap_or(&self.unread[channel]);
+        let resources = (0..4).map(|channel| wgpu::BindingResource::TextureView(view(channel)));
+        bindings::bind(&gpu.device, "G-buffer", &self.layout, resources)
     }
 
     fn upload(&mut self, gpu: &Gpu, job: &EffectJob<'_>, wanted: [bool; 4]) -> Result<&Upload, BackendError> {

@@ -7,10 +7,12 @@
 //! A G-buffer that was drawn last is read where it lies. Textures, pipelines, bindings and buffers stay for the next frame.
 
 mod ask;
+mod bindings;
 mod inputs;
 mod kept;
 mod maps;
 mod programs;
+mod question;
 mod shader;
 mod survey;
 mod table;
@@ -26,6 +28,7 @@ use super::timer::Timer;
 use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::mirrors::{Mirrors, Survey};
 use crate::raster::effects::panes::Probes;
+use crate::raster::effects::planes::Run;
 use crate::raster::effects::{SceneCache, check, check_map_bytes, cube};
 use ask::Ask;
 use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, Rect};
@@ -72,7 +75,6 @@ pub(super) struct Effects {
     boxes: Table,
     /// The runs of glass, and the mirrors.
     runs: Table,
-    run_count: u32,
     mirrors: Table,
     surveyor: Option<Surveyor>,
     plane_of: Vec<u32>,
@@ -143,7 +145,6 @@ impl Effects {
             glass: Table::new(gpu)?,
             boxes: Table::new(gpu)?,
             runs: Table::new(gpu)?,
-            run_count: 0,
             mirrors: Table::new(gpu)?,
             surveyor: None,
             plane_of: Vec::new(),
@@ -348,7 +349,6 @@ impl Effects {
         if self.runs.write(gpu, bytemuck::cast_slice(&glazing.runs))? {
             self.groups.clear();
         }
-        self.run_count = glazing.runs.len() as u32;
         let survey = if glazing.runs.is_empty() {
             Survey::default()
         } else if job.resident {
@@ -397,7 +397,7 @@ impl Effects {
             stats.map_count = chosen.len() as u32;
             (stats.maps, stats.triangles, stats.bytes) = (Some(part), triangles, maps.bytes);
         }
-        let uniform = PlanarUniform { mirrors: chosen.len() as u32, runs: self.run_count };
+        let uniform = PlanarUniform { mirrors: chosen.len() as u32, ranges: self.runs.count::<Run>() };
         Ok(Prepared { maps: Some(key), params: bytemuck::bytes_of(&uniform).to_vec() })
     }
 

@@ -1,9 +1,9 @@
 // Reflection in flat glass from mirrored cameras: `raster::effects::mirrors`. A mirror's picture has the pixels of the window.
 
 struct Params {
-    // How many mirrors, and how many runs of glass there are.
+    // How many mirrors, and how many ranges of glass there are.
     mirrors: u32,
-    runs: u32,
+    ranges: u32,
 }
 
 // A plane that mirrors.
@@ -16,8 +16,8 @@ struct Mirror {
 }
 
 @group(1) @binding(3) var pictures: texture_2d_array<f32>;
-// First triangle, end and plane of each run of triangles of glass, ascending.
-@group(1) @binding(4) var<storage, read> runs: array<vec4<u32>>;
+// First triangle, end and plane of each range of triangles of glass, ascending.
+@group(1) @binding(4) var<storage, read> glass: array<vec4<u32>>;
 @group(1) @binding(5) var<storage, read> mirrors: array<Mirror>;
 
 fn compute(pixel: vec2<u32>) -> vec4<f32> {

@@ -1,5 +1,6 @@
 //! Pixel programs: compute shaders that read the G-buffer and maps, and write every pixel of the output.
 
+use super::bindings::{bind, layout, storage, texture, uniform};
 use super::inputs::Inputs;
 use super::maps::submit;
 use crate::raster::gpu::device::Gpu;
@@ -8,7 +9,6 @@ use crate::raster::gpu::timer::Timer;
 use curitiba_pipeline::backend::{BackendError, Part};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::raster_effects::EffectProgram;
-use std::num::NonZeroU64;
 use std::time::Instant;
 
 use super::shader::{self, FrameUniform, GROUP};
@@ -55,24 +55,12 @@ pub fn compute_pipeline(
 
 /// What a program binds besides its uniforms and the output, in the order of its bindings from 3.
 fn resources(program: EffectProgram) -> Vec<wgpu::BindingType> {
-    let texture =
-        |sample_type, view_dimension| wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false };
-    let table = wgpu::BindingType::Buffer {
-        ty: wgpu::BufferBindingType::Storage { read_only: true },
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    };
+    use wgpu::TextureViewDimension::D2Array;
     match program {
-        EffectProgram::ShadowMap => {
-            vec![texture(wgpu::TextureSampleType::Depth, wgpu::TextureViewDimension::D2Array)]
-        }
-        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
-            let faces = wgpu::TextureSampleType::Float { filterable: false };
-            vec![texture(faces, wgpu::TextureViewDimension::D2Array), table, table]
-        }
-        EffectProgram::PlanarReflection => {
-            let pictures = wgpu::TextureSampleType::Float { filterable: false };
-            vec![texture(pictures, wgpu::TextureViewDimension::D2Array), table, table]
+        EffectProgram::ShadowMap => vec![texture(wgpu::TextureSampleType::Depth, D2Array)],
+        EffectProgram::CubeReflection | EffectProgram::CubeRefraction | EffectProgram::PlanarReflection => {
+            let colors = wgpu::TextureSampleType::Float { filterable: false };
+            vec![texture(colors, D2Array), storage(true), storage(true)]
         }
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => Vec::new(),
     }
@@ -87,11 +75,6 @@ impl Program {
             let why = format!("{} has no compute shaders of {GROUP} x {GROUP} threads;", gpu.adapter);
             return Err(unsupported(program.info().name, &why));
         }
-        let uniform = |size: usize| wgpu::BindingType::Buffer {
-            ty: wgpu::BufferBindingType::Uniform,
-            has_dynamic_offset: false,
-            min_binding_size: NonZeroU64::new(size as u64),
-        };
         let output = wgpu::BindingType::StorageTexture {
             access: wgpu::StorageTextureAccess::WriteOnly,
             format: OUTPUT_FORMAT,
@@ -99,20 +82,11 @@ impl Program {
         };
         let params_bytes = shader::params_bytes(program);
         let types = [uniform(size_of::<FrameUniform>()), uniform(params_bytes), output];
-        let entries: Vec<_> = (0..)
-            .zip(types.into_iter().chain(resources(program)))
-            .map(|(binding, ty)| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: wgpu::ShaderStages::COMPUTE,
-                ty,
-                count: None,
-            })
-            .collect();
-        let label = Some(program.info().name);
-        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+        let label = program.info().name;
+        let layout = layout(&gpu.device, label, types.into_iter().chain(resources(program)));
         let source = shader::source(program);
-        let pipeline = compute_pipeline(gpu, label, source, [&inputs.layout, &layout]);
-        gpu.check(&format!("building the program {}", program.info().name))?;
+        let pipeline = compute_pipeline(gpu, Some(label), source, [&inputs.layout, &layout]);
+        gpu.check(&format!("building the program {label}"))?;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let frame = gpu.buffer("creation of an effect's uniforms", usage, size_of::<FrameUniform>() as u64)?;
         let params = gpu.buffer("creation of an effect's uniforms", usage, params_bytes as u64)?;
@@ -131,15 +105,7 @@ impl Program {
             self.params.as_entire_binding(),
             wgpu::BindingResource::TextureView(output),
         ];
-        let entries: Vec<_> = (0..)
-            .zip(own.into_iter().chain(resources.iter().cloned()))
-            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
-            .collect();
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("effect"),
-            layout: &self.layout,
-            entries: &entries,
-        });
+        let group = bind(&gpu.device, "effect", &self.layout, own.into_iter().chain(resources.iter().cloned()));
         gpu.check("binding of an effect's maps")?;
         Ok(group)
     }

@@ -25,10 +25,10 @@ pub const GROUP: u32 = 8;
 const COMMON: &str = include_str!("common.wgsl");
 
 /// What programs that look for glass share.
-const GLASS: &str = include_str!("glass.wgsl");
+const GLASS: &str = concat!(include_str!("ranges.wgsl"), include_str!("glass.wgsl"));
 
 /// What programs that look for planes of glass share.
-const GLAZING: &str = include_str!("glazing.wgsl");
+const GLAZING: &str = concat!(include_str!("ranges.wgsl"), include_str!("glazing.wgsl"));
 
 /// Pixels of a row that an invocation of the survey looks at.
 pub const SEGMENT: u32 = 16;
@@ -242,7 +242,7 @@ impl ProbeBox {
 #[repr(C)]
 pub struct PlanarUniform {
     pub mirrors: u32,
-    pub runs: u32,
+    pub ranges: u32,
 }
 
 /// `Mirror` of `planar.wgsl`.
@@ -268,7 +268,7 @@ impl MirrorPlane {
 pub struct SurveyUniform {
     pub size: [u32; 2],
     pub id_base: u32,
-    pub runs: u32,
+    pub ranges: u32,
 }
 
 /// `Params` of `occlusion.wgsl`.
@@ -345,7 +345,7 @@ mod tests {
     #[test]
     fn the_survey_parses_and_validates() {
         let module = validate(&survey_source()).unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!(layout_in(&module, "Params"), offsets!(SurveyUniform: size, id_base, runs));
+        assert_eq!(layout_in(&module, "Params"), offsets!(SurveyUniform: size, id_base, ranges));
     }
 
     #[test]
@@ -394,7 +394,7 @@ mod tests {
             assert_eq!(layout(program, "Params"), cube);
             assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high));
         }
-        assert_eq!(layout(PlanarReflection, "Params"), offsets!(PlanarUniform: mirrors, runs));
+        assert_eq!(layout(PlanarReflection, "Params"), offsets!(PlanarUniform: mirrors, ranges));
         assert_eq!(layout(PlanarReflection, "Mirror"), offsets!(MirrorPlane: normal, plane, layer));
         for program in [HorizonOcclusion, DepthOcclusion] {
             let occlusion = offsets!(OcclusionUniform: clip_from_world, eye, radius, intensity, slices, steps, seed);

@@ -5,15 +5,15 @@ struct Params {
     size: vec2<u32>,
     // What triangle ids are stored above their value.
     id_base: u32,
-    // How many runs of glass there are.
-    runs: u32,
+    // How many ranges of glass there are.
+    ranges: u32,
 }
 
 @group(0) @binding(2) var normal_buffer: texture_2d<f32>;
 @group(0) @binding(3) var triangle_buffer: texture_2d<u32>;
 @group(1) @binding(0) var<uniform> params: Params;
-// First triangle, end and plane of each run of triangles of glass, ascending.
-@group(1) @binding(1) var<storage, read> runs: array<vec4<u32>>;
+// First triangle, end and plane of each range of triangles of glass, ascending.
+@group(1) @binding(1) var<storage, read> glass: array<vec4<u32>>;
 // By plane: its unit normal, and the square of the sine that shading normals may lean from it.
 @group(1) @binding(2) var<storage, read> normals: array<vec4<f32>>;
 // Five for each plane after five of which the first counts all glass: pixels, the complements of the first column and row, the last
@@ -28,7 +28,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.y >= params.size.y || first >= end {
         return;
     }
-    var glass = 0u;
+    var of_glass = 0u;
     var last_plane = NOT_GLASS;
     var count = 0u;
     var from_column = 0u;
@@ -39,7 +39,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         if plane == NOT_GLASS {
             continue;
         }
-        glass += 1u;
+        of_glass += 1u;
         if plane == NO_PLANE || !agrees(textureLoad(normal_buffer, pixel, 0).xyz, normals[plane]) {
             continue;
         }
@@ -53,8 +53,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         to_column = column;
     }
     put(last_plane, count, from_column, to_column, id.y);
-    if glass > 0u {
-        atomicAdd(&seen[0], glass);
+    if of_glass > 0u {
+        atomicAdd(&seen[0], of_glass);
     }
 }
 

@@ -16,6 +16,11 @@ impl Table {
         Ok(Self { buffer: Self::buffer(gpu, 1024)?, written: Vec::new() })
     }
 
+    /// How many there are of a type that it was written from.
+    pub fn count<T>(&self) -> u32 {
+        (self.written.len() / size_of::<T>()) as u32
+    }
+
     fn buffer(gpu: &Gpu, bytes: u64) -> Result<wgpu::Buffer, BackendError> {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         gpu.buffer("creation of a table", usage, bytes)
