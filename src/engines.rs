@@ -2,11 +2,12 @@
 
 use crate::passes::cpu::CpuRays;
 use crate::passes::raster::cpu::CpuRasteriser;
-use crate::passes::raster::gpu::{AdapterChoice, SharedDevice, WgpuRasteriser};
+use crate::passes::raster::gpu::{AdapterChoice, AdapterKind, AdapterSummary, SharedDevice, WgpuRasteriser, adapters};
 use crate::passes::wgpu_rays::WgpuRays;
 use crate::pipeline::backend::{BackendError, Rasteriser, RayBackend};
 use crate::pipeline::executor::{Engines, Spare};
 use crate::pipeline::plan::Plan;
+use std::sync::OnceLock;
 
 /// Which rasteriser.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -125,8 +126,18 @@ impl Choice {
     };
 
     /// The device of `wgpu`: the one that is named, or what may be taken otherwise.
-    fn device(self, otherwise: AdapterChoice) -> AdapterChoice {
+    pub(crate) fn device(self, otherwise: AdapterChoice) -> AdapterChoice {
         self.adapter.map_or(otherwise, AdapterChoice::Nth)
+    }
+
+    /// The name of the device of `wgpu` that was asked for, where an engine may take it.
+    #[must_use]
+    pub fn adapter_name(self) -> Option<&'static str> {
+        static ADAPTERS: OnceLock<Vec<AdapterSummary>> = OnceLock::new();
+        let takes =
+            self.raster != RasterChoice::Cpu || matches!(self.backend, BackendChoice::Auto | BackendChoice::Wgpu);
+        let place = usize::from(self.adapter.filter(|_| takes)?);
+        ADAPTERS.get_or_init(adapters).get(place).map(|adapter| adapter.name.as_str())
     }
 
     /// The same rasteriser with another ray backend.
@@ -248,9 +259,8 @@ fn ray_backend_on(choice: Choice, device: Option<&SharedDevice>) -> Result<Box<d
 
 /// Rays on the rasteriser's device if that is one that may be taken, else on one of their own.
 fn wgpu(choice: AdapterChoice, device: Option<&SharedDevice>) -> Result<Box<dyn RayBackend>, BackendError> {
-    let fits = |device: &&SharedDevice| {
-        choice != AdapterChoice::RealGpu || device.adapter().kind != crate::passes::raster::gpu::AdapterKind::Software
-    };
+    let fits =
+        |device: &&SharedDevice| choice != AdapterChoice::RealGpu || device.adapter().kind != AdapterKind::Software;
     Ok(Box::new(match device.filter(fits) {
         Some(device) => WgpuRays::on(device)?,
         None => WgpuRays::new(choice)?,
@@ -259,8 +269,8 @@ fn wgpu(choice: AdapterChoice, device: Option<&SharedDevice>) -> Result<Box<dyn 
 
 /// Why `auto` does not take `wgpu` where there is no `cuda`; nothing where it does.
 #[must_use]
-pub fn why_not_wgpu() -> Option<BackendError> {
-    wgpu(AdapterChoice::RealGpu, None).err()
+pub fn why_not_wgpu(choice: Choice) -> Option<BackendError> {
+    wgpu(choice.device(AdapterChoice::RealGpu), None).err()
 }
 
 /// What `auto` takes, and why it is not `cuda`; nothing where it is.

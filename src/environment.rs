@@ -71,9 +71,9 @@ impl Environment {
         let real = adapters.iter().any(|adapter| adapter.kind != AdapterKind::Software);
         let mut fallbacks = Vec::new();
         if choice.raster == RasterChoice::Auto {
-            if !real {
+            if !real && choice.adapter.is_none() {
                 fallbacks.push("raster `auto` takes the cpu: there is no real GPU".to_owned());
-            } else if let Err(error) = WgpuRasteriser::new(AdapterChoice::RealGpu) {
+            } else if let Err(error) = WgpuRasteriser::new(choice.device(AdapterChoice::RealGpu)) {
                 fallbacks.push(format!("raster `auto` takes the cpu: {error}"));
             }
         }
@@ -86,7 +86,7 @@ impl Environment {
         match choice.backend {
             BackendChoice::Cpu => {}
             BackendChoice::Auto => match why_not_cuda() {
-                Some(no_cuda) => match why_not_wgpu() {
+                Some(no_cuda) => match why_not_wgpu(choice) {
                     // In builds without `cuda` there is none to fall back from.
                     Some(_) if cfg!(not(feature = "cuda")) => {}
                     Some(_) => environment.fallbacks.push(format!("backend `auto` takes the cpu: {no_cuda}")),

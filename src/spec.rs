@@ -1,5 +1,6 @@
 //! `project.xml@setting,setting`: a project and what is asked of it, as one word of a command line.
 
+use crate::passes::raster::gpu;
 use crate::pipeline::color::ColorSpace;
 use crate::pipeline::diagnostic::valid_names;
 use crate::pipeline::plan::Settings;
@@ -14,6 +15,7 @@ pub const SETTINGS: &[(&str, &str)] = &[
     ("raster", "auto, cpu or wgpu: what draws"),
     ("backend", "auto, cpu, wgpu, cuda or optix: what traces rays"),
     ("gpus", "N or all: the GPUs of cuda and optix"),
+    ("adapter", "NAME or place of the device of wgpu, for rasteriser and rays; `curitiba list` has them"),
     ("fidelity", "corrected or thesis: the report's programs mended, or as written"),
     ("color", "report or linear: colours as stored, or decoded from sRGB and shaded in linear light"),
     ("camera", "NAME of a camera of the project"),
@@ -127,6 +129,10 @@ impl Spec {
                 let help = "valid: 1 to 255, or all".to_owned();
                 self.choice.gpus =
                     value.parse().map_err(|_| (true, format!("`{value}` is no number of GPUs"), help))?;
+            }
+            "adapter" => {
+                let place = gpu::named(value).map_err(|help| in_value(key, value, help))?;
+                self.choice.adapter = Some(place);
             }
             "fidelity" => self.settings.fidelity = named(key, value, &FIDELITIES)?,
             "color" => self.settings.color = Some(named(key, value, ColorSpace::NAMED)?),

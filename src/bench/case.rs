@@ -133,6 +133,7 @@ fn key(path: &Path, plan: &Plan, view: &str, choice: Choice) -> String {
         format!("raster {}", choice.raster.name()),
         format!("rays {}", choice.rays_in_words()),
     ];
+    parts.extend(choice.adapter_name().map(|name| format!("adapter {name}")));
     parts.extend(settings.aa.are_several().then(|| format!("aa {}", settings.aa)));
     parts.extend(settings.color.map(|color| format!("color {color}")));
     parts.extend(settings.set.iter().cloned());

@@ -327,6 +327,9 @@ pub struct ReportArgs {
     /// Ray backend of the report; every other one that is there is measured beside it, at the usual settings
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     pub backend: Backend,
+    /// Device of wgpu, for rasteriser and rays: a part of its name, or its place in `curitiba list`, from 0
+    #[arg(long, value_name = "NAME", value_parser = curitiba::passes::raster::gpu::named)]
+    pub adapter: Option<u8>,
     /// GPUs that share the rays of cuda and optix: a number, or all
     #[arg(long, value_name = "N", default_value_t = Gpus::default())]
     pub gpus: Gpus,

@@ -62,6 +62,9 @@ pub struct BenchArgs {
     /// Ray backend; a row that it fails for is listed with the reason, and never measured on another
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     pub backend: Backend,
+    /// Device of wgpu, for rasteriser and rays: a part of its name, or its place in `curitiba list`, from 0
+    #[arg(long, value_name = "NAME", value_parser = curitiba::passes::raster::gpu::named)]
+    pub adapter: Option<u8>,
     /// GPUs that share the rays of cuda and optix: a number, or all
     #[arg(long, value_name = "N", default_value_t = Gpus::default())]
     pub gpus: Gpus,
@@ -175,7 +178,7 @@ impl BenchArgs {
             raster: self.raster,
             backend: self.backend,
             gpus: self.gpus,
-            adapter: None,
+            adapter: self.adapter,
             fidelity: self.fidelity,
             color: self.color,
             exposure: 0.0,
@@ -239,6 +242,8 @@ impl BenchArgs {
             words.extend(named("compare", engines.join(",")));
         }
         words.extend(named("backend", value(name_of(self.backend))));
+        // By its name: its place may be another one on the machine that runs the command.
+        words.extend(self.choice().adapter_name().into_iter().flat_map(|name| named("adapter", name.to_owned())));
         if self.gpus != Gpus::default() {
             words.extend(named("gpus", self.gpus.to_string()));
         }

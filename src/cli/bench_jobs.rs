@@ -20,7 +20,7 @@ impl EngineArg {
     pub fn choice(self, choice: Choice) -> Choice {
         match self {
             Self::Cpu => Choice::CPU,
-            Self::Wgpu => Choice { raster: RasterChoice::Wgpu, ..Choice::CPU },
+            Self::Wgpu => Choice { raster: RasterChoice::Wgpu, adapter: choice.adapter, ..Choice::CPU },
             Self::WgpuRays => choice.traced_by(BackendChoice::Wgpu),
             Self::Cuda => choice.traced_by(BackendChoice::Cuda),
             Self::Optix => choice.traced_by(BackendChoice::Optix),

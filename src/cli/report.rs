@@ -45,6 +45,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
             raster: args.raster.choice(),
             backend: args.backend.choice(),
             gpus: args.gpus,
+            adapter: args.adapter,
             ..Choice::default()
         },
         references: References::default_folder(),

@@ -152,7 +152,7 @@ impl<'a> Collector<'a> {
         } else if self.request.choice.raster == RasterChoice::Wgpu {
             self.gpu = true;
         } else {
-            match WgpuRasteriser::new(AdapterChoice::RealGpu) {
+            match WgpuRasteriser::new(self.request.choice.device(AdapterChoice::RealGpu)) {
                 Ok(_) => self.gpu = true,
                 Err(error) => self.miss("wgpu", error.to_string()),
             }
@@ -160,7 +160,7 @@ impl<'a> Collector<'a> {
         let choice = self.request.choice;
         if choice.backend == BackendChoice::Auto {
             let on_gpu = ray_backend(choice.traced_by(BackendChoice::Cuda)).is_ok();
-            self.backend = match why_not_wgpu() {
+            self.backend = match why_not_wgpu(choice) {
                 _ if on_gpu => BackendChoice::Cuda,
                 None => BackendChoice::Wgpu,
                 Some(_) => BackendChoice::Cpu,
@@ -170,7 +170,7 @@ impl<'a> Collector<'a> {
             // A software driver is no GPU to measure, unless it is asked for.
             if backend == BackendChoice::Wgpu
                 && backend != self.backend
-                && let Some(error) = why_not_wgpu()
+                && let Some(error) = why_not_wgpu(choice)
             {
                 self.miss("rays on wgpu", error.reason());
                 continue;
