@@ -5,7 +5,7 @@ use curitiba_pipeline::plan::Settings;
 use std::fmt::Write as _;
 
 /// The shipped projects: one for each ray program, one without, one for each raster effect.
-const PROJECTS: [&str; 12] = [
+const PROJECTS: [&str; 13] = [
     include_str!("../../../xml_projects/SceneNoEffects.xml"),
     include_str!("../../../xml_projects/SceneDummy.xml"),
     include_str!("../../../xml_projects/SceneShadows.xml"),
@@ -18,11 +18,12 @@ const PROJECTS: [&str; 12] = [
     include_str!("../../../xml_projects/raster/SceneCubeRefract.xml"),
     include_str!("../../../xml_projects/raster/SceneDepthOcclusion.xml"),
     include_str!("../../../xml_projects/raster/SceneGTAO.xml"),
+    include_str!("../../../xml_projects/raster/ScenePlanarReflect.xml"),
 ];
 /// The first of [`PROJECTS`] whose `pass2` is a raster effect.
 const FIRST_EFFECT: usize = 7;
-/// The first of them that is an occlusion, and the place of a radius in [`EFFECT_SETTINGS`] in which these seeds have occluders.
-const FIRST_OCCLUSION: u8 = 10;
+/// Those of them that are occlusions, and the place of a radius in [`EFFECT_SETTINGS`] in which these seeds have occluders.
+const OCCLUSIONS: std::ops::Range<u8> = 10..12;
 const RADIUS: u8 = 10;
 
 /// Their material libraries.
@@ -286,7 +287,7 @@ pub fn seeds() -> Vec<(String, Vec<u8>)> {
             bytes[..5].copy_from_slice(&[project, 11, 8, 3, 0]);
             bytes[12..30].copy_from_slice(&[1, 5, 10, 0, 4, 6, 0, 1, 0, 3, 6, 4, 1, 1, 1, 12, 0, 3]);
             bytes[30..33].fill(u8::MAX);
-            if project >= FIRST_OCCLUSION {
+            if OCCLUSIONS.contains(&project) {
                 bytes[30] = RADIUS;
             }
             // A wall behind, a pane and a leaf before it, a lamp that shares a corner with the leaf, and a roof that
