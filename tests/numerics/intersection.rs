@@ -159,7 +159,7 @@ fn directions_with_denormal_zero_and_huge_components_hit_what_they_should() {
     }
 }
 
-/// Run once for each release: `cargo test --release --workspace --test numerics -- --ignored --nocapture`.
+/// Run once for each release: `cargo test --release -p curitiba-numerics -- --ignored --nocapture`.
 #[test]
 #[ignore = "a hundred million rays take minutes"]
 fn nothing_leaks_in_a_hundred_million_rays() {

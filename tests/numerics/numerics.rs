@@ -1,6 +1,6 @@
 //! Hard cases of floating point, each with the method that fails beside ours: see `docs/numerics.md`.
 
-#[path = "../trace_scenes/mod.rs"]
+#[path = "../../passes/tests/trace_scenes/mod.rs"]
 mod trace_scenes;
 
 mod gbuffer;
