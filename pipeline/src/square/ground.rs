@@ -1,13 +1,17 @@
 //! The paving: fields of setts between bands of slabs, and rings of both around the fountain.
 //!
 //! The paving is a list of patches. A patch is drawn either as one flat piece with the joints painted on, or stone by
-//! stone, each with its own tilt and bevelled edges over a bed of earth.
+//! stone, each with its own tilt and bevelled edges over a bed of earth. Flat pieces share the vertices on their common
+//! edges: where one ended along another's edge, rounding would open a crack that shows the earth.
+
+mod joined;
 
 use super::FOUNTAIN;
 use super::math::{cos_sin, hash, hash01};
 use super::mesh::{Builder, Frame};
 use super::surface::Surface;
 use glam::{Vec2, Vec3};
+use joined::Corners;
 
 /// Depth of the bed below the stones' tops, metres.
 const BED: f32 = 0.03;
@@ -83,14 +87,39 @@ struct Patch {
 }
 
 impl Patch {
-    fn triangles(&self, paving: Paving) -> usize {
-        let stones = self.stones[0] as usize * self.stones[1] as usize;
-        let slab = self.surface == Surface::Slabs;
+    /// Whether it is drawn stone by stone.
+    fn in_stones(&self, paving: Paving) -> bool {
         match paving {
-            Paving::Slabs if slab && self.near => stones * 10,
-            Paving::Stones if self.near => stones * 10,
-            Paving::Domed if self.near => stones * 20,
-            _ => (self.pieces[0] * self.pieces[1] * 2) as usize,
+            Paving::Flat => false,
+            Paving::Slabs => self.near && self.surface == Surface::Slabs,
+            Paving::Stones | Paving::Domed => self.near,
+        }
+    }
+
+    /// The flat pieces, by the fractions `(s, t)` of their corners, anticlockwise seen from above.
+    fn flat_pieces(&self) -> impl Iterator<Item = [Vec2; 4]> {
+        let [columns, rows] = self.pieces;
+        let at = move |column: u32, row: u32| Vec2::new(column as f32 / columns as f32, row as f32 / rows as f32);
+        (0..columns).flat_map(move |column| {
+            (0..rows).map(move |row| {
+                let (right, up) = (column + 1, row + 1);
+                [at(column, row), at(column, up), at(right, up), at(right, row)]
+            })
+        })
+    }
+
+    /// World texture coordinates in metres of fractions `(s, t)` and the point that they are.
+    fn metres(&self, fractions: Vec2, at: Vec2) -> Vec2 {
+        match self.shape {
+            Shape::Rectangle { .. } => metres(at, self.turned),
+            // Joints follow the circle: a whole number of repeats around.
+            Shape::Ring { radii, turns } => {
+                let turn = turns[0] + (turns[1] - turns[0]) * fractions.y;
+                let repeats = (radii[1] * std::f32::consts::TAU / self.surface.metres()).round();
+                let across = if self.surface == Surface::Slabs { 0.8 / (radii[1] - radii[0]) } else { 1.0 };
+                Vec2::new(turn * repeats * self.surface.metres(), fractions.x * (radii[1] - radii[0]) * across)
+            }
+            Shape::Spandrel { .. } => at,
         }
     }
 }
@@ -147,9 +176,9 @@ fn patches(coarse: bool) -> Vec<Patch> {
             rectangle(low_2, high_2, Surface::Setts, turned);
         }
     }
-    // Rings from the fountain's steps outwards: width, surface, width of a stone.
+    // Rings from under the fountain's steps outwards: from and to which radius, surface, width of a stone.
     let rings = [
-        (6.0, 6.9, Surface::Slabs, 0.9),
+        (5.85, 6.9, Surface::Slabs, 0.9),
         (6.9, 7.4, Surface::Basalt, 0.125),
         (7.4, 9.2, Surface::Setts, 0.125),
         (9.2, 9.8, Surface::Slabs, 0.6),
@@ -161,7 +190,7 @@ fn patches(coarse: bool) -> Vec<Patch> {
     let sectors = 8;
     for sector in 0..sectors {
         let turns = [sector as f32 / sectors as f32, (sector + 1) as f32 / sectors as f32];
-        let pieces = if coarse { 2 } else { 6 };
+        let pieces = if coarse { 1 } else { 6 };
         for &(inner, outer, surface, stone) in &rings {
             let arc = (inner + outer) / 2.0 * std::f32::consts::TAU / sectors as f32;
             let along = if surface == Surface::Slabs { 1.1 } else { stone };
@@ -186,9 +215,28 @@ fn patches(coarse: bool) -> Vec<Patch> {
     patches
 }
 
-/// Triangles that [`build`] makes.
+/// Triangles of the paving that [`build`] makes.
 pub(super) fn triangles(paving: Paving, coarse: bool) -> usize {
-    patches(coarse).iter().map(|patch| patch.triangles(paving)).sum()
+    let patches = patches(coarse);
+    let corners = flat_corners(&patches, paving);
+    let triangles = |patch: &Patch| {
+        if patch.in_stones(paving) {
+            let stones = patch.stones[0] as usize * patch.stones[1] as usize;
+            stones * if paving == Paving::Domed { 20 } else { 10 }
+        } else {
+            patch.flat_pieces().map(|piece| corners.border(patch.shape, piece).triangles()).sum()
+        }
+    };
+    patches.iter().map(triangles).sum()
+}
+
+/// The corners of all flat pieces.
+fn flat_corners(patches: &[Patch], paving: Paving) -> Corners {
+    let mut corners = Corners::default();
+    for patch in patches.iter().filter(|patch| !patch.in_stones(paving)) {
+        patch.flat_pieces().flatten().for_each(|at| corners.add(patch.shape.at(at.x, at.y)));
+    }
+    corners
 }
 
 /// Builds the paving and the earth around and under it.
@@ -199,13 +247,13 @@ pub(super) fn build(paving: Paving, coarse: bool) -> Builder {
     let corner = |x: f32, z: f32| Vec3::new(x * wide, 0.0, z * wide);
     let corners = [corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
     builder.polygon(Surface::Garden, &earth, &corners);
-    for (index, patch) in patches(coarse).iter().enumerate() {
-        let slab = patch.surface == Surface::Slabs;
-        match paving {
-            Paving::Slabs if slab && patch.near => stones(&mut builder, patch, index as u32, false),
-            Paving::Stones if patch.near => stones(&mut builder, patch, index as u32, false),
-            Paving::Domed if patch.near => stones(&mut builder, patch, index as u32, true),
-            _ => flat(&mut builder, patch),
+    let patches = patches(coarse);
+    let corners = flat_corners(&patches, paving);
+    for (index, patch) in patches.iter().enumerate() {
+        if patch.in_stones(paving) {
+            stones(&mut builder, patch, index as u32, paving == Paving::Domed);
+        } else {
+            flat(&mut builder, patch, &corners);
         }
     }
     builder
@@ -216,25 +264,23 @@ fn metres(at: Vec2, turned: bool) -> Vec2 {
     if turned { Vec2::new(at.y + 1.7, at.x) } else { at }
 }
 
-fn flat(builder: &mut Builder, patch: &Patch) {
-    let [columns, rows] = patch.pieces;
-    // `t` first: x to the right and z towards the viewer make y point up only in this order.
-    builder.grid(patch.surface, rows, columns, |row, column| {
-        let (s, t) = (column as f32 / columns as f32, row as f32 / rows as f32);
-        let at = patch.shape.at(s, t);
-        let metres = match patch.shape {
-            Shape::Rectangle { .. } => metres(at, patch.turned),
-            // Joints follow the circle: a whole number of repeats around.
-            Shape::Ring { radii, turns } => {
-                let turn = turns[0] + (turns[1] - turns[0]) * t;
-                let repeats = (radii[1] * std::f32::consts::TAU / patch.surface.metres()).round();
-                let across = if patch.surface == Surface::Slabs { 0.8 / (radii[1] - radii[0]) } else { 1.0 };
-                Vec2::new(turn * repeats * patch.surface.metres(), s * (radii[1] - radii[0]) * across)
-            }
-            Shape::Spandrel { .. } => at,
+fn flat(builder: &mut Builder, patch: &Patch, corners: &Corners) {
+    for piece in patch.flat_pieces() {
+        let mut vertex = |fractions: Vec2, at: Vec2| {
+            builder.vertex(Vec3::new(at.x, 0.0, at.y), Vec3::Y, patch.metres(fractions, at), patch.surface)
         };
-        (Vec3::new(at.x, 0.0, at.y), Vec3::Y, metres)
-    });
+        let border = corners.border(patch.shape, piece);
+        let around: Vec<u32> = border.vertices.iter().map(|found| vertex(found.fractions, found.at)).collect();
+        let whole = if border.is_fan {
+            around.windows(2).skip(1).map(|edge| [around[0], edge[0], edge[1]]).collect()
+        } else {
+            let middle = (piece[0] + piece[2]) / 2.0;
+            let middle = vertex(middle, patch.shape.at(middle.x, middle.y));
+            let next = around.iter().cycle().skip(1);
+            around.iter().zip(next).map(|(&from, &to)| [middle, from, to]).collect::<Vec<_>>()
+        };
+        whole.into_iter().for_each(|triangle| builder.triangle(patch.surface, triangle));
+    }
 }
 
 /// One bevelled block a stone. The joint is wide enough to see and narrower than the stone's bevel.

@@ -166,6 +166,38 @@ fn no_triangle_is_degenerate_and_every_index_and_normal_is_sound() {
     }
 }
 
+/// Where a piece ended along another's edge, rounding would open a crack.
+#[test]
+fn flat_pieces_of_the_paving_share_all_vertices_on_their_edges() {
+    let mut pieces = 0;
+    for wanted in [10_000, 20_000, SHIPPED_TRIANGLES, 400_000] {
+        let square = generate(wanted);
+        let paving = square.scene.meshes.iter().find(|mesh| mesh.name == "paving").unwrap();
+        let flat: Vec<[Vec2; 3]> = (paving.groups.iter().flat_map(|group| &group.triangles))
+            .map(|triangle| triangle.map(|vertex| paving.positions[vertex as usize]))
+            .filter(|triangle| triangle.iter().all(|corner| corner.y == 0.0))
+            .map(|triangle| triangle.map(|corner| Vec2::new(corner.x, corner.z)))
+            .collect();
+        let mut vertices = flat.as_flattened().to_vec();
+        vertices.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+        vertices.dedup();
+        for [a, b] in flat.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]) {
+            let (low, high) = (a.min(b) - 1e-3, a.max(b) + 1e-3);
+            let first = vertices.partition_point(|vertex| vertex.x < low.x);
+            for &vertex in vertices[first..].iter().take_while(|vertex| vertex.x <= high.x) {
+                if vertex == a || vertex == b || vertex.y < low.y || vertex.y > high.y {
+                    continue;
+                }
+                let along = (b - a).as_dvec2().normalize();
+                let off = along.perp_dot((vertex - a).as_dvec2()).abs();
+                assert!(off > 1e-3, "{wanted}: {vertex} is {off} off the edge from {a} to {b}");
+            }
+        }
+        pieces += flat.len();
+    }
+    assert!(pieces > 4_000, "{pieces}");
+}
+
 #[test]
 fn all_materials_are_used_and_named_once_and_all_textures_are_there() {
     for wanted in [10_000, SHIPPED_TRIANGLES, 1_000_000] {
