@@ -1,15 +1,13 @@
-//! The window: what is shown and asked for between two drawings.
+//! What is shown and asked for between two drawings of the window.
 
 use crate::camera;
 use crate::canvas::Canvas;
-use crate::ui;
-pub use crate::ui::style;
+use crate::texture::Slot;
+use crate::theme::style;
 use crate::worker::{Available, Command, Facts, Other, Picture, Source, State, Worker};
 use curitiba::pipeline::project::Pose;
-use egui::{TextureHandle, Ui};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
 
 /// How two pictures are shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -25,12 +23,6 @@ pub enum Mode {
 
 /// An output that a row of the table stands for; `None` for the result.
 pub(crate) type Output = Option<String>;
-
-/// A texture with the picture that it was made of.
-#[derive(Default)]
-pub(crate) struct Slot {
-    pub held: Option<(Arc<Picture>, bool, TextureHandle)>,
-}
 
 /// The whole window.
 pub struct App {
@@ -142,31 +134,8 @@ impl App {
         Ok(app)
     }
 
-    /// Draws the window.
-    pub fn draw(&mut self, ui: &mut Ui) {
-        let start = Instant::now();
-        self.state = self.worker.state();
-        let facts = self.state.facts.clone();
-        let hovered = self.hovered.take();
-        self.was_marked = self.marked.take();
-        ui::keys::read(self, ui, facts.as_deref());
-        ui::top::draw(self, ui, facts.as_deref());
-        ui::status::draw(self, ui, facts.as_deref());
-        ui::graph::draw(self, ui, facts.as_deref());
-        ui::passes::draw(self, ui, facts.as_deref());
-        ui::side::draw(self, ui, facts.as_deref());
-        ui::picture::draw(self, ui, facts.as_deref());
-        ui::help::draw(self, ui);
-        if self.hovered != hovered || self.marked != self.was_marked {
-            ui.ctx().request_repaint();
-        }
-        self.ask_for_output();
-        self.drawn += u32::from(self.state.picture.is_some());
-        self.drawing_ms = start.elapsed().as_secs_f32() * 1e3;
-    }
-
     /// Lets the thread show what is hovered or pinned.
-    fn ask_for_output(&mut self) {
+    pub(crate) fn ask_for_output(&mut self) {
         let wanted = self.hovered.clone().or_else(|| self.pinned.clone()).flatten();
         if wanted != self.asked {
             self.asked.clone_from(&wanted);

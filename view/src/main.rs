@@ -26,7 +26,7 @@ struct Window {
 
 impl eframe::App for Window {
     fn ui(&mut self, ui: &mut egui::Ui, _: &mut eframe::Frame) {
-        self.app.draw(ui);
+        curitiba_view::draw(&mut self.app, ui);
         let Some(frames) = self.quit_after else { return };
         let context = ui.ctx();
         context.request_repaint();

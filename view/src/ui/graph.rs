@@ -1,7 +1,7 @@
 //! What the last frames took, stacked by pass.
 
-use super::{color, milliseconds};
 use crate::app::App;
+use crate::theme::{color, milliseconds};
 use crate::worker::{FRAMES, Facts};
 use egui::{Align2, Color32, FontId, Panel, Rect, Sense, Stroke, Ui, pos2};
 

@@ -1,7 +1,7 @@
 //! What is drawn over the picture: values of pixels, rays, names.
 
-use super::number;
 use crate::canvas::{Canvas, VALUES, rounded};
+use crate::theme::number;
 use crate::worker::{Picture, PixelRays, Segment};
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Stroke, pos2};
 use glam::{Mat4, Vec3, Vec4};

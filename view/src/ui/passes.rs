@@ -1,7 +1,8 @@
 //! The passes in their order: on and off, what they write, what they took, what can be set.
 
-use super::{BLUE, YELLOW, color, milliseconds, parameters};
+use super::parameters;
 use crate::app::App;
+use crate::theme::{BLUE, YELLOW, color, milliseconds};
 use crate::worker::{Available, Command, Facts, PassFacts, PassState};
 use curitiba::{BackendChoice, Choice, RasterChoice};
 use egui::{Align, ComboBox, Frame, Layout, Panel, RichText, Role, ScrollArea, Sense, Stroke, Ui, WidgetInfo, vec2};

@@ -1,9 +1,11 @@
 //! The picture, and the mouse over it.
 
-use super::{RED, overlay, texture};
+use super::overlay;
 use crate::app::{App, Mode};
 use crate::camera;
 use crate::canvas::SQUARES;
+use crate::texture::texture;
+use crate::theme::RED;
 use crate::worker::{Activity, Facts};
 use egui::{
     Align2, CentralPanel, Color32, CursorIcon, Frame, Key, PointerButton, Pos2, Rect, Response, RichText, Role,

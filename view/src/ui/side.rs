@@ -1,7 +1,7 @@
 //! The panel on the right: a comparison, and a pixel.
 
-use super::{BLUE, number};
 use crate::app::{App, Mode};
+use crate::theme::{BLUE, number};
 use crate::worker::{Facts, Other, PixelRays};
 use curitiba::BackendChoice;
 use egui::{Color32, ComboBox, Grid, Panel, RichText, ScrollArea, TextEdit, Ui};

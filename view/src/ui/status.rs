@@ -1,7 +1,7 @@
 //! The bar below: what goes on, and everything that is not as it was asked for.
 
-use super::{RED, YELLOW, milliseconds};
 use crate::app::App;
+use crate::theme::{RED, YELLOW, milliseconds};
 use crate::worker::{Activity, Facts, NO_SAMPLES};
 use egui::{Align, Layout, Panel, RichText, ScrollArea, Ui};
 

@@ -59,8 +59,8 @@ impl Window {
         let builder = if draws { builder.wgpu() } else { builder };
         // The thread wakes nobody: the tests draw until what they wait for is there.
         let app = App::new(&egui::Context::default(), source, None).expect("a thread");
-        let harness = builder.build_ui_state(|ui, app: &mut App| app.draw(ui), app);
-        curitiba_view::app::style(&harness.ctx);
+        let harness = builder.build_ui_state(|ui, app: &mut App| curitiba_view::draw(app, ui), app);
+        curitiba_view::theme::style(&harness.ctx);
         Self { harness }
     }
 
