@@ -31,6 +31,7 @@ pub mod compare;
 pub mod conformance;
 pub mod engines;
 pub mod environment;
+pub mod fastest;
 pub mod reference;
 pub mod report;
 pub mod shard;

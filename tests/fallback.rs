@@ -262,3 +262,39 @@ fn render_falls_back_only_where_it_may_and_says_so_on_the_terminal_and_in_the_js
     let wrong = curitiba(folder.path(), &[&common[..], &["cpu", "--fallback", "auto"]].concat());
     assert_eq!(wrong.status.code(), Some(2), "auto is no backend to fall back to");
 }
+
+#[test]
+fn the_fastest_backend_is_measured_once_and_then_known() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cache = folder.path().join("cache");
+    let project = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/SceneShadows.xml");
+    let run = |words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
+        let command = command.current_dir(folder.path()).arg(words[0]).arg(&project).args(&words[1..]);
+        let output = command.env("CURITIBA_CACHE", &cache).output().expect("the program starts");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let rendered = ["render", "--size", "64x64", "--backend", "fastest", "-o", "picture.png"];
+    let (code, rows, told) = run(&rendered);
+    assert_eq!(code, Some(0), "{told}");
+    assert!(told.contains("backend fastest: ") && told.contains("measured now, and kept"), "{told}");
+    let chosen = told.split("backend fastest: ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a name");
+    assert!(rows.contains(&format!("deferredShadows on {chosen}")), "{rows}");
+    // Each one that is not there says why.
+    let there = curitiba::BackendChoice::ALL.iter().filter(|backend| told.contains(&format!("{} ", backend.name())));
+    assert_eq!(there.count() + told.matches("\n       not ").count(), curitiba::BackendChoice::ALL.len(), "{told}");
+    let (code, _, told) = run(&rendered);
+    assert_eq!(code, Some(0), "{told}");
+    assert!(told.contains("measured before: ") && told.contains("fastest.json"), "{told}");
+    // The record is no file of the project, and the row has the name of what was found.
+    let (code, listed, told) = run(&["check", "--backend", "fastest"]);
+    assert_eq!(code, Some(0), "{told}");
+    assert!(!listed.contains("fastest.json"), "{listed}");
+    let (code, listed, _) = run(&["bench", "--backend", "fastest", "--list", "--no-error"]);
+    assert_eq!(code, Some(0));
+    assert!(listed.contains(&format!("--backend {chosen}")) && !listed.contains("fastest"), "{listed}");
+    let (code, _, told) = run(&["visibility", "--backend", "fastest", "-o", "rows.csv"]);
+    assert_eq!(code, Some(2));
+    assert!(told.contains("valid here: auto, cpu"), "{told}");
+}

@@ -6,7 +6,7 @@ use crate::pipeline::color::{ColorSpace, Display, Tone};
 use crate::pipeline::pixel_samples::PixelSamples;
 use crate::pipeline::plan::Settings;
 use crate::pipeline::programs::Fidelity;
-use crate::{BackendChoice, Choice, Gpus, RasterChoice};
+use crate::{BackendChoice, Choice, Gpus, RasterChoice, fastest};
 use clap::{Args, ValueEnum, ValueHint};
 use std::path::PathBuf;
 
@@ -35,7 +35,7 @@ pub struct ProjectArgs {
     #[arg(long, value_enum, default_value_t = Raster::Auto)]
     pub raster: Raster,
     /// Ray backend; cuda and optix need an NVIDIA GPU and a build with the feature `cuda`, wgpu runs on any GPU; auto takes cuda if it is there, else
-    /// wgpu on a real GPU, else the cpu
+    /// wgpu on a real GPU, else the cpu; fastest measures all that are there, once on each machine, and takes the fastest
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     pub backend: Backend,
     /// Device of wgpu, for rasteriser and rays: a part of its name, or its place in `curitiba list`, from 0
@@ -115,6 +115,7 @@ impl Raster {
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum Backend {
     Auto,
+    Fastest,
     Cpu,
     Wgpu,
     Cuda,
@@ -122,16 +123,23 @@ pub enum Backend {
 }
 
 impl Backend {
-    /// As the library has it.
+    /// As the library has it; `None` if it is the fastest, which has to be found.
     #[must_use]
-    pub fn choice(self) -> BackendChoice {
-        match self {
+    pub fn choice(self) -> Option<BackendChoice> {
+        Some(match self {
+            Self::Fastest => return None,
             Self::Auto => BackendChoice::Auto,
             Self::Cpu => BackendChoice::Cpu,
             Self::Wgpu => BackendChoice::Wgpu,
             Self::Cuda => BackendChoice::Cuda,
             Self::Optix => BackendChoice::Optix,
-        }
+        })
+    }
+
+    /// The choice with this ray backend. The fastest is found by [`fastest::choose`], on the threads that there are when this is called.
+    #[must_use]
+    pub fn chosen(self, choice: Choice) -> Choice {
+        self.choice().map_or_else(|| fastest::choose(choice), |backend| choice.traced_by(backend))
     }
 }
 
@@ -173,13 +181,8 @@ impl ProjectArgs {
     /// Which engines.
     #[must_use]
     pub fn choice(&self) -> Choice {
-        Choice {
-            raster: self.raster.choice(),
-            backend: self.backend.choice(),
-            gpus: self.gpus,
-            adapter: self.adapter,
-            ..Choice::default()
-        }
+        let raster = self.raster.choice();
+        self.backend.chosen(Choice { raster, gpus: self.gpus, adapter: self.adapter, ..Choice::default() })
     }
 }
 

@@ -5,7 +5,7 @@ use super::bench_begin::{begin, check_folder_of_references, choices, references_
 use super::bench_jobs::{Job, jobs};
 use super::bench_rows::{Missing, Rows};
 use super::bench_table::Table;
-use super::{Failure, bench_parts, bench_threads, set_threads};
+use super::{Failure, bench_parts, bench_threads, set_threads, tell_fastest};
 use curitiba::bench::model::BenchFile;
 use curitiba::bench::{FileError, text};
 use curitiba::pipeline::files::{self, check_outputs, write_atomically};
@@ -31,6 +31,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
         return bench_parts::list(args);
     }
     set_threads(args.threads)?;
+    tell_fastest(args.choice());
     if let Some(folder) = &args.parts {
         return bench_parts::run(args, folder);
     }

@@ -241,7 +241,8 @@ impl BenchArgs {
             let engines: Vec<&str> = self.compare.iter().map(|engine| engine.name()).collect();
             words.extend(named("compare", engines.join(",")));
         }
-        words.extend(named("backend", value(name_of(self.backend))));
+        // The fastest of this machine by its name: another one's may be another.
+        words.extend(named("backend", self.choice().backend.name().to_owned()));
         // By its name: its place may be another one on the machine that runs the command.
         words.extend(self.choice().adapter_name().into_iter().flat_map(|name| named("adapter", name.to_owned())));
         if self.gpus != Gpus::default() {

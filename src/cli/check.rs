@@ -1,6 +1,6 @@
 //! `curitiba check`: every problem of a project, its libraries and its scenes.
 
-use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads};
+use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads, tell_fastest};
 use curitiba::OpenError;
 use curitiba::args::ProjectArgs;
 use curitiba::pipeline::files::record_files_read;
@@ -11,6 +11,7 @@ use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, Needs, RenderSc
 /// Reads everything that `render` would read, renders nothing, and prints what it finds.
 pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
+    tell_fastest(args.choice());
     record_files_read();
     let settings = args.settings();
     let max_bytes = settings.max_memory;

@@ -39,7 +39,7 @@ use curitiba::pipeline::diagnostic::Warnings;
 use curitiba::pipeline::files;
 use curitiba::pipeline::plan::Plan;
 use curitiba::pipeline::project::PassKind;
-use curitiba::{Choice, engines};
+use curitiba::{Choice, engines, fastest};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -142,6 +142,13 @@ fn print_outside(project: &Path, more: impl IntoIterator<Item = PathBuf>) {
 /// Starts the threads of the cpu engines: all cores, unless a number is named.
 fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
     curitiba::threads::start(threads).map_err(Failure::Work)
+}
+
+/// Says which ray backend of a choice was found to be the fastest, where that was asked for. Threads have to be started before.
+fn tell_fastest(_: Choice) {
+    if let Some(found) = fastest::taken() {
+        crate::tell!("{found}");
+    }
 }
 
 /// Asks the engines that would do the work for what they cannot do: before anything is loaded, not at the first frame. What

@@ -1,6 +1,6 @@
 //! `curitiba plan`: what would be done, and why.
 
-use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads};
+use super::{Failure, ask_engines, failure, print_outside, print_warnings, set_threads, tell_fastest};
 use anstyle::{AnsiColor, Style};
 use curitiba::OpenError;
 use curitiba::args::ProjectArgs;
@@ -19,6 +19,7 @@ const LEFT_OUT: Style = AnsiColor::Yellow.on_default();
 /// Prints the plan of a project; its scenes are read for their materials.
 pub fn run(args: &ProjectArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
+    tell_fastest(args.choice());
     record_files_read();
     let settings = args.settings();
     let project = settings.open(&args.path).map_err(OpenError::from)?;

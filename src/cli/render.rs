@@ -4,7 +4,7 @@ use super::args::{Frames, RenderArgs};
 use super::inspect::Inspector;
 use super::progress::Bars;
 use super::render_output::{check_extension, default_output, print_header};
-use super::{Failure, failure, print_warnings, render_path, set_threads, table};
+use super::{Failure, failure, print_warnings, render_path, set_threads, table, tell_fastest};
 use curitiba::bench::case::fidelity_name;
 use curitiba::environment::{Environment, peak_memory};
 use curitiba::pipeline::diagnostic::{Decision, WarningGroup};
@@ -31,6 +31,7 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     };
     check_samples(args)?;
     set_threads(args.project.threads)?;
+    tell_fastest(args.choice());
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.project.path));
     check_extension(&output)?;
     let trace = args.trace.as_deref().map(|path| (path, "trace"));

@@ -4,7 +4,7 @@ use super::args::{Frames, RenderArgs};
 use super::bench_parts::shard;
 use super::progress::Bars;
 use super::render_output::{check_extension, default_output, print_header};
-use super::{Failure, failure, print_warnings, set_threads};
+use super::{Failure, failure, print_warnings, set_threads, tell_fastest};
 use curitiba::camera_path::{CameraPath, FrameRecord, Origin, PathError, RecordError, mean_and_p99};
 use curitiba::environment::Environment;
 use curitiba::pipeline::executor::Renderer;
@@ -74,6 +74,7 @@ pub(super) fn run(args: &RenderArgs, named: &str) -> Result<(), Failure> {
     let range = range(args.frames, path.frames())?;
     let frames: Vec<u32> = range.filter(|frame| shard.has(*frame as usize)).collect();
     set_threads(args.project.threads)?;
+    tell_fastest(args.choice());
     let output = args.output.clone().unwrap_or_else(|| default_output(&args.project.path));
     check_extension(&output)?;
     let names = Names { output, digits: (path.frames() - 1).to_string().len().max(4) };

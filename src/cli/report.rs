@@ -2,7 +2,7 @@
 
 use super::args::ReportArgs;
 use super::progress::Bars;
-use super::{Failure, check_references, set_threads};
+use super::{Failure, check_references, set_threads, tell_fastest};
 use curitiba::args::quoted;
 use curitiba::pipeline::files::{TemporaryFolder, create_folder};
 use curitiba::pipeline::project::{self, names_scenes};
@@ -37,17 +37,14 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
         // The generated square is another scene.
         wanted.triangles.clear();
     }
+    let raster = args.raster.choice();
+    let choice = args.backend.chosen(Choice { raster, gpus: args.gpus, adapter: args.adapter, ..Choice::default() });
+    tell_fastest(choice);
     let request = Request {
         projects: made.as_ref().map_or(&args.projects, |made| &made.1).clone(),
         made: made.is_some(),
         wanted,
-        choice: Choice {
-            raster: args.raster.choice(),
-            backend: args.backend.choice(),
-            gpus: args.gpus,
-            adapter: args.adapter,
-            ..Choice::default()
-        },
+        choice,
         references: References::default_folder(),
         command: command(),
         max_memory: args.max_memory,

@@ -2,7 +2,7 @@
 
 use super::progress::Bars;
 use super::tune_args::TuneArgs;
-use super::{Failure, check_references, failure, set_threads};
+use super::{Failure, check_references, failure, set_threads, tell_fastest};
 use curitiba::bench::{Interval, MeasureOptions};
 use curitiba::pipeline::files::{OutputError, TemporaryFolder};
 use curitiba::reference::References;
@@ -16,6 +16,7 @@ const NEXT_BEST: usize = 2;
 /// Measures, chooses, writes the project and measures that.
 pub fn run(args: &TuneArgs) -> Result<(), Failure> {
     set_threads(args.project.threads)?;
+    tell_fastest(args.project.choice());
     whole_frames(args)?;
     check_output(&args.output)?;
     let references = References::default_folder();

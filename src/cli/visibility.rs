@@ -22,6 +22,11 @@ pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
     let options = args.options();
     options.check().map_err(Failure::Usage)?;
+    let backend = args.backend.choice().ok_or_else(|| {
+        Failure::Usage(
+            "--backend fastest: pictures are measured for it; valid here: auto, cpu, wgpu, cuda, optix".to_owned(),
+        )
+    })?;
     let format = Format::of(&args.output).map_err(Failure::Usage)?;
     check_outputs([(&*args.output, "rows")])?;
     let mut bars = Bars::default();
@@ -30,7 +35,7 @@ pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     let start = Instant::now();
     bars.begin(StepKind::Build, "triangles", &Arc::new(Progress::default()));
     let surfaces = Surfaces::new(&loaded.scene.geometry, &loaded.see_through);
-    let device = visibility::segment_tracer(args.backend.choice(), &surfaces);
+    let device = visibility::segment_tracer(backend, &surfaces);
     let built = device.map(|device| match device {
         Some(device) => Ok(device),
         None => Err(Bvh::build(surfaces.geometry(), &surfaces.marks(), Quality::default())),

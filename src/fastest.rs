@@ -1,0 +1,225 @@
+//! Which ray backend is fastest on this machine: found by a short measurement, which is kept for the next time.
+
+use crate::engines::why_not_wgpu;
+use crate::environment::Environment;
+use crate::pipeline::executor::Silent;
+use crate::pipeline::files;
+use crate::pipeline::plan::Settings;
+use crate::pipeline::project::{SceneOptions, SceneProjects};
+use crate::pipeline::square;
+use crate::reference::References;
+use crate::{BackendChoice, Choice, OpenError};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+use std::time::Instant;
+
+/// What is measured: shadows and ambient occlusion of a generated square of so many triangles, in a window of so many pixels a side.
+const TRIANGLES: u32 = 30_000;
+const SIDE: u32 = 384;
+/// Frames, of which the median counts; one goes before them.
+const FRAMES: usize = 5;
+/// A record that is larger is none.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// Which backend was found to be the fastest, and why.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Fastest {
+    /// Its name, as in [`BackendChoice::NAMES`].
+    pub backend: String,
+    /// Milliseconds of a frame with each that is there, the fastest first.
+    pub frames_ms: Vec<(String, f64)>,
+    /// Those that are not there, and why.
+    pub missing: Vec<(String, String)>,
+    /// What the measurement holds for: the program, the processor, its threads, the graphics devices with their drivers, and what
+    /// else was asked of the engines.
+    pub holds_for: Vec<String>,
+    /// The file that the measurement was read from, if it was not made now.
+    #[serde(skip)]
+    pub read_from: Option<PathBuf>,
+    /// Why it could not be kept.
+    #[serde(skip)]
+    pub not_kept: Option<String>,
+}
+
+impl Fastest {
+    /// Of measured times. The processor is always there, and wins ties, since it stands first.
+    fn of(measured: Vec<(BackendChoice, Result<f64, String>)>, holds_for: Vec<String>) -> Self {
+        let (mut frames_ms, mut missing) = (Vec::new(), Vec::new());
+        for (backend, result) in measured {
+            match result {
+                Ok(ms) => frames_ms.push((backend.name().to_owned(), ms)),
+                Err(why) => missing.push((backend.name().to_owned(), why)),
+            }
+        }
+        frames_ms.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let backend = frames_ms.first().map_or_else(|| BackendChoice::Cpu.name().to_owned(), |(name, _)| name.clone());
+        Self { backend, frames_ms, missing, holds_for, read_from: None, not_kept: None }
+    }
+
+    /// The backend.
+    #[must_use]
+    pub fn choice(&self) -> BackendChoice {
+        let named = BackendChoice::NAMES.iter().find(|(name, _)| *name == self.backend);
+        named.map_or(BackendChoice::Cpu, |(_, choice)| *choice)
+    }
+}
+
+impl fmt::Display for Fastest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let times: Vec<String> = self.frames_ms.iter().map(|(name, ms)| format!("{name} {ms:.1} ms")).collect();
+        write!(f, "backend fastest: {} ({} a frame of {SIDE}x{SIDE} pixels", self.backend, times.join(", "))?;
+        match (&self.read_from, &self.not_kept) {
+            (Some(path), _) => write!(f, "; measured before: {}", path.display())?,
+            (None, Some(why)) => write!(f, "; measured now, and not kept: {why}")?,
+            (None, None) => write!(f, "; measured now, and kept")?,
+        }
+        write!(f, ")")?;
+        for (name, why) in &self.missing {
+            write!(f, "\n       not {name}: {why}")?;
+        }
+        Ok(())
+    }
+}
+
+static TAKEN: OnceLock<Fastest> = OnceLock::new();
+
+/// What [`choose`] found in this process, if it was called.
+pub fn taken() -> Option<&'static Fastest> {
+    TAKEN.get()
+}
+
+/// The choice with the fastest ray backend, on the threads of rayon's global pool. The first call measures all that are there, for
+/// some seconds, or reads what was measured before on the same machine with the same program; later calls give what the first found.
+#[must_use]
+pub fn choose(choice: Choice) -> Choice {
+    let found = TAKEN.get_or_init(|| look_up(choice, &record()));
+    choice.traced_by(found.choice())
+}
+
+/// The file of the record: beside the references.
+fn record() -> PathBuf {
+    References::default_folder().join("fastest.json")
+}
+
+fn look_up(choice: Choice, record: &Path) -> Fastest {
+    let holds_for = holds_for(choice);
+    if let Some(kept) = read(record, &holds_for) {
+        return kept;
+    }
+    let mut found = Fastest::of(measure(choice), holds_for);
+    found.not_kept = keep(record, &found).err();
+    found
+}
+
+/// The record, if it holds for this machine.
+fn read(path: &Path, holds_for: &[String]) -> Option<Fastest> {
+    let bytes = files::read_if_there(path, MOST_BYTES).ok()??;
+    let kept: Fastest = serde_json::from_slice(&bytes).ok()?;
+    let known = BackendChoice::ALL.iter().any(|backend| backend.name() == kept.backend);
+    (known && kept.holds_for == holds_for).then(|| Fastest { read_from: Some(path.to_owned()), ..kept })
+}
+
+fn keep(path: &Path, found: &Fastest) -> Result<(), String> {
+    let bytes = serde_json::to_vec_pretty(found).map_err(|error| error.to_string())?;
+    let written =
+        path.parent().map_or(Ok(()), files::create_folder).and_then(|()| files::write_atomically(path, &bytes));
+    written.map_err(|error| format!("{}: {error}", path.display()))
+}
+
+fn holds_for(choice: Choice) -> Vec<String> {
+    let found = Environment::probe(choice.traced_by(BackendChoice::Auto));
+    let mut words = vec![
+        format!("curitiba {} {} {}", found.version, found.commit, found.profile),
+        format!("{}, {} threads", found.cpu, found.threads),
+        format!("raster {}, GPUs {}", choice.raster.name(), choice.gpus),
+    ];
+    words.extend(found.gpu.iter().zip(&found.driver).map(|(gpu, driver)| format!("{gpu}, {driver}")));
+    words.extend(choice.adapter_name().map(|name| format!("adapter {name}")));
+    words
+}
+
+fn measure(choice: Choice) -> Vec<(BackendChoice, Result<f64, String>)> {
+    let scene = square::generate(TRIANGLES).scene;
+    let frame = |backend: BackendChoice| {
+        // A software driver is no GPU to measure, unless it is asked for.
+        if backend == BackendChoice::Wgpu
+            && let Some(error) = why_not_wgpu(choice)
+        {
+            return Err(error.reason());
+        }
+        frame_ms(scene.clone(), choice.traced_by(backend)).map_err(|error| error.joined())
+    };
+    BackendChoice::ALL.into_iter().map(|backend| (backend, frame(backend))).collect()
+}
+
+/// The median time of a frame, milliseconds.
+fn frame_ms(scene: crate::pipeline::scene::Scene, choice: Choice) -> Result<f64, OpenError> {
+    let effects = Some("shadows,ao".parse().expect("they are effects"));
+    let options = SceneOptions { effects, ..SceneOptions::default() };
+    let project = SceneProjects::in_memory(scene, &options, Some([SIDE; 2])).expect("the square is sound").project();
+    let mut renderer =
+        crate::open_project(project, Settings::default(), Choice { fallback: [None; 4], ..choice }, &mut Silent)?;
+    renderer.frame(&mut Silent)?;
+    let mut times = Vec::with_capacity(FRAMES);
+    for _ in 0..FRAMES {
+        let start = Instant::now();
+        renderer.frame(&mut Silent)?;
+        times.push(start.elapsed().as_secs_f64() * 1e3);
+    }
+    times.sort_by(f64::total_cmp);
+    Ok(times[FRAMES / 2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(words: &[&str]) -> Vec<String> {
+        words.iter().map(|&word| word.to_owned()).collect()
+    }
+
+    #[test]
+    fn the_fastest_that_is_there_is_taken() {
+        use BackendChoice::{Cpu, Cuda, Optix, Wgpu};
+        let measured = vec![(Cpu, Ok(80.0)), (Wgpu, Ok(9.5)), (Cuda, Ok(7.25)), (Optix, Err("no driver".to_owned()))];
+        let found = Fastest::of(measured, words(&["here"]));
+        assert_eq!((found.choice(), found.frames_ms[0].1), (Cuda, 7.25));
+        let text = found.to_string();
+        assert!(text.starts_with("backend fastest: cuda (cuda 7.2 ms, wgpu 9.5 ms, cpu 80.0 ms a frame"), "{text}");
+        assert!(text.ends_with("not optix: no driver"), "{text}");
+        let even = vec![(Cpu, Ok(5.0)), (Wgpu, Ok(5.0))];
+        assert_eq!(Fastest::of(even, Vec::new()).choice(), Cpu);
+    }
+
+    #[test]
+    fn a_record_is_read_on_the_same_machine_only() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("new/fastest.json");
+        let here = words(&["curitiba", "a processor, 4 threads"]);
+        assert_eq!(read(&path, &here), None);
+        let found = Fastest::of(vec![(BackendChoice::Cpu, Ok(3.5)), (BackendChoice::Wgpu, Ok(2.5))], here.clone());
+        keep(&path, &found).expect("it is written");
+        assert_eq!(read(&path, &here), Some(Fastest { read_from: Some(path.clone()), ..found.clone() }));
+        assert_eq!(read(&path, &words(&["curitiba", "a processor, 8 threads"])), None);
+        for damaged in [&b"{"[..], b"[]", b"\xff"] {
+            std::fs::write(&path, damaged).expect("it is written");
+            assert_eq!(read(&path, &here), None);
+        }
+        let unknown = Fastest { backend: "vulkan".to_owned(), ..found.clone() };
+        keep(&path, &unknown).expect("it is written");
+        assert_eq!(read(&path, &here), None);
+        let blocked = folder.path().join("new/fastest.json/below");
+        assert!(keep(&blocked, &found).is_err());
+    }
+
+    #[test]
+    fn what_is_measured_renders_on_the_processor() {
+        let measured = measure(Choice::CPU);
+        let (backend, result) = &measured[0];
+        assert_eq!(*backend, BackendChoice::Cpu);
+        assert!(result.as_ref().is_ok_and(|ms| *ms > 0.0), "{result:?}");
+        assert_eq!(measured.len(), BackendChoice::ALL.len());
+    }
+}
