@@ -260,6 +260,10 @@ impl RayBackend for Beside {
         self.others.iter().try_for_each(|other| other.supports_glass(program, params, dielectrics))
     }
 
+    fn traces_sun_discs(&self) -> bool {
+        self.others.iter().all(|other| other.traces_sun_discs())
+    }
+
     fn continues_sequences(&self) -> bool {
         self.others.iter().all(|other| other.continues_sequences())
     }

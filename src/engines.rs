@@ -158,11 +158,12 @@ impl Choice {
         }
     }
 
-    /// The same choice for a plan: where `auto` chooses the ray backend and a pass asks for more of glass than the report's panes, the
-    /// cpu may take over, which is told when it does.
+    /// The same choice for a plan: where `auto` chooses the ray backend and a pass asks for more of glass than the report's panes, or for
+    /// soft shadows, the cpu may take over, which is told when it does.
     #[must_use]
     pub fn for_plan(self, plan: &Plan) -> Self {
-        let asks = || plan.passes.iter().any(|planned| plan.asks_of_glass(planned).is_some());
+        let more = |planned| plan.asks_of_glass(planned).or_else(|| plan.asks_of_sun(planned)).is_some();
+        let asks = || plan.passes.iter().any(more);
         match (self.backend, self.fallback) {
             (BackendChoice::Auto, [None, None, None, None]) if asks() => {
                 Self { fallback: [Some(BackendChoice::Cpu), None, None, None], ..self }

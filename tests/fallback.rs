@@ -61,6 +61,10 @@ impl RayBackend for Fake {
         Ok(())
     }
 
+    fn traces_sun_discs(&self) -> bool {
+        self.name == "cpu"
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.calls.borrow_mut().push(format!("{} build", self.name));
         if self.fails == Fails::Build { Err(self.error("building")) } else { self.inner.build(scene, filtered) }
@@ -165,6 +169,33 @@ fn a_backend_that_cannot_build_or_does_not_run_the_program_is_replaced_before_th
         assert_eq!(ears.0, [fallback(None, "cuda", why, "cpu")]);
         assert_eq!(*calls.borrow(), called);
     }
+}
+
+#[test]
+fn a_backend_that_knows_a_point_of_light_alone_is_replaced_for_a_disc() {
+    let soft = |fidelity, backends: Vec<Spare>, ears: &mut Ears| {
+        let project = project::load(&root("xml_projects/SceneShadows.xml")).expect("the project loads");
+        let set = vec!["pass2.sun=4".to_owned(), "pass2.sunsamples=4".to_owned()];
+        let settings = Settings { size: Some([32, 24]), fidelity, set, ..Settings::default() };
+        let plan = Plan::new(project, settings).expect("the plan stands");
+        Renderer::new(plan, Engines::first_of(Box::new(CpuRasteriser::new()), backends).expect("one can be made"), ears)
+    };
+    let (calls, mut ears) = (Calls::default(), Ears::default());
+    let backends = vec![spare("cuda", Fails::Never, &calls), spare("cpu", Fails::Never, &calls)];
+    let mut found = soft(Fidelity::Corrected, backends, &mut ears).expect("the cpu stands in");
+    assert_ne!(bits(&found.frame(&mut ears).expect("rendered")), expected(), "the shadows are soft");
+    assert_eq!(*calls.borrow(), ["cpu build", "cpu run"]);
+    let why = "cuda cannot run deferredShadows with sun=4: its programs know a light that is a point; use --backend cpu, or allow it \
+               with --fallback cpu, or set sun=0 on the pass";
+    assert_eq!(ears.0, [fallback(None, "cuda", why, "cpu")]);
+    let alone = vec![spare("cuda", Fails::Never, &calls)];
+    let error = soft(Fidelity::Corrected, alone, &mut Ears::default()).err().expect("refused");
+    assert_eq!(error.to_string(), format!("pass `pass2`: {why}"));
+    // Thesis fidelity has no disc: the plan says so, and the pass runs.
+    let mut ears = Ears::default();
+    let thesis = soft(Fidelity::Thesis, vec![spare("cuda", Fails::Never, &calls)], &mut ears).expect("ready");
+    assert!(ears.0.is_empty());
+    assert!(thesis.plan().decisions.iter().any(|decision| format!("{decision:?}").contains("the light is a point")));
 }
 
 #[test]

@@ -200,6 +200,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         }
         if job.program != RayProgram::Dummy {
             check::scene(T::NAME, job, false)?;
+            check::sun(T::NAME, job)?;
             check_glass(T::NAME, &job.params, job.dielectrics)?;
         }
         if output.pixels.is_empty() {

@@ -333,7 +333,7 @@ impl<T: DeviceTracer> OneGpu<T> {
         let pixels = job.width as usize * job.height as usize;
         device.reserve("the picture", &mut images.output, 4 * pixels)?;
         let prepared = Preparation::of(job).map_err(|why| check::missing(T::NAME, job, &why))?;
-        let Preparation { sampler, open_share, to_light, light_color } = prepared;
+        let Preparation { sampler, open_share, to_light, light_color, disc: _ } = prepared;
         let samples = job.program.info().samples(&job.params);
         if job.params.first > 0 {
             let why = "its table of points is of the beginning of the sequence; use --backend cpu or wgpu".to_owned();

@@ -73,6 +73,10 @@ impl RayBackend for CpuRays {
         Ok(())
     }
 
+    fn traces_sun_discs(&self) -> bool {
+        true
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         // The old structure is released first: two would not always fit.
         self.built = None;
@@ -151,7 +155,7 @@ pub fn trace<T: Tracer>(
     progress: &Progress,
 ) -> Result<RayStats, BackendError> {
     check::images(NAME, job, output)?;
-    let tiles = tiles_at_a_time(job.program);
+    let tiles = tiles_at_a_time(job);
     let rays = run(tracer, job, Whole { output, progress, tiles })?;
     Ok(RayStats { rays, ..RayStats::default() })
 }
@@ -169,7 +173,7 @@ pub(crate) fn trace_pixels(
     check::images(NAME, job, output)?;
     in_host(job)?;
     check::scene(NAME, job, false)?;
-    let tiles = tiles_at_a_time(job.program);
+    let tiles = tiles_at_a_time(job);
     Ok(each_tile(Whole { output, progress, tiles }, alone, |at, work| pixel(at, &mut work.rays)))
 }
 
@@ -201,7 +205,7 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
     coverage: C,
 ) -> Result<Pass<'a, T, C>, BackendError> {
     let prepared = Preparation::of(job).map_err(|why| check::missing(NAME, job, &why))?;
-    let Preparation { sampler, open_share, to_light, light_color } = prepared;
+    let Preparation { sampler, open_share, to_light, disc, light_color } = prepared;
     let (occlusion, strata) = match (job.fidelity, sampler) {
         (Fidelity::Thesis, Some(HemisphereSampler::Strata { side })) => (None, side),
         (_, sampler) => (sampler, 0),
@@ -223,6 +227,7 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
         around_eye,
         spectrum: dielectric::spectrum(job),
         facets: dielectric::facets(job),
+        disc,
     };
     if !job.dielectrics.is_empty() {
         pass.around_eye = dielectric::around_eye(&pass);
@@ -320,6 +325,9 @@ fn run_corrected<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixel
     let bodies = !pass.job.dielectrics.is_empty();
     match pass.job.program {
         RayProgram::Dummy => pixels.each(alone, |p, _| pass.job.color[p.index]),
+        RayProgram::DeferredShadows if pass.disc.is_some() => {
+            pixels.each(alone, |p, w| deferred_shadows::soft::pixel(pass, p, w))
+        }
         RayProgram::DeferredShadows => {
             let tile = |area, rows: &mut Rows<'_>, work: &mut Workspace| {
                 deferred_shadows::corrected::tile(pass, area, rows, work);
@@ -347,11 +355,12 @@ fn run_corrected<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixel
     }
 }
 
-/// Tiles side by side that a thread takes at a time. Many spare the shadow program, whose pixels take about 70 cycles, what each
+/// Tiles side by side that a thread takes at a time. Many spare the program of hard shadows, whose pixels take about 70 cycles, what each
 /// start costs. Of the others a pixel may take a thousand times as long as its neighbour: with few tiles at a time no thread is left
 /// with the last ones.
-fn tiles_at_a_time(program: RayProgram) -> usize {
-    if program == RayProgram::DeferredShadows { 8 } else { 2 }
+fn tiles_at_a_time(job: &RayJob<'_>) -> usize {
+    let is_soft = job.program.info().sun_samples(&job.params) > 0;
+    if job.program == RayProgram::DeferredShadows && !is_soft { 8 } else { 2 }
 }
 
 /// The rows of an image, cut into runs of some tiles: those of the first row of tiles come first.

@@ -69,6 +69,10 @@ impl<F: Fn(At<'_>) -> [f32; 4] + Sync> RayBackend for OwnProgram<F> {
         self.rays.supports_glass(program, params, dielectrics)
     }
 
+    fn traces_sun_discs(&self) -> bool {
+        self.rays.traces_sun_discs()
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.rays.build(scene, filtered)
     }

@@ -540,6 +540,10 @@ pub trait RayBackend {
     fn traces_spheres(&self) -> bool {
         false
     }
+    /// Whether it traces soft shadows, of a light with a disc ([`RayParams::sun`] above 0).
+    fn traces_sun_discs(&self) -> bool {
+        false
+    }
     /// Builds the acceleration structure; the executor times it. `filtered` tells by material whether some pass may let
     /// rays through it (alpha-cut textures, glass that shadow rays pass).
     ///

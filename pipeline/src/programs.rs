@@ -25,7 +25,7 @@ pub enum QuadProgram {
 pub enum RayProgram {
     /// Copies the colour: what joining the two systems costs.
     Dummy,
-    /// Hard shadows of a directional light.
+    /// Shadows of a directional light.
     DeferredShadows,
     /// Mirror reflection in glass.
     Reflection,
@@ -114,11 +114,17 @@ pub struct RayParams {
     pub wavelengths: u32,
     /// Ways on from the first rough glass of a path.
     pub paths: u32,
+    /// Angular diameter of the light's disc, in degrees: 0 is a point, whose shadows are hard. Corrected fidelity only.
+    pub sun: f32,
+    /// Shadow rays over the light's disc per lit point; without a disc it is one.
+    pub sun_samples: u32,
     /// Place in the sequence of the first of the [`Self::samples`]: 0, but for pictures whose samples are accumulated, and for all but the
     /// first of several samples a pixel. No parameter of projects.
     pub first: u32,
     /// The same of the first of the [`Self::paths`].
     pub first_path: u32,
+    /// The same of the first of the [`Self::sun_samples`].
+    pub first_sun: u32,
 }
 
 impl Default for RayParams {
@@ -137,14 +143,21 @@ impl Default for RayParams {
             shadow: GlassShadow::Report,
             wavelengths: 16,
             paths: 16,
+            sun: 0.0,
+            sun_samples: 16,
             first: 0,
             first_path: 0,
+            first_sun: 0,
         }
     }
 }
 
 /// Most [`RayParams::paths`].
 pub const MOST_PATHS: u32 = 4096;
+/// Largest angular diameter of the light's disc, in degrees; that of the sun in the sky is 0.53.
+pub const LARGEST_SUN: f32 = 90.0;
+/// Most [`RayParams::sun_samples`].
+pub const MOST_SUN_SAMPLES: u32 = 65_536;
 
 /// A parameter of the ray programs: one entry serves the XML attribute, `--set`, help and docs.
 #[derive(Debug, Clone, Copy)]
@@ -247,6 +260,18 @@ pub const PARAMS: &[ParamInfo] = &[
         valid: "1..=4096",
         values: Values::Integer(1, 4096),
     },
+    ParamInfo {
+        name: "sun",
+        about: "angular diameter of the light's disc, in degrees, for soft shadows; 0 is a point, and the sun of the sky 0.53",
+        valid: "0..=90 (thesis fidelity: 0)",
+        values: Values::Number(0.0, LARGEST_SUN),
+    },
+    ParamInfo {
+        name: "sunsamples",
+        about: "with sun above 0, shadow rays over the light's disc per lit point",
+        valid: "1..=65536",
+        values: Values::Integer(1, MOST_SUN_SAMPLES),
+    },
 ];
 
 impl RayParams {
@@ -285,6 +310,11 @@ impl RayParams {
                 let valid = |count: &u32| (1..=MOST_PATHS).contains(count);
                 self.paths = value.parse().ok().filter(valid).ok_or_else(wrong)?;
             }
+            "sun" => self.sun = float(|v| (0.0..=LARGEST_SUN).contains(&v))?,
+            "sunsamples" => {
+                let valid = |count: &u32| (1..=MOST_SUN_SAMPLES).contains(count);
+                self.sun_samples = value.parse().ok().filter(valid).ok_or_else(wrong)?;
+            }
             _ => unreachable!("every name in PARAMS is matched"),
         }
         Ok(())
@@ -314,6 +344,8 @@ impl RayParams {
             "shadow" => self.shadow.name().to_owned(),
             "wavelengths" => self.wavelengths.to_string(),
             "paths" => self.paths.to_string(),
+            "sun" => self.sun.to_string(),
+            "sunsamples" => self.sun_samples.to_string(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -437,13 +469,13 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
         traces: Traces::ShadowRays,
         writes: Writes::Share,
         entry: "buffer_camera",
-        about: "hard shadow of a directional light: 0.5 in shadow, 1 in light",
+        about: "shadow of a directional light: 0.5 in shadow, 1 in light; soft with `sun` above 0",
         buffers: &["pos_buffer"],
         vertex_attributes: &["position"],
         material_attributes: &[],
         globals: &["lightDir"],
         procs: &[required("Any_Hit", "Shadow", "any_hit_shadow"), optional("Miss", "Shadow", "miss")],
-        params: &[],
+        params: &["sun", "sunsamples"],
     },
     RayProgramInfo {
         program: RayProgram::Reflection,
@@ -531,6 +563,8 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "shadow",
             "wavelengths",
             "paths",
+            "sun",
+            "sunsamples",
         ],
     },
 ];
@@ -554,6 +588,12 @@ impl RayProgram {
         let names: Vec<String> =
             asked.iter().filter(|(asked, _)| *asked).map(|(_, name)| format!("{name}={}", params.get(name))).collect();
         (!names.is_empty()).then(|| names.join(" "))
+    }
+
+    /// The disc of the light that a pass with these parameters asks for, in words; `None` where the light is a point.
+    #[must_use]
+    pub fn asks_of_sun(self, params: &RayParams) -> Option<String> {
+        (self.info().sun_samples(params) > 0).then(|| format!("sun={}", params.sun))
     }
 
     /// Whether it traces rays with these parameters, in a scene that has what it looks for.
@@ -580,6 +620,12 @@ impl RayProgramInfo {
     #[must_use]
     pub fn samples(&self, params: &RayParams) -> u32 {
         if self.reads("samples") { params.samples } else { 0 }
+    }
+
+    /// The shadow rays over the light's disc of a lit point; 0 where the light is a point.
+    #[must_use]
+    pub fn sun_samples(&self, params: &RayParams) -> u32 {
+        if self.reads("sun") && params.sun > 0.0 { params.sun_samples } else { 0 }
     }
 
     /// Whether it needs an acceleration structure, and why; `finds_glass` says whether any pixel may show glass.
@@ -652,6 +698,8 @@ pub(crate) mod tests {
             ("shadow", "straight"),
             ("wavelengths", "24"),
             ("paths", "48"),
+            ("sun", "0.53"),
+            ("sunsamples", "32"),
         ] {
             params.set(name, value).expect("valid");
             assert_eq!(params.get(name), value);
@@ -669,11 +717,14 @@ pub(crate) mod tests {
             shadow: GlassShadow::Straight,
             wavelengths: 24,
             paths: 48,
+            sun: 0.53,
+            sun_samples: 32,
             first: 0,
             first_path: 0,
+            first_sun: 0,
         };
         assert_eq!(params, expected);
-        assert_eq!(PARAMS.len(), 12, "this test sets every parameter");
+        assert_eq!(PARAMS.len(), 14, "this test sets every parameter");
     }
 
     #[test]
@@ -714,6 +765,8 @@ pub(crate) mod tests {
         assert!(params.set("depth", "17").unwrap_err().contains("0..=16"));
         assert!(["0", "257", "-1", "16.0"].iter().all(|count| params.set("wavelengths", count).is_err()));
         assert!(["0", "4097", "-1"].iter().all(|count| params.set("paths", count).is_err()));
+        assert!(["-0.1", "90.1", "NaN", "inf"].iter().all(|angle| params.set("sun", angle).is_err()));
+        assert!(["0", "65537"].iter().all(|count| params.set("sunsamples", count).is_err()));
         assert_eq!(params, RayParams::default());
     }
 }

@@ -163,7 +163,11 @@ fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     };
     plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))
         .map_err(|error| Failure::Usage(error.to_string()))?;
-    if let Some((pass, error)) = plan.undrawn_spheres(&*raster).or_else(|| plan.untraced_spheres(&*rays)) {
+    // Where another backend may take over, it does.
+    let stands_in = choice.for_plan(plan).fallback.iter().any(Option::is_some);
+    let untraced_sun = || if stands_in { None } else { plan.untraced_sun(&*rays) };
+    let refused = plan.undrawn_spheres(&*raster).or_else(|| plan.untraced_spheres(&*rays)).or_else(untraced_sun);
+    if let Some((pass, error)) = refused {
         return Err(Failure::Work(format!("pass `{pass}`: {error}")));
     }
     for planned in &plan.passes {

@@ -133,6 +133,7 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
         ray.params.sampler = Sampler::Sobol;
         ray.params.fresnel = Fresnel::Exact;
         ray.params.samples = ray.params.samples.min(1);
+        ray.params.sun_samples = 1;
     }
     Ok(())
 }
@@ -163,7 +164,8 @@ fn by_rays(effect: &EffectPass) -> RayPass {
 fn kind_of(plan: &Plan, planned: &PlannedPass) -> Kind {
     match (&planned.work, &plan.pass(planned).kind) {
         (Work::Rays { params, .. }, PassKind::Ray(ray)) if ray.program.can_trace(params) => {
-            let noise = params.samples > 0 && ray.program.info().params.contains(&"samples");
+            let info = ray.program.info();
+            let noise = info.samples(params) > 0 || info.sun_samples(params) > 0;
             if noise { Kind::Converged } else { Kind::Exact }
         }
         _ => Kind::Raster,

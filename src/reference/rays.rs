@@ -56,6 +56,10 @@ impl RayBackend for ReferenceRays {
         Ok(())
     }
 
+    fn traces_sun_discs(&self) -> bool {
+        true
+    }
+
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         (self.double, self.fast) = (None, None);
         self.scene = Some((Arc::clone(scene), filtered.to_vec()));
@@ -81,10 +85,11 @@ impl RayBackend for ReferenceRays {
             self.fast = Some(fast);
         }
         let Sampling { samples, seed } = self.sampling.get();
-        let samples = if job.params.samples > 0 { samples } else { 0 };
         // The plan of a reference takes one sample: of several samples a pixel, each goes on behind as many as this is told.
-        let first = job.params.first * samples;
-        let job = RayJob { params: RayParams { samples, first, ..job.params }, seed, ..*job };
+        let [first, first_sun] = [job.params.first, job.params.first_sun].map(|first| first * samples);
+        let of_occlusion = if job.params.samples > 0 { samples } else { 0 };
+        let params = RayParams { samples: of_occlusion, sun_samples: samples, first, first_sun, ..job.params };
+        let job = RayJob { params, seed, ..*job };
         match &mut self.fast {
             Some(fast) => fast.run(&job, output, progress),
             None => unreachable!("it was built above"),

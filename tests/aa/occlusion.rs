@@ -7,7 +7,7 @@ use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, 
 use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
-use curitiba::pipeline::programs::{Fidelity, RayProgram};
+use curitiba::pipeline::programs::{Fidelity, RayParams, RayProgram};
 use curitiba::pipeline::project;
 use curitiba::pipeline::scene::RenderScene;
 use std::cell::RefCell;
@@ -15,7 +15,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 /// Place of the first sample and of the first path, and the seed, of each job.
-type Noted = Rc<RefCell<Vec<[u32; 3]>>>;
+type Noted = Rc<RefCell<Vec<[u32; 4]>>>;
 
 /// The processor, noting what it is asked.
 struct Noting {
@@ -37,6 +37,9 @@ impl RayBackend for Noting {
     fn continues_sequences(&self) -> bool {
         self.continues
     }
+    fn traces_sun_discs(&self) -> bool {
+        true
+    }
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
         self.rays.build(scene, filtered)
     }
@@ -44,13 +47,18 @@ impl RayBackend for Noting {
         self.rays.bytes_per_triangle()
     }
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
-        self.noted.borrow_mut().push([job.params.first, job.params.first_path, job.seed]);
+        let RayParams { first, first_path, first_sun, .. } = job.params;
+        self.noted.borrow_mut().push([first, first_path, first_sun, job.seed]);
         self.rays.run(job, output, progress)
     }
 }
 
-fn noted(settings: Settings, continues: bool) -> (Vec<[u32; 3]>, Image) {
-    let plan = Plan::new(project::load(&file("SceneSSAO")).expect("it loads"), settings).expect("a plan");
+fn noted(settings: Settings, continues: bool) -> (Vec<[u32; 4]>, Image) {
+    noted_of("SceneSSAO", settings, continues)
+}
+
+fn noted_of(name: &str, settings: Settings, continues: bool) -> (Vec<[u32; 4]>, Image) {
+    let plan = Plan::new(project::load(&file(name)).expect("it loads"), settings).expect("a plan");
     let noted = Noted::default();
     let rays = Noting { rays: CpuRays::new(), continues, noted: Rc::clone(&noted) };
     let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(rays));
@@ -65,7 +73,11 @@ fn sequences_go_on_and_others_have_seeds_of_their_own() {
     let settings = Settings { seed: 5, ..settings("SceneSSAO", 4) };
     // Four samples a sample of the pixel, and sixteen ways on from rough glass.
     let (going_on, picture) = noted(settings.clone(), true);
-    assert_eq!(going_on, [[0, 0, 5], [4, 16, 5], [8, 32, 5], [12, 48, 5]]);
+    assert_eq!(going_on, [[0, 0, 0, 5], [4, 16, 0, 5], [8, 32, 0, 5], [12, 48, 0, 5]]);
+    // The same of rays to the light's disc.
+    let set = vec!["pass2.sun=4".to_owned(), "pass2.sunsamples=3".to_owned()];
+    let (of_sun, _) = noted_of("SceneShadows", Settings { set, ..settings.clone() }, true);
+    assert_eq!(of_sun.iter().map(|noted| noted[2..].to_vec()).collect::<Vec<_>>(), [[0, 5], [3, 5], [6, 5], [9, 5]]);
     let strata =
         Settings { set: vec!["pass2.samples=4".to_owned(), "pass2.sampler=strata".to_owned()], ..settings.clone() };
     let thesis = Settings { fidelity: Fidelity::Thesis, ..settings.clone() };
@@ -73,8 +85,8 @@ fn sequences_go_on_and_others_have_seeds_of_their_own() {
         let (seeded, other) = noted(settings, continues);
         let mut seeds: Vec<u32> = seeded
             .iter()
-            .map(|[first, first_path, seed]| {
-                assert_eq!((*first, *first_path), (0, 0));
+            .map(|[first, first_path, first_sun, seed]| {
+                assert_eq!((*first, *first_path, *first_sun), (0, 0, 0));
                 *seed
             })
             .collect();

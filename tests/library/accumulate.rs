@@ -89,6 +89,35 @@ fn colours_that_are_linear_in_shares_are_accumulated() {
     assert!(rms(&frame(&mut renderer("SceneFinal", 4)), &at_once) > 1e-3);
 }
 
+/// Rays to the light's disc are samples of a sequence, whose mean has no exponent.
+#[test]
+fn soft_shadows_are_accumulated() {
+    let of = |name: &str, samples: u32| {
+        let mut set = vec!["pass2.sun=8".to_owned(), format!("pass2.sunsamples={samples}")];
+        if name == "SceneFinal" {
+            set.push("pass2.samples=0".to_owned());
+        }
+        opened(name, Settings { size: Some([112, 80]), camera: Some("Vidro".to_owned()), set, ..Settings::default() })
+    };
+    // `final` adds up colours of reflections, too.
+    for (name, most) in [("SceneShadows", 0.0), ("SceneFinal", 16.0 * f32::EPSILON)] {
+        let mut accumulated = of(name, 16);
+        let accumulation = accumulated.accumulate(Goal::Samples(64), &mut Silent).expect("it takes samples");
+        assert_eq!((accumulation.samples(), accumulation.passes()[0].estimate().batches()), (64, 16));
+        let (shown, at_once) = (accumulated.window_image(), frame(&mut of(name, 64)));
+        assert!(largest(&shown, &at_once) <= most, "{name}: {}", largest(&shown, &at_once));
+        let few = rms(&frame(&mut of(name, 4)), &at_once);
+        assert!(few > 1e-3 && accumulation.error() > 0.0 && accumulation.error() < few, "{name}: {few}");
+        let shadow =
+            |renderer: &Renderer| renderer.timeline().rows.iter().find_map(|row| row.rays).map(|rays| rays.shadow);
+        let mut at_once = of(name, 64);
+        frame(&mut at_once);
+        // The way onto a round body is asked in every batch.
+        let (all, once) = (shadow(&accumulated).expect("traced"), shadow(&at_once).expect("traced"));
+        assert!((once..once + once / 100).contains(&all), "{name}: {all} and {once}");
+    }
+}
+
 #[test]
 fn the_standard_error_is_an_upper_estimate_and_falls() {
     let reference = frame(&mut renderer("SceneSSAO", 4096));

@@ -15,6 +15,21 @@ pub fn missing(backend: &'static str, job: &RayJob<'_>, why: &str) -> BackendErr
     BackendError::Unsupported { backend, what: job.program.info().stem.to_owned(), why: why.to_owned() }
 }
 
+/// Refuses a light with a disc, for a backend that knows a point alone.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] of that backend.
+pub fn sun(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendError> {
+    match job.program.asks_of_sun(&job.params).filter(|_| job.fidelity == Fidelity::Corrected) {
+        None => Ok(()),
+        Some(asked) => Err(missing(
+            backend,
+            job,
+            &format!("its light has a disc ({asked}), and it knows a point; the cpu knows both"),
+        )),
+    }
+}
+
 /// Checks the sizes of the images that the program reads and of the one it writes.
 ///
 /// # Errors

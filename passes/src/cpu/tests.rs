@@ -90,16 +90,22 @@ fn the_number_of_threads_does_not_change_a_bit() {
     let world = crowd();
     let shot = look(&world);
     let (mut backend, scene) = backend(&world);
-    for (program, fidelity) in
-        [(RayProgram::Final, Corrected), (RayProgram::Final, Thesis), (RayProgram::Ssao, Corrected)]
-    {
-        let job = RayJob { scene: &scene, ..shot.job(program, fidelity, params()) };
-        let pictures = [1, 2, 5].map(|threads| {
+    let soft = RayParams { sun: 5.0, ..params() };
+    for (program, fidelity, params) in [
+        (RayProgram::Final, Corrected, params()),
+        (RayProgram::Final, Thesis, params()),
+        (RayProgram::Ssao, Corrected, params()),
+        (RayProgram::Final, Corrected, soft),
+        (RayProgram::DeferredShadows, Corrected, soft),
+    ] {
+        let job = RayJob { scene: &scene, ..shot.job(program, fidelity, params) };
+        let pictures = [1, 2, 3, 5].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| run(&mut backend, &job))
         });
         assert_eq!(pictures[0], pictures[1]);
         assert_eq!(pictures[0], pictures[2]);
+        assert_eq!(pictures[0], pictures[3]);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::coverage::Coverage;
 use super::pass::Pass;
-use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
+use crate::trace::{Announcement, Hit, PACKET, Purpose, Ray, Tracer};
 use glam::Vec3;
 
 /// What light keeps behind an opaque surface.
@@ -46,6 +46,27 @@ pub(super) fn share_of_light(blocked: bool, crossings: &mut [f32]) -> f32 {
         1.0
     } else {
         THROUGH_GLASS.powi(distinct(crossings) as i32)
+    }
+}
+
+/// What is left of the light of `rays` rays, one bit each in `blocked`, that cross glass at distances of `crossings`, each with its ray; `each` is
+/// told the ray and its share. `distances` is room.
+pub(super) fn shares_of_light(
+    rays: usize,
+    blocked: &[u16],
+    crossings: &mut [(u32, f32)],
+    distances: &mut Vec<f32>,
+    mut each: impl FnMut(usize, f32),
+) {
+    crossings.sort_unstable_by_key(|(ray, _)| *ray);
+    let mut crossings = crossings.iter().peekable();
+    for ray in 0..rays {
+        distances.clear();
+        while let Some((_, t)) = crossings.next_if(|crossing| crossing.0 as usize == ray) {
+            distances.push(*t);
+        }
+        let stopped = blocked[ray / PACKET] >> (ray % PACKET) & 1 == 1;
+        each(ray, share_of_light(stopped, distances));
     }
 }
 

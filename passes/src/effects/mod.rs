@@ -31,7 +31,7 @@
 //! - `ssao` divides by 0 for 0 samples; here they switch it off, as in `final`.
 
 //!
-//! From the ground up: `interpolate`, `coverage`, `pass`, `tile`; then `spheres`, `light`, `material`, `surface`, `optics` and `thesis`, which are
+//! From the ground up: `interpolate`, `coverage`, `pass`, `tile`; then `spheres`, `light`, `material`, `surface`, `optics`, `terminator`, `sun` and `thesis`, which are
 //! about one point; `visible_pixels` and `tile_surfaces`, about a tile; `workspace`; `occlusion` and `tile_occlusion`; `dielectric`,
 //! glass as each material says; and above them the programs, one folder each. May use: `trace`, `sampling`.
 
@@ -51,6 +51,7 @@ pub mod reflection;
 pub mod refraction;
 mod spheres;
 pub mod ssao;
+mod sun;
 mod surface;
 mod terminator;
 mod thesis;

@@ -3,6 +3,7 @@
 use super::coverage::Coverage;
 use super::light::{SHADOWED, share_of_light};
 use super::pass::Pass;
+use super::sun::LitSide;
 use super::surface::Surface;
 use super::thesis;
 use super::workspace::Workspace;
@@ -114,8 +115,23 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     }
 
     /// What reaches a surface of the light in `final`: [`SHADOWED`] where the side of normal `facing` is turned away or
-    /// something opaque is in the way, else 0.9 for each glass surface on the way. `triangle` is the surface's.
-    pub(super) fn light_share(&self, surface: &Surface, (facing, triangle): (Vec3, u32), work: &mut Workspace) -> f32 {
+    /// something opaque is in the way, else 0.9 for each glass surface on the way; of a light with a disc the mean over it, at the points of `key`.
+    /// `triangle` is the surface's.
+    pub(super) fn light_share(
+        &self,
+        surface: &Surface,
+        (facing, triangle): (Vec3, u32),
+        key: u32,
+        work: &mut Workspace,
+    ) -> f32 {
+        if let Some(disc) = &self.disc {
+            let side = LitSide { point: surface.point(), facing, triangle };
+            let stops = |ray, hit: &Hit, crossings: &mut Vec<(u32, f32)>| {
+                self.blocks_light(hit, || crossings.push((ray, hit.t)))
+            };
+            let buffers = (&mut work.disc, &mut work.rays.shadow);
+            return self.disc_share((disc, key), side, buffers, |hit| self.stops_light(hit), stops);
+        }
         let Some(origin) = self.light_origin(surface, (facing, triangle), work) else { return SHADOWED };
         work.rays.shadow += 1;
         let ray = self.light_ray(origin);
@@ -138,7 +154,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         if !is_turned_away {
             return Some(surface.origin(self.to_light));
         }
-        let lifted = self.lifted(triangle, surface.point(), facing)?;
+        let lifted = self.lifted(triangle, surface.point(), (facing, self.to_light))?;
         let is_cut_off = self.is_cut_off(&lifted, &mut work.rays.shadow, |hit| self.stops_light(hit));
         (!is_cut_off).then(|| lifted.origin())
     }

@@ -3,6 +3,7 @@
 use super::coverage::Coverage;
 use super::dielectric::Media;
 use crate::sampling::HemisphereSampler;
+use crate::sampling::cone::ConeSampler;
 use crate::sampling::hash::pixel_key;
 use crate::trace::{Hit, Tracer};
 use curitiba_pipeline::backend::{NO_TRIANGLE, RayJob};
@@ -39,6 +40,8 @@ pub struct Pass<'a, T, C> {
     pub spectrum: Vec<Stratum>,
     /// Sobol points, bits reversed, by which rough glass is sampled, one a path; none where no glass is rough.
     pub facets: Vec<[u32; 2]>,
+    /// Directions to the light's disc; `None` where the light is a point.
+    pub disc: Option<ConeSampler>,
 }
 
 /// A pixel of the pass.

@@ -2,8 +2,9 @@
 
 use super::occlusion::open_shares;
 use crate::sampling::HemisphereSampler;
+use crate::sampling::cone::ConeSampler;
 use curitiba_pipeline::backend::RayJob;
-use curitiba_pipeline::programs::{Fidelity, Sampler};
+use curitiba_pipeline::programs::{Fidelity, RayParams, Sampler};
 use glam::Vec3;
 
 /// What the pixels of a pass have in common, beside the scene.
@@ -15,6 +16,8 @@ pub struct Preparation {
     pub open_share: Vec<f32>,
     /// Unit vector towards the light; 0 where there is none.
     pub to_light: Vec3,
+    /// Where the rays to the light's disc go; `None` where the light is a point, and in thesis fidelity.
+    pub disc: Option<ConeSampler>,
     /// The light's colour, linear; 0 where there is none.
     pub light_color: Vec3,
 }
@@ -33,6 +36,12 @@ impl Preparation {
         let sampler = (samples > 0).then(|| HemisphereSampler::from(kind, job.params.first, samples)).transpose()?;
         let open_share = if samples == 0 { Vec::new() } else { open_shares(samples, job.params.intensity) };
         let (to_light, light_color) = job.sun.map_or((Vec3::ZERO, Vec3::ZERO), |sun| (-sun.direction, sun.color));
-        Ok(Self { sampler, open_share, to_light, light_color })
+        let over_disc = match job.fidelity {
+            Fidelity::Corrected => job.program.info().sun_samples(&job.params),
+            Fidelity::Thesis => 0,
+        };
+        let RayParams { sun, first_sun, .. } = job.params;
+        let disc = (over_disc > 0).then(|| ConeSampler::new(to_light, sun, first_sun, over_disc)).transpose()?;
+        Ok(Self { sampler, open_share, to_light, disc, light_color })
     }
 }

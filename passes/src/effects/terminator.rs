@@ -72,13 +72,18 @@ pub fn way_onto_round(
 }
 
 impl<T: Tracer, C> Pass<'_, T, C> {
-    /// A point of a triangle, on a side that is turned away from the light, lifted; `None` where it is dark without a ray
+    /// A point of a triangle, on a side of normal `facing` that is turned away from light in direction `to_light`, lifted; `None` where it is dark without a ray
     /// ([`way_onto_round`]), as it is on a sphere.
-    pub(super) fn lifted(&self, triangle: u32, point: &SurfacePoint, facing: Vec3) -> Option<Lifted> {
+    pub(super) fn lifted(
+        &self,
+        triangle: u32,
+        point: &SurfacePoint,
+        (facing, to_light): (Vec3, Vec3),
+    ) -> Option<Lifted> {
         if self.sphere(triangle).is_some() {
             return None;
         }
-        let way = way_onto_round(&self.job.scene.geometry, triangle, point, (facing, self.to_light));
+        let way = way_onto_round(&self.job.scene.geometry, triangle, point, (facing, to_light));
         (way != Vec3::ZERO).then(|| Lifted { from: point.spawn(facing), way })
     }
 }

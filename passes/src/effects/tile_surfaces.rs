@@ -2,7 +2,7 @@
 //! down the tree as packets.
 
 use super::coverage::Coverage;
-use super::light::share_of_light;
+use super::light::shares_of_light;
 use super::pass::{Pass, Pixel};
 use super::surface::{Surface, Surfaces};
 use super::tile::{Area, TILE};
@@ -131,16 +131,9 @@ impl TileSurfaces {
     /// Notes the light's share at the place of every ray.
     fn note_answers(&mut self) {
         let Self { known, places, blocked, crossings, distances, .. } = self;
-        crossings.sort_unstable_by_key(|(ray, _)| *ray);
-        let mut crossings = crossings.iter().peekable();
-        for (ray, place) in places.iter().enumerate() {
-            distances.clear();
-            while let Some((_, t)) = crossings.next_if(|crossing| crossing.0 as usize == ray) {
-                distances.push(*t);
-            }
-            let stopped = blocked[ray / PACKET] >> (ray % PACKET) & 1 == 1;
-            known[*place as usize].light = Some(share_of_light(stopped, distances));
-        }
+        shares_of_light(places.len(), blocked, crossings, distances, |ray, share| {
+            known[usize::from(places[ray])].light = Some(share);
+        });
     }
 }
 
@@ -271,6 +264,7 @@ mod tests {
             around_eye: Media::NONE,
             spectrum: Vec::new(),
             facets: Vec::new(),
+            disc: None,
         };
         let area = Area { x: 0, y: 0, width: TILE, height: TILE, stride: TILE };
         for simd in [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable]

@@ -1,6 +1,7 @@
 //! What a worker keeps from pixel to pixel.
 
 use super::deferred_shadows;
+use super::sun::DiscRays;
 use super::tile_surfaces::TileSurfaces;
 use crate::trace::{Candidates, Directions, Hit};
 use curitiba_pipeline::backend::RayCounts;
@@ -17,6 +18,7 @@ pub struct Workspace {
     pub surfaces: TileSurfaces,
     /// The same of a tile of the shadow program.
     pub(super) shadows: deferred_shadows::Tile,
+    pub(super) disc: DiscRays,
     pub(super) directions: Directions,
     /// The same where rays are traced one by one.
     pub(super) loose: Vec<Vec3>,

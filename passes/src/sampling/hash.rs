@@ -6,6 +6,9 @@ pub const SCRAMBLE: u32 = u32::MAX;
 /// The same for the microfacets of a rough surface.
 pub const FACETS: u32 = u32::MAX - 1;
 
+/// The same for the light's disc.
+pub const DISC: u32 = u32::MAX - 2;
+
 /// The last word that [`pixel_key`] hashes: what is hashed for one purpose is never hashed for another.
 pub const PIXEL: u32 = 0;
 /// The same for [`path_key`].

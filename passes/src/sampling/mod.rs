@@ -3,6 +3,7 @@
 //! Every number is a hash of (pixel, bounce path, sample, dimension, seed), so that a picture depends neither on the order
 //! in which pixels are computed nor on the number of threads. All integer steps are exact on every machine.
 
+pub mod cone;
 mod directions;
 pub mod hash;
 pub mod hemisphere;
@@ -42,12 +43,7 @@ impl HemisphereSampler {
     /// As [`Self::new`]; strata, which are no sequence, have only a beginning; the sequence has 2^32 points.
     pub fn from(sampler: Sampler, first: u32, samples: u32) -> Result<Self, String> {
         match sampler {
-            Sampler::Sobol => {
-                let end = first.checked_add(samples).ok_or("the sequence has 2^32 points")?;
-                let mut points: Vec<_> = (first..end).map(owen_sobol::reversed_sobol).collect();
-                points.sort_by_cached_key(|&point| cell(point));
-                Ok(Self::Sobol(points))
-            }
+            Sampler::Sobol => Ok(Self::Sobol(sequence(first, samples)?)),
             Sampler::Strata if first > 0 => Err("strata are no sequence that could be continued".to_owned()),
             Sampler::Strata => Ok(Self::Strata { side: square_root(samples)? }),
         }
@@ -104,6 +100,17 @@ impl HemisphereSampler {
             }
         }
     }
+}
+
+/// The `samples` points that follow the `first` ones of the Sobol sequence, bits reversed, neighbours side by side.
+///
+/// # Errors
+/// The sequence has 2^32 points.
+fn sequence(first: u32, samples: u32) -> Result<Vec<[u32; 2]>, String> {
+    let end = first.checked_add(samples).ok_or("the sequence has 2^32 points")?;
+    let mut points: Vec<_> = (first..end).map(owen_sobol::reversed_sobol).collect();
+    points.sort_by_cached_key(|&point| cell(point));
+    Ok(points)
 }
 
 /// The place of a point, bits reversed, on the Z-order curve through 16 x 16 cells.

@@ -345,6 +345,7 @@ impl RayBackend for WgpuRays {
         self.supports(job.program, job.fidelity)?;
         check::images(NAME, job, output)?;
         check::scene(NAME, job, false)?;
+        check::sun(NAME, job)?;
         check_glass(NAME, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)?;
         self.trace(job, output, progress).map_err(of_rays)

@@ -27,7 +27,7 @@ impl Tables {
     /// # Errors
     /// What is wrong with the number of samples.
     pub fn of(job: &RayJob<'_>) -> Result<Self, String> {
-        let Preparation { sampler, open_share, to_light, light_color } = Preparation::of(job)?;
+        let Preparation { sampler, open_share, to_light, light_color, disc: _ } = Preparation::of(job)?;
         let (strata, points) = match sampler {
             None => (0, Vec::new()),
             Some(HemisphereSampler::Strata { side }) => (side, Vec::new()),

@@ -4,7 +4,9 @@
 //! of which begins where the one before ended, take the very rays of 64 samples at once; new seeds for each batch would lose what the
 //! sequence is good for (an error that falls like n^-0.75 and not like n^-0.5).
 //!
-//! Where a pass writes a share of light, its batches are traced with the exponent 1 and the exponent is put on their mean: the mean of
+//! Shadow rays over the light's disc are such samples, too.
+//!
+//! Where a pass writes a share of light with an exponent, its batches are traced with the exponent 1 and the exponent is put on their mean: the mean of
 //! powers is not the power of the mean. With batches of 2^k samples the result is that of all samples at once, bit for bit; batches of
 //! other numbers round each share once (at most 2^-24 of it). A program that mixes shares into colours can be accumulated with
 //! `intensity=1` only, where colours are linear in the shares; rounding of the batches leaves it a few 2^-24 off.
@@ -12,7 +14,7 @@
 use super::{Estimate, Observer, RenderError, Renderer, dirty::spread, rays::Traced};
 use crate::image::Image;
 use crate::plan::{Access, Plan, PlanError, PlannedPass, Work};
-use crate::programs::{Fidelity, MOST_PATHS, RayParams, Sampler, Writes};
+use crate::programs::{Fidelity, MOST_PATHS, RayParams, RayProgramInfo, Sampler, Writes};
 use crate::project::PassKind;
 use std::time::{Duration, Instant};
 
@@ -68,7 +70,8 @@ pub struct AccumulatedPass {
     /// Its index in the plan.
     index: usize,
     params: RayParams,
-    writes: Writes,
+    /// Whether it writes shares that have an exponent.
+    puts_exponent: bool,
     estimate: Estimate,
 }
 
@@ -81,10 +84,7 @@ impl AccumulatedPass {
 
     /// The exponent that is put on the mean.
     fn exponent(&self) -> f32 {
-        match self.writes {
-            Writes::Share => self.params.intensity,
-            Writes::Color => 1.0,
-        }
+        if self.puts_exponent { self.params.intensity } else { 1.0 }
     }
 
     /// Its picture, not yet rounded to the format of its target.
@@ -209,13 +209,14 @@ impl Renderer {
         }
         let mut passes = Vec::new();
         for (index, planned) in self.plan.passes.iter().enumerate() {
-            let Some((params, writes)) = accumulates(&self.plan, planned)? else { continue };
+            let Some((params, info)) = accumulates(&self.plan, planned)? else { continue };
             let pass = self.plan.pass(planned);
             let Some(target) = pass.target else { continue };
             let (width, height) = (self.targets[target].width, self.targets[target].height);
-            let channels = if writes == Writes::Share { 1 } else { 4 };
+            let is_share = info.writes == Writes::Share;
+            let (channels, puts_exponent) = (if is_share { 1 } else { 4 }, is_share && info.reads("intensity"));
             let estimate = Estimate::new(width, height, channels)?;
-            passes.push(AccumulatedPass { name: pass.name.clone(), index, params, writes, estimate });
+            passes.push(AccumulatedPass { name: pass.name.clone(), index, params, puts_exponent, estimate });
         }
         let accesses: Vec<Access> = self.plan.passes.iter().map(|planned| self.plan.access(planned)).collect();
         let mut behind = vec![false; accesses.len()];
@@ -304,8 +305,17 @@ impl Renderer {
         // Of rough glass a batch follows as many paths as it takes samples: they count alike in the mean.
         let paths = samples.min(MOST_PATHS);
         let first = pass.estimate.samples() as u32;
-        *params = RayParams { samples, paths, first, first_path: first, ..pass.params };
-        if pass.writes == Writes::Share {
+        let of_occlusion = if pass.params.samples > 0 { samples } else { 0 };
+        *params = RayParams {
+            samples: of_occlusion,
+            paths,
+            sun_samples: samples,
+            first,
+            first_path: first,
+            first_sun: first,
+            ..pass.params
+        };
+        if pass.puts_exponent {
             params.intensity = 1.0;
         }
         // Its target no longer holds what an ordinary frame left.
@@ -348,11 +358,12 @@ fn batch(goal: Goal, accumulation: &Accumulation, elapsed: Duration) -> Option<u
 }
 
 /// What of a pass is accumulated, by the tables of programs and parameters: `None` if it takes no samples.
-fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, Writes)>, PlanError> {
+fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, &'static RayProgramInfo)>, PlanError> {
     let pass = plan.pass(planned);
     let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &pass.kind) else { return Ok(None) };
     let info = ray.program.info();
-    if info.samples(params) == 0 {
+    let of_occlusion = info.samples(params) > 0;
+    if !of_occlusion && info.sun_samples(params) == 0 {
         return Ok(None);
     }
     let refused = |why: String, help: String| {
@@ -367,11 +378,11 @@ fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, 
             "use --fidelity corrected".to_owned(),
         );
     }
-    if params.sampler == Sampler::Strata {
+    if of_occlusion && params.sampler == Sampler::Strata {
         let help = format!("use --set {}.sampler=sobol", pass.name);
         return refused("they lie in strata, which are no sequence".to_owned(), help);
     }
-    if info.writes == Writes::Color && params.intensity != 1.0 {
+    if of_occlusion && info.writes == Writes::Color && params.intensity != 1.0 {
         let why = format!(
             "`{}` puts the exponent intensity={} on shares before it mixes them, and a mean of powers is not the power of the mean",
             info.stem, params.intensity
@@ -379,7 +390,7 @@ fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, 
         let name = &pass.name;
         return refused(why, format!("use --set {name}.intensity=1, or all samples at once: --set {name}.samples=N"));
     }
-    Ok(Some((*params, info.writes)))
+    Ok(Some((*params, info)))
 }
 
 #[cfg(test)]

@@ -70,6 +70,9 @@ impl Renderer {
         if let Some(refused) = self.plan.untraced_spheres(&*self.engines.rays) {
             return Some(refused);
         }
+        if let Some(refused) = self.plan.untraced_sun(&*self.engines.rays) {
+            return Some(refused);
+        }
         self.plan.passes.iter().enumerate().find_map(|(index, planned)| {
             let pass = self.plan.pass(planned);
             let (PassKind::Ray(ray), Work::Rays { params, .. }) = (&pass.kind, &planned.work) else { return None };

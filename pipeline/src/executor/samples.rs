@@ -151,8 +151,10 @@ impl Renderer {
         if !(sequence && self.engines.rays.continues_sequences()) {
             return (params, PixelSamples::seed(settings.seed, sample));
         }
-        let (first, first_path) = (sample * program.info().samples(&params), sample * params.paths);
-        (RayParams { first, first_path, ..params }, settings.seed)
+        let info = program.info();
+        let [first, first_path, first_sun] =
+            [info.samples(&params), params.paths, info.sun_samples(&params)].map(|samples| sample * samples);
+        (RayParams { first, first_path, first_sun, ..params }, settings.seed)
     }
 
     /// The seed of an effect pass for the sample that is being rendered.

@@ -121,18 +121,20 @@ impl Plan {
         Work::Off { instead }
     }
 
-    /// What thesis fidelity leaves of a pass's parameters: its glass is the report's.
+    /// What thesis fidelity leaves of a pass's parameters: its glass is the report's, and its light a point.
     fn of_fidelity(&mut self, pass: &Pass, ray: &RayPass, params: RayParams) -> RayParams {
-        let report =
-            RayParams { glass: GlassRule::Pane, background: Background::Black, shadow: GlassShadow::Report, ..params };
-        match ray.program.asks_of_glass(&params) {
-            Some(asked) if self.settings.fidelity == Fidelity::Thesis => {
-                let why = "thesis fidelity has the report's panes".to_owned();
-                self.decide(format!("{asked} of pass `{}`", pass.name), false, why);
-                report
-            }
-            _ => params,
+        if self.settings.fidelity == Fidelity::Corrected {
+            return params;
         }
+        let mut leave_out = |asked: Option<String>, why: &str| {
+            if let Some(asked) = asked {
+                self.decide(format!("{asked} of pass `{}`", pass.name), false, why.to_owned());
+            }
+        };
+        leave_out(ray.program.asks_of_glass(&params), "thesis fidelity has the report's panes");
+        leave_out(ray.program.asks_of_sun(&params), "in thesis fidelity the light is a point");
+        let (glass, background, shadow) = (GlassRule::Pane, Background::Black, GlassShadow::Report);
+        RayParams { glass, background, shadow, sun: 0.0, ..params }
     }
 
     fn ray_work(

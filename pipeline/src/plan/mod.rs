@@ -11,6 +11,7 @@ mod parts;
 mod samples;
 mod settings;
 mod spheres;
+mod sun;
 
 pub use access::{Access, Slot, TRIANGLES};
 pub use off::Instead;

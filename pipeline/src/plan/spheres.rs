@@ -67,7 +67,11 @@ impl Plan {
         })
     }
 
-    fn first_refused(&self, why: impl Fn(&PlannedPass) -> Option<BackendError>) -> Option<(String, BackendError)> {
+    /// The name of the first pass for which `why` gives an error, with that error.
+    pub(super) fn first_refused(
+        &self,
+        why: impl Fn(&PlannedPass) -> Option<BackendError>,
+    ) -> Option<(String, BackendError)> {
         self.passes.iter().find_map(|planned| Some((self.pass(planned).name.clone(), why(planned)?)))
     }
 }

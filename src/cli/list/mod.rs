@@ -107,6 +107,7 @@ fn ray_support(rays: &dyn RayBackend) {
             verdict(Fidelity::Thesis)
         );
     }
+    crate::say!("    {:14} {}", "sun above 0", if rays.traces_sun_discs() { "yes" } else { "no: use --backend cpu" });
 }
 
 fn one_ray(info: &RayProgramInfo) {

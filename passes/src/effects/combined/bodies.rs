@@ -52,7 +52,7 @@ fn visible<T: Tracer, C: Coverage>(
     if color == Vec3::ZERO || known.light.is_some() || !falls_straight(pass) {
         return corrected::visible(pass, color, surface, (lit_side, known), key, work);
     }
-    let light = pass.straight_light(surface, lit_side, work);
+    let light = pass.straight_light(surface, lit_side, key, work);
     // Occlusion alone is left to be found out.
     light * corrected::visible(pass, color, surface, (lit_side, Known { light: Some(1.0), ..known }), key, work)
 }

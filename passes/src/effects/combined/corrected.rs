@@ -32,6 +32,10 @@ pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: 
     work.surfaces.survey(pass, area, |pixel, triangle| {
         !pass.is_glass(triangle) && Vec4::from_array(pass.job.color[pixel.index]).truncate() != Vec3::ZERO
     });
+    // Rays to a disc are many for a pixel alone.
+    if pass.disc.is_some() {
+        return tile_occlusion::prepare(pass, area, work, |hit| pass.stops_light(hit));
+    }
     let origin = |pixel: Pixel, known: &Known| {
         let Some((surface, _)) = known.surface else { return (None, None) };
         if lit_side(&surface, pass.normal(pixel)).dot(pass.to_light) <= 0.0 {
@@ -65,7 +69,7 @@ pub(super) fn visible<T: Tracer, C: Coverage>(
     if color == Vec3::ZERO {
         return color;
     }
-    let light = known.light.unwrap_or_else(|| pass.light_share(surface, lit_side, work));
+    let light = known.light.unwrap_or_else(|| pass.light_share(surface, lit_side, key, work));
     let open = known.occlusion.unwrap_or_else(|| pass.occlusion(surface, key, work, |hit| pass.stops_light(hit)));
     color * light * open
 }

@@ -39,11 +39,11 @@ pub(super) fn light_at<T: Tracer, C>(pass: &Pass<'_, T, C>, triangle: u32, point
     if !is_turned_away {
         return Light::Ray(point.spawn(pass.to_light));
     }
-    pass.lifted(triangle, point, point.normal * side).map_or(Light::Certain(SHADOWED), Light::Lifted)
+    pass.lifted(triangle, point, (point.normal * side, pass.to_light)).map_or(Light::Certain(SHADOWED), Light::Lifted)
 }
 
 /// 1 where the triangle's normal is on the side that is shaded, else -1.
-fn side<T: Tracer, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> f32 {
+pub(super) fn side<T: Tracer, C>(pass: &Pass<'_, T, C>, triangle: u32, point: &SurfacePoint) -> f32 {
     if pass.sphere(triangle).is_some() {
         return 1.0;
     }

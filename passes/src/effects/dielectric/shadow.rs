@@ -5,6 +5,7 @@ use super::slab::{kept_across, slab};
 use crate::effects::interpolate::interpolate;
 use crate::effects::light::{SHADOWED, THROUGH_GLASS};
 use crate::effects::optics::interface;
+use crate::effects::sun::LitSide;
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, Pass, Workspace};
 use crate::trace::{Hit, Purpose, Ray, Tracer};
@@ -16,23 +17,46 @@ const ROUNDING: f32 = 8.0 * f32::EPSILON;
 
 impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     /// What reaches a surface of the light, by colour: [`SHADOWED`] where its side is turned away or something opaque is in the way,
-    /// else from there to 1 as far as glass lets the light pass that falls straight through it ([`Self::straight`]).
+    /// else from there to 1 as far as glass lets the light pass that falls straight through it ([`Self::straight`]); of a light with a disc
+    /// the mean over it, at the points of `key`.
     pub(in crate::effects) fn straight_light(
         &self,
         surface: &Surface,
         side: (Vec3, u32),
+        key: u32,
         work: &mut Workspace,
     ) -> Vec3 {
-        let Some(origin) = self.light_origin(surface, side, work) else { return Vec3::splat(SHADOWED) };
+        let Some(disc) = &self.disc else {
+            let Some(origin) = self.light_origin(surface, side, work) else { return Vec3::splat(SHADOWED) };
+            return SHADOWED + (1.0 - SHADOWED) * self.straight_along(&self.light_ray(origin), 1.0, work);
+        };
+        let ((facing, triangle), weight) = (side, 1.0 / disc.samples() as f32);
+        let side = LitSide { point: surface.point(), facing, triangle };
+        let (mut rays, mut sum) = (0, Vec3::ZERO);
+        self.to_disc(
+            (disc, key),
+            side,
+            &mut rays,
+            |hit| self.stops_light(hit),
+            |origin, direction| {
+                let ray = Ray { direction, ..self.light_ray(origin) };
+                sum += self.straight_along(&ray, weight, work);
+            },
+        );
+        work.rays.shadow += rays;
+        SHADOWED + (1.0 - SHADOWED) * weight * sum
+    }
+
+    /// The share of light that comes along a ray, by colour: 0 where something opaque is in the way. `weight` is the ray's, for who records it.
+    fn straight_along(&self, ray: &Ray, weight: f32, work: &mut Workspace) -> Vec3 {
         work.rays.shadow += 1;
-        let ray = self.light_ray(origin);
         let mut through = std::mem::take(&mut work.through);
         through.clear();
-        self.announce_visibility(Purpose::Shadow, 1.0);
-        let blocked = self.tracer.occluded(&ray, |hit| self.blocks_light(hit, || through.push(*hit)));
-        let passes = if blocked { Vec3::ZERO } else { self.straight(&ray, &mut through, work) };
+        self.announce_visibility(Purpose::Shadow, weight);
+        let blocked = self.tracer.occluded(ray, |hit| self.blocks_light(hit, || through.push(*hit)));
+        let passes = if blocked { Vec3::ZERO } else { self.straight(ray, &mut through, work) };
         work.through = through;
-        SHADOWED + (1.0 - SHADOWED) * passes
+        passes
     }
 
     /// The share of light that passes these surfaces of glass, by colour, though they bend nothing: 1 - F at each border between two

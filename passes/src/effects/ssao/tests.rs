@@ -23,6 +23,9 @@ const DEFAULTS: RayParams = RayParams {
     paths: 16,
     first: 0,
     first_path: 0,
+    sun: 0.0,
+    sun_samples: 16,
+    first_sun: 0,
 };
 
 fn occlusion(shot: &Shot<'_>, fidelity: Fidelity, params: RayParams) -> (Vec<f32>, RayCounts) {

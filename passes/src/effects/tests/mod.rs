@@ -2,5 +2,6 @@
 
 mod agreement;
 mod spheres;
+mod sun;
 pub mod terminator;
 pub(crate) mod world;

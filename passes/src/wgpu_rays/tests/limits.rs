@@ -51,6 +51,16 @@ fn scenes_that_no_binding_holds_are_refused_by_what_is_too_large() {
 }
 
 #[test]
+fn a_light_with_a_disc_is_refused() {
+    with_job(|rays, scene, job| {
+        rays.build(scene, &[]).expect("it fits");
+        let soft = RayParams { sun: 0.53, ..job.params };
+        let message = failure(rays, &RayJob { params: soft, ..*job }).to_string();
+        assert!(message.contains("its light has a disc (sun=0.53)") && !rays.traces_sun_discs(), "{message}");
+    });
+}
+
+#[test]
 fn coordinates_that_would_overflow_are_refused() {
     with_job(|rays, scene, _| {
         let mut far = RenderScene::clone(scene);

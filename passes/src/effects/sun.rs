@@ -1,0 +1,117 @@
+//! Soft shadows: light from a disc in the sky, of which every point is asked for by a ray of its own.
+//!
+//! The light's share is the mean over directions that are uniform over the disc's solid angle, each of which gives what a light that is a point there
+//! would: a side of a triangle that is turned away from it is dark without a ray, unless the round surface that it stands for is not
+//! (`terminator`). The cosine of the light stays that of the disc's centre, with which colours were lit. For a disc above the horizon of its surface
+//! that is the mean of the cosines but for a factor of (1 + cos a) / 2, with a the half angle: 1 - 5e-6 for the sun of the sky.
+
+use super::coverage::Coverage;
+use super::light::shares_of_light;
+use super::pass::Pass;
+use crate::sampling::cone::ConeSampler;
+use crate::trace::{Hit, PACKET, Packet, Purpose, SurfacePoint, Tracer};
+use glam::Vec3;
+
+/// Packets that are traced together.
+const TOGETHER: usize = 16;
+
+/// A side of a surface that light may fall on.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LitSide<'p> {
+    pub(super) point: &'p SurfacePoint,
+    /// Unit normal of the side.
+    pub(super) facing: Vec3,
+    pub(super) triangle: u32,
+}
+
+/// Buffers that rays to the disc take.
+#[derive(Debug, Default)]
+pub(super) struct DiscRays {
+    packets: Vec<Packet>,
+    rays: usize,
+    blocked: Vec<u16>,
+    /// Glass surfaces that rays cross: the ray and the distance.
+    crossings: Vec<(u32, f32)>,
+    distances: Vec<f32>,
+}
+
+impl DiscRays {
+    fn push(&mut self, origin: Vec3, direction: Vec3) {
+        let (index, lane) = (self.rays / PACKET, self.rays % PACKET);
+        if index == self.packets.len() {
+            self.packets.push(Packet::new(0.0, f32::INFINITY));
+        }
+        if lane == 0 {
+            self.packets[index].active = 0;
+        }
+        self.packets[index].set(lane, origin, direction);
+        self.rays += 1;
+    }
+
+    /// Traces the rays, and returns the sum of the shares of light that they bring; `stops` is told the ray of a hit.
+    fn trace<T: Tracer>(&mut self, tracer: &T, stops: &mut impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool) -> f64 {
+        let Self { packets, rays, blocked, crossings, distances } = self;
+        let packets = &packets[..rays.div_ceil(PACKET)];
+        blocked.clear();
+        blocked.resize(packets.len(), 0);
+        crossings.clear();
+        tracer.occluded_packets(packets, blocked, |ray, hit| stops(ray as u32, hit, crossings));
+        let mut sum = 0.0;
+        shares_of_light(*rays, blocked, crossings, distances, |_, share| sum += f64::from(share));
+        *rays = 0;
+        sum
+    }
+}
+
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    /// Calls `each` with the origin and the direction of every ray to the points of the disc that belong to `key`. No ray goes to points for
+    /// which the side is dark without; `stops` says what cuts off the round surface that a triangle stands for, which is asked once at
+    /// most, by a ray that `rays` counts.
+    pub(super) fn to_disc(
+        &self,
+        (disc, key): (&ConeSampler, u32),
+        side: LitSide<'_>,
+        rays: &mut u64,
+        stops: impl Fn(&Hit) -> bool,
+        mut each: impl FnMut(Vec3, Vec3),
+    ) {
+        let mut is_cut_off = None;
+        for direction in disc.directions(key) {
+            if side.facing.dot(direction) > 0.0 {
+                each(side.point.spawn(direction), direction);
+            } else if let Some(lifted) = self.lifted(side.triangle, side.point, (side.facing, direction))
+                && !*is_cut_off.get_or_insert_with(|| self.is_cut_off(&lifted, rays, &stops))
+            {
+                each(lifted.origin(), direction);
+            }
+        }
+    }
+
+    /// The light's share at a side of a surface: the mean over the disc. `stops` is told the ray of a hit, and notes the surfaces of glass that rays
+    /// cross; `cuts_off` is what [`Self::to_disc`] asks.
+    pub(super) fn disc_share(
+        &self,
+        (disc, key): (&ConeSampler, u32),
+        side: LitSide<'_>,
+        (buffers, rays): (&mut DiscRays, &mut u64),
+        cuts_off: impl Fn(&Hit) -> bool,
+        mut stops: impl FnMut(u32, &Hit, &mut Vec<(u32, f32)>) -> bool,
+    ) -> f32 {
+        let samples = disc.samples();
+        let (mut traced, mut sum) = (0, 0.0);
+        buffers.rays = 0;
+        self.to_disc((disc, key), side, rays, cuts_off, |origin, direction| {
+            buffers.push(origin, direction);
+            traced += 1;
+            if buffers.rays == TOGETHER * PACKET {
+                self.announce_visibility(Purpose::Shadow, 1.0 / samples as f32);
+                sum += buffers.trace(self.tracer, &mut stops);
+            }
+        });
+        self.announce_visibility(Purpose::Shadow, 1.0 / samples as f32);
+        sum += buffers.trace(self.tracer, &mut stops);
+        *rays += traced;
+        let dark = f64::from(samples) - traced as f64;
+        ((sum + f64::from(super::light::SHADOWED) * dark) / f64::from(samples)) as f32
+    }
+}

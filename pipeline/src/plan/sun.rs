@@ -1,0 +1,29 @@
+//! Soft shadows: which passes ask for a light with a disc, and what does not trace it.
+
+use super::{Plan, PlannedPass, Work};
+use crate::backend::{BackendError, RayBackend};
+use crate::project::PassKind;
+
+impl Plan {
+    /// The disc of the light that a ray pass asks for, for messages; `None` where its light is a point.
+    #[must_use]
+    pub fn asks_of_sun(&self, planned: &PlannedPass) -> Option<String> {
+        match (&planned.work, &self.pass(planned).kind) {
+            (Work::Rays { params, .. }, PassKind::Ray(ray)) => ray.program.asks_of_sun(params),
+            _ => None,
+        }
+    }
+
+    /// The first pass that asks for a disc of the light which the ray backend does not trace, with what to do.
+    #[must_use]
+    pub fn untraced_sun(&self, rays: &dyn RayBackend) -> Option<(String, BackendError)> {
+        self.first_refused(|planned| {
+            let PassKind::Ray(ray) = &self.pass(planned).kind else { return None };
+            let asked = self.asks_of_sun(planned).filter(|_| !rays.traces_sun_discs())?;
+            let why = "its programs know a light that is a point; use --backend cpu, or allow it with --fallback cpu, or set sun=0 on \
+                       the pass";
+            let what = format!("{} with {asked}", ray.program.info().stem);
+            Some(BackendError::Unsupported { backend: rays.name(), what, why: why.to_owned() })
+        })
+    }
+}
