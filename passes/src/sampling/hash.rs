@@ -39,7 +39,7 @@ pub fn pcg4d([x, y, z, w]: [u32; 4]) -> [u32; 4] {
 
 /// The key of a pixel: everything random at it derives from this.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn pixel_key(x: u32, y: u32, seed: u32) -> u32 {
     pcg4d([x, y, seed, PIXEL])[3]
 }
@@ -52,7 +52,7 @@ pub fn path_key(key: u32, branch: u32) -> u32 {
 
 /// Two independent numbers for a key and a counter, one a dimension.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn dimensions(key: u32, counter: u32) -> [u32; 2] {
     let [_, _, x, y] = pcg4d([key, counter, 0, DIMENSIONS]);
     [x, y]

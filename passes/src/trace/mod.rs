@@ -53,7 +53,7 @@ pub use recorder::{Event, Outcome, RecordedRay, Recorder};
 pub use reference::{BruteForce, Double};
 pub use segments::{Segment, SegmentTracer, Segments};
 pub use simd::InstructionSet;
-pub(crate) use simd::{Detected, F16, Kernel, LANES, Mask, Simd, higher, lower, vector_at};
+pub(crate) use simd::{Detected, F16, Kernel, LANES, Mask, Simd, WIDE, higher, lower, vector_at};
 pub use spheres::SphereTree;
 pub use tracer::{Announcement, Purpose, Tracer};
 pub use with_spheres::WithSpheres;

@@ -4,6 +4,7 @@ mod cubes;
 mod jobs;
 mod mirrors;
 mod occlusion;
+mod oracle;
 mod planes;
 mod shadows;
 mod square;

@@ -1,24 +1,36 @@
 //! The effects on the shipped square: as near to the rays as their method allows.
 
+use crate::oracle::Oracle;
 use crate::world::mean;
 use curitiba_passes::cpu::CpuRays;
 use curitiba_passes::raster::cpu::CpuRasteriser;
-use curitiba_pipeline::executor::{Engines, Renderer, Silent};
+use curitiba_pipeline::backend::{
+    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, Limits, RasterJob, Rasteriser,
+};
+use curitiba_pipeline::executor::{Engines, Progress, Renderer, Silent};
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::plan::{Plan, Settings};
+use curitiba_pipeline::scene::RenderScene;
+use std::cell::Cell;
 use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
 
 fn picture(name: &str, camera: &str, set: &[&str]) -> Image {
     rendered(name, camera, set, 192)
 }
 
 fn rendered(name: &str, camera: &str, set: &[&str], side: u32) -> Image {
+    rendered_by(CpuRasteriser::new(), name, camera, set, side)
+}
+
+fn rendered_by(raster: impl Rasteriser + 'static, name: &str, camera: &str, set: &[&str], side: u32) -> Image {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../xml_projects/{name}.xml"));
     let set = set.iter().map(|set| (*set).to_owned()).collect();
     let settings = Settings { size: Some([side, side]), camera: Some(camera.to_owned()), set, ..Settings::default() };
     let project = curitiba_pipeline::project::load(&path).expect("the project is valid");
     let plan = Plan::new(project, settings).expect("the project has a plan");
-    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(CpuRays::new()));
+    let engines = Engines::new(Box::new(raster), Box::new(CpuRays::new()));
     let mut renderer = Renderer::new(plan, engines, &mut Silent).expect("the scene loads");
     renderer.frame(&mut Silent).expect("a frame")
 }
@@ -113,5 +125,91 @@ fn keep(name: &str, image: &Image) {
     if let Some(folder) = std::env::var_os("CURITIBA_PICTURES") {
         let path = Path::new(&folder).join(format!("{name}.png"));
         curitiba_pipeline::image::write_png(&path, image).expect("the picture is written");
+    }
+}
+
+/// How far the processor's occlusion is from the same in `f64`, over the pixels of a picture.
+#[derive(Debug, Clone, Copy, Default)]
+struct Apart {
+    /// Pixels that show a surface, and those of them in which rounding may decide what a step reads.
+    shown: usize,
+    undecided: usize,
+    /// Largest difference where it may not, and the mean of all.
+    worst: f64,
+    mean: f64,
+    /// Mean share, so that there is something to compare.
+    open: f64,
+}
+
+/// The processor's rasteriser, which compares the occlusion that it computes.
+struct Compared {
+    cpu: CpuRasteriser,
+    apart: Rc<Cell<Apart>>,
+}
+
+impl Rasteriser for Compared {
+    fn name(&self) -> &'static str {
+        self.cpu.name()
+    }
+    fn limits(&self) -> Limits {
+        self.cpu.limits()
+    }
+    fn device(&self) -> String {
+        self.cpu.device()
+    }
+    fn upload(&mut self, scene: &Arc<RenderScene>) -> Result<(), BackendError> {
+        self.cpu.upload(scene)
+    }
+    fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError> {
+        self.cpu.draw(job, target)
+    }
+    fn needs_read_back(&self) -> bool {
+        self.cpu.needs_read_back()
+    }
+    fn read_back(&mut self, job: &RasterJob<'_>, all: Attachments, target: &mut GBuffer) -> Result<(), BackendError> {
+        self.cpu.read_back(job, all, target)
+    }
+    fn effect(&mut self, job: &EffectJob<'_>, output: &mut Image, at: &Progress) -> Result<EffectStats, BackendError> {
+        let stats = self.cpu.effect(job, output, at)?;
+        let oracle = Oracle::new(job, 2e-4);
+        let mut apart = Apart::default();
+        for (index, found) in output.pixels.iter().enumerate().filter(|(index, _)| job.normal[*index] != [0.0; 4]) {
+            let expected = oracle.open(index as u32 % job.width, index as u32 / job.width);
+            let difference = (f64::from(found[0]) - expected.share).abs();
+            apart.shown += 1;
+            apart.undecided += usize::from(!expected.decided);
+            apart.mean += difference;
+            apart.open += expected.share;
+            if expected.decided {
+                apart.worst = apart.worst.max(difference);
+            }
+        }
+        apart.mean /= apart.shown as f64;
+        apart.open /= apart.shown as f64;
+        self.apart.set(apart);
+        Ok(stats)
+    }
+}
+
+/// The bounds that `raster::effects::occlusion` states.
+#[test]
+fn occlusion_is_what_the_formulas_give_in_double_precision() {
+    for (name, worst) in [("GTAO", 2e-6), ("DepthOcclusion", 3e-7)] {
+        for (camera, set) in [
+            ("MainCamera", &[][..]),
+            ("Vidro", &[]),
+            ("Vidro", &["pass2.slices=1", "pass2.steps=3", "pass2.radius=2", "pass2.intensity=1"]),
+            ("MainCamera", &["pass2.slices=7", "pass2.radius=4", "pass2.intensity=0.3"]),
+        ] {
+            let apart = Rc::new(Cell::new(Apart::default()));
+            let compared = Compared { cpu: CpuRasteriser::new(), apart: Rc::clone(&apart) };
+            // No multiple of sixteen.
+            rendered_by(compared, &format!("raster/Scene{name}"), camera, set, 187);
+            let found = apart.get();
+            println!("{name}, {camera} {set:?}: {found:?}");
+            assert!(found.shown > 10_000 && found.open < 0.99, "{found:?}");
+            assert!(found.undecided < found.shown / 5, "{found:?}");
+            assert!(found.worst < worst && found.mean < 1e-5, "{name}, {camera} {set:?}: {found:?}");
+        }
     }
 }

@@ -5,7 +5,7 @@ use super::{CpuRasteriser, refused};
 use crate::effects::{interface, reflect};
 use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::mirrors::{Mirror, Mirrors, Survey};
-use crate::raster::effects::occlusion::{Occlusion, Shown};
+use crate::raster::effects::occlusion::{Method, Occlusion, SPAN, open_shares};
 use crate::raster::effects::panes::{Probe, Probes, nearest};
 use crate::raster::effects::{self, SceneCache, cube};
 use curitiba_pipeline::backend::{
@@ -24,7 +24,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Rows of a band, and columns of the blocks that it is computed in: neighbours read the same parts of maps.
-const BLOCK: usize = 16;
+const BLOCK: usize = SPAN;
 
 /// The maps, kept from frame to frame.
 #[derive(Debug, Default)]
@@ -76,14 +76,12 @@ impl Effects {
             EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
                 let occlusion = Occlusion::new(job);
                 let depths = job.program == EffectProgram::DepthOcclusion;
+                let method = if depths { Method::Depths } else { Method::Horizons };
                 progress.start(bands(output));
-                stats.pixels = each_pixel(output, progress, |x, y, index| {
-                    let [position, normal] = [job.position[index], job.normal[index]].map(Vec4::from_array);
-                    let shown = Shown { x, y, position: position.truncate(), normal: normal.truncate() };
-                    let read = |index: usize| job.position[index];
-                    let share =
-                        if depths { occlusion.by_depths(shown, read) } else { occlusion.by_horizons(shown, read) };
-                    [share, share, share, 1.0]
+                stats.pixels = each_span(output, progress, |x, y, pixels| {
+                    for (pixel, share) in pixels.iter_mut().zip(open_shares(&occlusion, method, x, y)) {
+                        *pixel = [share, share, share, 1.0];
+                    }
                 });
             }
         }
@@ -106,7 +104,7 @@ impl Effects {
         let maps = cascades.fits.len();
         progress.start(bands(output) + maps as u64);
         if maps == 0 {
-            stats.pixels = each_pixel(output, progress, |_, _, _| [1.0; 4]);
+            stats.pixels = each_pixel(output, progress, |_| [1.0; 4]);
             return Ok(());
         }
         let size = job.params.map_size;
@@ -126,7 +124,7 @@ impl Effects {
         stats.maps = Some(Part { host: start.elapsed(), device: None });
         stats.map_count = maps as u32;
         let maps = &self.shadows;
-        stats.pixels = each_pixel(output, progress, |_, _, index| {
+        stats.pixels = each_pixel(output, progress, |index| {
             let [x, y, z, cos] = job.position[index];
             if cos <= 0.0 || cos.is_nan() {
                 return [1.0; 4];
@@ -155,7 +153,7 @@ impl Effects {
         let maps = probes.len() * cube::FACES;
         progress.start(bands(output) + maps as u64);
         if probes.is_empty() {
-            stats.pixels = each_pixel(output, progress, |_, _, index| job.color[index]);
+            stats.pixels = each_pixel(output, progress, |index| job.color[index]);
             return Ok(());
         }
         let size = job.params.map_size;
@@ -180,7 +178,7 @@ impl Effects {
         stats.maps = Some(Part { host: start.elapsed(), device: None });
         let refracts = job.program == EffectProgram::CubeRefraction;
         let faces = &self.faces;
-        stats.pixels = each_pixel(output, progress, |_, _, index| {
+        stats.pixels = each_pixel(output, progress, |index| {
             if glazed.contains(job.triangle[index]) {
                 glass(job, probes, faces, index, refracts)
             } else {
@@ -211,7 +209,7 @@ impl Effects {
         let choosing = start.elapsed();
         stats.glass_pixels = mirrors.glass_pixels;
         progress.start(bands(output) + mirrors.chosen.len() as u64);
-        stats.pixels = each_pixel(output, progress, |_, _, index| job.color[index]);
+        stats.pixels = each_pixel(output, progress, |index| job.color[index]);
         stats.pixels.host += choosing;
         if mirrors.chosen.is_empty() {
             return Ok(());
@@ -349,8 +347,20 @@ fn bands(output: &Image) -> u64 {
     u64::from(output.height).div_ceil(BLOCK as u64)
 }
 
-/// Computes every pixel from its column, row and index, on all threads.
-fn each_pixel(output: &mut Image, progress: &Progress, pixel: impl Fn(u32, u32, usize) -> [f32; 4] + Sync) -> Part {
+/// Computes every pixel from its index, on all threads.
+fn each_pixel(output: &mut Image, progress: &Progress, pixel: impl Fn(usize) -> [f32; 4] + Sync) -> Part {
+    let width = output.width as usize;
+    each_span(output, progress, |x, y, pixels| {
+        let first = y as usize * width + x as usize;
+        for (index, out) in (first..).zip(pixels) {
+            *out = pixel(index);
+        }
+    })
+}
+
+/// Computes the pixels of every row, [`BLOCK`] at a time or the fewer that are left, from the first one's column and row, on all
+/// threads.
+fn each_span(output: &mut Image, progress: &Progress, span: impl Fn(u32, u32, &mut [[f32; 4]]) + Sync) -> Part {
     let start = Instant::now();
     let width = output.width as usize;
     if width > 0 {
@@ -362,10 +372,7 @@ fn each_pixel(output: &mut Image, progress: &Progress, pixel: impl Fn(u32, u32, 
             for left in (0..width).step_by(BLOCK) {
                 let right = (left + BLOCK).min(width);
                 for (row, pixels) in pixels.chunks_mut(width).enumerate() {
-                    let y = first_row + row;
-                    for (x, out) in (left..right).zip(&mut pixels[left..right]) {
-                        *out = pixel(x as u32, y as u32, y * width + x);
-                    }
+                    span(left as u32, (first_row + row) as u32, &mut pixels[left..right]);
                 }
             }
             progress.advance(1);

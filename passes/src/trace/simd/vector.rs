@@ -30,8 +30,8 @@ impl F16 {
 }
 
 /// [`Simd::gather`], one by one.
-pub(crate) fn gather_each<const N: usize>(values: &[[f32; N]], indices: &[u32; WIDE]) -> [F16; 3] {
-    let mut gathered = [F16::ZERO; 3];
+pub(crate) fn gather_each<const N: usize, const K: usize>(values: &[[f32; N]], indices: &[u32; WIDE]) -> [F16; K] {
+    let mut gathered = [F16::ZERO; K];
     for (lane, &index) in indices.iter().enumerate() {
         for (axis, gathered) in gathered.iter_mut().enumerate() {
             gathered.0[lane] = values[index as usize][axis];
@@ -136,11 +136,12 @@ pub(crate) trait Simd: Copy {
         origin: [Self::Wide; 3],
         direction: [Self::Wide; 3],
     ) -> Self::Wide;
-    /// The first three of the `N` numbers of sixteen values, those at the indices, by axis. They are moved as bits.
+    /// The first `K`, three or four, of the `N` numbers of sixteen values, those at the indices, by axis. They are moved as
+    /// bits.
     ///
     /// # Panics
     /// If there is no such value.
-    fn gather<const N: usize>(self, values: &[[f32; N]], indices: &[u32; WIDE]) -> [F16; 3] {
+    fn gather<const N: usize, const K: usize>(self, values: &[[f32; N]], indices: &[u32; WIDE]) -> [F16; K] {
         gather_each(values, indices)
     }
 

@@ -85,8 +85,9 @@ impl Avx2 {
 }
 
 /// How many of some values four numbers can be read from.
-const fn readable<const N: usize>(values: &[[f32; N]]) -> usize {
+const fn readable<const N: usize, const K: usize>(values: &[[f32; N]]) -> usize {
     const { assert!(N >= 3, "else the last values are too near the end") };
+    const { assert!(K <= N && K <= 4, "four numbers of a value are read") };
     values.len().saturating_sub(if N == 3 { 1 } else { 0 })
 }
 
@@ -98,6 +99,14 @@ const fn readable<const N: usize>(values: &[[f32; N]]) -> usize {
 unsafe fn four<const N: usize>(values: &[[f32; N]], index: u32) -> __m128 {
     // SAFETY: as promised; SSE is part of x86-64.
     unsafe { _mm_loadu_ps(values.as_ptr().add(index as usize).cast()) }
+}
+
+/// The first of four columns.
+#[inline(always)]
+fn first<const K: usize>(columns: [F16; 4]) -> [F16; K] {
+    let mut wanted = [F16::ZERO; K];
+    wanted.copy_from_slice(&columns[..K]);
+    wanted
 }
 
 /// The operations that both instruction sets spell alike.
@@ -323,14 +332,14 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn gather<const N: usize>(self, values: &[[f32; N]], indices: &[u32; 16]) -> [F16; 3] {
+    fn gather<const N: usize, const K: usize>(self, values: &[[f32; N]], indices: &[u32; 16]) -> [F16; K] {
         let most = indices.iter().fold(0, |most, &index| if index > most { index } else { most });
-        if most as usize >= readable(values) {
+        if most as usize >= readable::<N, K>(values) {
             return gather_each(values, indices);
         }
         // SAFETY: AVX is present, since `self` exists, and four numbers lie from each of the values on.
-        let [x, y, z] = unsafe {
-            let mut halves = [[_mm256_setzero_ps(); 3]; 2];
+        let [x, y, z, w] = unsafe {
+            let mut halves = [[_mm256_setzero_ps(); 4]; 2];
             for (half, axes) in halves.iter_mut().enumerate() {
                 let mut rows = [_mm256_setzero_ps(); 4];
                 for (lane, row) in rows.iter_mut().enumerate() {
@@ -343,11 +352,12 @@ impl Simd for Avx2 {
                 axes[0] = _mm256_shuffle_ps::<0b01_00_01_00>(low[0], low[1]);
                 axes[1] = _mm256_shuffle_ps::<0b11_10_11_10>(low[0], low[1]);
                 axes[2] = _mm256_shuffle_ps::<0b01_00_01_00>(high[0], high[1]);
+                axes[3] = _mm256_shuffle_ps::<0b11_10_11_10>(high[0], high[1]);
             }
             let [low, high] = halves;
-            [[low[0], high[0]], [low[1], high[1]], [low[2], high[2]]]
+            [[low[0], high[0]], [low[1], high[1]], [low[2], high[2]], [low[3], high[3]]]
         };
-        [self.wide_store(x), self.wide_store(y), self.wide_store(z)]
+        first([self.wide_store(x), self.wide_store(y), self.wide_store(z), self.wide_store(w)])
     }
 
     #[inline(always)]
@@ -512,14 +522,14 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
-    fn gather<const N: usize>(self, values: &[[f32; N]], indices: &[u32; 16]) -> [F16; 3] {
+    fn gather<const N: usize, const K: usize>(self, values: &[[f32; N]], indices: &[u32; 16]) -> [F16; K] {
         // SAFETY: AVX-512 F is present, since `self` exists; sixteen numbers are 64 bytes.
         let most = unsafe { _mm512_reduce_max_epu32(_mm512_loadu_si512(indices.as_ptr().cast())) };
-        if most as usize >= readable(values) {
+        if most as usize >= readable::<N, K>(values) {
             return gather_each(values, indices);
         }
         // SAFETY: AVX-512 F is present, since `self` exists, and four numbers lie from each of the values on.
-        let [x, y, z] = unsafe {
+        let [x, y, z, w] = unsafe {
             let mut rows = [_mm512_setzero_ps(); 4];
             for (lane, row) in rows.iter_mut().enumerate() {
                 let low = _mm512_castps128_ps512(four(values, indices[lane]));
@@ -530,14 +540,14 @@ impl Simd for Avx512 {
             let [a, b, c, d] = rows;
             let low = [_mm512_unpacklo_ps(a, b), _mm512_unpacklo_ps(c, d)];
             let high = [_mm512_unpackhi_ps(a, b), _mm512_unpackhi_ps(c, d)];
-            let y = _mm512_shuffle_ps::<0b11_10_11_10>(low[0], low[1]);
             [
                 _mm512_shuffle_ps::<0b01_00_01_00>(low[0], low[1]),
-                y,
+                _mm512_shuffle_ps::<0b11_10_11_10>(low[0], low[1]),
                 _mm512_shuffle_ps::<0b01_00_01_00>(high[0], high[1]),
+                _mm512_shuffle_ps::<0b11_10_11_10>(high[0], high[1]),
             ]
         };
-        [self.wide_store(x), self.wide_store(y), self.wide_store(z)]
+        first([self.wide_store(x), self.wide_store(y), self.wide_store(z), self.wide_store(w)])
     }
 
     #[inline(always)]

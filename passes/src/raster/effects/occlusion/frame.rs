@@ -1,0 +1,50 @@
+//! What the pixels of an occlusion have in common.
+
+use curitiba_pipeline::backend::EffectJob;
+use glam::Vec3;
+
+/// What the pixels of an occlusion have in common.
+#[derive(Debug, Clone)]
+pub struct Occlusion<'a> {
+    /// Of the G-buffer, by pixel; a position of four zeros is nothing, a normal of 0 is the background.
+    pub(super) position: &'a [[f32; 4]],
+    pub(super) normal: &'a [[f32; 4]],
+    /// Rows of the matrix from a world position to `(column w, row w, w)`, columns and rows in pixels from the upper left
+    /// corner.
+    pub(super) rows: [[f32; 4]; 3],
+    pub(super) eye: Vec3,
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) seed: u32,
+    pub(super) radius: f32,
+    pub(super) intensity: f32,
+    pub(super) steps: u32,
+    /// By slice: cosine and sine of its angle from the first one's.
+    pub(super) turns: Vec<[f32; 2]>,
+}
+
+impl<'a> Occlusion<'a> {
+    /// For a job whose parts fit together and whose parameters are valid.
+    #[must_use]
+    pub fn new(job: &EffectJob<'a>) -> Self {
+        let [x, y, w] = [0, 1, 3].map(|row| job.view.clip_from_world.row(row));
+        let turn = |index: u32| {
+            let (sin, cos) = (std::f64::consts::PI * f64::from(index) / f64::from(job.params.slices)).sin_cos();
+            [cos as f32, sin as f32]
+        };
+        Self {
+            position: job.position,
+            normal: job.normal,
+            rows: [(x + w) * (0.5 * job.width as f32), (w - y) * (0.5 * job.height as f32), w]
+                .map(|row| row.to_array()),
+            eye: job.view.eye,
+            width: job.width,
+            height: job.height,
+            seed: job.seed,
+            radius: job.params.radius,
+            intensity: job.params.intensity,
+            steps: job.params.steps,
+            turns: (0..job.params.slices).map(turn).collect(),
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! The open share by horizons.
+#![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
+
+use super::frame::Occlusion;
+use super::lanes::{Lanes, angle};
+use super::pixels::{AHEAD, Pixels, Slice};
+use crate::trace::{F16, Simd, WIDE};
+use std::f32::consts::PI;
+
+/// Weights of a slice, squared, below which it does not count: the normal is the slice plane's.
+const LEAST_WEIGHT: f32 = 1e-6;
+
+/// A slice's plane.
+struct Plane {
+    /// What a difference of positions has along `T` and `V`, once it is moved into the plane along the tangent plane: its
+    /// scalar products with these, by axis.
+    along: [[Lanes; 3]; 2],
+    /// Length of the normal's projection into the plane: the slice's weight. 0 where the slice does not count.
+    weight: Lanes,
+    /// Cosine and sine of the projected normal's angle `γ` from `V` towards `T`.
+    normal: [Lanes; 2],
+    /// Distance of the nearest step, a pixel; not a number where no step counts.
+    nearest: Lanes,
+}
+
+/// The open share of the cosine-weighted hemisphere within the radius, by horizons.
+///
+/// Jimenez, Wu, Pesce and Jarabo, "Practical Real-Time Strategies for Accurate Indirect Occlusion", SIGGRAPH 2016 course,
+/// section 4: with horizons `h1 <= 0 <= h2` and the projected normal's angle `γ`, all measured from `V`, a slice
+/// contributes `|n_p| (arc(h1) + arc(h2))`, `arc(h) = (-cos(2h - γ) + cos γ + 2h sin γ) / 4`. What differs here:
+/// - Slices are uniform in the angle around `V`, not in the picture's angle.
+/// - Where a pixel's middle is off the slice's plane, the position is moved into it along the tangent plane, so that a plane
+///   seen at a grazing angle does not occlude itself.
+/// - Positions farther than the radius are ignored without a falloff: that is what a ray of this length meets.
+/// - The sum is divided by that of the open slices, `|n_p| (cos γ + γ sin γ)`, not by their number. What the horizons take
+///   away is summed, so that an open plane is exactly 1.
+/// - A horizon is kept as a direction `(x, y)` along `T` and `V`, and compared by `y / x`: no root and no quotient a step.
+#[inline(always)]
+pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels) -> Lanes {
+    let (mut taken, mut whole) = ([0.0; WIDE], [0.0; WIDE]);
+    for index in 0..occlusion.turns.len() {
+        let slice = pixels.slice(occlusion, index);
+        let plane = Plane::new(occlusion, pixels, &slice);
+        let mut tilt = [0.0; WIDE];
+        for lane in 0..WIDE {
+            let (cos, sin) = (plane.normal[0][lane], plane.normal[1][lane]);
+            let size = angle(sin.abs(), cos).angle;
+            tilt[lane] = if sin < 0.0 { -size } else { size };
+            whole[lane] += plane.weight[lane] * (cos + tilt[lane] * sin);
+        }
+        if !plane.any_step_counts() {
+            continue;
+        }
+        for side in 0..2 {
+            let towards = if side == 0 { 1.0 } else { -1.0 };
+            if let Some(horizon) = plane.horizon(simd, occlusion, pixels, &slice, side, towards) {
+                plane.take(&horizon, towards, &tilt, &mut taken);
+            }
+        }
+    }
+    let mut open = [1.0; WIDE];
+    for lane in 0..WIDE {
+        let share = 1.0 - taken[lane] / whole[lane];
+        let share = if share > 0.0 { share } else { 0.0 };
+        let share = if share < 1.0 { share } else { 1.0 };
+        open[lane] = if (whole[lane] > 0.0) & (pixels.shown[lane] > 0.0) { share } else { 1.0 };
+    }
+    open
+}
+
+impl Plane {
+    #[inline(always)]
+    fn new(occlusion: &Occlusion<'_>, pixels: &Pixels, slice: &Slice) -> Self {
+        const NONE: Lanes = [0.0; WIDE];
+        let mut plane = Self { along: [[NONE; 3]; 2], weight: NONE, normal: [NONE; 2], nearest: NONE };
+        for lane in 0..WIDE {
+            let (cos, sin) = (slice.turn[0][lane], slice.turn[1][lane]);
+            let (up, tangent, bitangent) = (pixels.tilt[0][lane], pixels.tilt[1][lane], pixels.tilt[2][lane]);
+            // The normal along `T`, and off the plane, along `V x T`.
+            let (across, off) = (tangent * cos + bitangent * sin, bitangent * cos - tangent * sin);
+            let squared = across * across + up * up;
+            let counts = (squared >= LEAST_WEIGHT) & (pixels.shown[lane] > 0.0);
+            let weight = squared.sqrt();
+            plane.weight[lane] = if counts { weight } else { 0.0 };
+            plane.normal[0][lane] = if counts { up / weight } else { 1.0 };
+            plane.normal[1][lane] = if counts { across / weight } else { 0.0 };
+            let near = counts & (slice.pixel[lane] < occlusion.radius);
+            plane.nearest[lane] = if near { slice.pixel[lane] } else { f32::NAN };
+            // Along the tangent plane, one unit along `V x T` is this much along `T` and `V`.
+            let shear = off / squared;
+            let [v, t, s] = &pixels.basis;
+            for axis in 0..3 {
+                let (t, s) = (t[axis][lane], s[axis][lane]);
+                let aside = (s * cos - t * sin) * shear;
+                plane.along[0][axis][lane] = t * cos + s * sin + aside * across;
+                plane.along[1][axis][lane] = v[axis][lane] + aside * up;
+            }
+        }
+        plane
+    }
+
+    /// Whether the radius is more than a pixel of the picture in any lane.
+    #[inline(always)]
+    fn any_step_counts(&self) -> bool {
+        let mut any = false;
+        for lane in 0..WIDE {
+            any |= !self.nearest[lane].is_nan();
+        }
+        any
+    }
+
+    /// The horizon on one side as a direction along `T`, turned to that side, and `V`; `None` where nothing rises above the tangent
+    /// plane in any lane.
+    #[inline(always)]
+    fn horizon<S: Simd>(
+        &self,
+        simd: S,
+        occlusion: &Occlusion<'_>,
+        pixels: &Pixels,
+        slice: &Slice,
+        side: usize,
+        towards: f32,
+    ) -> Option<[Lanes; 2]> {
+        let reach = if towards > 0.0 { occlusion.radius } else { -occlusion.radius };
+        let interval = 1.0 / occlusion.steps as f32;
+        // Also where the square is too large a number: no difference that is not a number is within reach.
+        let farthest = (occlusion.radius * occlusion.radius).min(f32::MAX);
+        let (mut x, mut y) = (self.normal[0], self.normal[1]);
+        for lane in 0..WIDE {
+            y[lane] *= -towards;
+        }
+        let steps = occlusion.steps as usize;
+        let mut first = 0;
+        while first < steps {
+            let count = AHEAD.min(steps - first);
+            let mut ahead = [[0; WIDE]; AHEAD];
+            for step in 0..count {
+                let step_index = (first + step) as f32;
+                ahead[step] = pixels.look(occlusion, slice, |lane| {
+                    // Denser near the pixel.
+                    let share = (step_index + slice.jitter[side][lane]) * interval;
+                    let nearest = towards * self.nearest[lane];
+                    nearest + (reach - nearest) * (share * share)
+                });
+            }
+            for step in 0..count {
+                let seen: [F16; 4] = simd.gather(occlusion.position, &ahead[step]);
+                self.raise(pixels, &seen, towards, farthest, &mut x, &mut y);
+            }
+            first += AHEAD;
+        }
+        let mut raised = false;
+        for lane in 0..WIDE {
+            raised |= (x[lane] != self.normal[0][lane]) | (y[lane] != -towards * self.normal[1][lane]);
+        }
+        raised.then_some([x, y])
+    }
+
+    /// Raises the horizon `(x, y)` where what is seen, a position of the G-buffer, is above it and near enough: by the square of the
+    /// distance.
+    #[inline(always)]
+    fn raise(
+        &self,
+        pixels: &Pixels,
+        [px, py, pz, pw]: &[F16; 4],
+        towards: f32,
+        farthest: f32,
+        x: &mut Lanes,
+        y: &mut Lanes,
+    ) {
+        let [across, up] = &self.along;
+        for lane in 0..WIDE {
+            let seen = [px.0[lane], py.0[lane], pz.0[lane]];
+            let something = (seen[0] != 0.0) | (seen[1] != 0.0) | (seen[2] != 0.0) | (pw.0[lane] != 0.0);
+            let dx = seen[0] - pixels.position[0].0[lane];
+            let dy = seen[1] - pixels.position[1].0[lane];
+            let dz = seen[2] - pixels.position[2].0[lane];
+            let to_side = towards * (dx * across[0][lane] + dy * across[1][lane] + dz * across[2][lane]);
+            let upward = dx * up[0][lane] + dy * up[1][lane] + dz * up[2][lane];
+            let within = dx * dx + dy * dy + dz * dz <= farthest;
+            // Moving it may have brought a near pixel to the other side. Of the pixel itself all differences are 0.
+            let higher = (to_side > 0.0) & (upward * x[lane] > y[lane] * to_side);
+            let found = something & within & higher;
+            x[lane] = if found { to_side } else { x[lane] };
+            y[lane] = if found { upward } else { y[lane] };
+        }
+    }
+
+    /// Adds what a horizon takes away: `arc` of the tangent plane's, `γ ± π / 2`, less that of this one.
+    #[inline(always)]
+    fn take(&self, [x, y]: &[Lanes; 2], towards: f32, tilt: &Lanes, taken: &mut Lanes) {
+        for lane in 0..WIDE {
+            let (cos, sin) = (self.normal[0][lane], towards * self.normal[1][lane]);
+            let raised = (x[lane] != cos) | (y[lane] != -sin);
+            let horizon = angle(x[lane], y[lane]);
+            let [cos_2h, sin_2h] = horizon.double;
+            let turned = PI + 2.0 * (towards * tilt[lane] - horizon.angle);
+            let loss = 0.25 * self.weight[lane] * (cos * (1.0 + cos_2h) + sin * (sin_2h + turned));
+            taken[lane] += if raised { loss } else { 0.0 };
+        }
+    }
+}

@@ -1,0 +1,206 @@
+//! What is known of sixteen pixels of a row, and of a slice of each.
+#![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
+
+use super::frame::Occlusion;
+use super::lanes::{Lanes, half_turn};
+use crate::sampling::hash::{dimensions, pixel_key, unit};
+use crate::trace::{F16, Simd, WIDE};
+
+/// Steps whose pixels are found before the first of them is read: more reads are under way at a time then.
+pub(super) const AHEAD: usize = 8;
+
+/// Sixteen pixels of a row. Vectors are kept by axis.
+pub(super) struct Pixels {
+    /// Of the G-buffer; the last one's beyond the row's end.
+    pub(super) index: [u32; WIDE],
+    /// 1 where there is a surface, else 0.
+    pub(super) shown: Lanes,
+    pub(super) position: [F16; 3],
+    /// The unit normal, turned to the eye.
+    pub(super) normal: [Lanes; 3],
+    /// Unit vectors: to the eye, and two across.
+    pub(super) basis: [[Lanes; 3]; 3],
+    /// The normal in that basis.
+    pub(super) tilt: [Lanes; 3],
+    key: [u32; WIDE],
+    /// Column and row of the position in the picture, and its `w`.
+    place: [Lanes; 3],
+    /// What a unit of length along the two vectors across adds: see [`Slice::rate`].
+    rates: [[Lanes; 3]; 2],
+    /// Cosine and sine of the first slice's angle.
+    turn: [Lanes; 2],
+}
+
+/// A slice of each of sixteen pixels.
+pub(super) struct Slice {
+    /// Cosine and sine of its angle in the basis.
+    pub(super) turn: [Lanes; 2],
+    /// The position `P + r T` is seen `g r / (w + d r)` from the pixel's own place: `g` in columns, in rows, and `d`.
+    rate: [Lanes; 3],
+    /// Length along `T` that is a pixel of the picture.
+    pub(super) pixel: Lanes,
+    /// Where in its interval each side's steps lie, 0..1.
+    pub(super) jitter: [Lanes; 2],
+}
+
+impl Pixels {
+    /// Those of row `y` from column `x` on.
+    #[inline(always)]
+    pub(super) fn new<S: Simd>(simd: S, occlusion: &Occlusion<'_>, x: u32, y: u32) -> Self {
+        const NONE: Lanes = [0.0; WIDE];
+        let (mut index, mut key) = ([0; WIDE], [0; WIDE]);
+        for lane in 0..WIDE {
+            let column = (x + lane as u32).min(occlusion.width - 1);
+            index[lane] = y * occlusion.width + column;
+            key[lane] = pixel_key(column, y, occlusion.seed);
+        }
+        let position: [F16; 3] = simd.gather(occlusion.position, &index);
+        let normals: [F16; 3] = simd.gather(occlusion.normal, &index);
+        let mut pixels = Self {
+            index,
+            shown: NONE,
+            position,
+            normal: [NONE; 3],
+            basis: [[NONE; 3]; 3],
+            tilt: [NONE; 3],
+            key,
+            place: [NONE; 3],
+            rates: [[NONE; 3]; 2],
+            turn: [NONE; 2],
+        };
+        for lane in 0..WIDE {
+            let p = [position[0].0[lane], position[1].0[lane], position[2].0[lane]];
+            let n = [normals[0].0[lane], normals[1].0[lane], normals[2].0[lane]];
+            let to = [occlusion.eye.x - p[0], occlusion.eye.y - p[1], occlusion.eye.z - p[2]];
+            let scales = [1.0 / dot(to, to).sqrt(), 1.0 / dot(n, n).sqrt()];
+            // As `effects::facing` has it: neither 0 nor too long nor not a number.
+            let usable =
+                (scales[0] > 0.0) & (scales[0] < f32::INFINITY) & (scales[1] > 0.0) & (scales[1] < f32::INFINITY);
+            pixels.shown[lane] = if usable { 1.0 } else { 0.0 };
+            let v = [to[0] * scales[0], to[1] * scales[0], to[2] * scales[0]];
+            let scale = if dot(n, v) < 0.0 { -scales[1] } else { scales[1] };
+            let n = [n[0] * scale, n[1] * scale, n[2] * scale];
+            // `sampling::hemisphere::Basis::around`.
+            let sign = 1f32.copysign(v[2]);
+            let a = -1.0 / (sign + v[2]);
+            let b = v[0] * v[1] * a;
+            let t = [1.0 + sign * v[0] * v[0] * a, sign * b, -sign * v[0]];
+            let s = [b, sign + v[1] * v[1] * a, -v[1]];
+            for axis in 0..3 {
+                pixels.normal[axis][lane] = n[axis];
+                pixels.basis[0][axis][lane] = v[axis];
+                pixels.basis[1][axis][lane] = t[axis];
+                pixels.basis[2][axis][lane] = s[axis];
+            }
+            pixels.tilt[0][lane] = dot(n, v);
+            pixels.tilt[1][lane] = dot(n, t);
+            pixels.tilt[2][lane] = dot(n, s);
+        }
+        let [columns, rows, depths] = occlusion.rows;
+        for lane in 0..WIDE {
+            let p = [position[0].0[lane], position[1].0[lane], position[2].0[lane]];
+            let w = along(depths, p) + depths[3];
+            let place = [(along(columns, p) + columns[3]) / w, (along(rows, p) + rows[3]) / w];
+            pixels.place[0][lane] = place[0];
+            pixels.place[1][lane] = place[1];
+            pixels.place[2][lane] = w;
+            for side in 0..2 {
+                let [x, y, z] = &pixels.basis[1 + side];
+                let across = [x[lane], y[lane], z[lane]];
+                let d = along(depths, across);
+                pixels.rates[side][0][lane] = along(columns, across) - place[0] * d;
+                pixels.rates[side][1][lane] = along(rows, across) - place[1] * d;
+                pixels.rates[side][2][lane] = d;
+            }
+        }
+        let share = 1.0 / occlusion.turns.len() as f32;
+        for lane in 0..WIDE {
+            let [sin, cos] = half_turn(unit(dimensions(pixels.key[lane], 0)[0]) * share);
+            pixels.turn[0][lane] = cos;
+            pixels.turn[1][lane] = sin;
+        }
+        pixels
+    }
+
+    /// Whether one of them shows a surface.
+    #[inline(always)]
+    pub(super) fn any_shown(&self) -> bool {
+        let mut any = 0.0;
+        for lane in 0..WIDE {
+            any += self.shown[lane];
+        }
+        any > 0.0
+    }
+
+    /// A slice of each.
+    #[inline(always)]
+    pub(super) fn slice(&self, occlusion: &Occlusion<'_>, index: usize) -> Slice {
+        const NONE: Lanes = [0.0; WIDE];
+        let mut slice = Slice { turn: [NONE; 2], rate: [NONE; 3], pixel: NONE, jitter: [NONE; 2] };
+        let turned = occlusion.turns[index];
+        for lane in 0..WIDE {
+            let (cos, sin) = (self.turn[0][lane], self.turn[1][lane]);
+            let (cos, sin) = (cos * turned[0] - sin * turned[1], sin * turned[0] + cos * turned[1]);
+            let [tangent, bitangent] = &self.rates;
+            let x = tangent[0][lane] * cos + bitangent[0][lane] * sin;
+            let y = tangent[1][lane] * cos + bitangent[1][lane] * sin;
+            slice.turn[0][lane] = cos;
+            slice.turn[1][lane] = sin;
+            slice.rate[0][lane] = x;
+            slice.rate[1][lane] = y;
+            slice.rate[2][lane] = tangent[2][lane] * cos + bitangent[2][lane] * sin;
+            slice.pixel[lane] = self.place[2][lane] / (x * x + y * y).sqrt();
+        }
+        for lane in 0..WIDE {
+            let [first, second] = dimensions(self.key[lane], 1 + index as u32);
+            slice.jitter[0][lane] = unit(first);
+            slice.jitter[1][lane] = unit(second);
+        }
+        slice
+    }
+
+    /// The pixel of the picture where the position at a lane's distance along the slice is seen; the pixel itself if that is
+    /// outside, behind the eye or not a number.
+    #[inline(always)]
+    pub(super) fn look(
+        &self,
+        occlusion: &Occlusion<'_>,
+        slice: &Slice,
+        distance: impl Fn(usize) -> f32,
+    ) -> [u32; WIDE] {
+        let (width, height) = (occlusion.width as f32, occlusion.height as f32);
+        let mut index = self.index;
+        for lane in 0..WIDE {
+            let distance = distance(lane);
+            let w = self.place[2][lane] + slice.rate[2][lane] * distance;
+            let moved = distance / w;
+            let x = self.place[0][lane] + slice.rate[0][lane] * moved;
+            let y = self.place[1][lane] + slice.rate[1][lane] * moved;
+            let inside = (w > 0.0) & (x >= 0.0) & (x < width) & (y >= 0.0) & (y < height);
+            let found = whole(y).wrapping_mul(occlusion.width).wrapping_add(whole(x));
+            index[lane] = if inside { found } else { self.index[lane] };
+        }
+        index
+    }
+}
+
+/// The whole part of `x`, 0..2²³; of others, something. `as` would test for those, number by number.
+#[inline(always)]
+fn whole(x: f32) -> u32 {
+    // Added, it rounds to whole numbers, and those are its low bits.
+    const ROUND: f32 = 8_388_608.0;
+    let rounded = x + ROUND;
+    let above = if rounded - ROUND > x { 1 } else { 0 };
+    (rounded.to_bits() & 0x007f_ffff).wrapping_sub(above)
+}
+
+/// What the first three numbers of a row of a matrix make of a vector.
+#[inline(always)]
+fn along(row: [f32; 4], v: [f32; 3]) -> f32 {
+    row[0] * v[0] + row[1] * v[1] + row[2] * v[2]
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}

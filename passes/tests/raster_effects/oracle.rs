@@ -1,0 +1,170 @@
+//! Screen-space occlusion in `f64`, pixel by pixel and step by step as the formulas are written: what the vector code of the
+//! processor is held against.
+
+use curitiba_passes::sampling::hash::{dimensions, pixel_key, unit};
+use curitiba_pipeline::backend::EffectJob;
+use curitiba_pipeline::raster_effects::EffectProgram;
+use glam::{DMat4, DVec3, DVec4, Vec4};
+use std::f64::consts::PI;
+
+/// The open share of a pixel.
+#[derive(Debug, Clone, Copy)]
+pub struct Open {
+    pub share: f64,
+    /// Whether no step is so near to where it would read another pixel, or be counted otherwise, that rounding to `f32` may decide.
+    pub decided: bool,
+}
+
+/// What the pixels of a job have in common.
+pub struct Oracle<'a> {
+    job: EffectJob<'a>,
+    clip_from_world: DMat4,
+    eye: DVec3,
+    /// Distance from the edge of a pixel, in pixels, and relative distance from other limits, below which a step is not decided.
+    margin: f64,
+}
+
+/// What a step along a slice reads.
+enum Step {
+    Outside,
+    Itself,
+    At(usize),
+}
+
+impl<'a> Oracle<'a> {
+    pub fn new(job: &EffectJob<'a>, margin: f64) -> Self {
+        Self { job: *job, clip_from_world: job.view.clip_from_world.as_dmat4(), eye: job.view.eye.as_dvec3(), margin }
+    }
+
+    pub fn open(&self, x: u32, y: u32) -> Open {
+        let index = (y * self.job.width + x) as usize;
+        let position = vector(self.job.position[index]);
+        let (Some(to_eye), Some(normal)) =
+            ((self.eye - position).try_normalize(), vector(self.job.normal[index]).try_normalize())
+        else {
+            return Open { share: 1.0, decided: true };
+        };
+        let normal = if normal.dot(to_eye) < 0.0 { -normal } else { normal };
+        let mut open = match self.job.program {
+            EffectProgram::HorizonOcclusion => self.by_horizons([x, y], position, to_eye, normal),
+            EffectProgram::DepthOcclusion => self.by_depths([x, y], position, to_eye, normal),
+            other => panic!("{other:?} is no occlusion"),
+        };
+        open.share = open.share.clamp(0.0, 1.0).powf(self.job.params.intensity.into());
+        open
+    }
+
+    /// `T` of a slice, and the jitters of its sides.
+    fn slice(&self, [x, y]: [u32; 2], index: u32, to_eye: DVec3) -> (DVec3, [f64; 2]) {
+        let key = pixel_key(x, y, self.job.seed);
+        let offset = f64::from(unit(dimensions(key, 0)[0]));
+        let (sin, cos) = (PI * (f64::from(index) + offset) / f64::from(self.job.params.slices)).sin_cos();
+        // Duff and others 2017, listing 3: which tangents these are is part of what is computed.
+        let DVec3 { x, y, z } = to_eye;
+        let sign = 1f64.copysign(z);
+        let (a, b) = (-1.0 / (sign + z), -x * y / (sign + z));
+        let tangent = DVec3::new(1.0 + sign * x * x * a, sign * b, -sign * x);
+        let bitangent = DVec3::new(b, sign + y * y * a, -y);
+        (tangent * cos + bitangent * sin, dimensions(key, 1 + index).map(|bits| unit(bits).into()))
+    }
+
+    fn place(&self, position: DVec3) -> Option<[f64; 2]> {
+        let DVec4 { x, y, w, .. } = self.clip_from_world * position.extend(1.0);
+        let (width, height) = (f64::from(self.job.width), f64::from(self.job.height));
+        (w > 0.0).then(|| [(0.5 + 0.5 * x / w) * width, (0.5 - 0.5 * y / w) * height])
+    }
+
+    /// What is read where a position is seen.
+    fn look(&self, [x, y]: [u32; 2], position: DVec3, decided: &mut bool) -> Step {
+        let Some([column, row]) = self.place(position) else { return Step::Outside };
+        *decided &= [column, row].iter().all(|at| (at - at.round()).abs() > self.margin);
+        let [width, height] = [self.job.width, self.job.height];
+        if !(column >= 0.0 && row >= 0.0 && column < width.into() && row < height.into()) {
+            return Step::Outside;
+        }
+        let at = [column as u32, row as u32];
+        if at == [x, y] { Step::Itself } else { Step::At((at[1] * width + at[0]) as usize) }
+    }
+
+    /// The position that a pixel shows, from another one.
+    fn difference(&self, index: usize, position: DVec3) -> Option<DVec3> {
+        let stored = self.job.position[index];
+        (stored != [0.0; 4]).then(|| vector(stored) - position).filter(|delta| delta.is_finite())
+    }
+
+    fn by_horizons(&self, pixel: [u32; 2], position: DVec3, to_eye: DVec3, normal: DVec3) -> Open {
+        let radius = f64::from(self.job.params.radius);
+        let (mut visible, mut whole, mut decided) = (0.0, 0.0, true);
+        for index in 0..self.job.params.slices {
+            let (across, jitter) = self.slice(pixel, index, to_eye);
+            let aside = to_eye.cross(across);
+            let off = normal.dot(aside);
+            let projected = normal - aside * off;
+            let weight = projected.length();
+            if weight * weight < 1e-6 {
+                continue;
+            }
+            let (sin, cos) = (projected.dot(across) / weight, projected.dot(to_eye) / weight);
+            let shear = (aside - normal * off) / (weight * weight);
+            // A pixel's length along `T`, by a small difference.
+            let small = 1e-6 * (self.eye - position).length();
+            let far = |side: f64| self.place(position + across * small * side);
+            let moved = far(1.0).zip(far(-1.0)).map_or(0.0, |(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
+            let nearest = 2.0 * small / moved;
+            decided &= (nearest / radius - 1.0).abs() > self.margin;
+            for (side, jitter) in [1.0, -1.0].into_iter().zip(jitter) {
+                let open = -side * sin;
+                let mut horizon = open;
+                let steps = if nearest < radius { self.job.params.steps } else { 0 };
+                for step in 0..steps {
+                    let share = (f64::from(step) + jitter) / f64::from(self.job.params.steps);
+                    let distance = nearest + (radius - nearest) * share * share;
+                    let Step::At(seen) = self.look(pixel, position + across * side * distance, &mut decided) else {
+                        continue;
+                    };
+                    let Some(delta) = self.difference(seen, position) else { continue };
+                    decided &= (delta.length() / radius - 1.0).abs() > self.margin;
+                    let moved = delta - shear * delta.dot(aside);
+                    let (x, y) = (side * moved.dot(across), moved.dot(to_eye));
+                    decided &= x.abs() > self.margin * delta.length();
+                    if delta.length() <= radius && x > 0.0 {
+                        horizon = f64::max(horizon, y / x.hypot(y));
+                    }
+                }
+                let (gamma, sign) = (sin.atan2(cos), side);
+                let arc = |cosine: f64| {
+                    let h = sign * cosine.clamp(-1.0, 1.0).acos();
+                    0.25 * (-(2.0 * h - gamma).cos() + gamma.cos() + 2.0 * h * gamma.sin())
+                };
+                whole += weight * arc(open);
+                visible += weight * arc(horizon);
+            }
+        }
+        Open { share: if whole > 0.0 { visible / whole } else { 1.0 }, decided }
+    }
+
+    fn by_depths(&self, pixel: [u32; 2], position: DVec3, to_eye: DVec3, normal: DVec3) -> Open {
+        let radius = f64::from(self.job.params.radius);
+        let tolerance = f64::from(curitiba_passes::raster::effects::occlusion::DEPTH_TOLERANCE) * radius;
+        let (mut occluded, mut samples, mut decided) = (0u32, 0u32, true);
+        for index in 0..self.job.params.slices {
+            let (across, jitter) = self.slice(pixel, index, to_eye);
+            for (side, jitter) in [1.0, -1.0].into_iter().zip(jitter) {
+                for step in 0..self.job.params.steps {
+                    let share = (f64::from(step) + jitter) / f64::from(self.job.params.steps);
+                    let at = position + across * side * radius * share.sqrt();
+                    let Step::At(seen) = self.look(pixel, at, &mut decided) else { continue };
+                    samples += 1;
+                    let height = self.difference(seen, position).map_or(0.0, |delta| delta.dot(normal));
+                    decided &= (height / tolerance - 1.0).abs() > self.margin;
+                    occluded += u32::from(height > tolerance);
+                }
+            }
+        }
+        Open { share: 1.0 - f64::from(occluded) / f64::from(samples.max(1)), decided }
+    }
+}
+
+fn vector(stored: [f32; 4]) -> DVec3 {
+    Vec4::from_array(stored).truncate().as_dvec3()
+}
