@@ -162,6 +162,30 @@ fn shadows_agree_for_every_number_of_maps_and_differ_between_numbers() {
 }
 
 #[test]
+fn soft_shadows_agree_and_differ_from_hard_ones() {
+    let Some(mut gpu) = rasteriser() else { return };
+    for (name, mut shot) in shots() {
+        gpu.upload(&shot.scene).expect("uploads");
+        let mut pictures = Vec::new();
+        // Back to a point of light at the end: another program on the same maps and output.
+        for sun in [0.0, 0.53, 6.0, 0.0] {
+            let params = EffectParams { sun, ..params(EffectProgram::ShadowMap) };
+            let (expected, cpu) = shot.effect(EffectProgram::ShadowMap, params);
+            let job = EffectJob { resident: false, ..shot.job(EffectProgram::ShadowMap, params) };
+            let (found, stats) = run(&mut gpu, &job).expect("a whole job");
+            let (outlying, mean) = difference(&found, &expected);
+            println!("{name}, sun {sun}: outliers {outlying:.5}, mean {mean:.2e}");
+            assert!(outlying <= OUTLIERS, "{name}, {sun}: {outlying}");
+            assert_eq!((stats.map_count, stats.bytes), (cpu.map_count, cpu.bytes));
+            keep_picture(&format!("{name} sun {sun} gpu"), &found);
+            pictures.push(found);
+        }
+        assert_eq!(pictures[0], pictures[3], "{name}");
+        assert!(difference(&pictures[0], &pictures[2]).0 > OUTLIERS, "{name}");
+    }
+}
+
+#[test]
 fn a_wrong_light_eye_or_parameter_is_found_out() {
     let Some(mut gpu) = rasteriser() else { return };
     let (_, mut shot) = shots().into_iter().next().expect("one");

@@ -4,7 +4,7 @@
 //! what that would write, so that either can stand in a project. Help, XML validation, `curitiba list`, reports and tests
 //! iterate these tables.
 
-use crate::programs::{Fresnel, ParamInfo, RayProgram, Values};
+use crate::programs::{Fresnel, LARGEST_SUN, ParamInfo, RayProgram, Values};
 
 /// Most shadow maps that a frame may have.
 pub const MAX_CASCADES: u32 = 8;
@@ -55,6 +55,8 @@ pub struct EffectParams {
     pub slices: u32,
     /// Depths read in each half of a direction.
     pub steps: u32,
+    /// Angular diameter of the light's disc, in degrees: 0 is a point, whose shadows are hard.
+    pub sun: f32,
 }
 
 impl Default for EffectParams {
@@ -73,6 +75,7 @@ impl Default for EffectParams {
             intensity: 1.6,
             slices: 4,
             steps: 8,
+            sun: 0.0,
         }
     }
 }
@@ -146,6 +149,12 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
         valid: "1..=64",
         values: Values::Integer(1, 64),
     },
+    ParamInfo {
+        name: "sun",
+        about: "angular diameter of the light's disc, in degrees, for soft shadows; 0 is a point, and the sun of the sky 0.53",
+        valid: "0..=90 (thesis fidelity: 0)",
+        values: Values::Number(0.0, LARGEST_SUN),
+    },
 ];
 
 impl EffectParams {
@@ -182,6 +191,7 @@ impl EffectParams {
             "intensity" => self.intensity = float(|v| (0.0..=100.0).contains(&v))?,
             "slices" => self.slices = integer(1..=64)?,
             "steps" => self.steps = integer(1..=64)?,
+            "sun" => self.sun = float(|v| (0.0..=LARGEST_SUN).contains(&v))?,
             _ => unreachable!("every name in EFFECT_PARAMS is matched"),
         }
         Ok(())
@@ -206,6 +216,7 @@ impl EffectParams {
             "intensity" => self.intensity.to_string(),
             "slices" => self.slices.to_string(),
             "steps" => self.steps.to_string(),
+            "sun" => self.sun.to_string(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -237,12 +248,12 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
     EffectProgramInfo {
         program: EffectProgram::ShadowMap,
         name: "shadowMap",
-        about: "shadow of a directional light from cascaded depth maps: 0.5 in shadow, 1 in light",
+        about: "shadow of a directional light from cascaded depth maps: 0.5 in shadow, 1 in light; soft with `sun` above 0",
         counterpart: RayProgram::DeferredShadows,
         buffers: &["pos_buffer", "norm_buffer"],
         lit: true,
         glass: false,
-        params: &["mapsize", "cascades", "pcf", "bias"],
+        params: &["mapsize", "cascades", "pcf", "bias", "sun"],
     },
     EffectProgramInfo {
         program: EffectProgram::CubeReflection,
@@ -325,7 +336,7 @@ mod tests {
     fn every_parameter_is_settable_by_its_name_and_read_by_a_program() {
         let mut params = EffectParams::default();
         for (info, value) in
-            EFFECT_PARAMS.iter().zip(["64", "2", "3", "2.5", "7", "5", "1.5", "schlick", "2", "1", "9", "11"])
+            EFFECT_PARAMS.iter().zip(["64", "2", "3", "2.5", "7", "5", "1.5", "schlick", "2", "1", "9", "11", "0.5"])
         {
             assert_ne!(params.get(info.name), value);
             params.set(info.name, value).expect("valid");

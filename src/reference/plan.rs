@@ -140,9 +140,9 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
 
 /// The ray pass whose place an effect pass takes, with the constants that both have.
 fn by_rays(effect: &EffectPass) -> RayPass {
-    let EffectParams { index, radius, intensity, .. } = effect.params;
+    let EffectParams { index, radius, intensity, sun, .. } = effect.params;
     let EffectPass { scenes, camera, light, position, normal, color, colors, glass, program, .. } = effect.clone();
-    let params = crate::pipeline::programs::RayParams { index, radius, intensity, ..Default::default() };
+    let params = crate::pipeline::programs::RayParams { index, radius, intensity, sun, ..Default::default() };
     let counterpart = program.info().counterpart;
     // What the rays do not read need not be drawn: the reference is then the one of the ray project.
     let read = |channel: Option<ChannelRef>, name: &str| channel.filter(|_| counterpart.info().buffers.contains(&name));

@@ -7,6 +7,7 @@ use crate::pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgr
 
 /// Occlusion rays of a point.
 const SAMPLES: [u32; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
+const SUN_SAMPLES: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 /// The same in square strata.
 const SQUARES: [u32; 8] = [1, 4, 9, 16, 36, 64, 144, 256];
 /// Directions, and depths read in each half of one.
@@ -103,6 +104,9 @@ fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity)
         let counts: &[u32] = if strata { &SQUARES } else { &SAMPLES };
         counts.iter().for_each(|samples| put(RayParams { samples: *samples, ..pass.params }));
     }
+    if info.sun_samples(&pass.params) > 0 && fidelity == Fidelity::Corrected {
+        SUN_SAMPLES.iter().for_each(|sun_samples| put(RayParams { sun_samples: *sun_samples, ..pass.params }));
+    }
     if info.reads("fresnel") && fidelity == Fidelity::Corrected {
         [Fresnel::Exact, Fresnel::Schlick].into_iter().for_each(|fresnel| put(RayParams { fresnel, ..pass.params }));
     }
@@ -121,8 +125,8 @@ fn add_effects(candidates: &mut Vec<Candidate>, program: RayProgram, pass_of: im
 
 /// The defaults of an effect, with what says what is computed and not how.
 fn shared(program: EffectProgram, like: &EffectParams) -> EffectParams {
-    let EffectParams { radius, intensity, index, fresnel, .. } = *like;
-    EffectParams { radius, intensity, index, fresnel, ..EffectParams::of(program) }
+    let EffectParams { radius, intensity, index, fresnel, sun, .. } = *like;
+    EffectParams { radius, intensity, index, fresnel, sun, ..EffectParams::of(program) }
 }
 
 /// From coarse to fine.
@@ -140,8 +144,8 @@ fn settings(info: &EffectProgramInfo, base: EffectParams) -> Vec<EffectParams> {
 }
 
 fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
-    let RayParams { radius, intensity, index, fresnel, .. } = rays.params;
-    let params = EffectParams { radius, intensity, index, fresnel, ..EffectParams::of(program) };
+    let RayParams { radius, intensity, index, fresnel, sun, .. } = rays.params;
+    let params = EffectParams { radius, intensity, index, fresnel, sun, ..EffectParams::of(program) };
     let rays = rays.clone();
     EffectPass {
         scenes: rays.scenes,
@@ -159,7 +163,7 @@ fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
 
 fn rays_of(effect: &EffectPass) -> RayPass {
     let program = effect.program.info().counterpart;
-    let EffectParams { radius, intensity, index, fresnel, .. } = effect.params;
+    let EffectParams { radius, intensity, index, fresnel, sun, .. } = effect.params;
     let effect = effect.clone();
     let through = program.info().names("any_hit_shadow_glass");
     RayPass {
@@ -167,7 +171,7 @@ fn rays_of(effect: &EffectPass) -> RayPass {
         camera: effect.camera,
         light: effect.light,
         program,
-        params: RayParams { radius, intensity, index, fresnel, ..RayParams::default() },
+        params: RayParams { radius, intensity, index, fresnel, sun, ..RayParams::default() },
         position: effect.position,
         normal: effect.normal,
         color: effect.color,
@@ -183,6 +187,9 @@ fn ray_label(pass: &RayPass) -> String {
     let mut label = info.stem.to_owned();
     if info.samples(&pass.params) > 0 {
         label += &format!(" samples={}", pass.params.samples);
+    }
+    if info.sun_samples(&pass.params) > 0 {
+        label += &format!(" sunsamples={}", pass.params.sun_samples);
     }
     if info.reads("fresnel") && pass.params.fresnel != Fresnel::Exact {
         label += &format!(" fresnel={}", pass.params.fresnel.name());

@@ -7,5 +7,6 @@ mod occlusion;
 mod oracle;
 mod planes;
 mod shadows;
+mod soft;
 mod square;
 mod world;

@@ -4,6 +4,7 @@ use super::liveness::Wanted;
 use super::{Plan, PlanError, Work, rectangle, view};
 use crate::backend::Rect;
 use crate::image::PixelFormat;
+use crate::programs::Fidelity;
 use crate::project::{ChannelRef, EffectPass, Pass, PassKind, RasterPass};
 use crate::raster_effects::EffectParams;
 
@@ -44,6 +45,15 @@ impl Plan {
                 "give both passes the same <scenes>",
             ));
         }
+        let has_disc = info.params.contains(&"sun") && params.sun > 0.0;
+        let params = if has_disc && self.settings.fidelity == Fidelity::Thesis {
+            let (what, why) =
+                (format!("sun={} of pass `{}`", params.sun, pass.name), "in thesis fidelity the light is a point");
+            self.decide(what, false, why.to_owned());
+            EffectParams { sun: 0.0, ..params }
+        } else {
+            params
+        };
         let size = self.target_size(source.pass.target);
         let whole = Rect { x: 0, y: 0, width: size[0], height: size[1] };
         if rectangle(self.viewport_of(source.pass, camera), size) != whole {

@@ -104,7 +104,12 @@ impl Cascades {
         let covering = self.fits.iter().position(|fit| fit.covers(fit.place(position), params));
         // Maps of few texels may have no place for a whole filter.
         let Some(index) = covering.or(self.fits.len().checked_sub(1)) else { return 1.0 };
-        self.fits[index].lit_share(map(index), position, cos, params)
+        let (fit, map) = (&self.fits[index], map(index));
+        if params.sun > 0.0 {
+            fit.soft_share(map, position, cos, params)
+        } else {
+            fit.lit_share(map, position, cos, params)
+        }
     }
 }
 

@@ -27,6 +27,7 @@ pub mod occlusion;
 pub mod panes;
 pub mod planes;
 pub mod shadow;
+pub mod soft;
 
 use bounds::Bounds;
 use curitiba_pipeline::backend::EffectJob;

@@ -38,6 +38,10 @@ pub struct ShadowFit {
     pub is_whole: bool,
     /// World length by which rounding may move a surface along the light.
     pub rounding: f32,
+    /// Radius of the light's disc in texels, seen past what lies a depth of 1 nearer to it; 0 where the light is a point.
+    pub spread: f32,
+    /// Texels around a surface that the map covers for what hides the disc: the largest radius of a search and of a kernel.
+    pub aside: f32,
 }
 
 impl ShadowFit {
@@ -59,16 +63,22 @@ impl ShadowFit {
         }
         let (anchor, half) =
             ((scene.min.as_dvec3() + scene.max.as_dvec3()) * 0.5, (scene.max.as_dvec3() - scene.min.as_dvec3()) * 0.5);
+        let reach = direction.abs().dot(half);
+        // The disc's half angle, and how far aside something may lie that hides it: as much is covered, but no more than half as much again.
+        let tangent = (f64::from(params.sun) * 0.5).to_radians().tan();
+        let aside = |radius: f64| (tangent * 2.0 * reach).min(0.5 * radius);
         let largest = scene.min.abs().max(scene.max.abs()).max_element();
         // A scene that is a point still needs texels of some size.
         let scene_radius = half.length().max(f64::from(largest * f32::EPSILON)).max(f64::from(f32::MIN_POSITIVE));
-        let (center, radius) = seen
+        let (center, radius, aside) = seen
             .map(|(center, radius)| {
                 let steps = (RADIUS_STEPS * (radius / scene_radius).log2()).ceil().max(SMALLEST);
-                (center, scene_radius * (steps / RADIUS_STEPS).exp2())
+                let radius = scene_radius * (steps / RADIUS_STEPS).exp2();
+                (center, radius + aside(radius), aside(radius))
             })
-            .filter(|(_, radius)| *radius < scene_radius)
-            .unwrap_or((anchor, scene_radius));
+            .filter(|(_, radius, _)| *radius < scene_radius)
+            // Outside of the scene nothing hides the light.
+            .unwrap_or((anchor, scene_radius, 2.0 * scene_radius));
 
         let size = f64::from(params.map_size);
         // Texels that the test reads around the sphere, and the half texel by which the centre may be off.
@@ -77,7 +87,6 @@ impl ShadowFit {
         let (right, up) = direction.any_orthonormal_pair();
         let snap = |axis: DVec3| (axis.dot(center - anchor) / texel).round() * texel;
         let (x, y) = (snap(right), snap(up));
-        let reach = direction.abs().dot(half);
         // So much is left free at both ends that rounding clips nothing.
         let depth_half = reach * (1.0 + 1e-5) + texel + f64::from(largest) * 1e-6;
         let depth_range = 2.0 * depth_half;
@@ -103,6 +112,8 @@ impl ShadowFit {
             texel: texel as f32,
             depth_per_unit: (1.0 / depth_range) as f32,
             rounding: 8.0 * f32::EPSILON * (largest + depth_range as f32),
+            spread: (tangent * depth_range / texel) as f32,
+            aside: (aside / texel) as f32,
         };
         (fit.map_from_world.is_finite() && clip_from_world.is_finite() && fit.texel > 0.0).then_some(fit)
     }
@@ -114,11 +125,15 @@ impl ShadowFit {
         self.map_from_world.transform_point3(position)
     }
 
-    /// Whether the filter around a place reads texels of the map only.
+    /// Whether the filter around a place reads texels of the map only; with a disc, whether all that may hide it is in the map.
     #[must_use]
     #[inline]
     pub fn covers(&self, place: Vec3, params: &EffectParams) -> bool {
-        let (low, high) = ((params.pcf + 1) as f32, self.size as f32 - (params.pcf + 1) as f32);
+        let mut low = (params.pcf + 1) as f32;
+        if params.sun > 0.0 {
+            low += self.search(place.z);
+        }
+        let high = self.size as f32 - low;
         place.x >= low && place.x <= high && place.y >= low && place.y <= high
     }
 
@@ -138,9 +153,14 @@ impl ShadowFit {
     #[must_use]
     #[inline]
     pub fn bias(&self, cos: f32, params: &EffectParams) -> f32 {
+        (params.bias * (params.pcf + 1) as f32 * self.texel * Self::slope(cos) + self.rounding) * self.depth_per_unit
+    }
+
+    /// The slope towards the light of a surface that light meets at an angle of this cosine.
+    #[inline]
+    pub(super) fn slope(cos: f32) -> f32 {
         let cos = cos.min(1.0);
-        let slope = ((1.0 - cos * cos).sqrt() / cos).min(MAX_SLOPE);
-        (params.bias * (params.pcf + 1) as f32 * self.texel * slope + self.rounding) * self.depth_per_unit
+        ((1.0 - cos * cos).sqrt() / cos).min(MAX_SLOPE)
     }
 
     /// The share of the light that a position gets, 0..=1, from a map of `size` x `size` depths, top row first; 0 is an empty

@@ -29,6 +29,7 @@ use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::mirrors::{Mirrors, Survey};
 use crate::raster::effects::panes::Probes;
 use crate::raster::effects::planes::Run;
+use crate::raster::effects::soft::{FILTER_TAPS, SEARCH_TAPS};
 use crate::raster::effects::{SceneCache, check, check_map_bytes, cube};
 use ask::Ask;
 use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, Rect};
@@ -41,7 +42,7 @@ use kept::Kept;
 use maps::{Maps, MapsKey, Shot};
 use programs::{OUTPUT_FORMAT, Program, Task};
 use rayon::prelude::*;
-use shader::{AskUniform, CubeUniform, MirrorPlane, OcclusionUniform, PlanarUniform, ProbeBox, ShadowUniform};
+use shader::{AskUniform, CubeUniform, MirrorPlane, OcclusionUniform, PlanarUniform, ProbeBox, ShadowUniform, Variant};
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 use survey::Surveyor;
@@ -64,7 +65,7 @@ pub(super) struct Context<'a> {
 pub(super) struct Effects {
     inputs: Inputs,
     draws: DrawList,
-    programs: HashMap<EffectProgram, Program>,
+    programs: HashMap<Variant, Program>,
     /// Whether light or glass is seen.
     asks: [Option<Ask>; 2],
     maps: Kept<MapsKey, Maps>,
@@ -85,7 +86,7 @@ pub(super) struct Effects {
 }
 
 /// A program, the size of its output, and its maps.
-type GroupKey = (EffectProgram, (u32, u32), Option<MapsKey>);
+type GroupKey = (Variant, (u32, u32), Option<MapsKey>);
 
 /// Where a program writes.
 #[derive(Debug)]
@@ -123,6 +124,7 @@ struct Prepared {
 fn texels(job: &EffectJob<'_>) -> u64 {
     let params = &job.params;
     match job.program {
+        EffectProgram::ShadowMap if params.sun > 0.0 => 1 + (SEARCH_TAPS + 4 * FILTER_TAPS) as u64,
         EffectProgram::ShadowMap => 1 + (2 * u64::from(params.pcf) + 2).pow(2),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => 12 + u64::from(params.probes),
         EffectProgram::PlanarReflection => 4,
@@ -177,8 +179,9 @@ impl Effects {
         if job.width == 0 || job.height == 0 {
             return Ok(EffectStats::default());
         }
-        if !self.programs.contains_key(&job.program) {
-            self.programs.insert(job.program, Program::new(gpu, &self.inputs, job.program)?);
+        let variant = Variant::of(job);
+        if !self.programs.contains_key(&variant) {
+            self.programs.insert(variant, Program::new(gpu, &self.inputs, variant)?);
         }
         let ready = self.inputs.ready(gpu, drawn, job)?;
         let (id_base, upload) = (ready.id_base, ready.upload);
@@ -212,8 +215,8 @@ impl Effects {
         if made {
             self.groups.clear();
         }
-        let group = self.group(gpu, job.program, size, prepared.maps)?;
-        let Some(program) = self.programs.get(&job.program) else { return Ok(stats) };
+        let group = self.group(gpu, variant, size, prepared.maps)?;
+        let Some(program) = self.programs.get(&variant) else { return Ok(stats) };
         stats.pixels = program.run(gpu, context.timer, [&gbuffer, &group], &prepared.params, &task, progress)?;
         stats.pixels.host += asking;
 
@@ -415,15 +418,15 @@ impl Effects {
     fn group(
         &mut self,
         gpu: &Gpu,
-        program: EffectProgram,
+        variant: Variant,
         size: (u32, u32),
         maps: Option<MapsKey>,
     ) -> Result<wgpu::BindGroup, BackendError> {
-        let key = (program, size, maps);
+        let key = (variant, size, maps);
         if let Some(group) = self.groups.get(&key) {
             return Ok(group.clone());
         }
-        let (Some(output), Some(compiled)) = (self.outputs.last(), self.programs.get(&program)) else {
+        let (Some(output), Some(compiled)) = (self.outputs.last(), self.programs.get(&variant)) else {
             return Err(failure("an effect was not prepared"));
         };
         let mut resources = Vec::new();

@@ -11,7 +11,7 @@ use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::raster_effects::EffectProgram;
 use std::time::Instant;
 
-use super::shader::{self, FrameUniform, GROUP};
+use super::shader::{self, FrameUniform, GROUP, Variant};
 
 /// The output's format.
 pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
@@ -67,7 +67,8 @@ fn resources(program: EffectProgram) -> Vec<wgpu::BindingType> {
 }
 
 impl Program {
-    pub fn new(gpu: &Gpu, inputs: &Inputs, program: EffectProgram) -> Result<Self, BackendError> {
+    pub fn new(gpu: &Gpu, inputs: &Inputs, variant: Variant) -> Result<Self, BackendError> {
+        let program = variant.program;
         let limits = &gpu.limits;
         let most = limits.max_compute_invocations_per_workgroup;
         if most < GROUP * GROUP || limits.max_compute_workgroup_size_x.min(limits.max_compute_workgroup_size_y) < GROUP
@@ -84,7 +85,7 @@ impl Program {
         let types = [uniform(size_of::<FrameUniform>()), uniform(params_bytes), output];
         let label = program.info().name;
         let layout = layout(&gpu.device, label, types.into_iter().chain(resources(program)));
-        let source = shader::source(program);
+        let source = shader::source(variant);
         let pipeline = compute_pipeline(gpu, Some(label), source, [&inputs.layout, &layout]);
         gpu.check(&format!("building the program {label}"))?;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;

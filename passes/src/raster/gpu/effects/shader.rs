@@ -8,6 +8,7 @@ use crate::raster::effects::occlusion::DEPTH_TOLERANCE;
 use crate::raster::effects::panes::Probe;
 use crate::raster::effects::planes::NO_PLANE;
 use crate::raster::effects::shadow::MAX_SLOPE;
+use crate::raster::effects::soft::{FILTER_TAPS, SEARCH_TAPS, TAPS, Tap};
 use crate::raster::gpu::shader::cut;
 use crate::sampling::hash;
 use curitiba_pipeline::backend::EffectJob;
@@ -36,6 +37,21 @@ pub const SEGMENT: u32 = 16;
 /// Slices of less weight than the root of this are left out, as `raster::effects::occlusion` does.
 const LEAST_WEIGHT: f32 = 1e-6;
 
+/// A program as it is compiled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Variant {
+    pub program: EffectProgram,
+    /// For shadow maps: the light is a disc. Those of a point of light are compiled without.
+    pub soft: bool,
+}
+
+impl Variant {
+    /// What a job asks for.
+    pub fn of(job: &EffectJob<'_>) -> Self {
+        Self { program: job.program, soft: job.program == EffectProgram::ShadowMap && job.params.sun > 0.0 }
+    }
+}
+
 fn text(program: EffectProgram) -> (&'static str, &'static str) {
     match program {
         EffectProgram::ShadowMap => ("shadow_map.wgsl", include_str!("shadow_map.wgsl")),
@@ -51,11 +67,12 @@ fn text(program: EffectProgram) -> (&'static str, &'static str) {
 ///
 /// # Panics
 /// If the directives of its text are malformed; a test cuts every program.
-pub fn source(program: EffectProgram) -> String {
+pub fn source(Variant { program, soft }: Variant) -> String {
     let (file, text) = text(program);
     let mut source = cut(file, text, |name| {
         Some(match name {
             "REFRACT" => program == EffectProgram::CubeRefraction,
+            "SOFT" => soft,
             "HORIZONS" => program == EffectProgram::HorizonOcclusion,
             _ => return None,
         })
@@ -106,6 +123,8 @@ fn push_constants(source: &mut String) {
     }
     let integers = [
         ("MAX_CASCADES", MAX_CASCADES),
+        ("SEARCH_TAPS", SEARCH_TAPS as u32),
+        ("FILTER_TAPS", FILTER_TAPS as u32),
         ("GROUP", GROUP),
         ("SEGMENT", SEGMENT),
         ("NO_PLANE", NO_PLANE),
@@ -160,7 +179,10 @@ pub struct CascadeUniform {
     map_from_world: Mat4,
     slope_bias: f32,
     rounding_bias: f32,
-    padding: [u32; 2],
+    texel_bias: f32,
+    spread: f32,
+    aside: f32,
+    padding: [u32; 3],
 }
 
 /// `Params` of `shadow_map.wgsl`.
@@ -172,6 +194,8 @@ pub struct ShadowUniform {
     map_size: i32,
     reach: i32,
     padding: u32,
+    search: [Tap; SEARCH_TAPS],
+    filter_taps: [Tap; FILTER_TAPS],
 }
 
 impl ShadowUniform {
@@ -182,12 +206,18 @@ impl ShadowUniform {
         uniform.count = cascades.fits.len() as u32;
         uniform.map_size = params.map_size as i32;
         uniform.reach = params.pcf as i32;
+        (uniform.search, uniform.filter_taps) = (TAPS.search, TAPS.filter);
+        // Of the hard filter's farthest texel; with a disc each tap has its own distance.
+        let texels = params.bias * if params.sun > 0.0 { 1.0 } else { (params.pcf + 1) as f32 };
         for (to, fit) in uniform.cascades.iter_mut().zip(&cascades.fits) {
             *to = CascadeUniform {
                 map_from_world: fit.map_from_world,
-                slope_bias: params.bias * (params.pcf + 1) as f32 * fit.texel * fit.depth_per_unit,
+                slope_bias: texels * fit.texel * fit.depth_per_unit,
                 rounding_bias: fit.rounding * fit.depth_per_unit,
-                padding: [0; 2],
+                texel_bias: fit.texel * fit.depth_per_unit,
+                spread: fit.spread,
+                aside: fit.aside,
+                padding: [0; 3],
             };
         }
         uniform
@@ -308,6 +338,11 @@ mod tests {
     use std::mem::offset_of;
     use wgpu::naga;
 
+    /// Of a light that is a point.
+    fn hard(program: EffectProgram) -> Variant {
+        Variant { program, soft: false }
+    }
+
     macro_rules! offsets {
         ($ty:ty: $($field:ident),*) => {
             (vec![$((stringify!($field).to_owned(), offset_of!($ty, $field))),*], size_of::<$ty>())
@@ -325,7 +360,7 @@ mod tests {
     #[test]
     fn every_program_parses_and_validates_and_needs_no_feature() {
         for info in EFFECT_PROGRAMS {
-            let module = validate(&source(info.program)).unwrap_or_else(|error| panic!("{}\n{error}", info.name));
+            let module = validate(&source(hard(info.program))).unwrap_or_else(|error| panic!("{}\n{error}", info.name));
             let entries: Vec<_> =
                 module.entry_points.iter().map(|entry| (entry.name.as_str(), entry.workgroup_size)).collect();
             assert_eq!(entries, [(ENTRY, [GROUP, GROUP, 1])], "{}", info.name);
@@ -350,14 +385,17 @@ mod tests {
 
     #[test]
     fn programs_that_share_a_text_differ() {
-        let has = |program, what: &str| source(program).contains(what);
+        let has = |program, what: &str| source(hard(program)).contains(what);
         assert!(has(EffectProgram::CubeRefraction, "fn fresnel") && !has(EffectProgram::CubeReflection, "fn fresnel"));
+        let soft = source(Variant { program: EffectProgram::ShadowMap, soft: true });
+        assert!(soft.contains("fn search_radius") && !has(EffectProgram::ShadowMap, "fn search_radius"));
+        assert!(validate(&soft).is_ok());
         assert!(has(EffectProgram::HorizonOcclusion, "fn arc(") && !has(EffectProgram::DepthOcclusion, "fn arc("));
     }
 
     #[test]
     fn an_invalid_program_is_found_out() {
-        let source = source(EffectProgram::ShadowMap);
+        let source = source(hard(EffectProgram::ShadowMap));
         let broken = source.replace("depth >= stored", "depth >= params.reach");
         assert_ne!(broken, source);
         assert!(validate(&source).is_ok() && validate(&broken).is_err());
@@ -373,7 +411,7 @@ mod tests {
     }
 
     fn layout(program: EffectProgram, name: &str) -> (Vec<(String, usize)>, usize) {
-        layout_in(&validate(&source(program)).expect("valid"), name)
+        layout_in(&validate(&source(hard(program))).expect("valid"), name)
     }
 
     #[test]
@@ -385,9 +423,9 @@ mod tests {
             let frame = offsets!(FrameUniform: size, first_row, id_base);
             assert_eq!(layout(info.program, "Frame"), frame, "{}", info.name);
         }
-        let shadow = offsets!(ShadowUniform: cascades, count, map_size, reach);
+        let shadow = offsets!(ShadowUniform: cascades, count, map_size, reach, search, filter_taps);
         assert_eq!(layout(ShadowMap, "Params"), shadow);
-        let cascade = offsets!(CascadeUniform: map_from_world, slope_bias, rounding_bias);
+        let cascade = offsets!(CascadeUniform: map_from_world, slope_bias, rounding_bias, texel_bias, spread, aside);
         assert_eq!(layout(ShadowMap, "Cascade"), cascade);
         for program in [CubeReflection, CubeRefraction] {
             let cube = offsets!(CubeUniform: eye, axes, map_size, probes, ranges, index, schlick);

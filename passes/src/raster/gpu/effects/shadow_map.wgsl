@@ -1,4 +1,5 @@
-// Shadows of a directional light from cascaded depth maps: `raster::effects::{cascades, shadow}`.
+// Shadows of a directional light from cascaded depth maps: `raster::effects::{cascades, shadow}`. Names of `//#if`:
+//   SOFT   the light is a disc: `raster::effects::soft`
 
 struct Cascade {
     // World to texels: x right and y down from the top left corner of the map, z the depth.
@@ -7,6 +8,12 @@ struct Cascade {
     slope_bias: f32,
     // Depth bias that is always there.
     rounding_bias: f32,
+    // With a disc, the depth bias for a slope of 1 of each texel of distance.
+    texel_bias: f32,
+    // Radius of the disc in texels, seen past what lies a depth of 1 nearer to it.
+    spread: f32,
+    // Largest radius of a search, in texels.
+    aside: f32,
 }
 
 struct Params {
@@ -18,6 +25,9 @@ struct Params {
     map_size: i32,
     // Texels on each side of the middle one that a test averages.
     reach: i32,
+    // Right and down of the middle of a unit disk, how far from it, and a weight.
+    search: array<vec4<f32>, SEARCH_TAPS>,
+    filter_taps: array<vec4<f32>, FILTER_TAPS>,
 }
 
 @group(1) @binding(3) var shadow_maps: texture_depth_2d_array;
@@ -33,12 +43,20 @@ fn compute(pixel: vec2<u32>) -> vec4<f32> {
 
 fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
     // The first map that contains the filter; else the last one.
+//#if SOFT
+    let least = f32(params.reach) + 0.5;
+//#else
     let low = f32(params.reach + 1);
     let high = f32(params.map_size) - low;
+//#endif
     var cascade = 0u;
     var place = vec3<f32>(0.0);
     for (; cascade < params.count; cascade++) {
         place = (params.cascades[cascade].map_from_world * vec4<f32>(position, 1.0)).xyz;
+//#if SOFT
+        let low = least + 0.5 + search_radius(cascade, place.z);
+        let high = f32(params.map_size) - low;
+//#endif
         if all(place.xy >= vec2<f32>(low)) && all(place.xy <= vec2<f32>(high)) {
             break;
         }
@@ -51,6 +69,63 @@ fn lit_share(position: vec3<f32>, cosine: f32) -> f32 {
     }
     let cos = min(cosine, 1.0);
     let slope = min(sqrt(1.0 - cos * cos) / cos, MAX_SLOPE);
+//#if SOFT
+    let bias = params.cascades[cascade].slope_bias * slope + params.cascades[cascade].rounding_bias;
+    let texel_bias = params.cascades[cascade].texel_bias * slope;
+    let spread = params.cascades[cascade].spread;
+    let search = search_radius(cascade, place.z) + least;
+    var sum = 0.0;
+    var weight = 0.0;
+    for (var index = 0u; index < SEARCH_TAPS; index++) {
+        let tap = params.search[index];
+        let radius = tap.z * search;
+        let ahead = stored_depth(vec2<i32>(floor(at + tap.xy * search + 0.5)), cascade) - place.z;
+        // In the cone from the position to the disc.
+        if ahead > bias + radius * texel_bias && radius <= ahead * spread + least {
+            sum += tap.w * ahead;
+            weight += tap.w;
+        }
+    }
+    if weight == 0.0 {
+        return 1.0;
+    }
+    let kernel = clamp(sum / weight * spread, least, search);
+    var lit = 0.0;
+    for (var index = 0u; index < FILTER_TAPS; index++) {
+        let tap = params.filter_taps[index];
+        lit += tap.w * between(at + tap.xy * kernel, place.z + (bias + tap.z * kernel * texel_bias), cascade);
+    }
+    return min(lit, 1.0);
+}
+
+// How far around a place of this depth, in texels, something may hide the disc.
+fn search_radius(cascade: u32, depth: f32) -> f32 {
+    return min(params.cascades[cascade].spread * clamp(1.0 - depth, 0.0, 1.0), params.cascades[cascade].aside);
+}
+
+// A shadow test between the four texels around a place that is given by texel centres.
+fn between(at: vec2<f32>, depth: f32, cascade: u32) -> f32 {
+    let corner = floor(at);
+    let share = at - corner;
+    let texel = vec2<i32>(corner);
+    var lit = vec4<f32>(0.0);
+    for (var index = 0; index < 4; index++) {
+        if depth >= stored_depth(texel + vec2<i32>(index & 1, index >> 1u), cascade) {
+            lit[index] = 1.0;
+        }
+    }
+    let rows = lit.xz * (1.0 - share.x) + lit.yw * share.x;
+    return rows.x * (1.0 - share.y) + rows.y * share.y;
+}
+
+fn stored_depth(texel: vec2<i32>, cascade: u32) -> f32 {
+    // Texels outside are empty: the far plane.
+    if any(texel < vec2<i32>(0)) || any(texel >= vec2<i32>(params.map_size)) {
+        return -1e9;
+    }
+    return textureLoad(shadow_maps, texel, cascade, 0);
+}
+//#else
     let depth = place.z + (params.cascades[cascade].slope_bias * slope + params.cascades[cascade].rounding_bias);
     let corner = floor(at);
     let last_share = at - corner;
@@ -84,3 +159,4 @@ fn weight(index: i32, width: i32, last_share: f32) -> f32 {
     }
     return select(1.0, last_share, index + 1 == width);
 }
+//#endif
