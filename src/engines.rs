@@ -109,7 +109,7 @@ pub struct Choice {
     /// GPUs of `cuda` and `optix`.
     pub gpus: Gpus,
     /// The device of `wgpu`, for rasteriser and rays: its place in the list of
-    /// [`adapters`](crate::passes::raster::gpu::adapters). `auto` takes it, whatever it is.
+    /// [`adapters`]. `auto` takes it, whatever it is.
     pub adapter: Option<u8>,
     /// Ray backends that may take over where the one before them fails, in this order; none unless the user allowed it.
     pub fallback: [Option<BackendChoice>; 4],

@@ -13,13 +13,15 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What is measured: shadows and ambient occlusion of a generated square of so many triangles, in a window of so many pixels a side.
 const TRIANGLES: u32 = 30_000;
 const SIDE: u32 = 384;
-/// Frames, of which the median counts; one goes before them.
-const FRAMES: usize = 5;
+/// For how long, and at least how often, frames are rendered: first to warm up, since drivers compile and clocks rise in the first
+/// ones, then to take the median of their times.
+const WARM_UP: (Duration, usize) = (Duration::from_millis(400), 3);
+const MEASURED: (Duration, usize) = (Duration::from_millis(400), 5);
 /// A record that is larger is none.
 const MOST_BYTES: u64 = 1 << 20;
 
@@ -161,15 +163,19 @@ fn frame_ms(scene: crate::pipeline::scene::Scene, choice: Choice) -> Result<f64,
     let project = SceneProjects::in_memory(scene, &options, Some([SIDE; 2])).expect("the square is sound").project();
     let mut renderer =
         crate::open_project(project, Settings::default(), Choice { fallback: [None; 4], ..choice }, &mut Silent)?;
-    renderer.frame(&mut Silent)?;
-    let mut times = Vec::with_capacity(FRAMES);
-    for _ in 0..FRAMES {
-        let start = Instant::now();
-        renderer.frame(&mut Silent)?;
-        times.push(start.elapsed().as_secs_f64() * 1e3);
-    }
+    let mut frames = |(time, least): (Duration, usize)| {
+        let (begun, mut times) = (Instant::now(), Vec::new());
+        while times.len() < least || begun.elapsed() < time {
+            let start = Instant::now();
+            renderer.frame(&mut Silent)?;
+            times.push(start.elapsed().as_secs_f64() * 1e3);
+        }
+        Ok::<_, OpenError>(times)
+    };
+    frames(WARM_UP)?;
+    let mut times = frames(MEASURED)?;
     times.sort_by(f64::total_cmp);
-    Ok(times[FRAMES / 2])
+    Ok(times[times.len() / 2])
 }
 
 #[cfg(test)]

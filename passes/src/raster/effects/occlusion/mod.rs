@@ -11,10 +11,10 @@
 //! The result is off from the formulas in `f64` by at most 2e-6 (horizons) and 3e-7 (depths), where rounding does not decide which
 //! pixel a step reads or whether it counts; where it does, by what that step weighs.
 //!
-//! - [`lanes`]: the functions of angles and powers, with their errors.
-//! - [`frame`]: what the pixels of a picture have in common.
-//! - [`pixels`]: what is known of sixteen pixels, and where a slice of them leads.
-//! - [`horizons`], [`depths`]: the two occlusions.
+//! - `lanes`: the functions of angles and powers, with their errors.
+//! - `frame`: what the pixels of a picture have in common.
+//! - `pixels`: what is known of sixteen pixels, and where a slice of them leads.
+//! - `horizons`, `depths`: the two occlusions.
 
 mod depths;
 mod frame;
