@@ -1,6 +1,6 @@
 //! Which ray backend is fastest on this machine: found by a short measurement, which is kept for the next time.
 
-use crate::engines::why_not_wgpu;
+use crate::engines::{ray_backend, why_not_wgpu};
 use crate::environment::Environment;
 use crate::pipeline::executor::Silent;
 use crate::pipeline::files;
@@ -151,7 +151,9 @@ fn measure(choice: Choice) -> Vec<(BackendChoice, Result<f64, String>)> {
         {
             return Err(error.reason());
         }
-        frame_ms(scene.clone(), choice.traced_by(backend)).map_err(|error| error.joined())
+        let choice = choice.traced_by(backend);
+        ray_backend(choice).map_err(|error| error.reason())?;
+        frame_ms(scene.clone(), choice).map_err(|error| error.joined())
     };
     BackendChoice::ALL.into_iter().map(|backend| (backend, frame(backend))).collect()
 }

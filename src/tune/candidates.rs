@@ -2,7 +2,7 @@
 
 use crate::pipeline::plan::{Plan, PlannedPass, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, Sampler};
-use crate::pipeline::project::{EffectPass, PassKind, RayPass};
+use crate::pipeline::project::{ChannelRef, EffectPass, PassKind, Project, RayPass};
 use crate::pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo};
 
 /// Occlusion rays of a point.
@@ -57,10 +57,10 @@ pub fn slots(plan: &Plan) -> Vec<Slot> {
         let pass = plan.pass(planned);
         let candidates = match (&pass.kind, &planned.work) {
             (PassKind::Ray(ray), Work::Rays { params, .. }) => {
-                of_rays(&RayPass { params: *params, ..ray.clone() }, fidelity)
+                of_rays(&plan.project, &RayPass { params: *params, ..ray.clone() }, fidelity)
             }
             (PassKind::Effect(effect), Work::Effect { params, .. }) => {
-                of_effect(&EffectPass { params: *params, ..effect.clone() }, fidelity)
+                of_effect(&plan.project, &EffectPass { params: *params, ..effect.clone() }, fidelity)
             }
             _ => return None,
         };
@@ -69,19 +69,21 @@ pub fn slots(plan: &Plan) -> Vec<Slot> {
     plan.passes.iter().filter_map(slot).collect()
 }
 
-fn of_rays(declared: &RayPass, fidelity: Fidelity) -> Vec<Candidate> {
+fn of_rays(project: &Project, declared: &RayPass, fidelity: Fidelity) -> Vec<Candidate> {
     let mut candidates = vec![Candidate { label: ray_label(declared), kind: PassKind::Ray(declared.clone()) }];
     add_rays(&mut candidates, declared, fidelity);
-    add_effects(&mut candidates, declared.program, |program| effect_of(declared, program));
+    add_effects(&mut candidates, declared.program, |program| with_buffers(project, effect_of(declared, program)));
     candidates
 }
 
-fn of_effect(declared: &EffectPass, fidelity: Fidelity) -> Vec<Candidate> {
+fn of_effect(project: &Project, declared: &EffectPass, fidelity: Fidelity) -> Vec<Candidate> {
     let mut candidates = vec![Candidate { label: effect_label(declared), kind: PassKind::Effect(declared.clone()) }];
     let rays = rays_of(declared);
     add(&mut candidates, Candidate { label: ray_label(&rays), kind: PassKind::Ray(rays.clone()) });
     add_rays(&mut candidates, &rays, fidelity);
-    add_effects(&mut candidates, rays.program, |program| EffectPass { program, ..declared.clone() });
+    add_effects(&mut candidates, rays.program, |program| {
+        with_buffers(project, EffectPass { program, ..declared.clone() })
+    });
     candidates
 }
 
@@ -159,6 +161,19 @@ fn effect_of(rays: &RayPass, program: EffectProgram) -> EffectPass {
         colors: rays.colors,
         glass: rays.glass,
     }
+}
+
+/// An effect with what it reads of the G-buffer and rays in its place do not: from the target of its positions, into which the deferred program
+/// writes colour, position and normal in this order.
+fn with_buffers(project: &Project, effect: EffectPass) -> EffectPass {
+    let Some(ChannelRef { target, channel: 1 }) = effect.position else { return effect };
+    let info = effect.program.info();
+    let beside = |buffer: &str, channel: usize, handed: Option<ChannelRef>| {
+        let is_there = info.buffers.contains(&buffer) && channel < project.targets[target].channels.len();
+        handed.or_else(|| is_there.then_some(ChannelRef { target, channel }))
+    };
+    let (color, normal) = (beside("color_buffer", 0, effect.color), beside("norm_buffer", 2, effect.normal));
+    EffectPass { color, normal, ..effect }
 }
 
 fn rays_of(effect: &EffectPass) -> RayPass {

@@ -177,6 +177,38 @@ fn every_shipped_effect_has_candidates_by_rays_and_by_raster() {
     assert!(slots_of("SceneNoEffects.xml", &[]).is_empty() && slots_of("SceneDummy.xml", &[]).is_empty());
 }
 
+/// A pass by rays does not hand on what only its opponents read.
+#[test]
+fn every_candidate_of_the_shipped_projects_can_be_planned() {
+    for name in [
+        "SceneSSAO.xml",
+        "SceneShadows.xml",
+        "SceneReflect.xml",
+        "SceneRefract.xml",
+        "SceneFinal.xml",
+        "raster/SceneGTAO.xml",
+        "raster/SceneShadowMap.xml",
+        "raster/SceneCubeRefract.xml",
+        "raster/ScenePlanarReflect.xml",
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(name);
+        let declared = project::load(&path).expect("it loads");
+        let plan = Plan::new(declared.clone(), Settings::default()).expect("it plans");
+        let folder = tempfile::tempdir().expect("a folder");
+        for slot in candidates::slots(&plan) {
+            for (index, candidate) in slot.candidates.iter().enumerate() {
+                let mut changed = declared.clone();
+                changed.pipelines[plan.pipeline].passes[slot.pass].kind = candidate.kind.clone();
+                let written = folder.path().join(format!("{index}.xml"));
+                changed.write(&written).unwrap_or_else(|error| panic!("{name}, {}: {error}", candidate.label));
+                let read =
+                    project::load(&written).unwrap_or_else(|found| panic!("{name}, {}: {found}", candidate.label));
+                assert!(Plan::new(read, Settings::default()).is_ok(), "{name}, {}", candidate.label);
+            }
+        }
+    }
+}
+
 #[test]
 fn what_set_says_is_declared_and_kept_by_all_candidates() {
     let slots = slots_of("SceneSSAO.xml", &["pass2.samples=25", "pass2.radius=2"]);
