@@ -4,7 +4,8 @@
 //!
 //! Embree is looked for at run time: `libembree3.so.3` where the system has it, and the library that the environment
 //! variable `CURITIBA_EMBREE` names (version 3 or 4). Without any, the bench says so and ends. Real scenes are looked for
-//! in the folder that `CURITIBA_SCENES` names.
+//! in the folder that `CURITIBA_SCENES` names; `--scene PATH@SEED`, `--scene room:300000@SEED` (`far`, `foliage`, `needles`, `soup`) and
+//! `--scene square:100000@SEED` are seen from where the seed says, so that nobody has chosen the view.
 //!
 //! Every contestant is checked against ours ray by ray before anything is timed. Then all take turns, round after round;
 //! what is compared are medians of processor time. Embree is timed in every mode that it has (rays one by one, packets of
@@ -22,7 +23,9 @@ mod flush;
 mod growth;
 mod layout;
 mod rays;
+mod rng;
 mod scenes;
+mod shapes;
 mod tree;
 
 use api::{Build, Embree};

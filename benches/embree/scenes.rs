@@ -1,5 +1,7 @@
 //! The scenes, their cameras and lights, and the jobs of their ray passes.
 
+use crate::rng::Numbers;
+use crate::shapes;
 use curitiba::engines;
 use curitiba::passes::trace::{Bvh, Quality, Ray, Tracer};
 use curitiba::pipeline::backend::{BackendError, BuildStats, NO_TRIANGLE, RayBackend, RayJob, RayStats, Shade, Sun};
@@ -7,7 +9,7 @@ use curitiba::pipeline::executor::{Engines, Progress, Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::{Plan, Settings};
 use curitiba::pipeline::programs::{Fidelity, RayParams, RayProgram};
-use curitiba::pipeline::scene::{BuildOptions, LoadOptions, Needs, RenderScene, load};
+use curitiba::pipeline::scene::{BuildOptions, Geometry, LoadOptions, Needs, RenderScene, Scene, load};
 use curitiba::pipeline::square;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
@@ -133,18 +135,48 @@ impl OwnedJob {
     }
 }
 
-/// Prepares a scene: `square:TRIANGLES`, or the name of one in `folder`.
+/// Prepares a scene: `square:TRIANGLES` and the names of [`known`], from the views that are written here; with `@SEED`, the same and
+/// [`shapes::KINDS`]`:TRIANGLES` and files in `folder`, from a view that the seed chooses.
 ///
 /// # Errors
 /// Why it cannot be had.
 pub fn open(name: &str, folder: Option<&Path>, size: u32) -> Result<Subject, String> {
-    if let Some(triangles) = name.strip_prefix("square:") {
+    let (plain, seed) = match name.rsplit_once('@') {
+        Some((plain, seed)) => {
+            let seed = seed.parse().map_err(|_| format!("{name}: a number follows the @"))?;
+            (plain, Some(seed))
+        }
+        None => (name, None),
+    };
+    let made = plain.split_once(':').map(|(kind, triangles)| {
         let triangles = triangles.parse().map_err(|_| format!("{name}: a number of triangles follows the colon"))?;
-        return open_square(name, triangles, size);
-    }
-    let (file, view) = known(name).ok_or_else(|| format!("{name}: known are square:N, sponza and dragon"))?;
-    let folder = folder.ok_or("CURITIBA_SCENES names no folder")?;
-    open_file(name, &folder.join(file), view, size)
+        Ok::<(&str, u32), String>((kind, triangles))
+    });
+    let (scene, view) = match (made.transpose()?, seed) {
+        (Some(("square", triangles)), None) => return open_square(name, triangles, size),
+        (Some(("square", triangles)), Some(_)) => {
+            let folder = tempfile::tempdir().map_err(|error| format!("{name}: {error}"))?;
+            square::generate(triangles).write(folder.path()).map_err(|error| format!("{name}: {error}"))?;
+            let entries = std::fs::read_dir(folder.path()).map_err(|error| format!("{name}: {error}"))?;
+            let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+            files.retain(|file| file.extension().is_some_and(|extension| extension == "cbo"));
+            files.sort();
+            (read(name, &files)?, None)
+        }
+        (Some((kind, triangles)), _) => (build(name, shapes::scene(kind, triangles)?)?, None),
+        (None, _) => {
+            let (file, view) = known(plain).map_or((plain, None), |(file, view)| (file, Some(view)));
+            let folder = folder.ok_or("CURITIBA_SCENES names no folder")?;
+            (read(name, &[folder.join(file)])?, view.filter(|_| seed.is_none()))
+        }
+    };
+    let bvh = Bvh::build(&scene.geometry, &[], Quality::Balanced);
+    let view = match view {
+        Some(view) => view,
+        None => View::chosen(&scene.geometry, &bvh, seed.unwrap_or(1))
+            .ok_or_else(|| format!("{name}: no view of this seed sees enough of the scene"))?,
+    };
+    Ok(white(name, &Arc::new(scene), &bvh, view, size))
 }
 
 /// The generated square, with the jobs of the projects' ray passes.
@@ -219,17 +251,22 @@ impl RayBackend for Listener {
     }
 }
 
-/// A scene file, white, with a G-buffer from primary rays.
-fn open_file(name: &str, file: &Path, view: View, size: u32) -> Result<Subject, String> {
-    let text = |error: &dyn std::fmt::Display| format!("{name}: {error}");
-    let needs = Needs { normals: true, ..Needs::NOTHING };
-    let options = LoadOptions { needs, max_bytes: LoadOptions::DEFAULT_MAX_BYTES };
-    let loaded = load(&[file.to_owned()], &options, &|_| {}).map_err(|error| text(&error))?;
-    let (scene, _) =
-        RenderScene::build(loaded, &BuildOptions { needs, ..BuildOptions::default() }).map_err(|error| text(&error))?;
-    let scene = Arc::new(scene);
+fn read(name: &str, files: &[PathBuf]) -> Result<RenderScene, String> {
+    let options = LoadOptions { needs: NEEDS, max_bytes: LoadOptions::DEFAULT_MAX_BYTES };
+    let loaded = load(files, &options, &|_| {}).map_err(|error| format!("{name}: {error}"))?;
+    build(name, loaded)
+}
+
+const NEEDS: Needs = Needs { normals: true, ..Needs::NOTHING };
+
+fn build(name: &str, scene: Scene) -> Result<RenderScene, String> {
+    let options = BuildOptions { needs: NEEDS, ..BuildOptions::default() };
+    RenderScene::build(scene, &options).map(|(scene, _)| scene).map_err(|error| format!("{name}: {error}"))
+}
+
+/// A scene that is all white, with a G-buffer from primary rays.
+fn white(name: &str, scene: &Arc<RenderScene>, bvh: &Bvh, view: View, size: u32) -> Subject {
     let materials = scene.materials.len();
-    let bvh = Bvh::build(&scene.geometry, &[], Quality::Balanced);
     let pixels = (size * size) as usize;
     let shade = Shade::default();
     let mut base = OwnedJob {
@@ -259,12 +296,55 @@ fn open_file(name: &str, file: &Path, view: View, size: u32) -> Result<Subject, 
         base.normal[index] = normal.extend(0.0).to_array();
         base.triangle[index] = hit.triangle;
     }
-    let with = |program| OwnedJob { program, ..OwnedJob::of(&base.job(&scene)) };
+    let with = |program| OwnedJob { program, ..OwnedJob::of(&base.job(scene)) };
     let jobs = vec![("shadows", with(RayProgram::DeferredShadows)), ("occlusion", with(RayProgram::Ssao))];
-    Ok(Subject { name: name.to_owned(), view, scene, jobs })
+    Subject { name: name.to_owned(), view, scene: Arc::clone(scene), jobs }
 }
 
 impl View {
+    /// The first view of a seed's sequence that sees something in most directions, and not from too near: from a place in the scene's
+    /// box, at a point of a triangle (of equal areas with equal chance). The light comes from any direction above.
+    fn chosen(geometry: &Geometry, bvh: &Bvh, seed: u32) -> Option<Self> {
+        const PROBES: u32 = 16;
+        let [low, high] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let low = geometry.positions.iter().fold(low, |low, p| low.min(*p));
+        let high = geometry.positions.iter().fold(high, |high, p| high.max(*p));
+        let diagonal = (high - low).length();
+        let mut sum = 0.0;
+        let areas: Vec<f64> = (0..geometry.triangles.len())
+            .map(|triangle| {
+                let [a, b, c] = geometry.triangles[triangle].map(|vertex| geometry.positions[vertex as usize]);
+                sum += f64::from((b - a).cross(c - a).length());
+                sum
+            })
+            .collect();
+        let mut numbers = Numbers::new(seed);
+        (0..1024).find_map(|_| {
+            let share = Vec3::new(numbers.unit(), numbers.unit(), numbers.unit());
+            let eye = low + (high - low) * (share * 0.9 + 0.05);
+            let place = f64::from(numbers.unit()) * sum;
+            let triangle = areas.partition_point(|&area| area < place).min(areas.len() - 1);
+            let corners = geometry.triangles[triangle].map(|vertex| geometry.positions[vertex as usize]);
+            let forward = (corners[0] + corners[1] + corners[2]) / 3.0 - eye;
+            let around = numbers.direction();
+            let to_light = Vec3::new(around.x, around.y.abs() + 0.2, around.z).normalize();
+            let view = Self { eye, forward, fov: 60.0, to_light, radius: diagonal / 100.0 };
+            if forward.normalize_or_zero().y.abs() > 0.9 || forward.length() < 0.02 * diagonal {
+                return None;
+            }
+            let probe = |index| {
+                let direction = view.direction(index % PROBES, index / PROBES, PROBES);
+                let ray = Ray { origin: eye, direction, t_min: 0.0, t_max: f32::INFINITY };
+                bvh.closest(&ray, |_| true).map_or(f32::INFINITY, |hit| hit.t)
+            };
+            let mut distances: Vec<f32> = (0..PROBES * PROBES).map(probe).collect();
+            distances.sort_unstable_by(f32::total_cmp);
+            let is_open = distances[distances.len() / 8] > 0.01 * diagonal;
+            let is_filled = distances[distances.len() * 7 / 10].is_finite();
+            (is_open && is_filled).then_some(view)
+        })
+    }
+
     /// Direction of the primary ray of a pixel's centre.
     pub fn direction(&self, x: u32, y: u32, size: u32) -> Vec3 {
         let half = (self.fov.to_radians() / 2.0).tan();
