@@ -15,7 +15,7 @@
 //! | `backends` | `examples/conformance`, several files | a row for each ray pass: milliseconds on the device of each backend |
 //! | `counts` | `curitiba bench`, several files | a row for each case with a ray pass: rays of each kind |
 //! | `threads` | `curitiba bench --sweep-threads` | a row for each step: milliseconds on each number of threads, and the speed-up |
-//! | `rays` | the bench beside Embree, several files | a row for each scene: rays a second, and ratios |
+//! | `rays` | the bench beside Embree, several files | a row for each scene: rays a second, and ratios; `threads=16` of so many threads, `single=yes` with the ratio of single rays |
 //! | `listed` | any program that names its columns | the table that `table=` names |
 //! | `passes`, `builds` | the same | whole ray passes, and building, beside Embree's |
 

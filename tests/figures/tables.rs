@@ -18,7 +18,7 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
         "backends" => backends(files, options),
         "counts" => counts(files, options),
         "threads" => threads(one()?, options),
-        "rays" => rays(files),
+        "rays" => rays(files, options),
         "passes" => passes(files),
         "builds" => builds(files),
         "listed" => listed(one()?, options),
@@ -285,12 +285,14 @@ fn threads(file: &Value, options: &Options) -> Result<String, String> {
 
 /// A row for each scene: million rays a processor second on one thread, in brackets the ratios to Embree's fastest mode and to
 /// its fastest watertight one.
-fn rays(files: &[Value]) -> Result<String, String> {
+fn rays(files: &[Value], options: &Options) -> Result<String, String> {
     let mut out = String::new();
+    let threads = options.get("threads").map_or("1", String::as_str);
+    let with_single = options.contains_key("single");
     for file in files {
         for scene in file["scenes"].as_array().into_iter().flatten() {
-            let rows = scene["rays"].as_array().into_iter().flatten().filter(|row| row["threads"] == 1);
-            let rows: Vec<&Value> = rows.collect();
+            let rows = scene["rays"].as_array().into_iter().flatten();
+            let rows: Vec<&Value> = rows.filter(|row| row["threads"].to_string() == threads).collect();
             if out.is_empty() {
                 let kinds: Vec<&str> = rows.iter().map(|row| text(&row["rays"])).collect();
                 let _ = writeln!(out, "| scene | triangles | {} | commit |", kinds.join(" | "));
@@ -299,7 +301,9 @@ fn rays(files: &[Value]) -> Result<String, String> {
             let rate = |row: &&Value| {
                 let number = |value: &Value| cell(value.as_f64());
                 let ours = number(&row["ours"]["million_rays_per_cpu_second"]);
-                format!("{ours} ({}, {})", number(&row["ratio"]), number(&row["ratio_robust"]))
+                let ratios = format!("{}, {}", number(&row["ratio"]), number(&row["ratio_robust"]));
+                let single = if with_single { format!(", {}", number(&row["ratio_single"])) } else { String::new() };
+                format!("{ours} ({ratios}{single})")
             };
             let cells: Vec<String> = rows.iter().map(rate).collect();
             let (name, commit) = (text(&scene["scene"]), text(&file["environment"]["commit"]));
