@@ -13,7 +13,7 @@ use std::path::Path;
 use std::time::Duration;
 
 /// The projects, and whether occlusion samples are set in their pass `pass2`.
-const PROJECTS: [(&str, bool); 13] = [
+const PROJECTS: [(&str, bool); 15] = [
     ("SceneNoEffects.xml", false),
     ("SceneDummy.xml", false),
     ("SceneShadows.xml", false),
@@ -25,6 +25,8 @@ const PROJECTS: [(&str, bool); 13] = [
     ("raster/SceneCubeReflect.xml", false),
     ("raster/SceneCubeRefract.xml", false),
     ("raster/ScenePlanarReflect.xml", false),
+    ("raster/SceneScreenReflect.xml", false),
+    ("raster/SceneScreenRefract.xml", false),
     ("raster/SceneDepthOcclusion.xml", false),
     ("raster/SceneGTAO.xml", false),
 ];

@@ -50,7 +50,7 @@ pub use engines::{BackendChoice, Choice, Gpus, RasterChoice};
 use pipeline::diagnostic::Problems;
 use pipeline::executor::{Engines, Observer, RenderError, Renderer};
 use pipeline::plan::{Plan, PlanError, PlannedPass, Settings};
-use pipeline::project::{PassKind, Project, SourceError};
+use pipeline::project::{Project, SourceError};
 use pipeline::scene::SceneError;
 use std::path::Path;
 
@@ -127,7 +127,7 @@ pub fn open_project(
     let (raster, rays) = engines::parts(choice.for_plan(&plan))?;
     let engines = Engines::first_of(raster, rays).map_err(|error| {
         // What is missing matters to the pass that would use it.
-        let rays = |planned: &&PlannedPass| matches!(plan.pass(planned).kind, PassKind::Ray(_));
+        let rays = |planned: &&PlannedPass| plan.traced(planned).is_some();
         match plan.passes.iter().find(rays) {
             Some(planned) => RenderError::Pass { pass: plan.pass(planned).name.clone(), frame: None, error }.into(),
             None => OpenError::Engine(error),

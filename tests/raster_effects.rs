@@ -3,10 +3,12 @@
 //! Needs a Vulkan, Metal or DirectX 12 driver, a software one included; says `skipped` without one, and fails instead
 //! with `CURITIBA_REQUIRE_GPU_TESTS=1`. `CURITIBA_PICTURES=DIR` writes the pictures.
 
+use curitiba::pipeline::backend::Answers;
 use curitiba::pipeline::executor::{Renderer, Silent, StepKind};
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::Settings;
-use curitiba::{Choice, OpenError, RasterChoice};
+use curitiba::pipeline::programs::Fidelity;
+use curitiba::{BackendChoice, Choice, OpenError, RasterChoice};
 use std::path::Path;
 
 const SIDE: u32 = 192;
@@ -18,11 +20,13 @@ const ROUNDING: f32 = 0.02;
 /// A project, how many of its steps draw maps, and the share of pixels that may differ by more than [`ROUNDING`]: outlines
 /// in the picture and in the maps, at which the two rasterisers' G-buffers and depths differ by a pixel. On lavapipe 22.3.6 it
 /// is 0.0012 at most, and 0.0077 for the difference of depths, which magnifies every outline.
-const PROJECTS: [(&str, usize, f64); 6] = [
+const PROJECTS: [(&str, usize, f64); 8] = [
     ("ShadowMap", 1, 0.003),
     ("CubeReflect", 1, 0.003),
     ("CubeRefract", 1, 0.003),
     ("PlanarReflect", 1, 0.0015),
+    ("ScreenReflect", 1, 0.003),
+    ("ScreenRefract", 1, 0.003),
     ("DepthOcclusion", 0, 0.012),
     ("GTAO", 0, 0.003),
 ];
@@ -95,6 +99,8 @@ fn another_parameter_is_found_out() {
         ("CubeReflect", Some("Vidro"), "pass2.mapsize=256", "pass2.mapsize=16"),
         ("GTAO", None, "pass2.radius=0.5", "pass2.radius=2"),
         ("PlanarReflect", None, "pass2.planes=16", "pass2.planes=1"),
+        ("ScreenReflect", Some("Vidro"), "pass2.missing=cube", "pass2.missing=none"),
+        ("ScreenRefract", Some("Vidro"), "pass2.missing=cube", "pass2.missing=none"),
     ] {
         let render = |set: &str| {
             let mut renderer = open(name, camera, RasterChoice::Cpu, &[set]).expect("the project opens");
@@ -104,4 +110,76 @@ fn another_parameter_is_found_out() {
         let allowed = PROJECTS.iter().find(|project| project.0 == name).expect("in the list").2;
         assert!(share > allowed, "{name}: {share}");
     }
+}
+
+/// The picture of a project of the shipped square, and what answered its glass.
+fn rendered(file: &str, camera: Option<&str>, choice: Choice, set: &[&str], off: &[&str]) -> (Image, Option<Answers>) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(file);
+    let list = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
+    let settings = Settings {
+        size: Some([SIDE, SIDE]),
+        camera: camera.map(str::to_owned),
+        set: list(set),
+        off: list(off),
+        ..Settings::default()
+    };
+    let mut renderer =
+        curitiba::open(path, settings, choice, &mut Silent).unwrap_or_else(|error| panic!("{file}: {error}"));
+    let image = renderer.frame(&mut Silent).expect("the frame renders");
+    let answers = renderer.timeline().rows.iter().find_map(|row| row.answers);
+    (image, answers)
+}
+
+#[test]
+fn what_the_screen_leaves_to_rays_is_bit_for_bit_what_the_ray_pass_writes() {
+    let gpu = curitiba::engines::choose(Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }).is_ok();
+    let (cpu, wgpu) = ((RasterChoice::Cpu, BackendChoice::Cpu), (RasterChoice::Wgpu, BackendChoice::Wgpu));
+    let all = [cpu, (RasterChoice::Wgpu, BackendChoice::Cpu), (RasterChoice::Cpu, BackendChoice::Wgpu), wgpu];
+    for (raster, backend) in all.into_iter().filter(|engines| gpu || *engines == cpu) {
+        let choice = Choice { raster, backend, ..Choice::CPU };
+        for (screen, rays) in [("ScreenReflect", "SceneReflect.xml"), ("ScreenRefract", "SceneRefract.xml")] {
+            let screen = format!("raster/Scene{screen}.xml");
+            // Rays of a software driver take minutes where most pixels are glass.
+            let cameras: &[Option<&str>] =
+                if backend == BackendChoice::Wgpu { &[None] } else { &[None, Some("Vidro")] };
+            for camera in cameras.iter().copied() {
+                let what = format!("{screen}, camera {camera:?}, {raster:?} and {backend:?}");
+                let (own, _) = rendered(&screen, camera, choice, &[], &["pass2"]);
+                let (marched, kept) = rendered(&screen, camera, choice, &["pass2.missing=none"], &[]);
+                let (mixed, left) = rendered(&screen, camera, choice, &["pass2.missing=rays"], &[]);
+                let (traced, _) = rendered(rays, camera, choice, &[], &[]);
+                let (kept, left) = (kept.expect("counted"), left.expect("counted"));
+                assert_eq!((kept.screen, kept.kept, kept.cube), (left.screen, left.rays, 0), "{what}");
+                assert!(left.screen > 0 && left.rays > 0 && left.kept == 0, "{what}: {left:?}");
+                let bits = |image: &Image, index: usize| image.pixels[index].map(f32::to_bits);
+                let (mut by_rays, mut by_screen, mut off) = (0, 0, 0);
+                for index in 0..own.pixels.len() {
+                    let is = |other: &Image| bits(&mixed, index) == bits(other, index);
+                    // Of refraction a pixel that is not answered shows the other of its rays.
+                    if is(&traced) {
+                        by_rays += u64::from(bits(&traced, index) != bits(&own, index));
+                    } else if is(&marched) {
+                        by_screen += 1;
+                    } else {
+                        off += 1;
+                    }
+                }
+                println!("{what}: {left}; {by_rays} pixels as by rays, {by_screen} as marched");
+                assert_eq!(off, 0, "{what}: a pixel is neither");
+                assert!(
+                    by_screen <= left.screen && by_rays + by_screen <= left.glass() && by_rays >= left.rays * 9 / 10,
+                    "{what}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn thesis_fidelity_leaves_no_pixel_to_rays() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/raster/SceneScreenReflect.xml");
+    let settings =
+        Settings { set: vec!["pass2.missing=rays".to_owned()], fidelity: Fidelity::Thesis, ..Settings::default() };
+    let error = curitiba::open(path, settings, Choice::CPU, &mut Silent).err().expect("refused").to_string();
+    assert!(error.contains("SceneScreenReflect.xml:") && error.contains("missing=cube"), "{error}");
 }

@@ -34,7 +34,16 @@ fn effects(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("raster effect");
     group.sample_size(10).sampling_mode(SamplingMode::Flat);
     for camera in ["MainCamera", "Vidro"] {
-        for name in ["ShadowMap", "CubeReflect", "CubeRefract", "PlanarReflect", "DepthOcclusion", "GTAO"] {
+        for name in [
+            "ShadowMap",
+            "CubeReflect",
+            "CubeRefract",
+            "PlanarReflect",
+            "ScreenReflect",
+            "ScreenRefract",
+            "DepthOcclusion",
+            "GTAO",
+        ] {
             let mut renderer = open(name, camera);
             effect(&mut renderer);
             let [maps, pixels] = effect(&mut renderer);

@@ -11,12 +11,12 @@ mod world;
 
 use curitiba_passes::raster::gpu::WgpuRasteriser;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, Rect, View,
+    Answers, Attachments, BackendError, EffectJob, EffectStats, GBuffer, RasterJob, Rasteriser, Rect, View,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::{Image, write_png};
 use curitiba_pipeline::programs::{Fresnel, RasterProgram};
-use curitiba_pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram};
+use curitiba_pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, Missing};
 use glam::{Vec3, Vec4};
 use support::rasteriser;
 use world::{BACKGROUND, Shot, World};
@@ -132,10 +132,58 @@ fn every_effect_agrees_with_the_processors() {
             assert_eq!((stats.map_count, stats.triangles), (cpu.map_count, cpu.triangles), "{name}, {}", info.name);
             assert_eq!(stats.maps.is_some(), cpu.maps.is_some(), "{name}, {}", info.name);
             assert_eq!(stats.glass_pixels, cpu.glass_pixels, "{name}, {}", info.name);
+            answers_agree(stats.answers, cpu.answers, &format!("{name}, {}", info.name));
             assert!(stats.transfer.is_some() && stats.bytes >= cpu.bytes, "{name}, {}", info.name);
         }
     }
     assert!(failed.is_empty(), "{failed:?}");
+}
+
+/// As many pixels of glass, and but for single rays at outlines the same answers.
+fn answers_agree(found: Option<Answers>, expected: Option<Answers>, what: &str) {
+    let (Some(found), Some(expected)) = (found, expected) else { return assert_eq!(found, expected, "{what}") };
+    println!("{what}: {found}; on the cpu {expected}");
+    assert_eq!(found.glass(), expected.glass(), "{what}");
+    for (found, expected) in [
+        (found.screen, expected.screen),
+        (found.cube, expected.cube),
+        (found.rays, expected.rays),
+        (found.kept, expected.kept),
+    ] {
+        assert!(found.abs_diff(expected) <= 3 + expected / 200, "{what}: {found} {expected}");
+    }
+}
+
+#[test]
+fn marches_agree_whatever_stands_for_what_is_missing() {
+    let Some(mut gpu) = rasteriser() else { return };
+    // Beside the street the panes mirror what is seen; the third camera has no perspective.
+    let sideways = street().through(world::from_above(4.0), SIDE, SIDE);
+    let floor = {
+        let mut world = street();
+        let glass = world.pane();
+        world.quad(glass, Vec3::new(0.5, 0.01, 2.6), Vec3::Z * 1.2, Vec3::X * 1.6);
+        world.seen(Vec3::new(0.5, 1.2, 5.5), Vec3::new(0.3, 0.4, 0.0), SIDE)
+    };
+    for (name, mut shot) in [("sideways", sideways), ("floor", floor)] {
+        gpu.upload(&shot.scene).expect("uploads");
+        for program in [EffectProgram::ScreenReflection, EffectProgram::ScreenRefraction] {
+            for missing in [Missing::Own, Missing::Cube, Missing::Rays, Missing::Own] {
+                let params = EffectParams { missing, thickness: 0.05, ..params(program) };
+                let (expected, cpu) = shot.effect(program, params);
+                let job = EffectJob { resident: false, ..shot.job(program, params) };
+                let (found, stats) = run(&mut gpu, &job).expect("a whole job");
+                let (outlying, mean) = difference(&found, &expected);
+                let what = format!("{name}, {program:?}, {missing:?}");
+                println!("{what}: outliers {outlying:.5}, mean {mean:.2e}");
+                keep_picture(&format!("{what} gpu"), &found);
+                keep_picture(&format!("{what} cpu"), &expected);
+                assert!(outlying <= 2.0 * OUTLIERS, "{what}: {outlying}");
+                answers_agree(stats.answers, cpu.answers, &what);
+                assert_eq!(stats.map_count, cpu.map_count, "{what}");
+            }
+        }
+    }
 }
 
 #[test]
@@ -206,7 +254,8 @@ fn a_wrong_light_eye_or_parameter_is_found_out() {
                 let moved = glam::Mat4::from_translation(Vec3::X * 0.5);
                 job.view = View::new(job.view.clip_from_world * moved, job.view.eye - Vec3::X * 0.5);
             }
-            EffectProgram::CubeRefraction => job.params.index = 1.6,
+            EffectProgram::CubeRefraction | EffectProgram::ScreenRefraction => job.params.index = 1.6,
+            EffectProgram::ScreenReflection => job.params.missing = Missing::Own,
             EffectProgram::DepthOcclusion => job.params.radius *= 1.1,
             EffectProgram::HorizonOcclusion => job.seed = 1,
         }
@@ -354,8 +403,11 @@ fn a_frame_like_the_last_allocates_nothing_and_is_the_same() {
     let memory = gpu.memory();
     // Four shadow maps, cube maps for two panes with a depth buffer, output.
     let (map, pixels) = (256 * 256, u64::from(SIDE * SIDE));
+    // The nearest surfaces of blocks of 1, 2, 4 pixels and so on a side, and the picture without glass.
+    let sides = [160_u64, 80, 40, 20, 10, 5, 3, 2, 1];
+    let marched = 4 * sides.iter().map(|side| side * side).sum::<u64>() + (3 * 16 + 4) * pixels;
     // And two mirrors beside each other, with theirs.
-    assert_eq!(memory.effects, 4 * 4 * map + (2 * 6 * 16 + 4) * map + (16 + 4) * pixels + 16 * pixels);
+    assert_eq!(memory.effects, 4 * 4 * map + (2 * 6 * 16 + 4) * map + (16 + 4) * pixels + 16 * pixels + marched);
     assert!(first == frame(&mut gpu));
     assert_eq!(gpu.memory(), memory);
 }
@@ -372,8 +424,7 @@ fn no_map_is_drawn_where_no_glass_is_seen() {
     for mut shot in [hollow().seen(Vec3::new(2.0, 3.0, 3.0), Vec3::ZERO, 64), away, hidden] {
         gpu.upload(&shot.scene).expect("uploads");
         draw(&mut gpu, &mut shot);
-        use EffectProgram::{CubeReflection, CubeRefraction, PlanarReflection};
-        for program in [CubeReflection, CubeRefraction, PlanarReflection] {
+        for program in EFFECT_PROGRAMS.iter().filter(|info| info.glass).map(|info| info.program) {
             for job in [resident(&shot, program), EffectJob { resident: false, ..shot.job(program, params(program)) }] {
                 let (found, stats) = run(&mut gpu, &job).expect("a whole job");
                 assert!(found == shot.buffer.color);

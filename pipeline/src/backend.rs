@@ -7,7 +7,7 @@ use crate::image::Image;
 use crate::pixel_samples::PixelSamples;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
 use crate::progress::Progress;
-use crate::raster_effects::{EffectParams, EffectProgram};
+use crate::raster_effects::{EffectParams, EffectProgram, Missing};
 use crate::scene::RenderScene;
 use crate::shared::{DeviceUuid, InPlace, SharedGBuffer};
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
@@ -354,6 +354,61 @@ pub struct EffectStats {
     pub bytes: u64,
     /// Pixels of glass, and those of them that no map serves: they keep their colour. Both 0 for a program whose maps serve all glass.
     pub glass_pixels: [u64; 2],
+    /// Which way the pixels of glass were answered, in a program that marches rays through the picture.
+    pub answers: Option<Answers>,
+}
+
+/// Pixels of glass, by what answered their rays. With [`Missing::Rays`](crate::raster_effects::Missing) the rasteriser writes an alpha of
+/// [`Answers::LEFT`] to those of [`Answers::rays`], and the executor has them traced; all others have an alpha of 1.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Answers {
+    /// The screen, all of them.
+    pub screen: u64,
+    /// A cube map, one of them at least.
+    pub cube: u64,
+    /// The counterpart program on the ray backend.
+    pub rays: u64,
+    /// None: one of them at least shows the glass's own colour.
+    pub kept: u64,
+}
+
+impl Answers {
+    /// Alpha of pixels that are left to the ray backend.
+    pub const LEFT: f32 = -1.0;
+
+    /// All pixels of glass.
+    #[must_use]
+    pub fn glass(self) -> u64 {
+        self.screen + self.cube + self.rays + self.kept
+    }
+
+    /// Of so many pixels of glass, of which the screen answers some, some keep something of their colour, and `missing` stands for the rest.
+    #[must_use]
+    pub fn new([glass, screen, kept]: [u64; 3], missing: Missing) -> Self {
+        let left = glass.saturating_sub(screen + kept);
+        let mut answers = Self { screen, kept, ..Self::default() };
+        match missing {
+            Missing::Cube => answers.cube = left,
+            Missing::Rays => answers.rays = left,
+            Missing::Own => answers.kept += left,
+        }
+        answers
+    }
+}
+
+impl std::fmt::Display for Answers {
+    /// `glass: screen 41.20 %, cube 58.80 %`, without what answered none.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let all = self.glass();
+        let ways = [(self.screen, "screen"), (self.cube, "cube"), (self.rays, "rays"), (self.kept, "kept")];
+        write!(f, "{all} pixels of glass")?;
+        let shown = ways.into_iter().filter(|(count, _)| *count > 0);
+        for (index, (count, way)) in shown.enumerate() {
+            let percent = 100.0 * count as f64 / all as f64;
+            write!(f, "{} {way} {percent:.2} %", if index == 0 { ":" } else { "," })?;
+        }
+        Ok(())
+    }
 }
 
 /// Attachments on their way into shared memory.

@@ -4,7 +4,7 @@
 //! what that would write, so that either can stand in a project. Help, XML validation, `curitiba list`, reports and tests
 //! iterate these tables.
 
-use crate::programs::{Fresnel, LARGEST_SUN, ParamInfo, RayProgram, Values};
+use crate::programs::{Fresnel, LARGEST_SUN, ParamInfo, RayParams, RayProgram, Values};
 
 /// Most shadow maps that a frame may have.
 pub const MAX_CASCADES: u32 = 8;
@@ -22,10 +22,47 @@ pub enum EffectProgram {
     CubeRefraction,
     /// Reflection in flat glass from mirrored cameras.
     PlanarReflection,
+    /// Reflection in glass of what the picture shows.
+    ScreenReflection,
+    /// Reflection and refraction in glass of what the picture shows, or would show without the glass.
+    ScreenRefraction,
     /// Ambient occlusion by the difference of depths.
     DepthOcclusion,
     /// Ambient occlusion by horizons: GTAO.
     HorizonOcclusion,
+}
+
+/// What glass shows in the place of a ray that the screen does not answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Missing {
+    /// What a cube map shows in the ray's direction.
+    #[default]
+    Cube,
+    /// The glass's own colour.
+    Own,
+    /// The whole pixel by the counterpart program, on the ray backend.
+    Rays,
+}
+
+impl Missing {
+    /// Each with the name that parameters give it.
+    pub const NAMED: [(&'static str, Self); 3] = [("cube", Self::Cube), ("none", Self::Own), ("rays", Self::Rays)];
+
+    /// Its name as a value of a parameter.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cube => "cube",
+            Self::Own => "none",
+            Self::Rays => "rays",
+        }
+    }
+
+    /// The one of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, missing)| *missing)
+    }
 }
 
 /// The parameters of the raster effects; a program reads those that [`EffectProgramInfo::params`] lists for it.
@@ -57,6 +94,10 @@ pub struct EffectParams {
     pub steps: u32,
     /// Angular diameter of the light's disc, in degrees: 0 is a point, whose shadows are hard.
     pub sun: f32,
+    /// How deep behind a surface that the picture shows a ray still meets it, scene units.
+    pub thickness: f32,
+    /// What stands for rays that the screen does not answer.
+    pub missing: Missing,
 }
 
 impl Default for EffectParams {
@@ -76,6 +117,8 @@ impl Default for EffectParams {
             slices: 4,
             steps: 8,
             sun: 0.0,
+            thickness: 0.1,
+            missing: Missing::Cube,
         }
     }
 }
@@ -155,14 +198,33 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
         valid: "0..=90 (thesis fidelity: 0)",
         values: Values::Number(0.0, LARGEST_SUN),
     },
+    ParamInfo {
+        name: "thickness",
+        about: "how deep behind a surface that the picture shows a ray still meets it, in scene units",
+        valid: "a finite number above 0",
+        values: Values::Positive,
+    },
+    ParamInfo {
+        name: "missing",
+        about: "what stands for rays that the screen does not answer: cube maps, the glass's own colour, or ray tracing of these pixels",
+        valid: "cube, none, rays",
+        values: Values::Names(&["cube", "none", "rays"]),
+    },
 ];
 
 impl EffectParams {
     /// The defaults of a program.
     #[must_use]
     pub fn of(program: EffectProgram) -> Self {
-        let cube = matches!(program, EffectProgram::CubeReflection | EffectProgram::CubeRefraction);
+        let cube = program.info().params.contains(&"probes");
         Self { map_size: if cube { 512 } else { Self::default().map_size }, ..Self::default() }
+    }
+
+    /// Those of the ray program in the place of the effect, with the constants that both have.
+    #[must_use]
+    pub fn by_rays(&self) -> RayParams {
+        let Self { index, fresnel, radius, intensity, sun, .. } = *self;
+        RayParams { index, fresnel, radius, intensity, sun, ..RayParams::default() }
     }
 
     /// Sets a parameter by its name in [`EFFECT_PARAMS`].
@@ -192,6 +254,8 @@ impl EffectParams {
             "slices" => self.slices = integer(1..=64)?,
             "steps" => self.steps = integer(1..=64)?,
             "sun" => self.sun = float(|v| (0.0..=LARGEST_SUN).contains(&v))?,
+            "thickness" => self.thickness = float(|v| v.is_finite() && v > 0.0)?,
+            "missing" => self.missing = Missing::named(value).ok_or_else(wrong)?,
             _ => unreachable!("every name in EFFECT_PARAMS is matched"),
         }
         Ok(())
@@ -217,6 +281,8 @@ impl EffectParams {
             "slices" => self.slices.to_string(),
             "steps" => self.steps.to_string(),
             "sun" => self.sun.to_string(),
+            "thickness" => self.thickness.to_string(),
+            "missing" => self.missing.name().to_owned(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -286,6 +352,26 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         params: &["planes"],
     },
     EffectProgramInfo {
+        program: EffectProgram::ScreenReflection,
+        name: "screenReflection",
+        about: "reflection in glass of what the picture shows; `missing` stands for the rest, and other pixels keep their colour",
+        counterpart: RayProgram::Reflection,
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        lit: true,
+        glass: true,
+        params: &["thickness", "missing", "mapsize", "probes"],
+    },
+    EffectProgramInfo {
+        program: EffectProgram::ScreenRefraction,
+        name: "screenRefraction",
+        about: "reflection and refraction in glass of what the picture shows without the glass; `missing` stands for the rest, and other pixels keep their colour",
+        counterpart: RayProgram::Refraction,
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        lit: true,
+        glass: true,
+        params: &["thickness", "missing", "mapsize", "probes", "index", "fresnel"],
+    },
+    EffectProgramInfo {
         program: EffectProgram::DepthOcclusion,
         name: "depthOcclusion",
         about: "ambient occlusion by the difference of depths alone, with its error where near things cross far ones",
@@ -317,7 +403,19 @@ impl EffectProgram {
     /// Whether its maps show shaded surfaces, so that materials and textures are needed.
     #[must_use]
     pub fn shades_maps(self) -> bool {
-        matches!(self, Self::CubeReflection | Self::CubeRefraction | Self::PlanarReflection)
+        self.info().glass
+    }
+
+    /// Whether it marches rays through the picture.
+    #[must_use]
+    pub fn marches(self) -> bool {
+        matches!(self, Self::ScreenReflection | Self::ScreenRefraction)
+    }
+
+    /// Whether it shows what is behind glass, too.
+    #[must_use]
+    pub fn refracts(self) -> bool {
+        matches!(self, Self::CubeRefraction | Self::ScreenRefraction)
     }
 }
 
@@ -335,8 +433,9 @@ mod tests {
     #[test]
     fn every_parameter_is_settable_by_its_name_and_read_by_a_program() {
         let mut params = EffectParams::default();
-        for (info, value) in
-            EFFECT_PARAMS.iter().zip(["64", "2", "3", "2.5", "7", "5", "1.5", "schlick", "2", "1", "9", "11", "0.5"])
+        for (info, value) in EFFECT_PARAMS
+            .iter()
+            .zip(["64", "2", "3", "2.5", "7", "5", "1.5", "schlick", "2", "1", "9", "11", "0.5", "3", "rays"])
         {
             assert_ne!(params.get(info.name), value);
             params.set(info.name, value).expect("valid");

@@ -7,7 +7,6 @@ use crate::OpenError;
 use crate::environment::peak_memory;
 use crate::pipeline::executor::{Observer, RenderError, Renderer, Row, StepKind};
 use crate::pipeline::image::Image;
-use crate::pipeline::project::PassKind;
 
 /// How much is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,7 +78,7 @@ fn row(renderer: &Renderer, case: &Case, clocked: &[Clocked]) -> BenchRow {
     let steps = |per_frame: bool| -> Vec<BenchStep> {
         timeline.iter().filter(|row| row.kind.per_frame() == per_frame).filter_map(step).collect()
     };
-    let traces = plan.passes.iter().any(|planned| matches!(plan.pass(planned).kind, PassKind::Ray(_)));
+    let traces = plan.passes.iter().any(|planned| plan.traced(planned).is_some());
     let frames = samples.len();
     let total: f64 = samples.iter().sum();
     let in_rays: f64 =
@@ -122,6 +121,7 @@ fn step(row: &Row) -> Option<BenchStep> {
         device: Stats::new(row.device_ms.clone()),
         rays: row.rays,
         mrays_per_second: row.mrays_per_second(),
+        answers: row.answers,
         note: row.note.clone(),
     })
 }

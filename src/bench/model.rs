@@ -1,7 +1,7 @@
 //! What a benchmark writes: one file of rows, each with all its samples, and the machine that they were taken on.
 
 use crate::environment::Environment;
-use crate::pipeline::backend::RayCounts;
+use crate::pipeline::backend::{Answers, RayCounts};
 use crate::pipeline::executor::{StepKind, median};
 use crate::pipeline::metrics::Comparison;
 use serde::{Deserialize, Serialize};
@@ -215,6 +215,9 @@ pub struct BenchStep {
     pub rays: Option<RayCounts>,
     /// Millions of rays a second of median host time.
     pub mrays_per_second: Option<f64>,
+    /// What answered the pixels of glass of one frame, in an effect that marches rays through the picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub answers: Option<Answers>,
     /// What was done.
     pub note: String,
 }

@@ -38,7 +38,6 @@ use clap::CommandFactory as _;
 use curitiba::pipeline::diagnostic::Warnings;
 use curitiba::pipeline::files;
 use curitiba::pipeline::plan::Plan;
-use curitiba::pipeline::project::PassKind;
 use curitiba::{Choice, engines, fastest};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -171,10 +170,9 @@ fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
         return Err(Failure::Work(format!("pass `{pass}`: {error}")));
     }
     for planned in &plan.passes {
-        let pass = plan.pass(planned);
-        if let PassKind::Ray(ray) = &pass.kind {
-            rays.supports(ray.program, plan.settings.fidelity)
-                .map_err(|error| Failure::Work(format!("pass `{}`: {error}", pass.name)))?;
+        if let Some(traced) = plan.traced(planned) {
+            rays.supports(traced.program, plan.settings.fidelity)
+                .map_err(|error| Failure::Work(format!("pass `{}`: {error}", plan.pass(planned).name)))?;
         }
     }
     Ok(())

@@ -8,7 +8,7 @@ use curitiba::pipeline::diagnostic::Decision;
 use curitiba::pipeline::files::record_files_read;
 use curitiba::pipeline::glass::decide;
 use curitiba::pipeline::memory::mebibytes;
-use curitiba::pipeline::plan::{Plan, PlannedPass, Work};
+use curitiba::pipeline::plan::{Plan, PlannedPass, Traced, Work};
 use curitiba::pipeline::project::PassKind;
 use curitiba::pipeline::scene::{self, BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource};
 use std::path::PathBuf;
@@ -115,11 +115,11 @@ fn glass(plan: &Plan, scenes: &[Scene]) -> Result<Vec<Decision>, Failure> {
     Ok(decisions)
 }
 
-/// Whether each ray pass needs an acceleration structure, which the scene's materials decide.
+/// Whether each pass that traces needs an acceleration structure, which the scene's materials decide.
 fn structures(plan: &Plan, scenes: &[Scene]) -> Vec<Decision> {
     let mut decisions = Vec::new();
     for planned in &plan.passes {
-        let Work::Rays { scene_set, .. } = planned.work else { continue };
+        let Some(Traced { scene_set, .. }) = plan.traced(planned) else { continue };
         let (built, why) = plan.needs_structure(planned, &scenes[scene_set].materials);
         let what = format!("acceleration structure for pass `{}`", plan.pass(planned).name);
         decisions.push(Decision { what, built, why });

@@ -8,7 +8,6 @@ use crate::pipeline::image::PixelFormat;
 use crate::pipeline::plan::{Plan, PlanError, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, Sampler};
 use crate::pipeline::project::{ChannelRef, EffectPass, Pass, PassKind, RayPass};
-use crate::pipeline::raster_effects::EffectParams;
 
 /// How a reference is rendered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -140,9 +139,7 @@ fn at_its_best(pass: &mut Pass, set: &[String]) -> Result<(), String> {
 
 /// The ray pass whose place an effect pass takes, with the constants that both have.
 fn by_rays(effect: &EffectPass) -> RayPass {
-    let EffectParams { index, radius, intensity, sun, .. } = effect.params;
     let EffectPass { scenes, camera, light, position, normal, color, colors, glass, program, .. } = effect.clone();
-    let params = crate::pipeline::programs::RayParams { index, radius, intensity, sun, ..Default::default() };
     let counterpart = program.info().counterpart;
     // What the rays do not read need not be drawn: the reference is then the one of the ray project.
     let read = |channel: Option<ChannelRef>, name: &str| channel.filter(|_| counterpart.info().buffers.contains(&name));
@@ -151,7 +148,7 @@ fn by_rays(effect: &EffectPass) -> RayPass {
         camera,
         light,
         program: counterpart,
-        params,
+        params: effect.params.by_rays(),
         position: read(position, "pos_buffer"),
         normal: read(normal, "norm_buffer"),
         color: read(color, "color_buffer"),

@@ -122,7 +122,9 @@ fn a_raster_effect_has_the_reference_of_the_rays_in_its_place() {
         ("SceneShadows.xml", "raster/SceneShadowMap.xml"),
         ("SceneReflect.xml", "raster/SceneCubeReflect.xml"),
         ("SceneReflect.xml", "raster/ScenePlanarReflect.xml"),
+        ("SceneReflect.xml", "raster/SceneScreenReflect.xml"),
         ("SceneRefract.xml", "raster/SceneCubeRefract.xml"),
+        ("SceneRefract.xml", "raster/SceneScreenRefract.xml"),
         ("SceneSSAO.xml", "raster/SceneGTAO.xml"),
         ("SceneSSAO.xml", "raster/SceneDepthOcclusion.xml"),
     ] {

@@ -111,8 +111,11 @@ pub const ROUNDS: u32 = 3;
 pub fn files(effect: Effect) -> (&'static str, &'static [&'static str]) {
     match effect {
         Effect::Shadows => ("SceneShadows.xml", &["raster/SceneShadowMap.xml"]),
-        Effect::Reflection => ("SceneReflect.xml", &["raster/SceneCubeReflect.xml", "raster/ScenePlanarReflect.xml"]),
-        Effect::Refraction => ("SceneRefract.xml", &["raster/SceneCubeRefract.xml"]),
+        Effect::Reflection => (
+            "SceneReflect.xml",
+            &["raster/SceneCubeReflect.xml", "raster/ScenePlanarReflect.xml", "raster/SceneScreenReflect.xml"],
+        ),
+        Effect::Refraction => ("SceneRefract.xml", &["raster/SceneCubeRefract.xml", "raster/SceneScreenRefract.xml"]),
         Effect::Occlusion => ("SceneSSAO.xml", &["raster/SceneGTAO.xml", "raster/SceneDepthOcclusion.xml"]),
     }
 }
@@ -121,6 +124,14 @@ pub fn files(effect: Effect) -> (&'static str, &'static [&'static str]) {
 fn is_planar(file: &str) -> bool {
     file.contains("Planar")
 }
+
+/// Whether a project marches rays through the picture.
+fn is_screen(file: &str) -> bool {
+    file.contains("Screen")
+}
+
+/// What stands for rays that the picture does not answer, by the first number of a setting.
+const MISSING: [&str; 3] = ["cube", "none", "rays"];
 
 /// Rays a pixel of the usual ambient-occlusion row.
 pub const USUAL_SAMPLES: u32 = 16;
@@ -195,7 +206,11 @@ fn elsewhere() -> Vec<Entry> {
         let name = effect.title();
         let rays = entry(by_rays, effect.id(), Technique::Rays, &format!("{name} by rays"));
         let raster = by_raster.iter().map(move |file| {
-            let maps = if is_planar(file) { "mirrors" } else { "cube maps" };
+            let maps = match file {
+                _ if is_planar(file) => "mirrors",
+                _ if is_screen(file) => "the screen",
+                _ => "cube maps",
+            };
             entry(file, effect.id(), Technique::Raster, &format!("{name} by {maps}"))
         });
         std::iter::once(rays).chain(raster)
@@ -245,7 +260,7 @@ fn rays(effect: Effect, other: Option<(u32, &'static str)>) -> Entry {
 }
 
 /// An effect by raster. `other` are the parameters of a row that is not the usual one: the map's side and the number of
-/// cascades, the mirrors, or slices and steps.
+/// cascades, the mirrors, an index into [`MISSING`], or slices and steps.
 fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entry {
     let base = entry(file, effect.id(), Technique::Raster, "");
     let (stage, in_table) = if other.is_some() { (Stage::Settings, false) } else { (Stage::Effects, true) };
@@ -260,6 +275,10 @@ fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entr
         Effect::Reflection | Effect::Refraction if is_planar(file) => {
             let (planes, _) = other.unwrap_or((16, 0));
             (vec![format!("pass2.planes={planes}")], "mirrors".to_owned(), planes.to_string(), f64::from(planes) * 2e6)
+        }
+        Effect::Reflection | Effect::Refraction if is_screen(file) => {
+            let missing = MISSING[other.map_or(0, |(index, _)| index as usize)];
+            (vec![format!("pass2.missing={missing}")], "the screen".to_owned(), missing.to_owned(), 2e6)
         }
         Effect::Reflection | Effect::Refraction => {
             let (side, _) = other.unwrap_or((512, 0));
@@ -276,11 +295,13 @@ fn raster(effect: Effect, file: &'static str, other: Option<(u32, u32)>) -> Entr
     let (wide, unit) = match effect {
         Effect::Occlusion => ("", "slices × steps"),
         _ if is_planar(file) => (" planes", "planes"),
+        _ if is_screen(file) => (" for the rest", "for the rest"),
         _ => (" wide", "texels"),
     };
     let role = match file {
         _ if file.contains("DepthOcclusion") => "raster-depth",
         _ if is_planar(file) => "raster-planar",
+        _ if is_screen(file) => "raster-screen",
         _ => "raster",
     };
     Entry {
@@ -314,7 +335,19 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
             let sides: &[(u32, u32)] =
                 if quick { &[(128, 0), (256, 0)] } else { &[(128, 0), (256, 0), (1024, 0), (2048, 0)] };
             let planes: &[(u32, u32)] = if quick { &[(4, 0)] } else { &[(1, 0), (4, 0), (64, 0)] };
-            let settings = |file: &&'static str| every(file, if is_planar(file) { planes } else { sides });
+            let ways: &[(u32, u32)] = &[(1, 0), (2, 0)];
+            let settings = |file: &&'static str| {
+                every(
+                    file,
+                    if is_planar(file) {
+                        planes
+                    } else if is_screen(file) {
+                        ways
+                    } else {
+                        sides
+                    },
+                )
+            };
             by_raster.iter().flat_map(settings).collect()
         }
         Effect::Occlusion => {
@@ -447,7 +480,7 @@ mod tests {
         assert!(without.iter().all(|entry| !entry.on_cpu));
         let added: Vec<_> = with.iter().filter(|entry| entry.on_cpu).collect();
         assert_eq!(added.len(), with.len() - without.len());
-        assert_eq!(added.len(), 6);
+        assert_eq!(added.len(), 8);
     }
 
     #[test]

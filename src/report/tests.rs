@@ -48,6 +48,7 @@ fn row(key: &str, effect: &str, technique: Technique, ms: f64, error: RowError) 
         device: None,
         rays: rays.map(|shadow| RayCounts { shadow, ..RayCounts::default() }),
         mrays_per_second: None,
+        answers: None,
         note: String::new(),
     };
     let engine = EngineName { name: "cpu".to_owned(), device: "2 threads".to_owned() };

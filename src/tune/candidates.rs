@@ -3,7 +3,7 @@
 use crate::pipeline::plan::{Plan, PlannedPass, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, Sampler};
 use crate::pipeline::project::{ChannelRef, EffectPass, PassKind, Project, RayPass};
-use crate::pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo};
+use crate::pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo, Missing};
 
 /// Occlusion rays of a point.
 const SAMPLES: [u32; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
@@ -72,7 +72,9 @@ pub fn slots(plan: &Plan) -> Vec<Slot> {
 fn of_rays(project: &Project, declared: &RayPass, fidelity: Fidelity) -> Vec<Candidate> {
     let mut candidates = vec![Candidate { label: ray_label(declared), kind: PassKind::Ray(declared.clone()) }];
     add_rays(&mut candidates, declared, fidelity);
-    add_effects(&mut candidates, declared.program, |program| with_buffers(project, effect_of(declared, program)));
+    add_effects(&mut candidates, declared.program, fidelity, |program| {
+        with_buffers(project, effect_of(declared, program))
+    });
     candidates
 }
 
@@ -81,7 +83,7 @@ fn of_effect(project: &Project, declared: &EffectPass, fidelity: Fidelity) -> Ve
     let rays = rays_of(declared);
     add(&mut candidates, Candidate { label: ray_label(&rays), kind: PassKind::Ray(rays.clone()) });
     add_rays(&mut candidates, &rays, fidelity);
-    add_effects(&mut candidates, rays.program, |program| {
+    add_effects(&mut candidates, rays.program, fidelity, |program| {
         with_buffers(project, EffectPass { program, ..declared.clone() })
     });
     candidates
@@ -115,10 +117,15 @@ fn add_rays(candidates: &mut Vec<Candidate>, pass: &RayPass, fidelity: Fidelity)
 }
 
 /// The raster effects that stand for a ray program, with settings of their own.
-fn add_effects(candidates: &mut Vec<Candidate>, program: RayProgram, pass_of: impl Fn(EffectProgram) -> EffectPass) {
+fn add_effects(
+    candidates: &mut Vec<Candidate>,
+    program: RayProgram,
+    fidelity: Fidelity,
+    pass_of: impl Fn(EffectProgram) -> EffectPass,
+) {
     for info in EFFECT_PROGRAMS.iter().filter(|info| info.counterpart == program) {
         let like = pass_of(info.program);
-        for params in settings(info, shared(info.program, &like.params)) {
+        for params in settings(info, shared(info.program, &like.params), fidelity) {
             let pass = EffectPass { params, ..like.clone() };
             add(candidates, Candidate { label: effect_label(&pass), kind: PassKind::Effect(pass) });
         }
@@ -132,12 +139,17 @@ fn shared(program: EffectProgram, like: &EffectParams) -> EffectParams {
 }
 
 /// From coarse to fine.
-fn settings(info: &EffectProgramInfo, base: EffectParams) -> Vec<EffectParams> {
+fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) -> Vec<EffectParams> {
     let reads = |name: &str| info.params.contains(&name);
     if reads("slices") {
         SLICES_AND_STEPS.map(|(slices, steps)| EffectParams { slices, steps, ..base }).to_vec()
     } else if reads("pcf") {
         SHADOW_MAPS.map(|(map_size, pcf)| EffectParams { map_size, pcf, ..base }).to_vec()
+    } else if reads("missing") {
+        // Thesis fidelity leaves no pixel to rays.
+        let ways = [Missing::Own, Missing::Cube, Missing::Rays];
+        let left = |missing: &Missing| *missing != Missing::Rays || fidelity == Fidelity::Corrected;
+        ways.into_iter().filter(left).map(|missing| EffectParams { missing, ..base }).collect()
     } else if reads("planes") {
         PLANES.map(|planes| EffectParams { planes, ..base }).to_vec()
     } else {
@@ -178,7 +190,6 @@ fn with_buffers(project: &Project, effect: EffectPass) -> EffectPass {
 
 fn rays_of(effect: &EffectPass) -> RayPass {
     let program = effect.program.info().counterpart;
-    let EffectParams { radius, intensity, index, fresnel, sun, .. } = effect.params;
     let effect = effect.clone();
     let through = program.info().names("any_hit_shadow_glass");
     RayPass {
@@ -186,7 +197,7 @@ fn rays_of(effect: &EffectPass) -> RayPass {
         camera: effect.camera,
         light: effect.light,
         program,
-        params: RayParams { radius, intensity, index, fresnel, sun, ..RayParams::default() },
+        params: effect.params.by_rays(),
         position: effect.position,
         normal: effect.normal,
         color: effect.color,
@@ -213,8 +224,9 @@ fn ray_label(pass: &RayPass) -> String {
 }
 
 fn effect_label(pass: &EffectPass) -> String {
-    const SAID: [&str; 6] = ["mapsize", "cascades", "pcf", "slices", "steps", "planes"];
+    const SAID: [&str; 7] = ["mapsize", "cascades", "pcf", "slices", "steps", "planes", "missing"];
     let info = pass.program.info();
-    let said = SAID.iter().filter(|name| info.params.contains(name));
+    let without_maps = pass.program.marches() && pass.params.missing != Missing::Cube;
+    let said = SAID.iter().filter(|name| info.params.contains(name) && !(without_maps && **name == "mapsize"));
     said.fold(info.name.to_owned(), |label, name| label + &format!(" {name}={}", pass.params.get(name)))
 }

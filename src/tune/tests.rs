@@ -157,12 +157,14 @@ fn every_shipped_effect_has_candidates_by_rays_and_by_raster() {
     for (project, raster, rays) in [
         ("SceneSSAO.xml", 12, 10),
         ("SceneShadows.xml", 7, 1),
-        ("SceneReflect.xml", 8, 1),
-        ("SceneRefract.xml", 4, 2),
+        ("SceneReflect.xml", 11, 1),
+        ("SceneRefract.xml", 7, 2),
         ("SceneFinal.xml", 0, 20),
         ("raster/SceneGTAO.xml", 12, 10),
         ("raster/SceneShadowMap.xml", 7, 1),
-        ("raster/ScenePlanarReflect.xml", 8, 1),
+        ("raster/ScenePlanarReflect.xml", 11, 1),
+        ("raster/SceneScreenReflect.xml", 11, 1),
+        ("raster/SceneScreenRefract.xml", 7, 2),
     ] {
         let slots = slots_of(project, &[]);
         assert_eq!(slots.len(), 1, "{project}");
@@ -190,6 +192,8 @@ fn every_candidate_of_the_shipped_projects_can_be_planned() {
         "raster/SceneShadowMap.xml",
         "raster/SceneCubeRefract.xml",
         "raster/ScenePlanarReflect.xml",
+        "raster/SceneScreenReflect.xml",
+        "raster/SceneScreenRefract.xml",
     ] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(name);
         let declared = project::load(&path).expect("it loads");

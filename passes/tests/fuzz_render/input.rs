@@ -5,7 +5,7 @@ use curitiba_pipeline::plan::Settings;
 use std::fmt::Write as _;
 
 /// The shipped projects: one for each ray program, one without, one for each raster effect.
-const PROJECTS: [&str; 13] = [
+const PROJECTS: [&str; 15] = [
     include_str!("../../../xml_projects/SceneNoEffects.xml"),
     include_str!("../../../xml_projects/SceneDummy.xml"),
     include_str!("../../../xml_projects/SceneShadows.xml"),
@@ -19,6 +19,8 @@ const PROJECTS: [&str; 13] = [
     include_str!("../../../xml_projects/raster/SceneDepthOcclusion.xml"),
     include_str!("../../../xml_projects/raster/SceneGTAO.xml"),
     include_str!("../../../xml_projects/raster/ScenePlanarReflect.xml"),
+    include_str!("../../../xml_projects/raster/SceneScreenReflect.xml"),
+    include_str!("../../../xml_projects/raster/SceneScreenRefract.xml"),
 ];
 /// The first of [`PROJECTS`] whose `pass2` is a raster effect.
 const FIRST_EFFECT: usize = 7;
@@ -105,7 +107,7 @@ const RAY_SETTINGS: [&str; 16] = [
     "fresnel=schlick",
 ];
 /// The same, if it is a raster effect.
-const EFFECT_SETTINGS: [&str; 16] = [
+const EFFECT_SETTINGS: [&str; 20] = [
     "cascades=1",
     "cascades=8",
     "pcf=0",
@@ -122,6 +124,10 @@ const EFFECT_SETTINGS: [&str; 16] = [
     "slices=1",
     "steps=1",
     "fresnel=schlick",
+    "thickness=1e-30",
+    "thickness=1e30",
+    "missing=none",
+    "missing=rays",
 ];
 /// Materials by the byte of a triangle; `Vidro` is the one that the projects take for glass.
 const MATERIALS: [&str; 4] = ["wall", "leaf", "Vidro", "lamp"];
@@ -229,7 +235,7 @@ fn rewritten(project: &str, scene_param: &str, bytes: &mut Bytes<'_>) -> String 
 
 /// What `--set` gets: parameters of the second pass, and the format of a channel.
 fn assignments(project: usize, bytes: &mut Bytes<'_>) -> Vec<String> {
-    let parameters = if project < FIRST_EFFECT { RAY_SETTINGS } else { EFFECT_SETTINGS };
+    let parameters = if project < FIRST_EFFECT { &RAY_SETTINGS[..] } else { &EFFECT_SETTINGS[..] };
     let mut set = Vec::new();
     // A program does not read every parameter: an assignment that it refuses ends the run early, so most bytes set none.
     for _ in 0..3 {
@@ -239,7 +245,7 @@ fn assignments(project: usize, bytes: &mut Bytes<'_>) -> Vec<String> {
     match project {
         // The report's 100 samples would take most of the time.
         5 | 6 if !set.iter().any(|assignment| assignment.contains("samples")) => set.push("pass2.samples=4".to_owned()),
-        7..=9 => set.push("pass2.mapsize=16".to_owned()),
+        7..=9 | 13..=14 => set.push("pass2.mapsize=16".to_owned()),
         _ => {}
     }
     set.extend([bytes.of(&FORMATS), bytes.of(&FORMATS)].map(str::to_owned));

@@ -6,6 +6,7 @@ mod mirrors;
 mod occlusion;
 mod oracle;
 mod planes;
+mod screen;
 mod shadows;
 mod soft;
 mod square;

@@ -10,32 +10,32 @@ use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram::CubeReflect
 use glam::camera::rh;
 use glam::{DVec3, Mat4, Vec3, Vec4};
 
-const SIDE: u32 = 160;
+pub const SIDE: u32 = 160;
 
 /// Nearest distance that cameras see.
 const NEAR: f32 = 0.05;
 
 /// A camera in `f64`.
 #[derive(Clone, Copy)]
-struct Camera {
-    eye: Vec3,
-    forward: DVec3,
-    right: DVec3,
-    up: DVec3,
+pub struct Camera {
+    pub eye: Vec3,
+    pub forward: DVec3,
+    pub right: DVec3,
+    pub up: DVec3,
     /// Half a side of the picture at distance 1; without perspective, in scene units.
-    half: f64,
-    perspective: bool,
+    pub half: f64,
+    pub perspective: bool,
 }
 
 impl Camera {
-    fn new(eye: Vec3, target: Vec3, half: f64) -> Self {
+    pub fn new(eye: Vec3, target: Vec3, half: f64) -> Self {
         let forward = (target.as_dvec3() - eye.as_dvec3()).normalize();
         let up = if forward.y.abs() > 0.99 { DVec3::NEG_Z } else { DVec3::Y };
         let right = forward.cross(up).normalize();
         Self { eye, forward, right, up: right.cross(forward), half, perspective: true }
     }
 
-    fn view(&self) -> View {
+    pub fn view(&self) -> View {
         let (near, far) = (NEAR, 500.0);
         let direction = self.forward.as_vec3();
         let up = self.up.as_vec3();
@@ -52,7 +52,7 @@ impl Camera {
     }
 
     /// The ray through a place of the picture, in pixels: from where, and where to.
-    fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
+    pub fn ray(&self, x: f64, y: f64) -> (DVec3, DVec3) {
         let place = |at: f64| (2.0 * at / f64::from(SIDE) - 1.0) * self.half;
         let aside = self.right * place(x) - self.up * place(y);
         let eye = self.eye.as_dvec3();
@@ -61,7 +61,7 @@ impl Camera {
 }
 
 /// The nearest triangle in front of a ray's origin that is not left out, and its distance (Möller and Trumbore, 1997).
-fn nearest(shot: &Shot, origin: DVec3, direction: DVec3, glass: bool) -> Option<(u32, f64)> {
+pub fn nearest(shot: &Shot, origin: DVec3, direction: DVec3, glass: bool) -> Option<(u32, f64)> {
     let geometry = &shot.scene.geometry;
     let mut best: Option<(u32, f64)> = None;
     for triangle in 0..geometry.triangles.len() as u32 {

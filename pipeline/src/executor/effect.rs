@@ -1,25 +1,79 @@
 //! Effect passes: raster effects on the G-buffer that the rasteriser drew.
 
-use super::{Observer, Progress, Renderer, StepKind, channel_of};
-use crate::backend::{BackendError, EffectJob, EffectStats, GBuffer};
+use super::rays::{Traced, by_kind};
+use super::{Observer, Progress, RenderError, Renderer, StepKind, channel_of};
+use crate::backend::{Answers, BackendError, EffectJob, EffectStats, GBuffer, NO_TRIANGLE, RayJob};
 use crate::image::Image;
-use crate::memory::mebibytes;
+use crate::memory::{self, mebibytes};
 use crate::plan::{PlannedPass, Work};
 use crate::project::{ChannelRef, EffectPass, PassKind};
+use crate::scene::TriangleRanges;
+use glam::Vec3;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 impl Renderer {
+    /// Runs an effect, and has the ray backend trace the pixels that it leaves to rays, with another backend where one fails and another is
+    /// allowed.
     pub(super) fn effect(
         &mut self,
         index: usize,
         planned: &PlannedPass,
         name: &str,
         observer: &mut dyn Observer,
-    ) -> Result<(), BackendError> {
-        let Work::Effect { scene_set, view, params, reads_triangle, resident } = planned.work else { return Ok(()) };
+    ) -> Result<Traced, RenderError> {
+        let (Work::Effect { scene_set, .. }, Some(target)) = (&planned.work, self.plan.pass(planned).target) else {
+            return Ok(Traced::Done);
+        };
+        let frame = Some(self.frame);
+        let failed = |error| RenderError::Pass { pass: name.to_owned(), frame, error };
+        let stats = self.by_raster(index, planned, name, observer).map_err(failed)?;
+        let traced = match stats.answers {
+            Some(answers) if answers.rays > 0 => self.left_to_rays(index, planned, *scene_set, name, observer)?,
+            _ => Traced::Done,
+        };
+        self.round_to_formats(Some(target));
+        Ok(traced)
+    }
+
+    /// Builds what tracing needs, and traces.
+    fn left_to_rays(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        scene_set: usize,
+        name: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<Traced, RenderError> {
+        let joined = self.joined;
+        loop {
+            self.build_or_stand_in(scene_set, name, observer)?;
+            if self.joined != joined {
+                return Ok(Traced::NothingInHost);
+            }
+            match self.trace_left(index, planned, name, observer) {
+                Ok(()) => return Ok(Traced::Done),
+                Err(_) if self.cancellation.is_cancelled() => return Err(RenderError::Cancelled),
+                Err(error) => self.stand_in(name, error, observer)?,
+            }
+        }
+    }
+
+    /// Runs what the rasteriser does of it, into a target that is not yet rounded.
+    fn by_raster(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        name: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<EffectStats, BackendError> {
+        let Work::Effect { scene_set, view, params, reads_triangle, resident } = planned.work else {
+            return Ok(EffectStats::default());
+        };
         let pass = self.plan.pass(planned);
-        let (PassKind::Effect(effect), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
+        let (PassKind::Effect(effect), Some(target)) = (&pass.kind, pass.target) else {
+            return Ok(EffectStats::default());
+        };
         let effect = effect.clone();
         self.upload(scene_set, observer)?;
         let buffer = std::mem::take(&mut self.targets[target]);
@@ -62,8 +116,100 @@ impl Renderer {
         let computed = self.engines.raster.effect(&job, &mut output, &progress);
         observer.end();
         self.targets[target] = GBuffer { color: output.pixels, ..buffer };
-        self.round_to_formats(Some(target));
-        self.record_effect(name, &effect, computed?);
+        let stats = computed?;
+        self.record_effect(name, &effect, stats);
+        Ok(stats)
+    }
+
+    /// Has the ray backend compute the pixels of glass that an effect left to it, and no others.
+    fn trace_left(
+        &mut self,
+        index: usize,
+        planned: &PlannedPass,
+        name: &str,
+        observer: &mut dyn Observer,
+    ) -> Result<(), BackendError> {
+        let Work::Effect { scene_set, view, .. } = planned.work else { return Ok(()) };
+        let pass = self.plan.pass(planned);
+        let (PassKind::Effect(effect), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
+        let (Some(traced), Some(position)) = (self.plan.traced(planned), effect.position) else { return Ok(()) };
+        let (program, params) = (traced.program, traced.params);
+        let backend = self.engines.rays.name();
+        let refused = |refused: memory::Refused| BackendError::Device { backend, message: refused.to_string() };
+        let materials = &self.materials[index];
+        let scene = Arc::clone(&self.scenes[scene_set].scene);
+        let glazed = TriangleRanges::new(&scene.geometry, &materials.glass);
+        let is_left = |triangle: u32, color: &[f32; 4]| color[3] == Answers::LEFT && glazed.contains(triangle);
+        let (ids, written) = (&self.targets[position.target].triangle, &self.targets[target]);
+        let mut triangle = memory::with_capacity(ids.len()).map_err(refused)?;
+        let left = ids.iter().zip(&written.color);
+        triangle.extend(left.map(|(id, color)| if is_left(*id, color) { *id } else { NO_TRIANGLE }));
+        let (width, height) = (written.width, written.height);
+        let mut output =
+            Image { width, height, pixels: memory::zeroed(width as usize * height as usize).map_err(refused)? };
+        let read = |channel: Option<ChannelRef>, name: &str| match channel {
+            Some(channel) if program.info().buffers.contains(&name) => {
+                channel_of(&self.targets[channel.target], channel.channel)
+            }
+            _ => &[],
+        };
+        let (params, seed) = self.random_of_sample(program, params);
+        let job = RayJob {
+            scene: &scene,
+            program,
+            params,
+            fidelity: self.plan.settings.fidelity,
+            seed,
+            eye: view.eye,
+            sun: effect.light.and_then(|light| self.sun(light)),
+            origin: written.origin,
+            width,
+            height,
+            position: read(effect.position, "pos_buffer"),
+            normal: read(effect.normal, "norm_buffer"),
+            color: read(effect.color, "color_buffer"),
+            triangle: &triangle,
+            shared: None,
+            beyond: Vec3::ZERO,
+            dielectrics: &materials.dielectrics,
+            shades: &materials.shades,
+            glass: &materials.glass,
+            shadow_glass: &materials.shadow_glass,
+        };
+        let progress = Arc::new(Progress::until(&self.cancellation));
+        observer.begin(StepKind::Rays, name, &progress);
+        let start = Instant::now();
+        let result = self.engines.rays.run(&job, &mut output, &progress);
+        let elapsed = start.elapsed();
+        observer.end();
+        let stats = result?;
+        if self.cancellation.is_cancelled() {
+            return Ok(());
+        }
+        for ((pixel, traced), id) in self.targets[target].color.iter_mut().zip(&output.pixels).zip(&triangle) {
+            if *id != NO_TRIANGLE {
+                *pixel = *traced;
+            }
+        }
+        let sums = self.sample > 0;
+        let copies = stats.upload.unwrap_or_default() + stats.read_back.unwrap_or_default();
+        if let Some(upload) = stats.upload {
+            self.timeline.record(StepKind::Join, name, upload).note = "copied from the host".to_owned();
+        }
+        self.timeline.rows.iter_mut().filter(|row| row.kind == StepKind::Rays).for_each(|row| row.bytes = 0);
+        let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
+        row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
+        let mut rays = stats.rays;
+        if sums {
+            rays += row.rays.unwrap_or_default();
+        }
+        row.rays = Some(rays);
+        row.bytes = stats.held_bytes;
+        row.note =
+            format!("{} on {backend}, for what the screen does not answer{}", program.info().stem, by_kind(rays));
+        if let Some(read_back) = stats.read_back {
+            self.timeline.record(StepKind::ReadBack, name, read_back);
+        }
         Ok(())
     }
 
@@ -86,6 +232,10 @@ impl Renderer {
         if without > 0 {
             let percent = 100.0 * without as f64 / glass as f64;
             row.note += &format!(", {without} of {glass} pixels of glass ({percent:.2} %) in no mirror");
+        }
+        if let Some(answers) = stats.answers {
+            row.note += &format!(", {answers}");
+            row.answers = Some(answers);
         }
         if let Some(transfer) = stats.transfer {
             self.timeline.record(StepKind::ReadBack, name, transfer);

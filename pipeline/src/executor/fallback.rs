@@ -2,8 +2,7 @@
 
 use super::{Fallback, Observer, RenderError, Renderer};
 use crate::backend::BackendError;
-use crate::plan::Work;
-use crate::project::PassKind;
+use crate::plan::Traced;
 
 impl Renderer {
     /// Every ray backend that failed so far, and what was tried in its place.
@@ -14,8 +13,9 @@ impl Renderer {
 
     /// Tells of the backends that could not be made, now that the plan knows for which pass.
     pub(super) fn tell_of_fallbacks(&mut self, observer: &mut dyn Observer) {
-        let mut passes = self.plan.passes.iter().map(|planned| self.plan.pass(planned));
-        let pass = passes.find(|pass| matches!(pass.kind, PassKind::Ray(_))).map(|pass| pass.name.clone());
+        let mut passes = self.plan.passes.iter();
+        let pass = passes.find(|planned| self.plan.traced(planned).is_some());
+        let pass = pass.map(|planned| self.plan.pass(planned).name.clone());
         for fallback in &mut self.engines.fallbacks {
             fallback.pass.clone_from(&pass);
             observer.fell_back(fallback);
@@ -75,11 +75,11 @@ impl Renderer {
         }
         self.plan.passes.iter().enumerate().find_map(|(index, planned)| {
             let pass = self.plan.pass(planned);
-            let (PassKind::Ray(ray), Work::Rays { params, .. }) = (&pass.kind, &planned.work) else { return None };
+            let Traced { program, params, .. } = self.plan.traced(planned)?;
             let rays = &self.engines.rays;
             let materials = self.materials.get(index).filter(|materials| materials.glass.contains(&true));
-            let glass = || materials.map_or(Ok(()), |m| rays.supports_glass(ray.program, params, &m.dielectrics));
-            let error = rays.supports(ray.program, self.plan.settings.fidelity).and_then(|()| glass()).err()?;
+            let glass = || materials.map_or(Ok(()), |m| rays.supports_glass(program, &params, &m.dielectrics));
+            let error = rays.supports(program, self.plan.settings.fidelity).and_then(|()| glass()).err()?;
             Some((pass.name.clone(), error))
         })
     }

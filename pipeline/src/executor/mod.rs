@@ -383,7 +383,10 @@ impl Renderer {
                 Traced::Done => Ok(()),
                 Traced::NothingInHost => return Ok(Traced::NothingInHost),
             },
-            Work::Effect { .. } => self.effect(index, &planned, &name, observer),
+            Work::Effect { .. } => match self.effect(index, &planned, &name, observer)? {
+                Traced::Done => Ok(()),
+                Traced::NothingInHost => return Ok(Traced::NothingInHost),
+            },
             Work::Off { instead } => {
                 self.switched_off(&planned, &name, *instead, observer);
                 Ok(())

@@ -35,16 +35,17 @@ impl Renderer {
         if let Some((pass, error)) = self.unsupported() {
             self.stand_in(&pass, error, observer)?;
         }
-        let first = |raster: bool| {
-            self.plan.passes.iter().find_map(|planned| match planned.work {
-                Work::Raster { scene_set, .. } | Work::Effect { scene_set, .. } if raster => {
-                    Some((self.plan.pass(planned).name.clone(), scene_set))
-                }
-                Work::Rays { scene_set, .. } if !raster => Some((self.plan.pass(planned).name.clone(), scene_set)),
-                _ => None,
-            })
-        };
-        let (drawn, traced) = (first(true), first(false));
+        let plan = &self.plan;
+        let drawn = plan.passes.iter().find_map(|planned| match planned.work {
+            Work::Raster { scene_set, .. } | Work::Effect { scene_set, .. } => {
+                Some((plan.pass(planned).name.clone(), scene_set))
+            }
+            _ => None,
+        });
+        let traced = plan
+            .passes
+            .iter()
+            .find_map(|planned| Some((plan.pass(planned).name.clone(), plan.traced(planned)?.scene_set)));
         if let Some((pass, set)) = drawn {
             self.upload(set, observer).map_err(|error| RenderError::Pass { pass, frame: None, error })?;
         }
@@ -205,8 +206,10 @@ impl Renderer {
             let culled = |(index, material): (usize, &Material)| material.single_sided && !solid(index);
             resolved.culled = materials.iter().enumerate().map(culled).collect();
         }
+        let traced = self.plan.traced(&planned);
         if let PassKind::Effect(effect) = &pass.kind {
             resolved.glass = matching(&effect.glass);
+            resolved.shadow_glass = vec![false; materials.len()];
         }
         if let PassKind::Ray(ray) = &pass.kind {
             resolved.glass = matching(&ray.glass);
@@ -227,6 +230,8 @@ impl Renderer {
             if let Work::Rays { params: RayParams { shadow: GlassShadow::Opaque, .. }, .. } = &planned.work {
                 resolved.shadow_glass.fill(false);
             }
+        }
+        if traced.is_some() {
             let (needed, why) = self.plan.needs_structure(&planned, materials);
             let what = format!("acceleration structure for pass `{}`", pass.name);
             self.plan.decisions.push(Decision { what, built: needed, why });
@@ -295,7 +300,7 @@ impl Renderer {
     pub(super) fn filtered_materials(&self, set: usize) -> Vec<bool> {
         let mut filtered = vec![false; self.scenes[set].scene.materials.len()];
         for (planned, materials) in self.plan.passes.iter().zip(&self.materials) {
-            if matches!(planned.work, Work::Rays { scene_set, .. } if scene_set == set) {
+            if self.plan.traced(planned).is_some_and(|traced| traced.scene_set == set) {
                 for (material, filtered) in filtered.iter_mut().enumerate() {
                     *filtered |= materials.shades[material].alpha_cutoff.is_some() || materials.shadow_glass[material];
                 }

@@ -144,7 +144,7 @@ impl Renderer {
 }
 
 /// `: 12 shadow, 3 reflected`, the kinds that were traced.
-fn by_kind(rays: RayCounts) -> String {
+pub(super) fn by_kind(rays: RayCounts) -> String {
     let kinds = [
         (rays.shadow, "shadow"),
         (rays.occlusion, "occlusion"),

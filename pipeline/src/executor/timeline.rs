@@ -1,6 +1,6 @@
 //! The one definition of time: every step's host time with synchronisation, and the device's own clock where it has one.
 
-use crate::backend::RayCounts;
+use crate::backend::{Answers, RayCounts};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -71,6 +71,9 @@ pub struct Row {
     pub device_ms: Vec<f64>,
     /// Rays of one run.
     pub rays: Option<RayCounts>,
+    /// What answered the pixels of glass of one run, in an effect that marches rays through the picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub answers: Option<Answers>,
     /// Bytes that what the step made takes while it is kept: an acceleration structure, maps, the lists of a ray pass.
     pub bytes: u64,
     /// What was done: triangles, bytes.
@@ -142,6 +145,7 @@ impl Timeline {
                 host_ms: Vec::new(),
                 device_ms: Vec::new(),
                 rays: None,
+                answers: None,
                 bytes: 0,
                 note: String::new(),
                 spans: Vec::new(),

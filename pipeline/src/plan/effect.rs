@@ -1,12 +1,12 @@
 //! Effect passes in the plan: whose G-buffer they read, and where it lies.
 
 use super::liveness::Wanted;
-use super::{Plan, PlanError, Work, rectangle, view};
+use super::{Plan, PlanError, PlannedPass, Work, rectangle, view};
 use crate::backend::Rect;
 use crate::image::PixelFormat;
-use crate::programs::Fidelity;
-use crate::project::{ChannelRef, EffectPass, Pass, PassKind, RasterPass};
-use crate::raster_effects::EffectParams;
+use crate::programs::{Fidelity, RayParams, RayProgram};
+use crate::project::{ChannelRef, EffectPass, MaterialPattern, Pass, PassKind, RasterPass};
+use crate::raster_effects::{EffectParams, Missing};
 
 /// The raster pass that drew a G-buffer.
 struct Source<'a> {
@@ -62,17 +62,26 @@ impl Plan {
                 format!("let pass `{}` draw into the whole of its target", source.pass.name),
             ));
         }
+        let traces = info.program.marches() && params.missing == Missing::Rays;
+        if traces && self.settings.fidelity == Fidelity::Thesis {
+            return Err(PlanError::new(
+                format!("{}: pass `{}` leaves pixels to rays by their triangles", pass.place, pass.name),
+                "thesis fidelity has none: set missing=cube or missing=none, or use --fidelity corrected",
+            ));
+        }
         let inputs: Vec<ChannelRef> = inputs(effect).collect();
         let resident = self.is_resident(passes, index, &inputs, source.index);
         wanted.channels.extend(inputs.iter().copied());
-        if !resident {
+        // The ray backend gets the pixels that are left to it from host memory.
+        let in_host = !resident || traces;
+        if in_host {
             wanted.host.extend(inputs);
         }
         if info.glass
             && let Some(position) = effect.position
         {
             wanted.triangles.insert(position.target);
-            if !resident {
+            if in_host {
                 wanted.host_triangles.insert(position.target);
             }
         }
@@ -144,6 +153,42 @@ impl Plan {
             && in_place(ray.normal, 2)
             && self.is_resident(passes, index, channels, source);
         fits.then_some(target)
+    }
+}
+
+/// A program that the ray backend runs for a pass.
+#[derive(Debug, Clone, Copy)]
+pub struct Traced<'a> {
+    /// Which.
+    pub program: RayProgram,
+    /// Its constants.
+    pub params: RayParams,
+    /// Index into [`Plan::scene_sets`].
+    pub scene_set: usize,
+    /// The materials that are glass, by name.
+    pub glass: &'a [MaterialPattern],
+}
+
+impl Plan {
+    /// What the ray backend runs for a pass: the program of a ray pass, or the counterpart of an effect that leaves pixels to it.
+    #[must_use]
+    pub fn traced(&self, planned: &PlannedPass) -> Option<Traced<'_>> {
+        match (&planned.work, &self.pass(planned).kind) {
+            (Work::Rays { scene_set, params, .. }, PassKind::Ray(ray)) => {
+                Some(Traced { program: ray.program, params: *params, scene_set: *scene_set, glass: &ray.glass })
+            }
+            (Work::Effect { scene_set, params, .. }, PassKind::Effect(effect))
+                if effect.program.marches() && params.missing == Missing::Rays =>
+            {
+                Some(Traced {
+                    program: effect.program.info().counterpart,
+                    params: params.by_rays(),
+                    scene_set: *scene_set,
+                    glass: &effect.glass,
+                })
+            }
+            _ => None,
+        }
     }
 }
 

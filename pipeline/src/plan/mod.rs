@@ -14,6 +14,7 @@ mod spheres;
 mod sun;
 
 pub use access::{Access, Slot, TRIANGLES};
+pub use effect::Traced;
 pub use off::Instead;
 pub use parts::{BLOCK, Part, Parts};
 pub use settings::{PlanError, Settings};
@@ -373,17 +374,17 @@ impl Plan {
         }
     }
 
-    /// Whether a ray pass needs an acceleration structure for a scene with these materials, and why.
+    /// Whether a pass needs an acceleration structure for a scene with these materials, and why.
     #[must_use]
     pub fn needs_structure(&self, planned: &PlannedPass, materials: &[Material]) -> (bool, String) {
-        let (Work::Rays { params, .. }, PassKind::Ray(ray)) = (&planned.work, &self.pass(planned).kind) else {
+        let Some(Traced { program, params, glass, .. }) = self.traced(planned) else {
             return (false, "it traces no ray".into());
         };
         let by_itself = |material: &Material| self.asks_materials(planned) && material.transmission >= TRANSPARENT;
-        let named = |material: &Material| ray.glass.iter().any(|pattern| pattern.matches(&material.name));
-        let glass = materials.iter().any(|material| named(material) || by_itself(material));
+        let named = |material: &Material| glass.iter().any(|pattern| pattern.matches(&material.name));
+        let finds_glass = materials.iter().any(|material| named(material) || by_itself(material));
         // In thesis fidelity a pixel is glass by its colour, whatever its material.
-        ray.program.info().needs_structure(params, glass || self.settings.fidelity == Fidelity::Thesis)
+        program.info().needs_structure(&params, finds_glass || self.settings.fidelity == Fidelity::Thesis)
     }
 
     fn check_memory(&self) -> Result<(), PlanError> {

@@ -240,7 +240,16 @@ fn an_embedded_texture_decodes_to_its_texels() {
 #[test]
 fn the_projects_share_their_cameras() {
     let files = ["NoEffects", "Dummy", "Shadows", "Reflect", "Refract", "SSAO", "Final"];
-    let raster = ["ShadowMap", "CubeReflect", "CubeRefract", "PlanarReflect", "DepthOcclusion", "GTAO"];
+    let raster = [
+        "ShadowMap",
+        "CubeReflect",
+        "CubeRefract",
+        "PlanarReflect",
+        "ScreenReflect",
+        "ScreenRefract",
+        "DepthOcclusion",
+        "GTAO",
+    ];
     for name in ["MainCamera", "Vidro"] {
         let first = camera("SceneFinal.xml", name);
         for file in files {

@@ -60,11 +60,12 @@ fn about(effect: Effect) -> &'static str {
         }
         Effect::Reflection => {
             "By raster, a cube map drawn from the middle of the pane: what is near the pane is seen from a wrong place, and no \
-             pane sees another; or the camera mirrored at the plane of the panes, which sees in each pixel what its mirrored ray meets first. \
-             By rays, the mirrored ray itself, and on to other panes."
+             pane sees another; or the camera mirrored at the plane of the panes, which sees in each pixel what its mirrored ray meets first; \
+             or a march through the picture itself, which answers the rays that meet what it shows. By rays, the mirrored ray itself, and on to other panes."
         }
         Effect::Refraction => {
-            "By raster, two look-ups in a cube map, weighted by the Fresnel equations. By rays, the mirrored and the bent ray, \
+            "By raster, two look-ups in a cube map, weighted by the Fresnel equations; or a march through the picture without its glass, \
+             which answers the rays that meet what it shows. By rays, the mirrored and the bent ray, \
              at every pane that they meet."
         }
         Effect::Occlusion => {

@@ -5,6 +5,7 @@
 //! - [`cascades`], [`shadow`]: how many depth maps there are, which one serves a pixel, their cameras and their test.
 //! - [`panes`], [`cube`]: which glass gets a cube map, its cameras, and how a direction is looked up.
 //! - [`planes`], [`mirrors`]: which flat glass lies in one plane, which planes mirror, and the cameras mirrored at them.
+//! - [`screen`]: what rays from glass meet among the surfaces that the picture shows.
 //! - [`occlusion`]: what the two screen-space ambient occlusions compute at a pixel.
 //!
 //! # Pixels that an effect leaves alone
@@ -26,6 +27,7 @@ pub mod mirrors;
 pub mod occlusion;
 pub mod panes;
 pub mod planes;
+pub mod screen;
 pub mod shadow;
 pub mod soft;
 

@@ -96,7 +96,7 @@ pub(super) struct Targets {
 }
 
 impl Targets {
-    fn new(gpu: &Gpu, width: u32, height: u32, stored: Stored) -> Result<Self, BackendError> {
+    pub fn new(gpu: &Gpu, width: u32, height: u32, stored: Stored) -> Result<Self, BackendError> {
         let formats = stored.formats();
         let pixel_bytes: u32 = formats.into_iter().flatten().map(texel_bytes).sum();
         let limits = &gpu.limits;
@@ -161,6 +161,11 @@ impl Targets {
             depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
             stencil_ops: None,
         }
+    }
+
+    /// Bytes of device memory, the depth buffer included.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// What is written, and in which form.

@@ -184,6 +184,8 @@ impl SceneProjects {
             ("raster/SceneCubeReflect.xml", raster(EffectProgram::CubeReflection)),
             ("raster/SceneCubeRefract.xml", raster(EffectProgram::CubeRefraction)),
             ("raster/ScenePlanarReflect.xml", raster(EffectProgram::PlanarReflection)),
+            ("raster/SceneScreenReflect.xml", raster(EffectProgram::ScreenReflection)),
+            ("raster/SceneScreenRefract.xml", raster(EffectProgram::ScreenRefraction)),
             ("raster/SceneGTAO.xml", raster(EffectProgram::HorizonOcclusion)),
             ("raster/SceneDepthOcclusion.xml", raster(EffectProgram::DepthOcclusion)),
         ]

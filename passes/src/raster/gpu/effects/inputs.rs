@@ -87,7 +87,8 @@ impl Inputs {
         Ok(Ready { group, id_base: 1, upload: None })
     }
 
-    fn bind(&self, gpu: &Gpu, views: [Option<&wgpu::TextureView>; 4]) -> wgpu::BindGroup {
+    /// The group of a G-buffer with these channels.
+    pub fn bind(&self, gpu: &Gpu, views: [Option<&wgpu::TextureView>; 4]) -> wgpu::BindGroup {
         let view = |channel: usize| views[channel].unwrap_or(&self.unread[channel]);
         let resources = (0..4).map(|channel| wgpu::BindingResource::TextureView(view(channel)));
         bindings::bind(&gpu.device, "G-buffer", &self.layout, resources)

@@ -13,6 +13,7 @@ mod kept;
 mod maps;
 mod programs;
 mod question;
+mod screen;
 mod shader;
 mod survey;
 mod table;
@@ -29,20 +30,25 @@ use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::mirrors::{Mirrors, Survey};
 use crate::raster::effects::panes::Probes;
 use crate::raster::effects::planes::Run;
+use crate::raster::effects::screen::camera::ScreenCamera;
 use crate::raster::effects::soft::{FILTER_TAPS, SEARCH_TAPS};
 use crate::raster::effects::{SceneCache, check, check_map_bytes, cube};
 use ask::Ask;
-use curitiba_pipeline::backend::{BackendError, EffectJob, EffectStats, Rect};
+use curitiba_pipeline::backend::{Answers, BackendError, EffectJob, EffectStats, Part, Rect};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::raster_effects::EffectProgram;
+use curitiba_pipeline::raster_effects::{EffectProgram, Missing};
 use curitiba_pipeline::scene::TriangleRanges;
 use inputs::{Inputs, Ready};
 use kept::Kept;
 use maps::{Maps, MapsKey, Shot};
 use programs::{OUTPUT_FORMAT, Program, Task};
 use rayon::prelude::*;
-use shader::{AskUniform, CubeUniform, MirrorPlane, OcclusionUniform, PlanarUniform, ProbeBox, ShadowUniform, Variant};
+use screen::Marching;
+use shader::{
+    AskUniform, CubeUniform, MirrorPlane, OcclusionUniform, PlanarUniform, ProbeBox, ScreenUniform, ShadowUniform,
+    Variant,
+};
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 use survey::Surveyor;
@@ -78,6 +84,7 @@ pub(super) struct Effects {
     runs: Table,
     mirrors: Table,
     surveyor: Option<Surveyor>,
+    marching: Option<Marching>,
     plane_of: Vec<u32>,
     probes: Probes,
     shots: Vec<Shot>,
@@ -85,8 +92,8 @@ pub(super) struct Effects {
     ranges: TriangleRanges,
 }
 
-/// A program, the size of its output, and its maps.
-type GroupKey = (Variant, (u32, u32), Option<MapsKey>);
+/// A program, the size of its output, its maps, and the size of its pyramid.
+type GroupKey = (Variant, (u32, u32), Option<MapsKey>, Option<[u32; 2]>);
 
 /// Where a program writes.
 #[derive(Debug)]
@@ -118,6 +125,8 @@ impl Output {
 struct Prepared {
     maps: Option<MapsKey>,
     params: Vec<u8>,
+    /// Building what rays are marched through.
+    building: Part,
 }
 
 /// Texels that a pixel of a program reads, about.
@@ -127,6 +136,8 @@ fn texels(job: &EffectJob<'_>) -> u64 {
         EffectProgram::ShadowMap if params.sun > 0.0 => 1 + (SEARCH_TAPS + 4 * FILTER_TAPS) as u64,
         EffectProgram::ShadowMap => 1 + (2 * u64::from(params.pcf) + 2).pow(2),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => 12 + u64::from(params.probes),
+        // Rays mostly cross hundreds of pixels, of which blocks are skipped.
+        EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => 256,
         EffectProgram::PlanarReflection => 4,
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
             2 + 2 * u64::from(params.slices) * u64::from(params.steps)
@@ -149,6 +160,7 @@ impl Effects {
             runs: Table::new(gpu)?,
             mirrors: Table::new(gpu)?,
             surveyor: None,
+            marching: None,
             plane_of: Vec::new(),
             probes: Probes::default(),
             shots: Vec::new(),
@@ -160,7 +172,8 @@ impl Effects {
     pub fn bytes(&self) -> u64 {
         let maps: u64 = self.maps.values().map(|maps| maps.bytes).sum();
         let pixels = |output: &Output| u64::from(output.texture.width()) * u64::from(output.texture.height());
-        maps + 16 * self.outputs.values().map(pixels).sum::<u64>() + self.inputs.bytes()
+        let marching = self.marching.as_ref().map_or(0, Marching::bytes);
+        maps + marching + 16 * self.outputs.values().map(pixels).sum::<u64>() + self.inputs.bytes()
     }
 
     /// Runs a pass. `drawn` is what was drawn last, if that is a whole picture.
@@ -204,9 +217,12 @@ impl Effects {
             EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
                 self.cube_maps(context, job, called.is_some(), &task, &mut stats, progress)?
             }
+            EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => {
+                self.screen(context, job, called.is_some(), &gbuffer, &task, &mut stats, progress)?
+            }
             EffectProgram::PlanarReflection => self.pictures(context, job, &mirrors, &task, &mut stats, progress)?,
             EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
-                Prepared { maps: None, params: bytemuck::bytes_of(&OcclusionUniform::new(job)).to_vec() }
+                Prepared { params: bytemuck::bytes_of(&OcclusionUniform::new(job)).to_vec(), ..Prepared::default() }
             }
         };
 
@@ -217,8 +233,18 @@ impl Effects {
         }
         let group = self.group(gpu, variant, size, prepared.maps)?;
         let Some(program) = self.programs.get(&variant) else { return Ok(stats) };
-        stats.pixels = program.run(gpu, context.timer, [&gbuffer, &group], &prepared.params, &task, progress)?;
+        let behind = match (&self.marching, shader::reads_behind(job.program)) {
+            (Some(marching), true) => marching.behind_group(gpu, &self.inputs),
+            _ => None,
+        };
+        let groups: Vec<&wgpu::BindGroup> = [&gbuffer, &group].into_iter().chain(&behind).collect();
+        let part = program.run(gpu, context.timer, &groups, &prepared.params, &task, progress)?;
+        stats.pixels = together(part, prepared.building);
         stats.pixels.host += asking;
+        if let (Some(marching), true) = (&self.marching, job.program.marches()) {
+            let counted = if called.is_some() { marching.counted(gpu)? } else { [0; 3] };
+            stats.answers = Some(Answers::new(counted, job.params.missing));
+        }
 
         let start = Instant::now();
         if let Some(texture) = self.outputs.last().map(|output| &output.texture) {
@@ -298,7 +324,54 @@ impl Effects {
             (stats.maps, stats.triangles, stats.map_count, stats.bytes) = (Some(part), triangles, count, maps.bytes);
         }
         let params = bytemuck::bytes_of(&ShadowUniform::new(job, &cascades)).to_vec();
-        Ok(Prepared { maps: Some(key), params })
+        Ok(Prepared { maps: Some(key), params, ..Prepared::default() })
+    }
+
+    /// The pyramid that rays are marched through, with refraction of the picture without glass, and the cube maps that stand for rays which
+    /// are not answered.
+    #[expect(clippy::too_many_arguments, reason = "as the other preparations, and where the G-buffer is")]
+    fn screen(
+        &mut self,
+        context: &mut Context<'_>,
+        job: &EffectJob<'_>,
+        called: bool,
+        gbuffer: &wgpu::BindGroup,
+        task: &Task,
+        stats: &mut EffectStats,
+        progress: &Progress,
+    ) -> Result<Prepared, BackendError> {
+        let gpu = context.gpu;
+        let mut marching = match self.marching.take() {
+            Some(marching) => marching,
+            None => Marching::new(gpu, &self.inputs)?,
+        };
+        let camera = ScreenCamera::new(&job.view, job.width, job.height).filter(|_| called);
+        let size = if camera.is_some() { [job.width, job.height] } else { [1; 2] };
+        let behind = shader::reads_behind(job.program);
+        let new_behind = behind && marching.require_behind(gpu, size)?;
+        if marching.require(gpu, size, job.program.info().name)? || new_behind {
+            self.groups.clear();
+        }
+        let mut building = Part::default();
+        if let Some(camera) = &camera {
+            let mut seen = gbuffer.clone();
+            if behind {
+                let (part, triangles, bytes) = marching.draw_behind(context, &mut self.draws, job)?;
+                (stats.maps, stats.map_count, stats.triangles, stats.bytes) = (Some(part), 1, triangles, bytes);
+                seen = marching.behind_group(gpu, &self.inputs).ok_or_else(|| failure("there is no picture"))?;
+            }
+            building = marching.build(gpu, context.timer, &seen, camera)?;
+        }
+        let cubes = camera.is_some() && job.params.missing == Missing::Cube;
+        let prepared = self.cube_maps(context, job, cubes, task, stats, progress)?;
+        let Some(MapsKey::Cubes { size: map_size, .. }) = prepared.maps else {
+            return Err(failure("there are no cube maps"));
+        };
+        let probes = self.shots.len() / cube::FACES;
+        let seen = camera.as_ref().map(|camera| (camera, marching.levels()));
+        let uniform = ScreenUniform::new(job, seen, map_size, probes, self.ranges.as_slice().len());
+        self.marching = Some(marching);
+        Ok(Prepared { params: bytemuck::bytes_of(&uniform).to_vec(), building, ..prepared })
     }
 
     /// What the panes that matter most see.
@@ -332,11 +405,13 @@ impl Effects {
         if chosen > 0 {
             progress.start(self.shots.len() as u64 + task.submissions());
             let (part, triangles) = maps::draw(context, &mut self.draws, &maps, job, &self.shots, job.glass, progress)?;
-            stats.map_count = chosen as u32;
-            (stats.maps, stats.triangles, stats.bytes) = (Some(part), triangles, maps.bytes);
+            stats.map_count += chosen as u32;
+            stats.triangles += triangles;
+            stats.bytes += maps.bytes;
+            stats.maps = Some(stats.maps.map_or(part, |before| together(before, part)));
         }
         let params = bytemuck::bytes_of(&CubeUniform::new(job, chosen, self.ranges.as_slice().len())).to_vec();
-        Ok(Prepared { maps: Some(key), params })
+        Ok(Prepared { maps: Some(key), params, ..Prepared::default() })
     }
 
     /// The planes of glass that the picture shows most of.
@@ -401,7 +476,7 @@ impl Effects {
             (stats.maps, stats.triangles, stats.bytes) = (Some(part), triangles, maps.bytes);
         }
         let uniform = PlanarUniform { mirrors: chosen.len() as u32, ranges: self.runs.count::<Run>() };
-        Ok(Prepared { maps: Some(key), params: bytemuck::bytes_of(&uniform).to_vec() })
+        Ok(Prepared { maps: Some(key), params: bytemuck::bytes_of(&uniform).to_vec(), ..Prepared::default() })
     }
 
     fn require_maps(&mut self, gpu: &Gpu, program: EffectProgram, key: MapsKey) -> Result<Maps, BackendError> {
@@ -422,7 +497,8 @@ impl Effects {
         size: (u32, u32),
         maps: Option<MapsKey>,
     ) -> Result<wgpu::BindGroup, BackendError> {
-        let key = (variant, size, maps);
+        let marching = self.marching.as_ref().filter(|_| variant.program.marches());
+        let key = (variant, size, maps, marching.and_then(Marching::size));
         if let Some(group) = self.groups.get(&key) {
             return Ok(group.clone());
         }
@@ -437,6 +513,9 @@ impl Effects {
             resources.push(self.glass.buffer.as_entire_binding());
             resources.push(self.boxes.buffer.as_entire_binding());
         }
+        if let Some(marching) = marching {
+            resources.extend(marching.resources().into_iter().flatten());
+        }
         if matches!(maps, Some(MapsKey::Mirrors { .. })) {
             resources.push(self.runs.buffer.as_entire_binding());
             resources.push(self.mirrors.buffer.as_entire_binding());
@@ -445,6 +524,12 @@ impl Effects {
         self.groups.insert(key, group.clone());
         Ok(group)
     }
+}
+
+/// Two parts that follow each other.
+fn together(a: Part, b: Part) -> Part {
+    let device = a.device.map(|time| time + b.device.unwrap_or_default());
+    Part { host: a.host + b.host, device }
 }
 
 /// A layer for each picture, the first in which it meets no other.

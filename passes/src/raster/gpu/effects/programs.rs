@@ -28,19 +28,19 @@ pub struct Program {
     params: wgpu::Buffer,
 }
 
-/// Compiles a shader of this folder: group 0 is the G-buffer, group 1 the program's own.
+/// Compiles a shader of this folder: group 0 is the G-buffer, group 1 the program's own, group 2 of some another G-buffer.
 pub fn compute_pipeline(
     gpu: &Gpu,
     label: Option<&str>,
     source: String,
-    layouts: [&wgpu::BindGroupLayout; 2],
+    layouts: &[&wgpu::BindGroupLayout],
 ) -> wgpu::ComputePipeline {
     let module = gpu
         .device
         .create_shader_module(wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(source.into()) });
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label,
-        bind_group_layouts: &layouts.map(Some),
+        bind_group_layouts: &layouts.iter().copied().map(Some).collect::<Vec<_>>(),
         immediate_size: 0,
     });
     gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
@@ -61,6 +61,10 @@ fn resources(program: EffectProgram) -> Vec<wgpu::BindingType> {
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction | EffectProgram::PlanarReflection => {
             let colors = wgpu::TextureSampleType::Float { filterable: false };
             vec![texture(colors, D2Array), storage(true), storage(true)]
+        }
+        EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => {
+            let colors = wgpu::TextureSampleType::Float { filterable: false };
+            vec![texture(colors, D2Array), storage(true), storage(true), storage(true), storage(false)]
         }
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => Vec::new(),
     }
@@ -86,7 +90,9 @@ impl Program {
         let label = program.info().name;
         let layout = layout(&gpu.device, label, types.into_iter().chain(resources(program)));
         let source = shader::source(variant);
-        let pipeline = compute_pipeline(gpu, Some(label), source, [&inputs.layout, &layout]);
+        let groups = [&inputs.layout, &layout, &inputs.layout];
+        let count = if shader::reads_behind(program) { 3 } else { 2 };
+        let pipeline = compute_pipeline(gpu, Some(label), source, &groups[..count]);
         gpu.check(&format!("building the program {label}"))?;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let frame = gpu.buffer("creation of an effect's uniforms", usage, size_of::<FrameUniform>() as u64)?;
@@ -116,7 +122,7 @@ impl Program {
         &self,
         gpu: &Gpu,
         timer: Option<&Timer>,
-        groups: [&wgpu::BindGroup; 2],
+        groups: &[&wgpu::BindGroup],
         params: &[u8],
         task: &Task,
         progress: &Progress,
@@ -138,7 +144,7 @@ impl Program {
                     timestamp_writes: timer.and_then(|timer| timer.compute_span(is_first, is_last)),
                 });
                 pass.set_pipeline(&self.pipeline);
-                for (index, group) in (0..).zip(groups) {
+                for (index, group) in (0..).zip(groups.iter().copied()) {
                     pass.set_bind_group(index, group, &[]);
                 }
                 pass.dispatch_workgroups(task.width.div_ceil(GROUP), (band.end - band.start).div_ceil(GROUP), 1);

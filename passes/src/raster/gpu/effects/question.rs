@@ -42,7 +42,7 @@ impl Question {
         let read = (0..tables).map(|_| storage(true));
         let layout =
             layout(&gpu.device, words.label, [uniform(params)].into_iter().chain(read).chain([storage(false)]));
-        let pipeline = compute_pipeline(gpu, Some(words.label), source, [&inputs.layout, &layout]);
+        let pipeline = compute_pipeline(gpu, Some(words.label), source, &[&inputs.layout, &layout]);
         gpu.check(words.building)?;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let params = gpu.buffer(words.building, usage, params as u64)?;

@@ -7,13 +7,16 @@ use crate::raster::effects::mirrors::Mirror;
 use crate::raster::effects::occlusion::DEPTH_TOLERANCE;
 use crate::raster::effects::panes::Probe;
 use crate::raster::effects::planes::NO_PLANE;
+use crate::raster::effects::screen::camera::{LEAST_COSINE, ScreenCamera};
+use crate::raster::effects::screen::march::{LEAST_SPAN, ROUNDING, STEP};
+use crate::raster::effects::screen::pyramid::{Level, MAX_LEVELS, NOTHING};
 use crate::raster::effects::shadow::MAX_SLOPE;
 use crate::raster::effects::soft::{FILTER_TAPS, SEARCH_TAPS, TAPS, Tap};
 use crate::raster::gpu::shader::cut;
 use crate::sampling::hash;
-use curitiba_pipeline::backend::EffectJob;
+use curitiba_pipeline::backend::{Answers, EffectJob};
 use curitiba_pipeline::programs::Fresnel;
-use curitiba_pipeline::raster_effects::{EffectProgram, MAX_CASCADES};
+use curitiba_pipeline::raster_effects::{EffectProgram, MAX_CASCADES, Missing};
 use glam::{Mat4, Vec4};
 use std::fmt::Write;
 
@@ -30,6 +33,18 @@ const GLASS: &str = concat!(include_str!("ranges.wgsl"), include_str!("glass.wgs
 
 /// What programs that look for planes of glass share.
 const GLAZING: &str = concat!(include_str!("ranges.wgsl"), include_str!("glazing.wgsl"));
+
+/// What programs that read cube maps share.
+const CUBES: &str = concat!(include_str!("probes.wgsl"), include_str!("ranges.wgsl"), include_str!("glass.wgsl"));
+
+/// Weights of the two rays of a pane.
+const FRESNEL: &str = include_str!("fresnel.wgsl");
+
+/// What the march through the picture and its pyramid share.
+const SCREEN_CAMERA: &str = include_str!("screen_camera.wgsl");
+
+/// Sums into which pixels are counted, so that few wait for each other.
+pub const SUMS: u32 = 64;
 
 /// Pixels of a row that an invocation of the survey looks at.
 pub const SEGMENT: u32 = 16;
@@ -56,6 +71,9 @@ fn text(program: EffectProgram) -> (&'static str, &'static str) {
     match program {
         EffectProgram::ShadowMap => ("shadow_map.wgsl", include_str!("shadow_map.wgsl")),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => ("cube.wgsl", include_str!("cube.wgsl")),
+        EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => {
+            ("screen.wgsl", include_str!("screen.wgsl"))
+        }
         EffectProgram::PlanarReflection => ("planar.wgsl", include_str!("planar.wgsl")),
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
             ("occlusion.wgsl", include_str!("occlusion.wgsl"))
@@ -71,7 +89,7 @@ pub fn source(Variant { program, soft }: Variant) -> String {
     let (file, text) = text(program);
     let mut source = cut(file, text, |name| {
         Some(match name {
-            "REFRACT" => program == EffectProgram::CubeRefraction,
+            "REFRACT" => program.refracts(),
             "SOFT" => soft,
             "HORIZONS" => program == EffectProgram::HorizonOcclusion,
             _ => return None,
@@ -79,10 +97,29 @@ pub fn source(Variant { program, soft }: Variant) -> String {
     });
     source.push_str(COMMON);
     match program {
-        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => source.push_str(GLASS),
+        EffectProgram::CubeReflection | EffectProgram::CubeRefraction => source.push_str(CUBES),
+        EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => {
+            source.push_str(CUBES);
+            source.push_str(SCREEN_CAMERA);
+        }
         EffectProgram::PlanarReflection => source.push_str(GLAZING),
         EffectProgram::ShadowMap | EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {}
     }
+    if program.refracts() {
+        source.push_str(FRESNEL);
+    }
+    push_constants(&mut source);
+    source
+}
+
+/// Whether a program reads the picture without glass.
+pub fn reads_behind(program: EffectProgram) -> bool {
+    program == EffectProgram::ScreenRefraction
+}
+
+/// A level of the pyramid of nearest surfaces.
+pub fn pyramid_source() -> String {
+    let mut source = [include_str!("pyramid.wgsl"), SCREEN_CAMERA].concat();
     push_constants(&mut source);
     source
 }
@@ -116,6 +153,12 @@ fn push_constants(source: &mut String) {
         ("PI", std::f32::consts::PI),
         ("LARGEST", f32::MAX),
         ("SMALLEST", f32::MIN_POSITIVE),
+        ("LEAST_COSINE", LEAST_COSINE),
+        ("LEAST_SPAN", LEAST_SPAN),
+        ("STEP", STEP),
+        ("ROUNDING", ROUNDING),
+        ("NOTHING", NOTHING),
+        ("LEFT", Answers::LEFT),
     ];
     for (name, value) in floats {
         // Writing to a string does not fail. `{:e}` is the shortest text that reads back as the same number.
@@ -127,6 +170,8 @@ fn push_constants(source: &mut String) {
         ("FILTER_TAPS", FILTER_TAPS as u32),
         ("GROUP", GROUP),
         ("SEGMENT", SEGMENT),
+        ("SUMS", SUMS),
+        ("MAX_LEVELS", MAX_LEVELS as u32),
         ("NO_PLANE", NO_PLANE),
         ("HASH_PIXEL", hash::PIXEL),
         ("HASH_DIMENSIONS", hash::DIMENSIONS),
@@ -141,6 +186,7 @@ pub const fn params_bytes(program: EffectProgram) -> usize {
     match program {
         EffectProgram::ShadowMap => size_of::<ShadowUniform>(),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => size_of::<CubeUniform>(),
+        EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => size_of::<ScreenUniform>(),
         EffectProgram::PlanarReflection => size_of::<PlanarUniform>(),
         EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => size_of::<OcclusionUniform>(),
     }
@@ -253,7 +299,73 @@ impl CubeUniform {
     }
 }
 
-/// `Probe` of `cube.wgsl`.
+/// `Params` of `screen.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct ScreenUniform {
+    camera: ScreenCamera,
+    eye: Vec4,
+    axes: [[Vec4; 3]; FACES],
+    levels: [Level; MAX_LEVELS],
+    level_count: u32,
+    map_size: u32,
+    probes: u32,
+    ranges: u32,
+    index: f32,
+    schlick: u32,
+    thickness: f32,
+    leaves: u32,
+}
+
+impl ScreenUniform {
+    /// Without a camera and levels, every pixel keeps its colour.
+    pub fn new(
+        job: &EffectJob<'_>,
+        seen: Option<(&ScreenCamera, &[Level])>,
+        map_size: u32,
+        probes: usize,
+        ranges: usize,
+    ) -> Self {
+        let mut uniform: Self = bytemuck::Zeroable::zeroed();
+        if let Some((camera, levels)) = seen {
+            uniform.camera = *camera;
+            uniform.level_count = levels.len() as u32;
+            uniform.levels.iter_mut().zip(levels).for_each(|(to, level)| *to = *level);
+        }
+        let leaves = u32::from(job.params.missing == Missing::Rays);
+        Self {
+            eye: job.view.eye.extend(0.0),
+            axes: AXES.map(|axes| axes.map(|axis| axis.extend(0.0))),
+            map_size,
+            probes: probes as u32,
+            ranges: ranges as u32,
+            index: job.params.index,
+            schlick: u32::from(job.params.fresnel == Fresnel::Schlick),
+            thickness: job.params.thickness,
+            leaves,
+            ..uniform
+        }
+    }
+}
+
+/// `Params` of `pyramid.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct PyramidUniform {
+    camera: ScreenCamera,
+    fine: Level,
+    coarse: Level,
+    base: u32,
+    padding: [u32; 3],
+}
+
+impl PyramidUniform {
+    pub fn new(camera: &ScreenCamera, fine: Level, coarse: Level, base: bool) -> Self {
+        Self { camera: *camera, fine, coarse, base: u32::from(base), padding: [0; 3] }
+    }
+}
+
+/// `Probe` of `probes.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct ProbeBox {
@@ -378,6 +490,12 @@ mod tests {
     }
 
     #[test]
+    fn the_pyramid_parses_and_validates() {
+        let module = validate(&pyramid_source()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(layout_in(&module, "Params"), offsets!(PyramidUniform: camera, fine, coarse, base));
+    }
+
+    #[test]
     fn the_survey_parses_and_validates() {
         let module = validate(&survey_source()).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(layout_in(&module, "Params"), offsets!(SurveyUniform: size, id_base, ranges));
@@ -417,7 +535,8 @@ mod tests {
     #[test]
     fn uniforms_lie_as_the_shaders_read_them() {
         use EffectProgram::{
-            CubeReflection, CubeRefraction, DepthOcclusion, HorizonOcclusion, PlanarReflection, ShadowMap,
+            CubeReflection, CubeRefraction, DepthOcclusion, HorizonOcclusion, PlanarReflection, ScreenReflection,
+            ScreenRefraction, ShadowMap,
         };
         for info in EFFECT_PROGRAMS {
             let frame = offsets!(FrameUniform: size, first_row, id_base);
@@ -430,6 +549,18 @@ mod tests {
         for program in [CubeReflection, CubeRefraction] {
             let cube = offsets!(CubeUniform: eye, axes, map_size, probes, ranges, index, schlick);
             assert_eq!(layout(program, "Params"), cube);
+            assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high));
+        }
+        for program in [ScreenReflection, ScreenRefraction] {
+            let screen = offsets!(
+                ScreenUniform: camera, eye, axes, levels, level_count, map_size, probes, ranges, index, schlick, thickness, leaves
+            );
+            assert_eq!(layout(program, "Params"), screen);
+            let camera = offsets!(ScreenCamera: columns, rows, depths, from, right, down, forward);
+            let (named, bytes) = layout(program, "ScreenCamera");
+            // `from` is no name there.
+            let named: Vec<_> = named.into_iter().map(|(name, at)| (name.replace("origin", "from"), at)).collect();
+            assert_eq!((named, bytes), camera);
             assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high));
         }
         assert_eq!(layout(PlanarReflection, "Params"), offsets!(PlanarUniform: mirrors, ranges));

@@ -1,5 +1,7 @@
 //! The raster effects on the processor: maps are drawn as any picture is, pixels are computed in bands of rows by all threads.
 
+mod screen;
+
 use super::surface::{DepthMap, Target};
 use super::{CpuRasteriser, refused};
 use crate::effects::{interface, reflect};
@@ -7,6 +9,7 @@ use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::mirrors::{Mirror, Mirrors, Survey};
 use crate::raster::effects::occlusion::{Method, Occlusion, SPAN, open_shares};
 use crate::raster::effects::panes::{Probe, Probes, nearest};
+use crate::raster::effects::screen::pyramid::Pyramid;
 use crate::raster::effects::{self, SceneCache, cube};
 use curitiba_pipeline::backend::{
     Attachments, BackendError, EffectJob, EffectStats, GBuffer, Part, RasterJob, Rasteriser, Rect, Sun, View,
@@ -39,6 +42,10 @@ pub(super) struct Effects {
     mirror: GBuffer,
     /// By pixel: the plane of glass that it shows.
     plane_of: Vec<u32>,
+    /// What rays are marched through.
+    pyramid: Pyramid,
+    /// The picture without glass.
+    behind: GBuffer,
 }
 
 impl Effects {
@@ -73,6 +80,9 @@ impl Effects {
                 self.cubes(raster, job, output, progress, &mut stats)?;
             }
             EffectProgram::PlanarReflection => self.mirrors(raster, job, output, progress, &mut stats)?,
+            EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => {
+                self.screen(raster, job, output, progress, &mut stats)?;
+            }
             EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
                 let occlusion = Occlusion::new(job);
                 let depths = job.program == EffectProgram::DepthOcclusion;
@@ -144,20 +154,42 @@ impl Effects {
         progress: &Progress,
         stats: &mut EffectStats,
     ) -> Result<(), BackendError> {
-        let bounds = self.scene.bounds(job.scene);
-        // In a picture without a pixel of glass nothing asks the maps.
-        let glazed = TriangleRanges::new(&job.scene.geometry, job.glass);
-        let wanted = !glazed.as_slice().is_empty() && job.triangle.par_iter().any(|id| glazed.contains(*id));
-        let panes = if wanted { self.scene.panes(job.scene, job.glass) } else { &[] };
-        let probes = self.probes.choose(panes, &bounds, &job.view, job.params.probes);
-        let maps = probes.len() * cube::FACES;
-        progress.start(bands(output) + maps as u64);
-        if probes.is_empty() {
+        let Some(glazed) = glass_seen(job) else {
+            progress.start(bands(output));
             stats.pixels = each_pixel(output, progress, |index| job.color[index]);
             return Ok(());
-        }
+        };
+        let maps = self.cube_maps(raster, job, bands(output), progress, stats)?;
+        stats.pixels = each_pixel(output, progress, |index| {
+            let color = glazed.contains(job.triangle[index]).then(|| {
+                let (view, normal, probe) = maps.seen(job, index)?;
+                Some(weighted(job, view, normal, |direction| maps.look_up(probe, direction)))
+            });
+            color.flatten().map_or(job.color[index], |color| color.extend(1.0).to_array())
+        });
+        Ok(())
+    }
+
+    /// Draws the cube maps of a picture that shows glass. Progress ends after so many more steps.
+    fn cube_maps(
+        &mut self,
+        raster: &mut CpuRasteriser,
+        job: &EffectJob<'_>,
+        after: u64,
+        progress: &Progress,
+        stats: &mut EffectStats,
+    ) -> Result<CubeMaps<'_>, BackendError> {
+        let bounds = self.scene.bounds(job.scene);
+        let panes = self.scene.panes(job.scene, job.glass);
+        let probes = self.probes.choose(panes, &bounds, &job.view, job.params.probes);
+        let maps = probes.len() * cube::FACES;
+        progress.start(after + maps as u64);
         let size = job.params.map_size;
-        stats.bytes = maps as u64 * u64::from(size) * u64::from(size) * size_of::<[f32; 4]>() as u64;
+        if probes.is_empty() {
+            return Ok(CubeMaps { probes, faces: &[], size });
+        }
+        let bytes = maps as u64 * u64::from(size) * u64::from(size) * size_of::<[f32; 4]>() as u64;
+        stats.bytes += bytes;
         check_bytes(raster, job, stats.bytes)?;
         let start = Instant::now();
         let attachments = Attachments { color: true, ..Attachments::default() };
@@ -173,19 +205,10 @@ impl Effects {
             raster.render(&map_job, job.glass, Target::Attachments(face, attachments))?;
             progress.advance(1);
         }
-        stats.triangles = maps as u64 * unglazed(job);
-        stats.map_count = probes.len() as u32;
-        stats.maps = Some(Part { host: start.elapsed(), device: None });
-        let refracts = job.program == EffectProgram::CubeRefraction;
-        let faces = &self.faces;
-        stats.pixels = each_pixel(output, progress, |index| {
-            if glazed.contains(job.triangle[index]) {
-                glass(job, probes, faces, index, refracts)
-            } else {
-                job.color[index]
-            }
-        });
-        Ok(())
+        stats.triangles += maps as u64 * unglazed(job);
+        stats.map_count += probes.len() as u32;
+        stats.maps = Some(Part { host: stats.maps.unwrap_or_default().host + start.elapsed(), device: None });
+        Ok(CubeMaps { probes, faces: &self.faces, size })
     }
 
     /// Draws one mirror after the other, into the same map, and takes the pixels that show it from there.
@@ -285,28 +308,52 @@ fn square(size: u32) -> Rect {
     Rect { x: 0, y: 0, width: size, height: size }
 }
 
-/// What a pixel of glass shows: the reflected colour, or both by their Fresnel weights.
-fn glass(job: &EffectJob<'_>, probes: &[Probe], faces: &[GBuffer], index: usize, refracts: bool) -> [f32; 4] {
-    let [position, normal] = [job.position[index], job.normal[index]].map(|value| Vec4::from_array(value).truncate());
-    let (Some(probe), Some((view, normal))) =
-        (nearest(probes, position), effects::facing(job.view.eye, position, normal))
-    else {
-        return job.color[index];
-    };
-    let look_up = |direction: Vec3| {
+/// The glass of the scene, if the picture shows any: without a pixel of it nothing asks for maps.
+fn glass_seen(job: &EffectJob<'_>) -> Option<TriangleRanges> {
+    let glazed = TriangleRanges::new(&job.scene.geometry, job.glass);
+    let seen = !glazed.as_slice().is_empty() && job.triangle.par_iter().any(|id| glazed.contains(*id));
+    seen.then_some(glazed)
+}
+
+/// Cube maps that are drawn.
+struct CubeMaps<'a> {
+    probes: &'a [Probe],
+    /// Six for each probe.
+    faces: &'a [GBuffer],
+    size: u32,
+}
+
+impl CubeMaps<'_> {
+    /// How the eye sees a pixel of glass, and the probe that serves it.
+    fn seen(&self, job: &EffectJob<'_>, index: usize) -> Option<(Vec3, Vec3, usize)> {
+        let [position, normal] =
+            [job.position[index], job.normal[index]].map(|value| Vec4::from_array(value).truncate());
+        let probe = nearest(self.probes, position)?;
+        let (view, normal) = effects::facing(job.view.eye, position, normal)?;
+        Some((view, normal, probe))
+    }
+
+    fn look_up(&self, probe: usize, direction: Vec3) -> Vec3 {
         let (face, at) = cube::locate(direction);
-        cube::sample(&faces[probe * cube::FACES + face].color, job.params.map_size, at)
-    };
+        cube::sample(&self.faces[probe * cube::FACES + face].color, self.size, at)
+    }
+}
+
+/// What glass shows of what `look_up` tells of a direction: the reflected colour, or both by their Fresnel weights.
+fn weighted(job: &EffectJob<'_>, view: Vec3, normal: Vec3, mut look_up: impl FnMut(Vec3) -> Vec3) -> Vec3 {
     let reflected = reflect(view, normal);
-    if !refracts {
-        return look_up(reflected).extend(1.0).to_array();
+    if !job.program.refracts() {
+        return look_up(reflected);
     }
     let interface = interface(job.params.fresnel, -normal.dot(view), job.params.index);
-    let mut color = interface.reflectance * look_up(reflected);
+    let mut color = Vec3::ZERO;
+    if interface.reflectance > 0.0 {
+        color += interface.reflectance * look_up(reflected);
+    }
     if let Some(refracted) = interface.refract(view, normal, job.params.index) {
         color += (1.0 - interface.reflectance) * look_up(refracted);
     }
-    color.extend(1.0).to_array()
+    color
 }
 
 /// Refuses maps that would take too much memory.

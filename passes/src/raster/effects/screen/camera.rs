@@ -1,0 +1,151 @@
+//! The camera of a picture, and what of the scene its pixels show.
+
+use crate::raster::effects::bounds::Frustum;
+use curitiba_pipeline::backend::View;
+use glam::{DMat3, DMat4, DVec3, DVec4, Vec3, Vec4};
+
+/// Least cosine between a surface's normal and the direction in which it is seen: planes that are seen at more of a slant are taken to be seen
+/// at this one.
+pub const LEAST_COSINE: f32 = 1e-3;
+
+/// What pieces of neighbouring pixels may be apart, in sides of a pixel: where shading normals lean 14 degrees from the triangles'.
+pub const SLACK: f64 = 0.25;
+
+/// Where the camera of a picture sees positions. Columns and rows are in pixels from the upper left corner. *Nearness* is the inverse of the
+/// depth, and without perspective the depth times -1; along a line on the screen it changes evenly. Depths are distances along the
+/// direction of sight, in scene units.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct ScreenCamera {
+    /// The dot product with `(p, 1)`, `p` a position less [`Self::from`], is the column times the depth; without perspective the column.
+    pub columns: Vec4,
+    /// The same of rows.
+    pub rows: Vec4,
+    /// The same of depths.
+    pub depths: Vec4,
+    /// What positions are told from: the eye in perspective. `w` is 1 in perspective, 0 without.
+    pub from: Vec4,
+    /// What a column adds to a line of sight at depth 1, without perspective at every depth; `w` is the nearness of the near plane.
+    pub right: Vec4,
+    /// What a row adds to it; `w` is the nearness of what is farthest.
+    pub down: Vec4,
+    /// Unit direction of sight of the middle; `w` is [`SLACK`] at depth 1, without perspective at every depth, in scene units.
+    pub forward: Vec4,
+}
+
+impl ScreenCamera {
+    /// Of a view over pictures of that size. `None` of a camera that makes no sense.
+    #[must_use]
+    pub fn new(view: &View, width: u32, height: u32) -> Option<Self> {
+        let perspective = Frustum::new(&view.clip_from_world)?.depth_plane().is_some();
+        let from = if perspective { view.eye.as_dvec3() } else { DVec3::ZERO };
+        let matrix = match view.clip_from_eye.filter(|_| perspective) {
+            Some(matrix) => matrix.as_dmat4(),
+            None => view.clip_from_world.as_dmat4() * DMat4::from_translation(from),
+        };
+        let [x, y, z, w] = [0, 1, 2, 3].map(|row| matrix.row(row));
+        let (columns, rows) = ((x + w) * (0.5 * f64::from(width)), (w - y) * (0.5 * f64::from(height)));
+        // Depth 1 is a scene unit away; without perspective depth 0 is the near plane, where z is 1.
+        let (scale, depths, near, far) = if perspective {
+            let length = w.truncate().length();
+            let near = z.w / (length - z.dot(w / length));
+            (length, w / length, 1.0 / near, 0.0)
+        } else {
+            let length = (z / w.w).truncate().length();
+            (w.w, (DVec4::W - z / w.w) / length, 0.0, -1.0 / length)
+        };
+        let (columns, rows) = (columns / scale, rows / scale);
+        let pixels_of = DMat3::from_cols(columns.truncate(), rows.truncate(), depths.truncate()).transpose();
+        let sight = pixels_of.inverse();
+        let slack = SLACK * sight.x_axis.length();
+        let camera = Self {
+            columns: columns.as_vec4(),
+            rows: rows.as_vec4(),
+            depths: depths.as_vec4(),
+            from: from.as_vec3().extend(f32::from(u8::from(perspective))),
+            right: sight.x_axis.as_vec3().extend(near as f32),
+            down: sight.y_axis.as_vec3().extend(far as f32),
+            forward: depths.truncate().normalize().as_vec3().extend(slack as f32),
+        };
+        let known = [camera.columns, camera.rows, camera.depths, camera.right, camera.down, camera.forward];
+        known.iter().all(|value| value.is_finite()).then_some(camera)
+    }
+
+    /// Whether lines of sight meet in the eye.
+    #[must_use]
+    #[inline]
+    pub fn perspective(&self) -> bool {
+        self.from.w != 0.0
+    }
+
+    /// Column, row and nearness of a position.
+    #[must_use]
+    #[inline]
+    pub fn place(&self, position: Vec3) -> Vec3 {
+        let [column, row, depth] =
+            [self.columns, self.rows, self.depths].map(|row| row.dot((position - self.from.truncate()).extend(1.0)));
+        if self.perspective() {
+            Vec3::new(column / depth, row / depth, 1.0 / depth)
+        } else {
+            Vec3::new(column, row, -depth)
+        }
+    }
+
+    /// Whether a place is at most so deep behind one of another nearness, and [`SLACK`].
+    #[must_use]
+    #[inline]
+    pub fn is_within(&self, nearness: f32, other: f32, depth: f32) -> bool {
+        let reach =
+            if self.perspective() { (depth * other + self.forward.w) * nearness } else { depth + self.forward.w };
+        other - nearness <= reach
+    }
+}
+
+/// What a pixel shows: a piece of a plane.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece {
+    /// Column, row and nearness of its position.
+    pub place: Vec3,
+    /// How nearness changes from a column to the next, and from a row to the next.
+    pub slope: [f32; 2],
+    /// Unit normal, towards the camera.
+    pub normal: Vec3,
+}
+
+impl Piece {
+    /// From the position and normal of a G-buffer; `None` where it shows nothing.
+    #[must_use]
+    #[inline]
+    pub fn new(camera: &ScreenCamera, position: [f32; 4], normal: [f32; 4]) -> Option<Self> {
+        let position = Vec4::from_array(position).truncate();
+        let normal = Vec4::from_array(normal).truncate().try_normalize()?;
+        let place = camera.place(position);
+        let away = if camera.perspective() { position - camera.from.truncate() } else { camera.forward.truncate() };
+        if !place.is_finite() || (camera.perspective() && place.z <= 0.0) {
+            return None;
+        }
+        let cosine = normal.dot(away);
+        let normal = if cosine > 0.0 { -normal } else { normal };
+        let slant = cosine.abs().max(LEAST_COSINE * away.length());
+        let [across, down] = [camera.right, camera.down].map(|step| -normal.dot(step.truncate()) / slant);
+        // In perspective half as near or as deep within a pixel at most: beyond the horizon there is nothing.
+        let sum = across.abs() + down.abs();
+        let scale = if camera.perspective() && sum > place.z { place.z / sum } else { 1.0 };
+        Some(Self { place, slope: [across * scale, down * scale], normal })
+    }
+
+    /// Nearness at a column and row.
+    #[must_use]
+    #[inline]
+    pub fn nearness(&self, column: f32, row: f32) -> f32 {
+        self.place.z + self.slope[0] * (column - self.place.x) + self.slope[1] * (row - self.place.y)
+    }
+
+    /// Largest nearness within a pixel.
+    #[must_use]
+    #[inline]
+    pub fn nearest(&self, column: u32, row: u32) -> f32 {
+        let end = |first: u32, slope: f32| first as f32 + f32::from(u8::from(slope > 0.0));
+        self.nearness(end(column, self.slope[0]), end(row, self.slope[1]))
+    }
+}

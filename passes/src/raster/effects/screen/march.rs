@@ -1,0 +1,176 @@
+//! The march of a ray.
+
+use super::camera::{Piece, ScreenCamera};
+use super::pyramid::Pyramid;
+use curitiba_pipeline::scene::TriangleRanges;
+use glam::Vec3;
+
+/// Share of a nearness that rounding may take: that of the start and of the surface, whichever is more.
+pub const ROUNDING: f32 = 1.0 / (1 << 18) as f32;
+
+/// How far into the next block a step goes, in pixels, so that rounding does not hold it back.
+pub const STEP: f32 = 1.0 / 256.0;
+
+/// Least way across the screen, in pixels; a shorter one stays in its column or row.
+pub const LEAST_SPAN: f32 = 1e-4;
+
+/// What a ray meets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer {
+    /// What this pixel shows.
+    Pixel(usize),
+    /// Nothing, to the end of the scene.
+    Nothing,
+    /// It is not known.
+    Missing,
+}
+
+/// A ray on the screen: places from its beginning to where the screen, the near plane or the distance ends it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// Column, row and nearness.
+    pub start: Vec3,
+    /// From the start to the end.
+    pub span: Vec3,
+    /// Whether the end is in the distance.
+    pub far: bool,
+}
+
+impl Line {
+    /// `None` where the start is not in the picture, or there is no direction.
+    #[must_use]
+    pub fn new(camera: &ScreenCamera, position: Vec3, direction: Vec3, [width, height]: [u32; 2]) -> Option<Self> {
+        let start = camera.place(position);
+        let [column, row, depth] =
+            [camera.columns, camera.rows, camera.depths].map(|row| row.truncate().dot(direction));
+        // What a share of the way adds that is the same everywhere on the line.
+        let step = if camera.perspective() {
+            Vec3::new(column - start.x * depth, row - start.y * depth, -start.z * depth)
+        } else {
+            Vec3::new(column, row, -depth)
+        };
+        let until = |place: f32, step: f32, low: f32, high: f32| match step {
+            step if step > 0.0 => ((high - place) / step).max(0.0),
+            step if step < 0.0 => ((low - place) / step).max(0.0),
+            _ => f32::MAX,
+        };
+        let beside = until(start.x, step.x, 0.0, width as f32).min(until(start.y, step.y, 0.0, height as f32));
+        let along = until(start.z, step.z, camera.down.w, camera.right.w);
+        let span = step * beside.min(along);
+        let known = start.is_finite()
+            && span.is_finite()
+            && beside.min(along) < f32::MAX
+            && (!camera.perspective() || start.z > 0.0);
+        known.then_some(Self { start, span, far: step.z < 0.0 && along <= beside })
+    }
+}
+
+/// What rays are marched through.
+#[derive(Debug, Clone, Copy)]
+pub struct Screen<'a> {
+    /// Of the picture.
+    pub camera: &'a ScreenCamera,
+    /// Columns and rows.
+    pub size: [u32; 2],
+    /// By pixel.
+    pub position: &'a [[f32; 4]],
+    /// By pixel.
+    pub normal: &'a [[f32; 4]],
+    /// Of the same picture.
+    pub pyramid: &'a Pyramid,
+    /// Triangle ids by pixel, and which of them are glass; `None` in a picture without glass.
+    pub glass: Option<(&'a [u32], &'a TriangleRanges)>,
+    /// How deep behind a surface a ray still meets it, in scene units.
+    pub thickness: f32,
+}
+
+/// What a pixel does to a ray.
+enum Crossing {
+    /// It lets it on.
+    None,
+    /// The ray meets what it shows.
+    Met,
+    /// What the ray meets is not seen.
+    Hidden,
+}
+
+impl Screen<'_> {
+    /// What a ray from a position of the picture meets. `from_inside`: what its own pixel shows lies behind its position; else it shows the
+    /// surface that the ray leaves, and is not asked.
+    #[must_use]
+    pub fn ask(&self, position: Vec3, direction: Vec3, from_inside: bool) -> Answer {
+        let Some(line) = Line::new(self.camera, position, direction, self.size) else { return Answer::Missing };
+        let Line { start, span, far } = line;
+        let least = STEP / span.x.abs().max(span.y.abs()).max(STEP);
+        let rounding = ROUNDING * start.z.abs();
+        let last = self.pyramid.depth() - 1;
+        let [columns, rows] = self.size;
+        let (mut t, mut level, mut first) = (0.0_f32, 0, !from_inside);
+        for _ in 0..self.most_steps() {
+            if t >= 1.0 {
+                break;
+            }
+            let (x, y) = (start.x + span.x * t, start.y + span.y * t);
+            let column = (x.max(0.0) as u32).min(columns - 1) >> level;
+            let row = (y.max(0.0) as u32).min(rows - 1) >> level;
+            let side = (1u32 << level) as f32;
+            let leaves = |first: u32, start: f32, span: f32| match span {
+                span if span > LEAST_SPAN => ((first as f32 + 1.0) * side - start) / span,
+                span if span < -LEAST_SPAN => (first as f32 * side - start) / span,
+                _ => 1.0,
+            };
+            let exit = leaves(column, start.x, span.x).min(leaves(row, start.y, span.y)).max(t).min(1.0);
+            let deepest = start.z + span.z * if span.z < 0.0 { exit } else { t };
+            if first {
+                first = false;
+            } else if deepest <= self.pyramid.nearest(level, column, row) {
+                if level > 0 {
+                    level -= 1;
+                    continue;
+                }
+                match self.cross(&line, direction, [t, exit], [column, row], rounding) {
+                    Crossing::None => {}
+                    Crossing::Met => return Answer::Pixel(row as usize * columns as usize + column as usize),
+                    Crossing::Hidden => return Answer::Missing,
+                }
+            }
+            t = exit + least;
+            level = (level + 1).min(last);
+        }
+        if far && t >= 1.0 { Answer::Nothing } else { Answer::Missing }
+    }
+
+    /// More than any ray takes: every pixel of the longest line, down from and up to all levels.
+    fn most_steps(&self) -> u32 {
+        4 * (self.size[0] + self.size[1]) + 256
+    }
+
+    /// What a pixel does to a ray that crosses it between two shares of its line.
+    #[inline]
+    fn cross(
+        &self,
+        line: &Line,
+        direction: Vec3,
+        shares: [f32; 2],
+        [column, row]: [u32; 2],
+        rounding: f32,
+    ) -> Crossing {
+        let index = row as usize * self.size[0] as usize + column as usize;
+        let Some(piece) = Piece::new(self.camera, self.position[index], self.normal[index]) else {
+            return Crossing::None;
+        };
+        let [(ray_in, seen_in), (ray_out, seen_out)] = shares.map(|share| {
+            let place = line.start + line.span * share;
+            (place.z, piece.nearness(place.x, place.y))
+        });
+        let tolerance = rounding.max(ROUNDING * piece.place.z.abs());
+        let [before_in, before_out] = [ray_in >= seen_in - tolerance, ray_out >= seen_out - tolerance];
+        if before_in && before_out {
+            return Crossing::None;
+        }
+        // Deeper, it goes on behind the surface or comes out from there.
+        let meets = before_in || self.camera.is_within(ray_in, seen_in, self.thickness);
+        let is_glass = || self.glass.is_some_and(|(triangles, glass)| glass.contains(triangles[index]));
+        if meets && piece.normal.dot(direction) < 0.0 && !is_glass() { Crossing::Met } else { Crossing::Hidden }
+    }
+}

@@ -1,0 +1,28 @@
+
+struct Interface {
+    reflectance: f32,
+    cos_refracted: f32,
+}
+
+// Fresnel's equations for unpolarised light: `effects::interface`, in single precision.
+fn fresnel(cosine: f32) -> Interface {
+    let cos = clamp(cosine, 0.0, 1.0);
+    let index = params.index;
+    // The first term loses no digits for an index near 1.
+    let discriminant = (index - 1.0) * (index + 1.0) + cos * cos;
+    if discriminant <= 0.0 {
+        return Interface(1.0, 0.0);
+    }
+    let bent = sqrt(discriminant) / index;
+    if params.schlick == 1u {
+        // `effects::schlick`.
+        let root = (index - 1.0) / (index + 1.0);
+        let zero = root * root;
+        let away = 1.0 - select(cos, min(bent, 1.0), index < 1.0);
+        let square = away * away;
+        return Interface(min(zero + (1.0 - zero) * (square * square * away), 1.0), bent);
+    }
+    let perpendicular = (cos - index * bent) / (cos + index * bent);
+    let parallel = (index * cos - bent) / (index * cos + bent);
+    return Interface(0.5 * (perpendicular * perpendicular + parallel * parallel), bent);
+}
