@@ -49,7 +49,7 @@ fn the_shipped_projects_are_read_as_they_were_written() {
             }
         }
     }
-    assert_eq!(count, 19);
+    assert_eq!(count, 21);
 }
 
 fn triangle(folder: &Path, name: &str, material: &str) -> PathBuf {
