@@ -105,6 +105,7 @@ impl OwnedJob {
 
     pub fn job<'a>(&'a self, scene: &'a RenderScene) -> RayJob<'a> {
         RayJob {
+            from_camera: None,
             origin: [0; 2],
             scene,
             program: self.program,

@@ -480,7 +480,7 @@ impl<T: DeviceTracer> OneGpu<T> {
             kinds.iter_mut().zip(slot).for_each(|(kind, count)| *kind += count);
         }
         let [shadow, occlusion, reflected, refracted, certain, lost] = kinds;
-        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost })
+        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost, ..RayCounts::default() })
     }
 
     fn synchronise(&self, doing: &str) -> Result<(), BackendError> {

@@ -3,7 +3,7 @@
 pub mod check;
 
 use crate::effects::{
-    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, combined, deferred_shadows,
+    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined, deferred_shadows,
     dielectric, dielectric::Media, reflection, refraction, ssao,
 };
 use crate::sampling::HemisphereSampler;
@@ -65,8 +65,8 @@ impl RayBackend for CpuRays {
         format!("{threads} thread{}", if threads == 1 { "" } else { "s" })
     }
 
-    fn supports(&self, _: RayProgram, _: Fidelity) -> Result<(), BackendError> {
-        Ok(())
+    fn supports(&self, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
+        check::fidelity(NAME, program, fidelity)
     }
 
     fn supports_glass(&self, _: RayProgram, _: &RayParams, _: &[Dielectric]) -> Result<(), BackendError> {
@@ -213,6 +213,8 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
     let [glass, shadow_glass] =
         [job.glass, job.shadow_glass].map(|glass| TriangleRanges::new(&job.scene.geometry, glass));
     let around_eye = Media::NONE;
+    let lens = &job.params.camera;
+    let eye = job.from_camera.map(|from| camera::Eye::new(&from.view, from.picture, lens.aperture, lens.focus));
     let mut pass = Pass {
         job,
         tracer,
@@ -228,6 +230,7 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
         spectrum: dielectric::spectrum(job),
         facets: dielectric::facets(job),
         disc,
+        eye,
     };
     if !job.dielectrics.is_empty() {
         pass.around_eye = dielectric::around_eye(&pass);
@@ -317,6 +320,11 @@ fn run_thesis<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixels: 
         RayProgram::Refraction => pixels.each(alone, |p, w| refraction::thesis::pixel(pass, p, w)),
         RayProgram::Ssao => pixels.each(alone, |p, w| ssao::thesis::pixel(pass, p, w)),
         RayProgram::Final => pixels.each(alone, |p, w| combined::thesis::pixel(pass, p, w)),
+        RayProgram::Albedo
+        | RayProgram::Lambert
+        | RayProgram::Whitted
+        | RayProgram::CameraOcclusion
+        | RayProgram::PathTracing => unreachable!("`check::scene` refuses them in thesis fidelity"),
     }
 }
 
@@ -352,6 +360,11 @@ fn run_corrected<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixel
             let prepare = |area, work: &mut Workspace| combined::corrected::prepare(pass, area, work);
             pixels.each(before(prepare), |p, w| combined::corrected::pixel(pass, p, w))
         }
+        RayProgram::Albedo
+        | RayProgram::Lambert
+        | RayProgram::Whitted
+        | RayProgram::CameraOcclusion
+        | RayProgram::PathTracing => pixels.each(alone, |p, w| camera::pixel(pass, p, w)),
     }
 }
 

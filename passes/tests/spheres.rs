@@ -289,6 +289,7 @@ fn a_sphere_is_nearer_to_the_closed_form_than_a_mesh_of_twenty_thousand_facets()
         CpuRasteriser::new().draw(&job, &mut target).expect("a whole job");
         let params = RayParams { glass: GlassRule::Auto, depth: 8, ..RayParams::default() };
         let job = RayJob {
+            from_camera: None,
             scene: &scene,
             program: RayProgram::Refraction,
             params,

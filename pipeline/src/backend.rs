@@ -2,6 +2,7 @@
 
 pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
 
+use crate::camera_programs::SurfaceKind;
 use crate::glass::Dielectric;
 use crate::image::Image;
 use crate::pixel_samples::PixelSamples;
@@ -69,6 +70,28 @@ pub struct Sun {
     pub direction: Vec3,
     /// Its colour.
     pub color: Vec3,
+}
+
+/// The light of a pass that shines from a place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lamp {
+    /// Where it is, world.
+    pub position: Vec3,
+    /// Its colour.
+    pub color: Vec3,
+}
+
+/// What programs read whose rays start at the camera.
+#[derive(Debug, Clone, Copy)]
+pub struct FromCamera<'a> {
+    /// The camera, with perspective.
+    pub view: View,
+    /// Pixels a row and rows of the whole picture, of which a job may be a part.
+    pub picture: [u32; 2],
+    /// The light, where it shines from a place; else it is [`RayJob::sun`].
+    pub lamp: Option<Lamp>,
+    /// By material: what rays do there.
+    pub surfaces: &'a [SurfaceKind],
 }
 
 /// Colours of a material as a pass sees them, after the project's injections and maps.
@@ -476,6 +499,8 @@ pub struct RayJob<'a> {
     pub glass: &'a [bool],
     /// By material: whether shadow rays pass through it, dimmed (`any_hit_shadow_glass`).
     pub shadow_glass: &'a [bool],
+    /// What a program reads whose rays start at the camera; `None` for one that starts from a G-buffer.
+    pub from_camera: Option<FromCamera<'a>>,
 }
 
 /// Rays traced, by kind.
@@ -489,6 +514,9 @@ pub struct RayCounts {
     pub reflected: u64,
     /// Refracted.
     pub refracted: u64,
+    /// From the camera.
+    #[serde(default)]
+    pub camera: u64,
     /// Occlusion rays that were not traced, because it was certain that nothing is in reach; not in the total.
     pub certain: u64,
     /// Paths in glass whose colour is not what it should be, not in the total: given up as black after too many surfaces, or in more
@@ -501,7 +529,7 @@ impl RayCounts {
     /// All that were traced.
     #[must_use]
     pub fn total(self) -> u64 {
-        self.shadow + self.occlusion + self.reflected + self.refracted
+        self.shadow + self.occlusion + self.reflected + self.refracted + self.camera
     }
 }
 
@@ -511,6 +539,7 @@ impl std::ops::AddAssign for RayCounts {
         self.occlusion += other.occlusion;
         self.reflected += other.reflected;
         self.refracted += other.refracted;
+        self.camera += other.camera;
         self.certain += other.certain;
         self.lost += other.lost;
     }

@@ -9,6 +9,7 @@
 mod named;
 
 pub mod backend;
+pub mod camera_programs;
 pub mod color;
 pub mod diagnostic;
 pub mod executor;

@@ -2,6 +2,7 @@
 //!
 //! Help, XML validation, `curitiba list`, docs, bench ids and conformance tests iterate these tables.
 
+use crate::camera_programs::{CameraParams, LONGEST, MOST_GLOSS};
 use crate::glass::{Background, GlassRule, GlassShadow, MOST_STRATA};
 
 /// What a raster pass runs per pixel.
@@ -35,6 +36,16 @@ pub enum RayProgram {
     Ssao,
     /// All of them, at every hit.
     Final,
+    /// From the camera: colours without light.
+    Albedo,
+    /// From the camera: colours in light that nothing is in the way of.
+    Lambert,
+    /// From the camera: shadows, mirrors and glass.
+    Whitted,
+    /// From the camera: ambient occlusion.
+    CameraOcclusion,
+    /// From the camera: light that surfaces send each other.
+    PathTracing,
 }
 
 /// Whether the report's programs are followed to the letter or their defects are mended.
@@ -125,6 +136,9 @@ pub struct RayParams {
     pub first_path: u32,
     /// The same of the first of the [`Self::sun_samples`].
     pub first_sun: u32,
+    /// What programs alone read whose rays start at the camera. Of these the [`Self::samples`] are rays a pixel; 0 is one, through the
+    /// pixel's centre.
+    pub camera: CameraParams,
 }
 
 impl Default for RayParams {
@@ -148,10 +162,13 @@ impl Default for RayParams {
             first: 0,
             first_path: 0,
             first_sun: 0,
+            camera: CameraParams::default(),
         }
     }
 }
 
+/// Most [`RayParams::samples`].
+pub const MOST_SAMPLES: u32 = 65_536;
 /// Most [`RayParams::paths`].
 pub const MOST_PATHS: u32 = 4096;
 /// Largest angular diameter of the light's disc, in degrees; that of the sun in the sky is 0.53.
@@ -189,7 +206,7 @@ pub enum Values {
 pub const PARAMS: &[ParamInfo] = &[
     ParamInfo {
         name: "samples",
-        about: "ambient-occlusion rays per shaded point; 0 switches occlusion off",
+        about: "ambient-occlusion rays per shaded point, 0 switches occlusion off; from the camera: rays a pixel, 0 is one through its centre",
         valid: "0..=65536, a square number with sampler=strata and in thesis fidelity",
         values: Values::Integer(0, 65_536),
     },
@@ -213,7 +230,7 @@ pub const PARAMS: &[ParamInfo] = &[
     },
     ParamInfo {
         name: "depth",
-        about: "deepest glass bounce; with glass=auto the deepest at which both branches are followed",
+        about: "deepest glass bounce; with glass=auto the deepest at which both branches are followed; from the camera: most bounces",
         valid: "0..=16",
         values: Values::Integer(0, 16),
     },
@@ -237,9 +254,9 @@ pub const PARAMS: &[ParamInfo] = &[
     },
     ParamInfo {
         name: "background",
-        about: "what rays show that leave the scene: black, or the clear colour of the G-buffer",
-        valid: "black, clear (thesis fidelity: black)",
-        values: Values::Names(&["black", "clear"]),
+        about: "what rays show that leave the scene: black, the clear colour of the G-buffer (from the camera: of the target), or blue",
+        valid: "black, clear, blue (thesis fidelity: black)",
+        values: Values::Names(&["black", "clear", "blue"]),
     },
     ParamInfo {
         name: "shadow",
@@ -271,6 +288,54 @@ pub const PARAMS: &[ParamInfo] = &[
         about: "with sun above 0, shadow rays over the light's disc per lit point",
         valid: "1..=65536",
         values: Values::Integer(1, MOST_SUN_SAMPLES),
+    },
+    ParamInfo {
+        name: "lightwidth",
+        about: "side along x of a rectangular light that looks down, around the light's position, in scene units",
+        valid: "0..=1e5; with lightdepth=0 as well the light is a point",
+        values: Values::Number(0.0, LONGEST),
+    },
+    ParamInfo {
+        name: "lightdepth",
+        about: "side along z of the same",
+        valid: "0..=1e5",
+        values: Values::Number(0.0, LONGEST),
+    },
+    ParamInfo {
+        name: "radiance",
+        about: "what the light sends out: radiance of a rectangle, radiant intensity of a point",
+        valid: "a finite number above 0",
+        values: Values::Positive,
+    },
+    ParamInfo {
+        name: "ambient",
+        about: "light that is everywhere, as a share of white",
+        valid: "0..=1",
+        values: Values::Number(0.0, 1.0),
+    },
+    ParamInfo {
+        name: "gloss",
+        about: "exponent of the cosine lobe of rough mirrors; 0 is a smooth mirror",
+        valid: "0..=1e5",
+        values: Values::Number(0.0, MOST_GLOSS),
+    },
+    ParamInfo {
+        name: "aperture",
+        about: "radius of the camera's lens, in scene units; 0 is a pinhole",
+        valid: "0..=1e5",
+        values: Values::Number(0.0, LONGEST),
+    },
+    ParamInfo {
+        name: "focus",
+        about: "with aperture above 0, how far away the plane is that is sharp, in scene units",
+        valid: "a finite number above 0",
+        values: Values::Positive,
+    },
+    ParamInfo {
+        name: "gamma",
+        about: "what is written is the colour to the power of 1 / gamma",
+        valid: "0.1..=10",
+        values: Values::Number(0.1, 10.0),
     },
 ];
 
@@ -315,7 +380,7 @@ impl RayParams {
                 let valid = |count: &u32| (1..=MOST_SUN_SAMPLES).contains(count);
                 self.sun_samples = value.parse().ok().filter(valid).ok_or_else(wrong)?;
             }
-            _ => unreachable!("every name in PARAMS is matched"),
+            _ => return if self.camera.set(name, value) { Ok(()) } else { Err(wrong()) },
         }
         Ok(())
     }
@@ -346,7 +411,7 @@ impl RayParams {
             "paths" => self.paths.to_string(),
             "sun" => self.sun.to_string(),
             "sunsamples" => self.sun_samples.to_string(),
-            _ => panic!("`{name}` is not a parameter"),
+            _ => self.camera.get(name).unwrap_or_else(|| panic!("`{name}` is not a parameter")),
         }
     }
 }
@@ -375,6 +440,8 @@ pub enum Traces {
     Samples,
     /// Where a pixel shows glass.
     FromGlass,
+    /// At every pixel, from the camera: it reads no G-buffer.
+    FromCamera,
 }
 
 /// What the numbers that a program writes are.
@@ -401,7 +468,7 @@ pub struct RayProgramInfo {
     pub traces: Traces,
     /// What it writes.
     pub writes: Writes,
-    /// Ray-generation program.
+    /// Ray-generation program; empty for programs whose rays start at the camera, which passes name by `program`.
     pub entry: &'static str,
     /// What it computes, in one sentence.
     pub about: &'static str,
@@ -567,6 +634,107 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "sunsamples",
         ],
     },
+    RayProgramInfo {
+        program: RayProgram::Albedo,
+        stem: "albedo",
+        short: "albedo",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: texture and diffuse colour of what a pixel shows, without light",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &["samples", "aperture", "focus", "background", "gamma"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Lambert,
+        stem: "lambert",
+        short: "lambert",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: the same in the light, by its cosine, that nothing is in the way of",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &["samples", "aperture", "focus", "background", "gamma", "ambient"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Whitted,
+        stem: "whitted",
+        short: "whitted",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: light with shadows, mirrors, rough mirrors and glass; a rectangular light has soft shadows",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &[
+            "samples",
+            "aperture",
+            "focus",
+            "background",
+            "gamma",
+            "ambient",
+            "depth",
+            "index",
+            "fresnel",
+            "gloss",
+            "lightwidth",
+            "lightdepth",
+        ],
+    },
+    RayProgramInfo {
+        program: RayProgram::CameraOcclusion,
+        stem: "cameraOcclusion",
+        short: "camera-ao",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: ambient occlusion, the open share of the cosine-weighted hemisphere",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &["samples", "aperture", "focus", "background", "gamma", "radius"],
+    },
+    RayProgramInfo {
+        program: RayProgram::PathTracing,
+        stem: "pathTracing",
+        short: "paths",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: light over several diffuse bounces, mirrors and glass, from the light or emitting surfaces",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &[
+            "samples",
+            "aperture",
+            "focus",
+            "background",
+            "gamma",
+            "depth",
+            "index",
+            "fresnel",
+            "gloss",
+            "lightwidth",
+            "lightdepth",
+            "radiance",
+        ],
+    },
 ];
 
 impl RayProgram {
@@ -616,10 +784,32 @@ impl RayProgramInfo {
         self.procs.iter().any(|info| info.proc == proc)
     }
 
-    /// The occlusion rays of a shaded point; 0 where the program traces none.
+    /// Whether its rays start at the camera: it reads no G-buffer, and a pass names it by `program`.
+    #[must_use]
+    pub fn starts_at_camera(&self) -> bool {
+        self.traces == Traces::FromCamera
+    }
+
+    /// The parameters of a pass that names none.
+    #[must_use]
+    pub fn defaults(&self) -> RayParams {
+        let defaults = RayParams::default();
+        if self.starts_at_camera() {
+            RayParams { samples: 0, index: 1.5, background: Background::Clear, ..defaults }
+        } else {
+            defaults
+        }
+    }
+
+    /// The occlusion rays of a shaded point, 0 where the program traces none; of programs whose rays start at the camera the rays of a
+    /// pixel.
     #[must_use]
     pub fn samples(&self, params: &RayParams) -> u32 {
-        if self.reads("samples") { params.samples } else { 0 }
+        match () {
+            () if self.starts_at_camera() => params.samples.max(1),
+            () if self.reads("samples") => params.samples,
+            () => 0,
+        }
     }
 
     /// The shadow rays over the light's disc of a lit point; 0 where the light is a point.
@@ -637,6 +827,7 @@ impl RayProgramInfo {
             Traces::Samples if params.samples == 0 => (false, "samples is 0".into()),
             Traces::Samples => (true, "it traces occlusion rays".into()),
             Traces::FromGlass if finds_glass => (true, "rays leave its glass".into()),
+            Traces::FromCamera => (true, "its rays start at the camera".into()),
             Traces::FromGlass => (false, "no material of the scene is mapped to `closest_hit_glass`".into()),
         }
     }
@@ -673,7 +864,7 @@ pub(crate) mod tests {
 
     #[test]
     fn what_a_program_calls_is_in_its_file() {
-        for info in RAY_PROGRAMS {
+        for info in RAY_PROGRAMS.iter().filter(|info| !info.starts_at_camera()) {
             assert!(procs_of_kind("rayGEN").is_some_and(|names| names.contains(&info.entry)), "{}", info.stem);
             for proc in info.procs {
                 assert!(procs_of_kind(proc.kind).is_some_and(|names| names.contains(&proc.proc)), "{proc:?}");
@@ -700,6 +891,14 @@ pub(crate) mod tests {
             ("paths", "48"),
             ("sun", "0.53"),
             ("sunsamples", "32"),
+            ("lightwidth", "0.4"),
+            ("lightdepth", "0.3"),
+            ("radiance", "5"),
+            ("ambient", "0.25"),
+            ("gloss", "128"),
+            ("aperture", "0.1"),
+            ("focus", "3"),
+            ("gamma", "2.2"),
         ] {
             params.set(name, value).expect("valid");
             assert_eq!(params.get(name), value);
@@ -722,9 +921,19 @@ pub(crate) mod tests {
             first: 0,
             first_path: 0,
             first_sun: 0,
+            camera: CameraParams {
+                light_width: 0.4,
+                light_depth: 0.3,
+                radiance: 5.0,
+                ambient: 0.25,
+                gloss: 128.0,
+                aperture: 0.1,
+                focus: 3.0,
+                gamma: 2.2,
+            },
         };
         assert_eq!(params, expected);
-        assert_eq!(PARAMS.len(), 14, "this test sets every parameter");
+        assert_eq!(PARAMS.len(), 22, "this test sets every parameter");
     }
 
     #[test]

@@ -155,6 +155,7 @@ fn by_rays(effect: &EffectPass) -> RayPass {
         colors,
         glass,
         shadow_glass: Vec::new(),
+        from_camera: None,
     }
 }
 

@@ -204,6 +204,7 @@ fn rays_of(effect: &EffectPass) -> RayPass {
         colors: effect.colors,
         shadow_glass: if through { effect.glass.clone() } else { Vec::new() },
         glass: effect.glass,
+        from_camera: None,
     }
 }
 

@@ -18,7 +18,7 @@ const OF_PIPELINE: &Floors = &[
     &["color", "gbuffer"],
     &["image", "shared"],
     &["scene", "metrics"],
-    &["square", "glass"],
+    &["square", "glass", "camera_programs"],
     &["programs"],
     &["raster_effects"],
     &["backend", "project"],

@@ -73,6 +73,7 @@ impl Setting {
     fn run(&self, program: RayProgram, fidelity: Fidelity, position: &[[f32; 4]]) -> Vec<f32> {
         let none = vec![false; self.shades.len()];
         let job = RayJob {
+            from_camera: None,
             origin: [0; 2],
             scene: &self.scene,
             program,

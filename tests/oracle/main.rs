@@ -203,6 +203,7 @@ fn render_from(stored: &Stored, moved: Vec3, change: impl Fn(&mut RayParams)) ->
     };
     change(&mut params);
     let job = RayJob {
+        from_camera: None,
         origin: [0; 2],
         scene: &scene,
         program,

@@ -201,6 +201,7 @@ mod tests {
         };
         let scene = RenderScene::default();
         let mut job = RayJob {
+            from_camera: None,
             origin: [0; 2],
             scene: &scene,
             program: RayProgram::Final,

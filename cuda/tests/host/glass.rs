@@ -207,6 +207,7 @@ fn differences(program: &Path, scene: &Scene, asked: Asked) -> (f32, usize, usiz
         ..RayParams::default()
     };
     let job = RayJob {
+        from_camera: None,
         origin: [0; 2],
         scene: &scene.scene,
         program: asked.program,

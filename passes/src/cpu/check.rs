@@ -3,7 +3,7 @@
 use crate::trace::{Detected, Kernel, Simd};
 use curitiba_pipeline::backend::{BackendError, NO_TRIANGLE, RayJob};
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::programs::{Fidelity, Traces};
+use curitiba_pipeline::programs::{Fidelity, RayProgram, Traces};
 use rayon::prelude::*;
 
 /// Pixels whose triangles a thread looks at.
@@ -13,6 +13,18 @@ const PART: usize = 1 << 15;
 #[must_use]
 pub fn missing(backend: &'static str, job: &RayJob<'_>, why: &str) -> BackendError {
     BackendError::Unsupported { backend, what: job.program.info().stem.to_owned(), why: why.to_owned() }
+}
+
+/// Refuses programs that the report does not have, in thesis fidelity.
+///
+/// # Errors
+/// [`BackendError::Unsupported`] of that backend.
+pub fn fidelity(backend: &'static str, program: RayProgram, fidelity: Fidelity) -> Result<(), BackendError> {
+    if fidelity == Fidelity::Corrected || !program.info().starts_at_camera() {
+        return Ok(());
+    }
+    let why = "the report has no program whose rays start at the camera; use --fidelity corrected".to_owned();
+    Err(BackendError::Unsupported { backend, what: program.info().stem.to_owned(), why })
 }
 
 /// Refuses a light with a disc, for a backend that knows a point alone.
@@ -55,7 +67,8 @@ pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
     let size = format!("{} x {}", job.width, job.height);
     let pixels = job.width as usize * job.height as usize;
     let reads = |name: &str| job.program.info().buffers.contains(&name);
-    let triangles = job.program.info().traces != Traces::Nothing && job.fidelity == Fidelity::Corrected;
+    let starts_from_buffers = !matches!(job.program.info().traces, Traces::Nothing | Traces::FromCamera);
+    let triangles = starts_from_buffers && job.fidelity == Fidelity::Corrected;
     let buffers = [
         ("pos_buffer", reads("pos_buffer"), job.position.len()),
         ("norm_buffer", reads("norm_buffer"), job.normal.len()),
@@ -77,10 +90,15 @@ pub fn buffers(backend: &'static str, job: &RayJob<'_>) -> Result<(), BackendErr
 /// # Errors
 /// [`BackendError::Unsupported`] of that backend; says what is missing.
 pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(), BackendError> {
+    fidelity(backend, job.program, job.fidelity)?;
     let info = job.program.info();
     let (scene, geometry) = (job.scene, &job.scene.geometry);
     if job.sun.is_none() && info.globals.contains(&"lightDir") {
         return Err(missing(backend, job, "it reads lightDir, and the pass has no directional light"));
+    }
+    let start = job.from_camera.filter(|_| info.starts_at_camera());
+    if start.is_none() && info.starts_at_camera() {
+        return Err(missing(backend, job, "its rays start at the camera, and the job has none"));
     }
     let hits_are_shaded = !info.material_attributes.is_empty();
     let cuts = job.fidelity == Fidelity::Corrected;
@@ -89,6 +107,7 @@ pub fn scene(backend: &'static str, job: &RayJob<'_>, spheres: bool) -> Result<(
         ("shades", hits_are_shaded || cuts, job.shades.len()),
         ("glass", hits_are_shaded, job.glass.len()),
         ("shadow_glass", job.program.info().names("any_hit_shadow_glass"), job.shadow_glass.len()),
+        ("surfaces", start.is_some(), start.map_or(0, |start| start.surfaces.len())),
         ("dielectrics", !job.dielectrics.is_empty(), job.dielectrics.len()),
     ];
     for (name, needed, found) in tables {

@@ -72,7 +72,7 @@ pub(super) fn shares_of_light(
 
 /// How many surfaces these hit distances belong to. A tracer may show a hit twice, and a ray through the edge between two
 /// triangles meets both: distances no farther apart than the rounding of their computation are one surface.
-fn distinct(distances: &mut [f32]) -> usize {
+pub(super) fn distinct(distances: &mut [f32]) -> usize {
     const ROUNDING: f32 = 8.0 * f32::EPSILON;
     distances.sort_unstable_by(f32::total_cmp);
     let steps = distances.windows(2).filter(|pair| pair[1] - pair[0] > ROUNDING * pair[1]).count();

@@ -35,11 +35,36 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         } else {
             reflected
         };
-        let Some(glow) = shade.glow else { return reflected };
+        if shade.glow.is_some() { reflected + self.glow(hit) } else { reflected }
+    }
+
+    /// The light that a surface sends out at a hit.
+    pub(super) fn glow(&self, hit: &Hit) -> Vec3 {
+        let scene = self.job.scene;
+        let flat = self.sphere(hit.triangle).is_none();
+        let Some(glow) = self.job.shades[self.material_of(hit.triangle) as usize].glow else { return Vec3::ZERO };
         let shining = glow.texture.filter(|_| flat).map_or(Vec3::ONE, |texture| {
             scene.textures[texture as usize].sample(texture_coordinates(&scene.geometry, hit), 0.0).truncate()
         });
-        reflected + glow.color * shining
+        glow.color * shining
+    }
+
+    /// The share of light that a surface reflects at a hit: diffuse colour times texture (level 0) times vertex colour.
+    pub(super) fn base_color(&self, hit: &Hit) -> Vec3 {
+        let scene = self.job.scene;
+        let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
+        let mut color = shade.diffuse.truncate();
+        if self.sphere(hit.triangle).is_some() {
+            return color;
+        }
+        if let Some(texture) = shade.texture {
+            let at = texture_coordinates(&scene.geometry, hit);
+            color *= scene.textures[texture as usize].sample(at, 0.0).truncate();
+        }
+        if shade.vertex_colors {
+            color *= interpolate(&scene.geometry, &scene.geometry.colors, hit).truncate();
+        }
+        color
     }
 
     /// The normal at a hit, bent by the normal map (level 0); `None` where the material has none. `vertex` is the normal between the

@@ -1,6 +1,6 @@
-//! The six ray programs, one folder each, generic over [`Tracer`](crate::trace::Tracer).
+//! The ray programs, one folder each but for those whose rays start at the camera, which are one; generic over [`Tracer`](crate::trace::Tracer).
 //!
-//! A program is a function of a pixel. Each exists twice: `thesis` follows the report's device code to the letter,
+//! A program is a function of a pixel. Each that reads a G-buffer exists twice: `thesis` follows the report's device code to the letter,
 //! `corrected` mends the differences that are numbered below and in `docs/fidelity.md`.
 //!
 //! | # | `thesis` | `corrected` |
@@ -33,8 +33,9 @@
 //!
 //! From the ground up: `interpolate`, `coverage`, `pass`, `tile`; then `spheres`, `light`, `material`, `surface`, `optics`, `terminator`, `sun` and `thesis`, which are
 //! about one point; `visible_pixels` and `tile_surfaces`, about a tile; `workspace`; `occlusion` and `tile_occlusion`; `dielectric`,
-//! glass as each material says; and above them the programs, one folder each. May use: `trace`, `sampling`.
+//! glass as each material says; and above them the programs, one folder each, and `camera`. May use: `trace`, `sampling`.
 
+pub mod camera;
 pub mod combined;
 mod coverage;
 pub mod deferred_shadows;

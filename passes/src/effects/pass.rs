@@ -1,5 +1,6 @@
 //! A pass and its pixels: what every program is a function of.
 
+use super::camera::Eye;
 use super::coverage::Coverage;
 use super::dielectric::Media;
 use crate::sampling::HemisphereSampler;
@@ -42,6 +43,8 @@ pub struct Pass<'a, T, C> {
     pub facets: Vec<[u32; 2]>,
     /// Directions to the light's disc; `None` where the light is a point.
     pub disc: Option<ConeSampler>,
+    /// Where rays start; `None` for programs that read a G-buffer.
+    pub eye: Option<Eye>,
 }
 
 /// A pixel of the pass.

@@ -265,6 +265,7 @@ mod tests {
             spectrum: Vec::new(),
             facets: Vec::new(),
             disc: None,
+            eye: None,
         };
         let area = Area { x: 0, y: 0, width: TILE, height: TILE, stride: TILE };
         for simd in [InstructionSet::Avx512, InstructionSet::Avx2, InstructionSet::Portable]

@@ -24,6 +24,8 @@ pub struct Workspace {
     pub(super) loose: Vec<Vec3>,
     pub(super) candidates: Candidates,
     pub(super) crossings: Vec<f32>,
+    /// The same of clear panes.
+    pub(super) panes: Vec<f32>,
     /// Surfaces of glass that a shadow ray crosses.
     pub(super) through: Vec<Hit>,
 }

@@ -47,6 +47,7 @@ fn counts(explained: &PixelRays<'_>, samples: u64) -> RayCounts {
                 Purpose::Occlusion => counts.occlusion += 1,
                 Purpose::Reflected => counts.reflected += 1,
                 Purpose::Refracted => counts.refracted += 1,
+                Purpose::Camera => counts.camera += 1,
             },
         }
     }

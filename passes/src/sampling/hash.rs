@@ -9,6 +9,9 @@ pub const FACETS: u32 = u32::MAX - 1;
 /// The same for the light's disc.
 pub const DISC: u32 = u32::MAX - 2;
 
+/// The first of those for the choices of paths from the camera, which take it and some below.
+pub const PATHS: u32 = u32::MAX - 3;
+
 /// The last word that [`pixel_key`] hashes: what is hashed for one purpose is never hashed for another.
 pub const PIXEL: u32 = 0;
 /// The same for [`path_key`].

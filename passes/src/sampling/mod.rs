@@ -8,6 +8,7 @@ mod directions;
 pub mod hash;
 pub mod hemisphere;
 pub mod owen_sobol;
+pub mod paths;
 pub mod sine_noise;
 
 use crate::trace::Directions;

@@ -99,7 +99,7 @@ impl<'a, T: Tracer> Recorder<'a, T> {
     fn record(&self, ray: &Ray, outcome: Outcome, asked: Vec<(Hit, bool)>) {
         let mut log = self.log();
         let Announcement { purpose, bounce, weight } = log.announced;
-        let leads_on = matches!(purpose, Purpose::Reflected | Purpose::Refracted);
+        let leads_on = matches!(purpose, Purpose::Reflected | Purpose::Refracted | Purpose::Camera);
         // Rays of light and occlusion leave the surface that was found last.
         let leaves = if leads_on { log.surfaces.get(bounce as usize) } else { log.surfaces.last() };
         let leaves = leaves.copied().flatten();
@@ -171,7 +171,7 @@ impl<T: Tracer> Tracer for Recorder<'_, T> {
     fn announce(&self, rays: Announcement) {
         let mut log = self.log();
         log.announced = rays;
-        if matches!(rays.purpose, Purpose::Reflected | Purpose::Refracted) {
+        if matches!(rays.purpose, Purpose::Reflected | Purpose::Refracted | Purpose::Camera) {
             log.weights.truncate(rays.bounce as usize);
             log.weights.push(rays.weight);
         }

@@ -16,6 +16,8 @@ pub enum Purpose {
     Reflected,
     /// What is seen through a surface.
     Refracted,
+    /// What a pixel shows.
+    Camera,
 }
 
 impl Purpose {
@@ -27,6 +29,7 @@ impl Purpose {
             Self::Occlusion => "occlusion",
             Self::Reflected => "reflected",
             Self::Refracted => "refracted",
+            Self::Camera => "camera",
         }
     }
 }

@@ -276,7 +276,7 @@ impl WgpuRays {
             }
         })?;
         let [shadow, occlusion, reflected, refracted, certain, lost] = kinds;
-        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost })
+        Ok(RayCounts { shadow, occlusion, reflected, refracted, certain, lost, ..RayCounts::default() })
     }
 }
 

@@ -170,6 +170,7 @@ impl Shot {
         rays.build(&self.scene, &vec![true; self.glass.len()]).expect("host memory");
         let none = vec![false; self.glass.len()];
         let job = RayJob {
+            from_camera: None,
             origin: [0; 2],
             scene: &self.scene,
             program: program.info().counterpart,

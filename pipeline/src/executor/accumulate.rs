@@ -15,7 +15,7 @@ use super::{Estimate, Observer, RenderError, Renderer, dirty::spread, rays::Trac
 use crate::image::Image;
 use crate::plan::{Access, Plan, PlanError, PlannedPass, Work};
 use crate::programs::{Fidelity, MOST_PATHS, RayParams, RayProgramInfo, Sampler, Writes};
-use crate::project::PassKind;
+use crate::project::{PassKind, RayPass};
 use std::time::{Duration, Instant};
 
 /// Most samples a point that are accumulated.
@@ -70,8 +70,8 @@ pub struct AccumulatedPass {
     /// Its index in the plan.
     index: usize,
     params: RayParams,
-    /// Whether it writes shares that have an exponent.
-    puts_exponent: bool,
+    /// Put on the mean: that of shares, or the inverse of colours' gamma.
+    exponent: f32,
     estimate: Estimate,
 }
 
@@ -82,16 +82,11 @@ impl AccumulatedPass {
         &self.estimate
     }
 
-    /// The exponent that is put on the mean.
-    fn exponent(&self) -> f32 {
-        if self.puts_exponent { self.params.intensity } else { 1.0 }
-    }
-
     /// Its picture, not yet rounded to the format of its target.
     #[must_use]
     pub fn picture(&self) -> Image {
         let [width, height] = self.estimate.size();
-        Image { width, height, pixels: self.estimate.mean(self.exponent()) }
+        Image { width, height, pixels: self.estimate.mean(self.exponent) }
     }
 
     /// By pixel, the standard error of [`Self::picture`], from the scatter of its batches: `sqrt(M2 / ((batches - 1) samples))`. NaN
@@ -103,13 +98,13 @@ impl AccumulatedPass {
     #[must_use]
     pub fn standard_error(&self) -> Image {
         let [width, height] = self.estimate.size();
-        Image { width, height, pixels: self.estimate.standard_error(self.exponent()) }
+        Image { width, height, pixels: self.estimate.standard_error(self.exponent) }
     }
 
     /// The root mean square over all pixels, red, green and blue of [`Self::standard_error`]; NaN before the second batch.
     #[must_use]
     pub fn error(&self) -> f64 {
-        let errors = self.estimate.standard_error(self.exponent());
+        let errors = self.estimate.standard_error(self.exponent);
         let squares = errors.iter().flat_map(|pixel| &pixel[..3]).map(|error| f64::from(*error).powi(2));
         (squares.sum::<f64>() / (3 * errors.len()).max(1) as f64).sqrt()
     }
@@ -214,9 +209,14 @@ impl Renderer {
             let Some(target) = pass.target else { continue };
             let (width, height) = (self.targets[target].width, self.targets[target].height);
             let is_share = info.writes == Writes::Share;
-            let (channels, puts_exponent) = (if is_share { 1 } else { 4 }, is_share && info.reads("intensity"));
+            let channels = if is_share { 1 } else { 4 };
+            let exponent = match () {
+                () if is_share && info.reads("intensity") => params.intensity,
+                () if info.reads("gamma") => params.camera.gamma.recip(),
+                () => 1.0,
+            };
             let estimate = Estimate::new(width, height, channels)?;
-            passes.push(AccumulatedPass { name: pass.name.clone(), index, params, puts_exponent, estimate });
+            passes.push(AccumulatedPass { name: pass.name.clone(), index, params, exponent, estimate });
         }
         let accesses: Vec<Access> = self.plan.passes.iter().map(|planned| self.plan.access(planned)).collect();
         let mut behind = vec![false; accesses.len()];
@@ -300,12 +300,16 @@ impl Renderer {
         observer: &mut dyn Observer,
     ) -> Result<(), RenderError> {
         let mut planned = self.plan.passes[pass.index].clone();
+        let PassKind::Ray(RayPass { program, .. }) = self.plan.pass(&planned).kind else {
+            unreachable!("a ray pass was chosen")
+        };
+        let info = program.info();
         let Work::Rays { params, scene_set, .. } = &mut planned.work else { unreachable!("a ray pass was chosen") };
         let scene_set = *scene_set;
         // Of rough glass a batch follows as many paths as it takes samples: they count alike in the mean.
         let paths = samples.min(MOST_PATHS);
         let first = pass.estimate.samples() as u32;
-        let of_occlusion = if pass.params.samples > 0 { samples } else { 0 };
+        let of_occlusion = if info.samples(&pass.params) > 0 { samples } else { 0 };
         *params = RayParams {
             samples: of_occlusion,
             paths,
@@ -315,9 +319,10 @@ impl Renderer {
             first_sun: first,
             ..pass.params
         };
-        if pass.puts_exponent {
+        if info.writes == Writes::Share && info.reads("intensity") {
             params.intensity = 1.0;
         }
+        params.camera.gamma = 1.0;
         // Its target no longer holds what an ordinary frame left.
         self.ran[planned.pass] = None;
         self.check_cancelled()?;
@@ -382,7 +387,7 @@ fn accumulates(plan: &Plan, planned: &PlannedPass) -> Result<Option<(RayParams, 
         let help = format!("use --set {}.sampler=sobol", pass.name);
         return refused("they lie in strata, which are no sequence".to_owned(), help);
     }
-    if of_occlusion && info.writes == Writes::Color && params.intensity != 1.0 {
+    if info.reads("intensity") && of_occlusion && info.writes == Writes::Color && params.intensity != 1.0 {
         let why = format!(
             "`{}` puts the exponent intensity={} on shares before it mixes them, and a mean of powers is not the power of the mean",
             info.stem, params.intensity

@@ -30,7 +30,8 @@ pub use output::{Faults, Output, Range, Triangles};
 pub use save::{Saved, Written};
 pub use timeline::{Row, Span, StepKind, Timeline, median};
 
-use crate::backend::{Attachments, BackendError, GBuffer, Rect, Shade, Sun};
+use crate::backend::{Attachments, BackendError, GBuffer, Lamp, Rect, Shade, Sun};
+use crate::camera_programs::SurfaceKind;
 use crate::diagnostic::{Decision, Warnings};
 use crate::glass::Dielectric;
 use crate::image::{Image, PixelFormat};
@@ -109,6 +110,8 @@ struct PassMaterials {
     shadow_glass: Vec<bool>,
     /// What glass is, where the materials decide.
     dielectrics: Vec<Dielectric>,
+    /// What rays do that start at the camera.
+    surfaces: Vec<SurfaceKind>,
 }
 
 /// What was decided about scenes, and what was left out of them.
@@ -490,6 +493,13 @@ impl Renderer {
     fn sun(&self, light: usize) -> Option<Sun> {
         let light = &self.plan.project.lights[light];
         light.direction.map(|direction| Sun { direction, color: light.color })
+    }
+
+    /// The light at its place, relative to the origin of the scenes.
+    fn lamp(&self, light: usize) -> Option<Lamp> {
+        let light = &self.plan.project.lights[light];
+        let position = (light.position? - self.plan.origin).as_vec3();
+        Some(Lamp { position, color: light.color })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, SceneNotes, StepKind};
 use crate::backend::{Attachments, BackendError, GBuffer, Glow, NormalMap, Shade};
+use crate::camera_programs::{CUT_OUT, SurfaceKind};
 use crate::color::ColorSpace;
 use crate::diagnostic::Decision;
 use crate::glass::{self, Decided, Dielectric, GlassShadow, Shape};
@@ -9,7 +10,7 @@ use crate::memory::mebibytes;
 use crate::memory::{self, Refused};
 use crate::plan::{PlannedPass, Work};
 use crate::programs::{Fidelity, RayParams};
-use crate::project::{ColorMap, MaterialPattern, PassKind};
+use crate::project::{CameraStart, ColorMap, MaterialPattern, PassKind};
 use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene};
 use glam::{DVec3, Vec3, Vec4};
 use std::sync::Arc;
@@ -214,6 +215,9 @@ impl Renderer {
         if let PassKind::Ray(ray) = &pass.kind {
             resolved.glass = matching(&ray.glass);
             resolved.shadow_glass = matching(&ray.shadow_glass);
+            if let Some(start) = &ray.from_camera {
+                resolved.start_at_camera(start, materials);
+            }
             if self.plan.asks_materials(&planned) {
                 resolved.dielectrics = self.scenes[set].dielectrics.clone();
                 let table = resolved.dielectrics.iter_mut().zip(&mut resolved.glass).zip(&mut resolved.shadow_glass);
@@ -330,6 +334,23 @@ impl Renderer {
         // The builder's lists are a crate's, which takes what it gets.
         memory::probe(needed)?;
         Ok(())
+    }
+}
+
+impl PassMaterials {
+    /// What rays that start at the camera do at each material.
+    fn start_at_camera(&mut self, start: &CameraStart, materials: &[Material]) {
+        let kind = |material: &Material| {
+            let named = start.surfaces.iter().rfind(|(pattern, _)| pattern.matches(&material.name));
+            named.map_or(SurfaceKind::Painted, |(_, kind)| *kind)
+        };
+        self.surfaces = materials.iter().map(kind).collect();
+        for ((kind, shade), shadow_glass) in self.surfaces.iter().zip(&mut self.shades).zip(&mut self.shadow_glass) {
+            if *kind == SurfaceKind::CutOut {
+                shade.alpha_cutoff.get_or_insert(CUT_OUT);
+            }
+            *shadow_glass |= kind.passes_light();
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Ray passes: building what they need, and running them.
 
 use super::{Estimate, Observer, Progress, RenderError, Renderer, StepKind, channel_of};
-use crate::backend::{BackendError, GBuffer, RayCounts, RayJob};
+use crate::backend::{BackendError, FromCamera, GBuffer, RayCounts, RayJob};
 use crate::image::Image;
 use crate::plan::{PlannedPass, Work};
 use crate::project::{ChannelRef, PassKind};
@@ -75,6 +75,7 @@ impl Renderer {
         let materials = &self.materials[index];
         let scene = Arc::clone(&self.scenes[scene_set].scene);
         let (params, seed) = self.random_of_sample(ray.program, params);
+        let is_lamp = ray.from_camera.as_ref().is_some_and(|start| start.lamp);
         let job = RayJob {
             scene: &scene,
             program: ray.program,
@@ -82,7 +83,7 @@ impl Renderer {
             fidelity: self.plan.settings.fidelity,
             seed,
             eye: view.eye,
-            sun: ray.light.and_then(|light| self.sun(light)),
+            sun: ray.light.filter(|_| !is_lamp).and_then(|light| self.sun(light)),
             origin: buffer.origin,
             width: output.width,
             height: output.height,
@@ -96,6 +97,12 @@ impl Renderer {
             shades: &materials.shades,
             glass: &materials.glass,
             shadow_glass: &materials.shadow_glass,
+            from_camera: ray.from_camera.as_ref().map(|start| FromCamera {
+                view,
+                picture: self.plan.target_size(pass.target),
+                lamp: ray.light.filter(|_| start.lamp).and_then(|light| self.lamp(light)),
+                surfaces: &materials.surfaces,
+            }),
         };
         let progress = Arc::new(Progress::until(&self.cancellation));
         observer.begin(StepKind::Rays, name, &progress);
@@ -146,6 +153,7 @@ impl Renderer {
 /// `: 12 shadow, 3 reflected`, the kinds that were traced.
 pub(super) fn by_kind(rays: RayCounts) -> String {
     let kinds = [
+        (rays.camera, "from the camera"),
         (rays.shadow, "shadow"),
         (rays.occlusion, "occlusion"),
         (rays.reflected, "reflected"),

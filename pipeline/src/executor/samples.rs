@@ -133,6 +133,7 @@ impl Renderer {
             match &mut planned.work {
                 Work::Raster { view, viewport, .. } => *view = view.of_sample(*viewport, samples, sample),
                 Work::Effect { view, .. } => *view = view.of_sample(gbuffer, samples, sample),
+                Work::Rays { view, .. } if gbuffer.width > 0 => *view = view.of_sample(gbuffer, samples, sample),
                 // Rays leave from the G-buffer's points, and from the eye.
                 Work::Rays { .. } | Work::Off { .. } | Work::Quad { .. } => {}
             }

@@ -31,8 +31,10 @@ pub enum Background {
     /// Nothing, as in the report.
     #[default]
     Black,
-    /// The clear colour of the render target that holds the G-buffer.
+    /// The clear colour of the render target that holds the G-buffer; of rays that start at the camera that of the pass's own.
     Clear,
+    /// Blue, as in the tutorials of the engine's descendant.
+    Blue,
 }
 
 /// What shadow rays find of light that falls through glass.
@@ -48,7 +50,7 @@ pub enum GlassShadow {
 }
 
 named!(GlassRule, "pane" => Pane, "auto" => Auto);
-named!(Background, "black" => Black, "clear" => Clear);
+named!(Background, "black" => Black, "clear" => Clear, "blue" => Blue);
 named!(GlassShadow, "report" => Report, "opaque" => Opaque, "straight" => Straight);
 
 /// How a surface of glass stands in the scene.

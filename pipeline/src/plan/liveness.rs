@@ -4,6 +4,7 @@ use super::off::instead;
 use super::settings::Constants;
 use super::{Instead, Plan, PlanError, PlannedPass, Work, rectangle, view};
 use crate::backend::{Attachments, Rect};
+use crate::camera_programs::BLUE;
 use crate::diagnostic::Decision;
 use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
@@ -81,6 +82,7 @@ impl Plan {
                         unreachable!("every ray pass has its parameters")
                     };
                     let params = self.of_fidelity(pass, ray, params);
+                    self.explain_camera_start(pass, ray, camera)?;
                     let work = self.ray_work(&passes, index, params, camera, &mut wanted);
                     self.check_same_scenes(&passes[..index], pass, ray, &work)?;
                     work
@@ -137,6 +139,26 @@ impl Plan {
         RayParams { glass, background, shadow, sun: 0.0, ..params }
     }
 
+    /// Says which program was taken for a pass whose rays start at the camera, and refuses a camera that none of them has.
+    fn explain_camera_start(&mut self, pass: &Pass, ray: &RayPass, camera: Option<usize>) -> Result<(), PlanError> {
+        let Some(start) = &ray.from_camera else { return Ok(()) };
+        let camera = &self.project.cameras[camera.unwrap_or(ray.camera)];
+        if camera.orthographic.is_some() {
+            return Err(PlanError::new(
+                format!(
+                    "{}: rays of pass `{}` start at camera `{}`, which has no perspective",
+                    pass.place, pass.name, camera.name
+                ),
+                "give the camera a perspective projection, or take another with --camera",
+            ));
+        }
+        if !start.why.is_empty() {
+            let what = format!("ray program `{}` for pass `{}`", ray.program.info().stem, pass.name);
+            self.decide(what, true, start.why.clone());
+        }
+        Ok(())
+    }
+
     fn ray_work(
         &mut self,
         passes: &[Pass],
@@ -147,14 +169,25 @@ impl Plan {
     ) -> Work {
         let PassKind::Ray(ray) = &passes[index].kind else { unreachable!("the caller looked") };
         let size = self.target_size(passes[index].target);
-        let rect = rectangle(self.viewport_of(&passes[index], camera), size);
+        let from_camera = ray.from_camera.is_some();
+        let rect = match from_camera {
+            // As its picture is: the engine launches over the whole of the target.
+            true => Rect { x: 0, y: 0, width: size[0], height: size[1] },
+            false => rectangle(self.viewport_of(&passes[index], camera), size),
+        };
+        let clear_of = match from_camera {
+            true => passes[index].target,
+            false => ray.position.map(|position| position.target),
+        };
         let beyond = match params.background {
             Background::Black => Vec3::ZERO,
-            Background::Clear => ray.position.map_or(Vec3::ZERO, |position| {
-                self.display.space.of_display(self.project.targets[position.target].clear_color).truncate()
+            Background::Clear => clear_of.map_or(Vec3::ZERO, |target| {
+                self.display.space.of_display(self.project.targets[target].clear_color).truncate()
             }),
+            Background::Blue => BLUE,
         };
-        let reads_triangle = self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
+        let reads_triangle =
+            !from_camera && self.settings.fidelity == Fidelity::Corrected && ray.program.can_trace(&params);
         let channels = inputs(ray, &params);
         let resident = self.resident_target(passes, index, &channels, camera);
         wanted.channels.extend(channels.iter().copied());

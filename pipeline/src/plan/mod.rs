@@ -230,6 +230,10 @@ impl Plan {
         for index in 0..self.passes.len() {
             let pass = self.pass(&self.passes[index]);
             let (own, rect) = match &pass.kind {
+                PassKind::Ray(ray) if ray.from_camera.is_some() => {
+                    let [width, height] = self.target_size(pass.target);
+                    (ray.camera, Rect { x: 0, y: 0, width, height })
+                }
                 PassKind::Raster(RasterPass { camera, .. }) | PassKind::Ray(RayPass { camera, .. }) => {
                     (*camera, rectangle(self.viewport_of(pass, chosen), self.target_size(pass.target)))
                 }

@@ -80,13 +80,17 @@ impl Plan {
         SUM * (self.held_pixels(self.window) + shown.sum::<u64>())
     }
 
-    /// The whole of the G-buffer that an effect pass reads; nothing for other passes.
+    /// The whole of the G-buffer that an effect pass reads, or of the picture of a ray pass that starts at the camera; nothing for other
+    /// passes.
     #[must_use]
     pub(crate) fn seen_by(&self, planned: &PlannedPass) -> Rect {
-        let PassKind::Effect(effect) = &self.pass(planned).kind else {
-            return Rect { x: 0, y: 0, width: 0, height: 0 };
+        let pass = self.pass(planned);
+        let target = match &pass.kind {
+            PassKind::Effect(effect) => effect.position.map(|position| position.target),
+            PassKind::Ray(ray) if ray.from_camera.is_some() => pass.target,
+            _ => return Rect { x: 0, y: 0, width: 0, height: 0 },
         };
-        let [width, height] = self.target_size(effect.position.map(|position| position.target));
+        let [width, height] = self.target_size(target);
         Rect { x: 0, y: 0, width, height }
     }
 }

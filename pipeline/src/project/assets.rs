@@ -30,11 +30,25 @@ impl Loader {
             self.expect(assets, &[LISTS, OTHER_ASSETS].concat(), &[]);
         }
         self.list(root, "constants", &["constant"], Self::constant);
+        self.pass_attributes(root);
         self.list(root, "materialLibs", &["mlib", "materialLib"], Self::library);
         self.list(root, "viewports", &["viewport"], Self::viewport);
         self.list(root, "scenes", &["scene"], Self::scene);
         self.list(root, "cameras", &["camera"], Self::camera);
         self.list(root, "lights", &["light"], Self::light);
+    }
+
+    /// Numbers that `<attributes>` declare for passes; what else is declared there is read over.
+    fn pass_attributes(&mut self, root: &Element) {
+        let lists = root.children_named(&["assets"]).flat_map(|assets| assets.children_named(&["attributes"]));
+        for item in lists.flat_map(|list| list.children_named(&["attribute"])) {
+            let of_pass = item.attribute("type").is_some_and(|kind| kind.text.eq_ignore_ascii_case("PASS"));
+            let (Some(name), Some(value)) = (item.attribute("name"), item.attribute("value")) else { continue };
+            let number = value.text.parse().ok().or_else(|| self.constants.get(&value.text).copied());
+            if let Some(number) = number.filter(|_| of_pass) {
+                self.pass_values.insert(name.text.clone(), number);
+            }
+        }
     }
 
     fn list(&mut self, root: &Element, name: &str, items: &[&str], mut read: impl FnMut(&mut Self, &Element)) {
@@ -160,7 +174,7 @@ impl Loader {
         self.expect(element, CHILDREN, &["name", "type", "class"]);
         let Some(name) = self.required(element, "name") else { return };
         let position = self.single(element, &["position"]);
-        let position_valid = position.is_none_or(|position| self.vector(position).is_some());
+        let place = position.map_or(Some(None), |position| self.point(position).map(Some));
         let direction = match self.single(element, &["direction"]) {
             Some(direction) => self.direction(direction).map(Some),
             None => Some(None),
@@ -185,7 +199,8 @@ impl Loader {
             let message = format!("light `{}` shines as a directional one", name.shown());
             self.report.warning(kind.span, message, || Some("valid: directional".to_owned()));
         }
-        let item = (|| Some(Light { name: name.text.clone(), direction: direction?, color: color? }))();
-        self.lights.add(&mut self.report, name, item.filter(|_| position_valid));
+        let item =
+            (|| Some(Light { name: name.text.clone(), direction: direction?, position: place?, color: color? }))();
+        self.lights.add(&mut self.report, name, item);
     }
 }

@@ -5,9 +5,10 @@ use super::loader::Loader;
 use super::report::{Span, suggest};
 use crate::programs::RayProgramInfo;
 
-const VERTEX: &[&str] = &["optixVertexAttributes", "rtVertexAttributes"];
+pub(super) const VERTEX: &[&str] = &["optixVertexAttributes", "rtVertexAttributes"];
 const MATERIAL: &[&str] = &["optixMaterialAttributes", "rtMaterialAttributes"];
-const GLOBAL: &[&str] = &["optixGlobalAttributes", "rtGlobalAttributes", "optixGlobalParams", "rtGlobalParams"];
+pub(super) const GLOBAL: &[&str] =
+    &["optixGlobalAttributes", "rtGlobalAttributes", "optixGlobalParams", "rtGlobalParams"];
 
 /// Elements of a pass that are read here.
 pub(super) const ELEMENTS: &[&str] = &[

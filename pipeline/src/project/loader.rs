@@ -15,6 +15,10 @@ pub(super) struct Loader {
     pub folder: file::Folder,
     /// Numbers that have names.
     pub constants: HashMap<String, f32>,
+    /// Numbers that passes have by a name, where a pass gives no other.
+    pub pass_values: HashMap<String, f32>,
+    /// The project's name; empty before it is read.
+    pub title: String,
     pub libraries: Libraries,
     pub scenes: Declared<SceneDecl>,
     pub viewports: Declared<Viewport>,
@@ -77,6 +81,8 @@ fn read(path: &Path) -> (Loader, Option<Project>) {
         report: Report::default(),
         folder: file::Folder::of(path),
         constants: HashMap::new(),
+        pass_values: HashMap::new(),
+        title: String::new(),
         libraries: Libraries::new(),
         scenes: Declared::new("scene"),
         viewports: Declared::new("viewport"),
@@ -107,6 +113,7 @@ impl Loader {
         }
         self.expect(&root, &["assets", "pipelines", "interface"], &["name", "width", "height", "color"]);
         let name = self.required(&root, "name").map(|name| name.text.clone());
+        self.title = name.clone().unwrap_or_default();
         let window = self.window(&root);
         let color = root.attribute("color").map_or(Some(ColorSpace::Report), |value| self.color_space(value));
         self.assets(&root);

@@ -27,6 +27,7 @@
 //! Files are bounded (16 MiB, 64 levels of elements, 65,536 elements), and so is what is reported.
 
 mod assets;
+mod camera_pass;
 mod cameras;
 mod dom;
 mod draw;
@@ -53,6 +54,7 @@ pub use from_scene::{Effects, FromSceneError, SceneOptions, SceneProjects, Up};
 pub use source::{SCENE_EXTENSIONS, SourceError, names_scenes, open, open_scenes, scene_files};
 pub use write::WriteError;
 
+use crate::camera_programs::SurfaceKind;
 use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
 use crate::image::PixelFormat;
@@ -255,6 +257,8 @@ pub struct Light {
     pub name: String,
     /// Unit direction in which the light travels; `None` for a light that has only a position.
     pub direction: Option<Vec3>,
+    /// Where it is, world; `None` for a light that has only a direction.
+    pub position: Option<DVec3>,
     /// Colour (`COLOR`, `DIFFUSE`).
     pub color: Vec3,
 }
@@ -374,6 +378,8 @@ pub enum MaterialPattern {
     All,
     /// One name.
     Named(String),
+    /// Names that begin so.
+    Beginning(String),
 }
 
 impl MaterialPattern {
@@ -383,6 +389,7 @@ impl MaterialPattern {
         match self {
             Self::All => true,
             Self::Named(named) => named == name,
+            Self::Beginning(beginning) => name.starts_with(beginning.as_str()),
         }
     }
 }
@@ -400,7 +407,18 @@ pub struct ColorMap {
     pub drops_texture: bool,
 }
 
-/// Traces rays from a G-buffer.
+/// What a pass has whose rays start at the camera.
+#[derive(Debug, Clone)]
+pub struct CameraStart {
+    /// What rays do at which materials; of several that fit the last one counts.
+    pub surfaces: Vec<(MaterialPattern, SurfaceKind)>,
+    /// Whether the light shines from its place, and not along its direction.
+    pub lamp: bool,
+    /// Why the program was taken; empty where the project names it.
+    pub why: String,
+}
+
+/// Traces rays, from a G-buffer or from the camera.
 #[derive(Debug, Clone)]
 pub struct RayPass {
     /// Indices of the scenes that rays meet.
@@ -425,6 +443,8 @@ pub struct RayPass {
     pub glass: Vec<MaterialPattern>,
     /// Materials through which shadow rays pass (`any_hit_shadow_glass`).
     pub shadow_glass: Vec<MaterialPattern>,
+    /// What a program reads whose rays start at the camera; `None` for one that starts from a G-buffer.
+    pub from_camera: Option<CameraStart>,
 }
 
 /// Computes by raster what a ray pass computes by rays, from the same G-buffer.

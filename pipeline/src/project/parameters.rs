@@ -33,7 +33,9 @@ impl Loader {
         let mut whole = true;
         for attribute in &context.element.attributes {
             let name = attribute.name.to_ascii_lowercase();
-            if ["name", "class"].contains(&name.as_str()) {
+            // Of ray passes; an effect pass names its program by an element.
+            let is_program = name == "program" && program.is_some_and(|program| program.buffers.is_empty());
+            if ["name", "class"].contains(&name.as_str()) || is_program {
                 continue;
             }
             let problem = if !table.iter().any(|param| param.name == name) {

@@ -20,13 +20,13 @@ const KINDS: [&str; 3] = ["Closest_Hit", "Any_Hit", "Miss"];
 /// Kinds that mean nothing in a material.
 const OTHER_KINDS: [&str; 4] = ["RayGen", "Exception", "Geometry_Intersection", "Bounding_Box"];
 
-const ENTRY_POINT: &[&str] = &["optixEntryPoint", "rtEntryPoint"];
-const DEFAULT_MATERIAL: &[&str] = &["optixDefaultMaterial", "rtDefaultMaterial"];
-const MATERIAL_MAP: &[&str] = &["optixMaterialMap", "rtMaterialMap"];
-const MAP: &[&str] = &["optixMap", "rtMap"];
-const GEOMETRY: &[&str] = &["optixGeometryProgram", "rtGeometryProgram"];
-const PROGRAM: &[&str] = &["optixProgram", "rtProgram"];
-const INPUT: &[&str] = &["optixInput", "rtInput"];
+pub(super) const ENTRY_POINT: &[&str] = &["optixEntryPoint", "rtEntryPoint"];
+pub(super) const DEFAULT_MATERIAL: &[&str] = &["optixDefaultMaterial", "rtDefaultMaterial"];
+pub(super) const MATERIAL_MAP: &[&str] = &["optixMaterialMap", "rtMaterialMap"];
+pub(super) const MAP: &[&str] = &["optixMap", "rtMap"];
+pub(super) const GEOMETRY: &[&str] = &["optixGeometryProgram", "rtGeometryProgram"];
+pub(super) const PROGRAM: &[&str] = &["optixProgram", "rtProgram"];
+pub(super) const INPUT: &[&str] = &["optixInput", "rtInput"];
 
 /// A program that a material names.
 struct Proc<'e> {
@@ -39,13 +39,19 @@ impl Loader {
     /// Reads a pass of class `optix` or `rt`.
     pub fn ray_pass(&mut self, context: &mut PassContext<'_>) -> Option<RayPass> {
         let element = context.element;
-        self.expect_ray_children(element);
+        let from_camera = self.starts_at_camera(element);
+        if !from_camera {
+            self.expect_ray_children(element);
+        }
         context.facts.writes_first(1);
         context.facts.one_size = true;
         if element.children_named(&["renderTarget"]).next().is_none() {
             let message = format!("ray pass `{}` has no render target to write into", shown(&context.name));
             self.report
                 .error_help(element.span, message, || "valid: <rendertarget name=\"…\" fromLibrary=\"…\"/>".to_owned());
+        }
+        if from_camera {
+            return self.camera_pass(context);
         }
         let info = self.ray_program(context);
         let params = self.ray_params(context, info);
@@ -92,6 +98,7 @@ impl Loader {
             colors,
             glass,
             shadow_glass,
+            from_camera: None,
         })
     }
 
@@ -130,8 +137,9 @@ impl Loader {
         let (path, proc) = (self.required(generator, "file"), self.required(generator, "proc"));
         let (path, proc) = (path?, proc?);
         let stem = file::stem(path);
-        let stems = || RAY_PROGRAMS.iter().map(|info| info.stem);
-        let Some(info) = RAY_PROGRAMS.iter().find(|info| info.stem.eq_ignore_ascii_case(stem)) else {
+        let known = || RAY_PROGRAMS.iter().filter(|info| !info.starts_at_camera());
+        let stems = || known().map(|info| info.stem);
+        let Some(info) = known().find(|info| info.stem.eq_ignore_ascii_case(stem)) else {
             let message = format!("pass `{pass}`: there is no ray program `{}`", shown(stem));
             self.report.error_help(path.span, message, || suggest(stem, stems()));
             return None;
@@ -341,7 +349,7 @@ impl Loader {
 
     /// A material's name without that of its library: what stands behind the name of a library that is known, or else behind
     /// the last colon.
-    fn without_library<'t>(&self, text: &'t str) -> &'t str {
+    pub(super) fn without_library<'t>(&self, text: &'t str) -> &'t str {
         let known = text.split_once(':').filter(|(library, _)| self.libraries.declares(library.trim()));
         known.map_or_else(|| text.rsplit(':').next().unwrap_or_default(), |(_, name)| name)
     }

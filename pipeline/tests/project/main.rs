@@ -1,5 +1,6 @@
 //! Projects and material libraries: what loads, and what is said of what does not.
 
+mod camera;
 mod dialects;
 mod effects;
 mod errors;

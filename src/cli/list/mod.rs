@@ -10,7 +10,7 @@ use curitiba::passes::raster::gpu::abilities;
 use curitiba::pipeline::backend::{Rasteriser as _, RayBackend};
 use curitiba::pipeline::diagnostic::valid_names;
 use curitiba::pipeline::programs::{
-    Fidelity, PARAMS, ParamInfo, QUAD_PROGRAMS, RASTER_PROGRAMS, RAY_PROGRAMS, RayParams, RayProgramInfo,
+    Fidelity, PARAMS, ParamInfo, QUAD_PROGRAMS, RASTER_PROGRAMS, RAY_PROGRAMS, RayProgramInfo,
 };
 use curitiba::pipeline::raster_effects::{EFFECT_PARAMS, EFFECT_PROGRAMS, EffectParams, EffectProgramInfo};
 use curitiba::{BackendChoice, Choice};
@@ -44,7 +44,13 @@ fn all() {
     }
     crate::say!("\n{HEADER}parameters of ray programs (attributes of the pass, or --set PASS.NAME=VALUE){HEADER:#}");
     for param in PARAMS {
-        describe(param, &RayParams::default().get(param.name));
+        let mut defaults: Vec<String> = RAY_PROGRAMS
+            .iter()
+            .filter(|info| info.reads(param.name))
+            .map(|info| info.defaults().get(param.name))
+            .collect();
+        defaults.dedup();
+        describe(param, &defaults.join(", from the camera "));
         let reads = |info: &&RayProgramInfo| info.params.contains(&param.name);
         let readers: Vec<&str> = RAY_PROGRAMS.iter().filter(reads).map(|info| info.stem).collect();
         crate::say!("  {:16} read by {}", "", readers.join(", "));
@@ -118,7 +124,7 @@ fn one_ray(info: &RayProgramInfo) {
     crate::say!("  material attributes  {}", list(info.material_attributes));
     crate::say!("  global attributes    {}", list(info.globals));
     for param in PARAMS.iter().filter(|param| info.params.contains(&param.name)) {
-        describe(param, &RayParams::default().get(param.name));
+        describe(param, &info.defaults().get(param.name));
     }
     crate::say!("\n{}", snippet::ray(info));
 }

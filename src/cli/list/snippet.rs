@@ -5,6 +5,9 @@ use curitiba::pipeline::raster_effects::EffectProgramInfo;
 
 /// A pass that runs a ray program.
 pub fn ray(info: &RayProgramInfo) -> String {
+    if info.starts_at_camera() {
+        return camera(info);
+    }
     let file = format!("optix/{}.ptx", info.stem);
     let mut xml = String::new();
     let mut line = |depth: usize, text: &str| {
@@ -85,6 +88,23 @@ pub fn ray(info: &RayProgramInfo) -> String {
     line(1, "</optixInput>");
     line(0, "</pass>");
     xml
+}
+
+/// A pass whose rays start at the camera.
+fn camera(info: &RayProgramInfo) -> String {
+    let mut lines = vec![
+        format!("<pass class=\"rt\" name=\"rays\" program=\"{}\">", info.stem),
+        "  <scenes><scene>MainScene</scene></scenes>".to_owned(),
+        "  <camera>MainCamera</camera>".to_owned(),
+        "  <rendertarget name=\"test\" fromLibrary=\"Optix Ray Tracer Render Target\"/>".to_owned(),
+        "  <lights><light>Sun</light></lights>".to_owned(),
+    ];
+    if info.reads("depth") {
+        lines.push("  <glass><material name=\"Vidro\"/></glass>".to_owned());
+        lines.push("  <metal><material name=\"mirror*\"/></metal>".to_owned());
+    }
+    lines.push("</pass>\n".to_owned());
+    lines.join("\n")
 }
 
 /// A pass that runs a raster effect.

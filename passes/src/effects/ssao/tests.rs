@@ -1,6 +1,7 @@
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::trace::{Bvh, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{GBuffer, RayCounts, RayJob};
+use curitiba_pipeline::camera_programs::CameraParams;
 use curitiba_pipeline::glass::{Background, GlassRule, GlassShadow};
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram, Sampler};
@@ -26,6 +27,7 @@ const DEFAULTS: RayParams = RayParams {
     sun: 0.0,
     sun_samples: 16,
     first_sun: 0,
+    camera: CameraParams::DEFAULT,
 };
 
 fn occlusion(shot: &Shot<'_>, fidelity: Fidelity, params: RayParams) -> (Vec<f32>, RayCounts) {

@@ -293,6 +293,7 @@ impl<'w> Shot<'w> {
     /// A job of a program over this G-buffer.
     pub fn job(&self, program: RayProgram, fidelity: Fidelity, params: RayParams) -> RayJob<'_> {
         RayJob {
+            from_camera: None,
             origin: [0; 2],
             scene: &self.world.scene,
             program,

@@ -79,6 +79,7 @@ static SHADES: [Shade; 1] = [Shade::WHITE];
 fn job<'a>(scene: &'a RenderScene, position: &'a [[f32; 4]], direction: Vec3) -> RayJob<'a> {
     let width = 500;
     RayJob {
+        from_camera: None,
         scene,
         program: RayProgram::DeferredShadows,
         params: RayParams::default(),

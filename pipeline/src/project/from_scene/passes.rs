@@ -158,6 +158,7 @@ impl Common<'_> {
             colors: Vec::new(),
             glass: patterns(calls("closest_hit_glass")),
             shadow_glass: patterns(calls("any_hit_shadow_glass")),
+            from_camera: None,
         }
     }
 

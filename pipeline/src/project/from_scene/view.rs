@@ -186,7 +186,12 @@ pub(super) fn sun(options: &SceneOptions, of_file: Option<&SceneLight>, camera: 
     // The file's own strength is in lux, for a film that nobody exposes here: only the hue serves.
     let strongest = color.max_element();
     let hue = if strongest > 0.0 && strongest.is_finite() { color / strongest } else { Vec3::ONE };
-    Light { name: "Sun".to_owned(), direction: unit(travels).or(Some(Vec3::NEG_Y)), color: hue.max(Vec3::ZERO) * SUN }
+    Light {
+        name: "Sun".to_owned(),
+        direction: unit(travels).or(Some(Vec3::NEG_Y)),
+        position: None,
+        color: hue.max(Vec3::ZERO) * SUN,
+    }
 }
 
 #[cfg(test)]

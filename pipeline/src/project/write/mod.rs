@@ -227,9 +227,11 @@ fn write_light(xml: &mut Xml, light: &Light) {
         }
         None => {
             xml.begin("light", &[("name", &light.name)]);
-            // Where it stands is not read; that it has a place is all that is known of it.
-            vector(xml, "position", Vec3::ZERO);
         }
+    }
+    if let Some(place) = light.position {
+        let [x, y, z] = place.to_array().map(|number| number.to_string());
+        xml.empty("position", &[("x", &x), ("y", &y), ("z", &z)]);
     }
     color(xml, "color", &light.color.to_array());
     xml.end();

@@ -7,6 +7,7 @@ use crate::project::handed::origin;
 use crate::project::{
     ChannelRef, EffectPass, MaterialPattern, Pass, PassKind, Project, QuadPass, QuadSource, RasterPass, RayPass,
 };
+use std::borrow::Cow;
 
 /// A pass with what it refers to.
 struct Context<'a> {
@@ -95,7 +96,7 @@ impl Context<'_> {
             for (index, map) in maps().filter(|(_, map)| map.drops_texture) {
                 let from = pattern(xml, &map.to);
                 let to = material(index);
-                xml.empty("map", &[("fromMaterial", from), ("toLibrary", self.library), ("toMaterial", &to)]);
+                xml.empty("map", &[("fromMaterial", &from), ("toLibrary", self.library), ("toMaterial", &to)]);
             }
             xml.end();
         }
@@ -111,7 +112,7 @@ impl Context<'_> {
         }
         for (index, map) in rest() {
             let to = pattern(xml, &map.to);
-            xml.begin("map", &[("toMaterial", to)]);
+            xml.begin("map", &[("toMaterial", &to)]);
             let mut attributes = vec![("fromMaterial", material(index)), ("fromLibrary", self.library.to_owned())];
             for (name, replaced) in [("diffuse", map.diffuse), ("emission", map.emission)] {
                 attributes.push((name, replaced.is_some().to_string()));
@@ -132,7 +133,20 @@ impl Context<'_> {
 
     fn rays(&self, xml: &mut Xml, ray: &RayPass) {
         let info = ray.program.info();
-        let values: Vec<_> = info.params.iter().map(|name| (*name, ray.params.get(name))).collect();
+        let mut values: Vec<_> = info.params.iter().map(|name| (*name, ray.params.get(name))).collect();
+        if let Some(start) = &ray.from_camera {
+            values.insert(0, ("program", info.stem.to_owned()));
+            self.begin(xml, "rt", &values);
+            self.seen(xml, &ray.scenes, ray.camera, ray.light);
+            self.colors(xml, false);
+            for (to, kind) in &start.surfaces {
+                xml.begin(kind.name(), &[]);
+                let name = pattern(xml, to);
+                xml.empty("material", &[("name", &name)]);
+                xml.end();
+            }
+            return;
+        }
         self.begin(xml, "optix", &values);
         self.seen(xml, &ray.scenes, ray.camera, ray.light);
         self.colors(xml, false);
@@ -199,7 +213,7 @@ impl Context<'_> {
             xml.begin("glass", &[]);
             for to in &effect.glass {
                 let name = pattern(xml, to);
-                xml.empty("material", &[("name", name)]);
+                xml.empty("material", &[("name", &name)]);
             }
             xml.end();
         }
@@ -238,14 +252,15 @@ fn program(xml: &mut Xml, file: &str, proc: &ProcInfo) {
 }
 
 /// A pattern as it is written; a name with an asterisk would mean another.
-fn pattern<'p>(xml: &mut Xml, pattern: &'p MaterialPattern) -> &'p str {
+fn pattern<'p>(xml: &mut Xml, pattern: &'p MaterialPattern) -> Cow<'p, str> {
     match pattern {
-        MaterialPattern::All => "*",
+        MaterialPattern::All => Cow::Borrowed("*"),
         MaterialPattern::Named(name) => {
             if name.contains('*') {
                 xml.refuse(name);
             }
-            name
+            Cow::Borrowed(name)
         }
+        MaterialPattern::Beginning(name) => Cow::Owned(format!("{name}*")),
     }
 }

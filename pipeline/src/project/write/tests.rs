@@ -40,7 +40,7 @@ fn comes_back(project: &Project) {
 #[test]
 fn the_shipped_projects_are_read_as_they_were_written() {
     let mut count = 0;
-    for folder in ["xml_projects", "xml_projects/raster", "xml_projects/glass"] {
+    for folder in ["xml_projects", "xml_projects/raster", "xml_projects/glass", "xml_projects/camera"] {
         for entry in std::fs::read_dir(root(folder)).expect("the folder") {
             let path = entry.expect("an entry").path();
             if path.extension().is_some_and(|extension| extension == "xml") {
@@ -49,7 +49,7 @@ fn the_shipped_projects_are_read_as_they_were_written() {
             }
         }
     }
-    assert_eq!(count, 21);
+    assert_eq!(count, 30);
 }
 
 fn triangle(folder: &Path, name: &str, material: &str) -> PathBuf {

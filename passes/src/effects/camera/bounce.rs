@@ -1,0 +1,55 @@
+//! The ways on from mirrors, panes and glass.
+
+use super::{MIRRORED, Walk};
+use crate::effects::coverage::Coverage;
+use crate::effects::optics::{Interface, interface, reflect};
+use crate::effects::surface::Surface;
+use crate::sampling::hemisphere::{Basis, concentric_disk, mirrored};
+use crate::trace::Tracer;
+use glam::{Vec2, Vec3};
+
+/// What a surface of glass does with a direction.
+pub(super) struct Split {
+    pub interface: Interface,
+    pub reflected: Vec3,
+    pub refracted: Option<Vec3>,
+}
+
+/// A direction of the lobe `cos^exponent` around a unit vector, by its density, from a uniform point of the unit square.
+///
+/// The cumulative distribution of the cosine is `cos^(exponent + 1)`; the squared radius of a uniform point of the unit disk is uniform.
+pub(super) fn in_lobe(around: Vec3, exponent: f32, point: Vec2) -> Vec3 {
+    let disk = concentric_disk(point);
+    let square = disk.length_squared().min(1.0);
+    let cosine = (1.0 - square).max(0.0).powf(1.0 / (exponent + 1.0));
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+    let aside = disk.normalize_or_zero() * sine;
+    Basis::around(around).to_world(aside.extend(cosine))
+}
+
+impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
+    /// Where a mirror sends a direction, and what is left of its light; a rough one takes a point of the unit square.
+    pub(super) fn mirror(&self, surface: &Surface, view: Vec3, at: impl FnOnce() -> Vec2) -> (Vec3, f32) {
+        let smooth = reflect(view, surface.interface_normal(view));
+        let exponent = self.params.camera.gloss;
+        if exponent == 0.0 {
+            return (smooth, MIRRORED);
+        }
+        // What would go into the surface is mirrored at it.
+        (mirrored(in_lobe(smooth, exponent, at()), surface.facing), MIRRORED)
+    }
+
+    /// What glass does with a direction: the side of the winding is outside.
+    pub(super) fn split(&self, surface: &Surface, view: Vec3) -> Split {
+        let index = if surface.is_front() { self.params.index } else { self.params.index.recip() };
+        let by = |normal: Vec3| {
+            let interface = interface(self.params.fresnel, -normal.dot(view), index);
+            (normal, interface, interface.refract(view, normal, index))
+        };
+        let bent = by(surface.interface_normal(view));
+        // Refracted back to the viewer's side, which a bent normal can do: the flat surface serves.
+        let returns = bent.2.is_some_and(|direction| direction.dot(surface.facing) >= 0.0);
+        let (normal, interface, refracted) = if returns { by(surface.facing) } else { bent };
+        Split { interface, reflected: reflect(view, normal), refracted }
+    }
+}

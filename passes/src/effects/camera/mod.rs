@@ -1,0 +1,108 @@
+//! Programs whose rays start at the camera: they read no G-buffer, and shade what each ray meets.
+//!
+//! One integrator serves all of them. A pixel is the mean of its rays; each ray takes one point of the pixel, of the lens and of the light,
+//! and one direction at each surface that has several, from sequences of its own (`sampling::paths`). What the programs differ in is what a
+//! ray shows of the surface that it meets. In corrected fidelity alone.
+//!
+//! From the ground up: `eye`, where rays start; `light`, what arrives at a point; `bounce`, ways on; `whitted` and `paths`.
+
+mod bounce;
+mod eye;
+mod light;
+mod paths;
+mod whitted;
+
+pub use eye::Eye;
+
+use super::coverage::Coverage;
+use super::pass::{Pass, Pixel, opaque};
+use super::workspace::Workspace;
+use crate::sampling::hemisphere::{Basis, cosine, mirrored};
+use crate::sampling::paths::{Place, Points};
+use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
+use curitiba_pipeline::backend::FromCamera;
+use curitiba_pipeline::camera_programs::SurfaceKind;
+use curitiba_pipeline::programs::{RayParams, RayProgram};
+use glam::{DVec3, Vec2, Vec3};
+
+/// What mirrors leave of light.
+const MIRRORED: f32 = 0.8;
+/// What a clear pane lets through, of what is seen and of light.
+const CLEAR: f32 = 0.8;
+/// What a surface of glass lets through of a shadow ray.
+const SHADOW_GLASS: f32 = 0.95;
+
+/// A pass with what it reads beside a G-buffer's programs.
+struct Walk<'p, 'a, T, C> {
+    pass: &'p Pass<'a, T, C>,
+    camera: FromCamera<'a>,
+    params: &'p RayParams,
+    /// Whether shadow rays end at glass: what lies behind is met by paths that glass bends.
+    glass_stops: bool,
+}
+
+/// The mean of a pixel's rays, alpha 1.
+///
+/// # Panics
+/// If the job has no camera.
+pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: &mut Workspace) -> [f32; 4] {
+    let (Some(camera), Some(eye)) = (pass.job.from_camera, &pass.eye) else { unreachable!("the job was checked") };
+    let params = &pass.job.params;
+    let glass_stops = pass.job.program == RayProgram::PathTracing && camera.surfaces.contains(&SurfaceKind::Light);
+    let walk = Walk { pass, camera, params, glass_stops };
+    let (key, rays) = (pass.key(pixel), params.samples.max(1));
+    let mut sum = DVec3::ZERO;
+    for ray in 0..rays {
+        let points = Points::new(key, params.first.wrapping_add(ray));
+        let at = if params.samples == 0 { Vec2::splat(0.5) } else { points.at(Place::Film) };
+        let [x, y] = [0, 1].map(|axis| pass.job.origin[axis] as f32 + [pixel.x, pixel.y][axis] as f32);
+        let (origin, direction) = eye.ray(Vec2::new(x, y) + at, || points.at(Place::Lens));
+        sum += walk.shown(origin, direction, &points, work).as_dvec3();
+    }
+    let mean = (sum / f64::from(rays)).as_vec3();
+    let gamma = params.camera.gamma;
+    opaque(if gamma == 1.0 { mean } else { mean.max(Vec3::ZERO).powf(gamma.recip()) })
+}
+
+impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
+    /// What a ray from the camera shows.
+    fn shown(&self, origin: Vec3, direction: Vec3, points: &Points, work: &mut Workspace) -> Vec3 {
+        work.rays.camera += 1;
+        self.pass.tracer.announce(Announcement { purpose: Purpose::Camera, bounce: 0, weight: 1.0 });
+        if self.pass.job.program == RayProgram::PathTracing {
+            return self.path(origin, direction, points, work);
+        }
+        let (ray, Some(hit)) = self.pass.closest(origin, direction) else { return self.pass.job.beyond };
+        match self.pass.job.program {
+            RayProgram::Albedo => self.pass.base_color(&hit),
+            RayProgram::Lambert => self.lit(&ray, &hit),
+            RayProgram::CameraOcclusion => self.open(&ray, &hit, points, work),
+            _ => self.whitted((ray, hit), 0, points, work),
+        }
+    }
+
+    fn kind(&self, hit: &Hit) -> SurfaceKind {
+        self.camera.surfaces[self.pass.material_of(hit.triangle) as usize]
+    }
+
+    /// The colour in the light that nothing is in the way of, and light that is everywhere.
+    fn lit(&self, ray: &Ray, hit: &Hit) -> Vec3 {
+        let surface = self.pass.surface_hit(ray, hit);
+        let (to_light, color) = self.towards(surface.position());
+        let cosine = surface.normal.dot(to_light).max(0.0);
+        let share = (color * cosine + self.params.camera.ambient).min(Vec3::ONE);
+        self.pass.base_color(hit) * share + self.pass.glow(hit)
+    }
+
+    /// 1 where a direction of the hemisphere is open up to the radius, else 0.
+    fn open(&self, ray: &Ray, hit: &Hit, points: &Points, work: &mut Workspace) -> Vec3 {
+        let surface = self.pass.surface_hit(ray, hit);
+        let way = Basis::around(surface.normal).to_world(cosine(points.at(Place::Bounce(0))));
+        let direction = mirrored(way, surface.facing);
+        work.rays.occlusion += 1;
+        self.pass.announce_visibility(Purpose::Occlusion, 1.0);
+        let ray = Ray { origin: surface.origin(direction), direction, t_min: 0.0, t_max: self.params.radius };
+        let open = !self.pass.tracer.occluded(&ray, |hit| self.pass.covers(hit));
+        Vec3::splat(f32::from(u8::from(open)))
+    }
+}

@@ -1,0 +1,80 @@
+//! Path tracing (Kajiya, "The Rendering Equation", SIGGRAPH 1986): one way on at each surface, by its density, and at diffuse ones a point
+//! of the light beside.
+//!
+//! Light is counted once: where a path asks for a point of the light, surfaces that emit count only where it meets them from the camera or
+//! a mirror or glass; in a project without a light every surface that emits counts wherever it is met. Where a material is the light, paths
+//! through glass meet it, and shadow rays end at glass; a light without a surface is met by shadow rays alone, which glass then dims.
+
+use super::{CLEAR, Walk};
+use crate::effects::coverage::Coverage;
+use crate::effects::workspace::Workspace;
+use crate::sampling::hemisphere::{Basis, cosine, mirrored};
+use crate::sampling::paths::{Place, Points};
+use crate::trace::{Announcement, Purpose, Tracer};
+use curitiba_pipeline::camera_programs::SurfaceKind;
+use glam::Vec3;
+
+impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
+    /// Radiance along a ray from the camera, with [`depth`](curitiba_pipeline::programs::RayParams::depth) bounces at most.
+    pub(super) fn path(&self, origin: Vec3, direction: Vec3, points: &Points, work: &mut Workspace) -> Vec3 {
+        let lit = self.camera.lamp.is_some() || self.pass.job.sun.is_some();
+        let (mut origin, mut direction) = (origin, direction);
+        let (mut sum, mut weight, mut counts) = (Vec3::ZERO, Vec3::ONE, true);
+        for bounce in 0..=self.params.depth {
+            let (ray, Some(hit)) = self.pass.closest(origin, direction) else {
+                return sum + weight * self.pass.job.beyond;
+            };
+            let kind = self.kind(&hit);
+            if kind == SurfaceKind::Light {
+                let shines = if counts || !lit { self.params.camera.radiance } else { 0.0 };
+                return sum + weight * shines;
+            }
+            let surface = self.pass.surface_hit(&ray, &hit);
+            let mut purpose = Purpose::Reflected;
+            match kind {
+                SurfaceKind::Light | SurfaceKind::Painted | SurfaceKind::CutOut => {
+                    if counts || !lit {
+                        sum += weight * self.pass.glow(&hit);
+                    }
+                    weight *= self.pass.base_color(&hit);
+                    if weight == Vec3::ZERO {
+                        return sum;
+                    }
+                    if lit {
+                        let place = || points.at(Place::Light(bounce));
+                        sum += weight * self.reflected(&hit, &surface, place, work);
+                    }
+                    let way = cosine(points.at(Place::Bounce(bounce)));
+                    direction = mirrored(Basis::around(surface.normal).to_world(way), surface.facing);
+                    counts = false;
+                }
+                SurfaceKind::Metal => {
+                    let (way, share) = self.mirror(&surface, direction, || points.at(Place::Bounce(bounce)));
+                    (direction, weight, counts) = (way, weight * share, true);
+                }
+                SurfaceKind::Clear => {
+                    // Light that falls through a pane is asked for by shadow rays.
+                    (weight, purpose) = (weight * CLEAR, Purpose::Refracted);
+                }
+                SurfaceKind::Glass => {
+                    let split = self.split(&surface, direction);
+                    let goes_on = points.at(Place::Bounce(bounce)).x >= split.interface.reflectance;
+                    (direction, purpose) = match split.refracted.filter(|_| goes_on) {
+                        Some(refracted) => (refracted, Purpose::Refracted),
+                        None => (split.reflected, Purpose::Reflected),
+                    };
+                    counts = true;
+                }
+            }
+            if bounce < self.params.depth {
+                match purpose {
+                    Purpose::Reflected => work.rays.reflected += 1,
+                    _ => work.rays.refracted += 1,
+                }
+                self.pass.tracer.announce(Announcement { purpose, bounce, weight: weight.max_element() });
+                origin = surface.origin(direction);
+            }
+        }
+        sum
+    }
+}

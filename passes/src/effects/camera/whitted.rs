@@ -1,0 +1,76 @@
+//! Whitted's recursion ("An Improved Illumination Model for Shaded Display", CACM 23(6), 1980): light and its shadows at painted surfaces,
+//! both ways on at glass, one at mirrors and panes.
+
+use super::{CLEAR, Walk};
+use crate::effects::coverage::Coverage;
+use crate::effects::surface::Surface;
+use crate::effects::workspace::Workspace;
+use crate::sampling::paths::{Place, Points};
+use crate::trace::{Announcement, Hit, Purpose, Ray, Tracer};
+use curitiba_pipeline::camera_programs::SurfaceKind;
+use glam::Vec3;
+
+impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
+    /// What a ray shows of the surface that it meets after so many bounces.
+    pub(super) fn whitted(&self, (ray, hit): (Ray, Hit), bounces: u32, points: &Points, work: &mut Workspace) -> Vec3 {
+        let kind = self.kind(&hit);
+        if kind == SurfaceKind::Light {
+            return Vec3::ONE;
+        }
+        let surface = self.pass.surface_hit(&ray, &hit);
+        let view = ray.direction;
+        match kind {
+            SurfaceKind::Light | SurfaceKind::Painted | SurfaceKind::CutOut => {
+                let arriving = self.arriving(&hit, &surface, || points.at(Place::Light(bounces)), work);
+                let share = (arriving + self.params.camera.ambient).min(Vec3::ONE);
+                self.pass.base_color(&hit) * share + self.pass.glow(&hit)
+            }
+            SurfaceKind::Clear => {
+                CLEAR * self.after(&surface, view, (Purpose::Refracted, CLEAR), bounces, points, work)
+            }
+            SurfaceKind::Metal => {
+                let (direction, share) = self.mirror(&surface, view, || points.at(Place::Bounce(bounces)));
+                share * self.after(&surface, direction, (Purpose::Reflected, share), bounces, points, work)
+            }
+            SurfaceKind::Glass => {
+                let split = self.split(&surface, view);
+                let reflectance = split.interface.reflectance;
+                let mut color = Vec3::ZERO;
+                if reflectance > 0.0 {
+                    let way = (Purpose::Reflected, reflectance);
+                    color += reflectance * self.after(&surface, split.reflected, way, bounces, points, work);
+                }
+                if let Some(direction) = split.refracted {
+                    let share = 1.0 - reflectance;
+                    color +=
+                        share * self.after(&surface, direction, (Purpose::Refracted, share), bounces, points, work);
+                }
+                color
+            }
+        }
+    }
+
+    /// What is seen on a way on from a surface; black after the last bounce.
+    fn after(
+        &self,
+        from: &Surface,
+        direction: Vec3,
+        (purpose, weight): (Purpose, f32),
+        bounces: u32,
+        points: &Points,
+        work: &mut Workspace,
+    ) -> Vec3 {
+        if bounces >= self.params.depth {
+            return Vec3::ZERO;
+        }
+        match purpose {
+            Purpose::Reflected => work.rays.reflected += 1,
+            _ => work.rays.refracted += 1,
+        }
+        self.pass.tracer.announce(Announcement { purpose, bounce: bounces, weight });
+        match self.pass.closest(from.origin(direction), direction) {
+            (ray, Some(hit)) => self.whitted((ray, hit), bounces + 1, points, work),
+            _ => self.pass.job.beyond,
+        }
+    }
+}
