@@ -81,19 +81,20 @@ impl Estimate {
         values.with_min_len(4096).map(pixel).collect()
     }
 
-    /// The mean picture; `exponent` is put on red, green and blue of one value.
+    /// The mean picture; `exponent` is put on red, green and blue, of which colours have none below 0 then.
     pub(super) fn mean(&self, exponent: f32) -> Vec<[f32; 4]> {
         let raised = |value: f64| (value as f32).powf(exponent);
+        let of_color = |value: f64| if exponent == 1.0 { value as f32 } else { raised(value.max(0.0)) };
         self.each(|[red, green, blue, alpha], _| match self.channels {
             1 => [raised(red), raised(green), raised(blue), 1.0],
-            _ => [red as f32, green as f32, blue as f32, alpha as f32],
+            _ => [of_color(red), of_color(green), of_color(blue), alpha as f32],
         })
     }
 
     /// The standard error of that picture: of a power by its slope. NaN everywhere before the second batch.
     pub(super) fn standard_error(&self, exponent: f32) -> Vec<[f32; 4]> {
         let power = f64::from(exponent);
-        let slope = |mean: f64| if self.channels == 1 && mean > 0.0 { power * mean.powf(power - 1.0) } else { 1.0 };
+        let slope = |mean: f64| if power != 1.0 && mean > 0.0 { power * mean.powf(power - 1.0) } else { 1.0 };
         self.each(|mean, error| std::array::from_fn(|i| (error[i] * if i < 3 { slope(mean[i]) } else { 1.0 }) as f32))
     }
 }
@@ -130,7 +131,8 @@ mod tests {
     fn four_values_are_kept_apart_and_one_batch_has_no_error() {
         let mut estimate = Estimate::new(1, 1, 4).expect("little memory");
         estimate.add(&[[1.0, 2.0, 3.0, 0.5]], 16);
-        assert_eq!(estimate.mean(1.6), [[1.0, 2.0, 3.0, 0.5]], "colours have no exponent");
+        assert_eq!(estimate.mean(1.0), [[1.0, 2.0, 3.0, 0.5]]);
+        assert_eq!(estimate.mean(2.0), [[1.0, 4.0, 9.0, 0.5]], "alpha has no exponent");
         assert!(estimate.standard_error(1.0)[0].iter().all(|value| value.is_nan()));
         estimate.add(&[[1.0, 4.0, 3.0, 0.5]], 16);
         assert_eq!(estimate.mean(1.0), [[1.0, 3.0, 3.0, 0.5]]);
