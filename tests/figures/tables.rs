@@ -287,12 +287,13 @@ fn threads(file: &Value, options: &Options) -> Result<String, String> {
 /// its fastest watertight one.
 fn rays(files: &[Value], options: &Options) -> Result<String, String> {
     let mut out = String::new();
-    let threads = options.get("threads").map_or("1", String::as_str);
+    let threads = options.get("threads").map_or(Ok(1), |threads| threads.parse::<u64>());
+    let threads = threads.map_err(|error| format!("threads: {error}"))?;
     let with_single = options.contains_key("single");
     for file in files {
         for scene in file["scenes"].as_array().into_iter().flatten() {
             let rows = scene["rays"].as_array().into_iter().flatten();
-            let rows: Vec<&Value> = rows.filter(|row| row["threads"].to_string() == threads).collect();
+            let rows: Vec<&Value> = rows.filter(|row| row["threads"].as_u64() == Some(threads)).collect();
             if out.is_empty() {
                 let kinds: Vec<&str> = rows.iter().map(|row| text(&row["rays"])).collect();
                 let _ = writeln!(out, "| scene | triangles | {} | commit |", kinds.join(" | "));

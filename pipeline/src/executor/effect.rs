@@ -162,6 +162,7 @@ impl Renderer {
             seed,
             eye: view.eye,
             sun: effect.light.and_then(|light| self.sun(light)),
+            from_camera: None,
             origin: written.origin,
             width,
             height,
