@@ -29,7 +29,16 @@ fn few() -> Settings {
 fn every_shipped_project_is_shown_as_it_is_rendered() {
     let names =
         ["SceneDummy", "SceneFinal", "SceneNoEffects", "SceneReflect", "SceneRefract", "SceneSSAO", "SceneShadows"];
-    let effects = ["CubeReflect", "CubeRefract", "PlanarReflect", "ScreenReflect", "ScreenRefract", "DepthOcclusion", "GTAO", "ShadowMap"];
+    let effects = [
+        "CubeReflect",
+        "CubeRefract",
+        "PlanarReflect",
+        "ScreenReflect",
+        "ScreenRefract",
+        "DepthOcclusion",
+        "GTAO",
+        "ShadowMap",
+    ];
     let raster = effects.map(|name| format!("raster/Scene{name}"));
     for name in names.into_iter().chain(raster.iter().map(String::as_str)) {
         let mut window = Window::start(source(project(name), settings()), false);
