@@ -157,6 +157,12 @@ mod tests {
     #[test]
     fn every_module_has_all_programs_for_every_gpu_since_turing() {
         for info in RAY_PROGRAMS {
+            if info.starts_at_camera() {
+                let has =
+                    |variant| on_bvh(info.program, variant).is_some() || on_optix(info.program, variant).is_some();
+                assert!(!VARIANTS.into_iter().any(has), "{}: the processor's alone", info.stem);
+                continue;
+            }
             for variant in VARIANTS {
                 let (Some(kernel), Some(module)) = (on_bvh(info.program, variant), on_optix(info.program, variant))
                 else {
