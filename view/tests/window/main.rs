@@ -126,11 +126,11 @@ fn more_samples_at_rest_lower_the_error() {
         let options = curitiba::pipeline::metrics::Options::default();
         curitiba::pipeline::metrics::compare(picture, &reference, &options).expect("comparable").rmse
     };
-    let mut window = Window::start(source(project("SceneSSAO"), few()), false);
-    window.until("a picture", |app| app.state.picture.is_some());
+    let mut window = Window::open(source(project("SceneSSAO"), few()));
+    window.click("Refine at rest");
     let first = window.app().state.picture.clone().expect("a picture");
-    assert!(first.image == rendered("SceneSSAO", few()), "the first is that of the project");
-    window.rest();
+    assert!(first.image == rendered("SceneSSAO", few()), "without more samples it is that of the project");
+    window.click("Refine at rest");
     let refinement = window.app().state.refinement.clone().expect("samples were added");
     assert_eq!((refinement.samples, refinement.goal), (256, 256));
     let last = window.app().state.picture.clone().expect("a picture");
