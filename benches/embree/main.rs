@@ -10,8 +10,9 @@
 //! Every contestant is checked against ours ray by ray before anything is timed. Then all take turns, round after round;
 //! what is compared are medians of processor time. Embree is timed in every mode that it has (rays one by one, packets of
 //! 16, streams, each with and without the hint that rays are coherent), on trees of both qualities; the fastest of the
-//! first round goes on. `--growth` measures ours alone: against triangles, pixels and threads; `--count KIND --side
-//! curitiba|3|4` does one kind of work once, for `instructions.sh`. `--robust`'s trees, which are what ours has to be compared
+//! first round goes on. `--pairs` compares the visibility of near pairs of triangles, too. `--growth` measures ours alone:
+//! against triangles, pixels and threads; `--count KIND --side curitiba|3|4` does one kind of work once, for
+//! `instructions.sh`. `--robust`'s trees, which are what ours has to be compared
 //! with for watertightness, go on beside.
 
 mod api;
@@ -22,6 +23,7 @@ mod effects;
 mod flush;
 mod growth;
 mod layout;
+mod pairs;
 mod rays;
 mod rng;
 mod scenes;
@@ -38,6 +40,7 @@ use curitiba::pipeline::files::write_atomically;
 use curitiba::pipeline::scene::Geometry;
 use duel::{RayRow, Tree, duel, pool};
 use effects::Picture;
+use pairs::PairRow;
 use scenes::Subject;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -58,6 +61,8 @@ struct Request {
     medium: bool,
     effects: bool,
     rays: bool,
+    /// Visibility of near pairs as well.
+    pairs: bool,
     /// The largest square of the growth measurement, instead of comparing.
     growth: Option<u32>,
     /// A kind of work to do once, instead of comparing, and whose: `curitiba`, or a version of Embree.
@@ -77,6 +82,7 @@ impl Request {
             medium: false,
             effects: true,
             rays: true,
+            pairs: false,
             growth: None,
             count: None,
             side: "curitiba".to_owned(),
@@ -96,12 +102,13 @@ impl Request {
                 "--medium" => request.medium = true,
                 "--no-effects" => request.effects = false,
                 "--no-rays" => request.rays = false,
+                "--pairs" => request.pairs = true,
                 "--growth" => request.growth = Some(number(value()?)? as u32),
                 "--count" => request.count = Some(value()?),
                 "--side" => request.side = value()?,
                 _ => {
                     return Err(format!(
-                        "{argument} is unknown; there are --scene, --out, --rounds, --size, --threads, --medium, --no-effects, --no-rays, --growth, --count and --side"
+                        "{argument} is unknown; there are --scene, --out, --rounds, --size, --threads, --medium, --no-effects, --no-rays, --pairs, --growth, --count and --side"
                     ));
                 }
             }
@@ -133,6 +140,8 @@ struct SceneRow {
     load_average: Option<f64>,
     builds: Vec<BuildRow>,
     rays: Vec<RayRow>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pairs: Vec<PairRow>,
     effects: Vec<EffectRow>,
 }
 
@@ -247,6 +256,7 @@ fn measure(subject: &Subject, libraries: &[Arc<Embree>], request: &Request) -> R
         load_average: Environment::here().load_average,
         builds: Vec::new(),
         rays: Vec::new(),
+        pairs: Vec::new(),
         effects: Vec::new(),
     };
     let (bvh, trees) = build(geometry, libraries, request, &mut row.builds)?;
@@ -256,6 +266,11 @@ fn measure(subject: &Subject, libraries: &[Arc<Embree>], request: &Request) -> R
             for &threads in &request.threads {
                 row.rays.push(duel(set, &bvh, &trees, threads, request.rounds));
             }
+        }
+    }
+    if request.pairs {
+        for &threads in &request.threads {
+            row.pairs.push(pairs::measure(geometry, &trees, threads, request.rounds));
         }
     }
     drop((bvh, trees));

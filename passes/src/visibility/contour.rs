@@ -4,20 +4,36 @@
 //! Radiative Angle Factors", 1963).
 
 use super::shaft::Polygon;
+use crate::trace::{Detected, Kernel, Simd};
 use glam::DVec3;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, LN_2, PI, SQRT_2, TAU};
 
-/// Nodes and weights of Gauss and Legendre on [0, 1], eight points: the lower half.
-const GAUSS: [(f64, f64); 4] = [
-    (0.019_855_071_751_231_856, 0.050_614_268_145_188_13),
-    (0.101_666_761_293_186_63, 0.111_190_517_226_687_24),
-    (0.237_233_795_041_835_5, 0.156_853_322_938_943_64),
-    (0.408_282_678_752_175_1, 0.181_341_891_689_181),
+/// Nodes that are evaluated together.
+const NODES: usize = 8;
+/// Nodes of Gauss and Legendre on [0, 1], eight points.
+const AT: [f64; NODES] = [
+    0.019_855_071_751_231_856,
+    0.101_666_761_293_186_63,
+    0.237_233_795_041_835_5,
+    0.408_282_678_752_175_1,
+    0.591_717_321_247_825,
+    0.762_766_204_958_164_5,
+    0.898_333_238_706_813_4,
+    0.980_144_928_248_768_1,
+];
+/// Their weights.
+const WEIGHT: [f64; NODES] = [
+    0.050_614_268_145_188_13,
+    0.111_190_517_226_687_24,
+    0.156_853_322_938_943_64,
+    0.181_341_891_689_181,
+    0.181_341_891_689_181,
+    0.156_853_322_938_943_64,
+    0.111_190_517_226_687_24,
+    0.050_614_268_145_188_13,
 ];
 /// Halvings of an edge at most: singular ends are graded until they do not matter.
 const DEEP: u32 = 30;
-/// How far apart, in radii of the larger, triangles must be for the rule of [`apart`].
-pub(super) const APART: f64 = 4.0;
 
 /// The exchange of two polygons, the area of the first times its form factor to the second. Each must lie in front of the other.
 pub(super) fn exchange(p: &Polygon, q: &Polygon) -> f64 {
@@ -52,82 +68,158 @@ fn mean_log((p, u): (DVec3, DVec3), (q, v): (DVec3, DVec3), least: f64, size: f6
         let twice = |x: f64| if x == 0.0 { 0.0 } else { x * x * (0.5 * x.abs().ln() - 0.75) };
         return (twice(d) - twice(c) - twice(d - length) + twice(c - length)) / (length * (d - c));
     }
-    let inner = |s: f64| {
-        let to = p + s * u - q;
-        let a = to.dot(unit);
-        let h = (to - a * unit).length();
-        let part = |x: f64| {
-            let square = x * x + h * h;
-            let log = if square > 0.0 { 0.5 * x * square.ln() } else { 0.0 };
-            let turn = if h > 0.0 { h * (x / h).atan() } else { 0.0 };
-            log - x + turn
-        };
-        (part(length - a) - part(-a)) / length
-    };
+    let inner = Inner { start: p - q, along: u, unit, length };
     // What rounding makes of the inner integral: a difference of terms as large as the distance in edges.
     let noise = 1e-14 * (1.0 + size / length) * (1.0 + size.ln().abs() + length.ln().abs());
-    let whole = gauss(&inner, 0.0, 1.0);
-    halve(&inner, (0.0, 1.0), whole, (least, noise), DEEP)
+    let whole = inner.mean(0.0, 1.0);
+    inner.halve((0.0, 1.0), whole, (least, noise), DEEP)
 }
 
-fn gauss(f: &impl Fn(f64) -> f64, from: f64, to: f64) -> f64 {
-    let width = to - from;
-    GAUSS.iter().map(|(x, w)| w * (f(from + x * width) + f(to - x * width))).sum::<f64>() * width
+/// The mean of `ln r` over one edge, from a point that moves over the other.
+struct Inner {
+    /// Where the point starts, from the start of the edge.
+    start: DVec3,
+    /// Where it goes.
+    along: DVec3,
+    /// Direction and length of the edge.
+    unit: DVec3,
+    length: f64,
 }
 
-/// Halves an interval until both halves say what the whole says, to `least` or to what rounding leaves.
-fn halve(f: &impl Fn(f64) -> f64, (from, to): (f64, f64), whole: f64, (least, noise): (f64, f64), deep: u32) -> f64 {
-    let middle = 0.5 * (from + to);
-    let (low, high) = (gauss(f, from, middle), gauss(f, middle, to));
-    let both = low + high;
-    if deep == 0 || (both - whole).abs() <= least.max(noise * (to - from)) {
-        return both;
+impl Inner {
+    /// The integral over a part of the way, from 0 to 1, by eight points.
+    fn mean(&self, from: f64, to: f64) -> f64 {
+        Detected::cached().run(Nodes { inner: self, from, width: to - from })
     }
-    let limits = (0.5 * least, noise);
-    halve(f, (from, middle), low, limits, deep - 1) + halve(f, (middle, to), high, limits, deep - 1)
-}
 
-/// Barycentric coordinates and weights of seven points that integrate polynomials of degree 5 over a triangle (Radon 1948).
-const RADON: [([f64; 3], f64); 7] = {
-    const A: f64 = 0.059_715_871_789_769_82;
-    const B: f64 = 0.470_142_064_105_115_1;
-    const C: f64 = 0.797_426_985_353_087_3;
-    const D: f64 = 0.101_286_507_323_456_34;
-    const V: f64 = 0.132_394_152_788_506_2;
-    const W: f64 = 0.125_939_180_544_827_15;
-    [
-        ([1.0 / 3.0; 3], 0.225),
-        ([A, B, B], V),
-        ([B, A, B], V),
-        ([B, B, A], V),
-        ([C, D, D], W),
-        ([D, C, D], W),
-        ([D, D, C], W),
-    ]
-};
-
-/// The exchange of two whole triangles that are far apart for their size, by 7 x 7 points; nothing if they are not.
-///
-/// Where the gap is [`APART`] times the larger radius, the error is below 1e-5 of the result; it falls with the sixth power.
-pub(super) fn apart(p: &[DVec3; 3], q: &[DVec3; 3]) -> Option<f64> {
-    let middle = |t: &[DVec3; 3]| (t[0] + t[1] + t[2]) / 3.0;
-    let radius = |t: &[DVec3; 3], middle: DVec3| t.iter().fold(0.0_f64, |r, corner| r.max(corner.distance(middle)));
-    let (m, n) = (middle(p), middle(q));
-    let (r, s) = (radius(p, m), radius(q, n));
-    if m.distance(n) - r - s < APART * r.max(s) {
-        return None;
-    }
-    // Twice the areas as vectors: the cosines times the areas, without roots.
-    let [a, b] = [p, q].map(|t| (t[1] - t[0]).cross(t[2] - t[0]));
-    let points = |t: &[DVec3; 3]| RADON.map(|([x, y, z], weight)| (x * t[0] + y * t[1] + z * t[2], weight));
-    let (from, to) = (points(p), points(q));
-    let mut sum = 0.0;
-    for (x, weight) in &from {
-        for (y, other) in &to {
-            let d = *y - *x;
-            let square = d.length_squared();
-            sum += weight * other * a.dot(d) * -b.dot(d) / (square * square);
+    /// Halves an interval until both halves say what the whole says, to `least` or to what rounding leaves.
+    fn halve(&self, (from, to): (f64, f64), whole: f64, (least, noise): (f64, f64), deep: u32) -> f64 {
+        let middle = 0.5 * (from + to);
+        let (low, high) = (self.mean(from, middle), self.mean(middle, to));
+        let both = low + high;
+        if deep == 0 || (both - whole).abs() <= least.max(noise * (to - from)) {
+            return both;
         }
+        let limits = (0.5 * least, noise);
+        self.halve((from, middle), low, limits, deep - 1) + self.halve((middle, to), high, limits, deep - 1)
     }
-    Some(sum / (4.0 * PI))
+}
+
+struct Nodes<'a> {
+    inner: &'a Inner,
+    from: f64,
+    width: f64,
+}
+
+impl Kernel<f64> for Nodes<'_> {
+    /// With the foot of the perpendicular at `a` on the edge and its length `h`, the integral of `ln √(x² + h²)` from `-a` to `b = length - a`
+    /// is `(b ln(b² + h²) + a ln(a² + h²)) / 2 - length + h (atan(b/h) + atan(a/h))`; both arcs are one, of the tangent
+    /// `h length / (h² - a b)`.
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> f64 {
+        let Self { inner: Inner { start, along, unit, length }, from, width } = self;
+        let (mut foot, mut rest, mut height) = ([0.0; NODES], [0.0; NODES], [0.0; NODES]);
+        let (mut near, mut far, mut square) = ([0.0; NODES], [0.0; NODES], [0.0; NODES]);
+        for lane in 0..NODES {
+            let s = from + width * AT[lane];
+            let (x, y, z) = (start.x + s * along.x, start.y + s * along.y, start.z + s * along.z);
+            let a = x * unit.x + y * unit.y + z * unit.z;
+            let (x, y, z) = (x - a * unit.x, y - a * unit.y, z - a * unit.z);
+            square[lane] = x * x + y * y + z * z;
+            height[lane] = square[lane].sqrt();
+            foot[lane] = a;
+            rest[lane] = length - a;
+            near[lane] = a * a + square[lane];
+            far[lane] = rest[lane] * rest[lane] + square[lane];
+        }
+        let (near, far) = (logarithms(&near), logarithms(&far));
+        let (mut across, mut down) = ([0.0; NODES], [0.0; NODES]);
+        for lane in 0..NODES {
+            across[lane] = height[lane] * length;
+            down[lane] = square[lane] - foot[lane] * rest[lane];
+        }
+        let arcs = arcs(&across, &down);
+        let mut sum = 0.0;
+        for lane in 0..NODES {
+            let logs = 0.5 * (rest[lane] * far[lane] + foot[lane] * near[lane]);
+            sum += WEIGHT[lane] * (logs - length + height[lane] * arcs[lane]);
+        }
+        sum * width / length
+    }
+}
+
+/// Natural logarithms to some units in the last place, of what is below the least normal number that of the least.
+///
+/// With `x = m 2^e`, m from √½ to √2, and `s = (m - 1) / (m + 1)` it is `e ln 2 + 2 (s + s³/3 + s⁵/5 + …)`.
+#[inline(always)]
+fn logarithms(values: &[f64; NODES]) -> [f64; NODES] {
+    const TERMS: u32 = 11;
+    const HALF_ROOT: u64 = (0.5 * SQRT_2).to_bits();
+    let mut logs = [0.0; NODES];
+    for lane in 0..NODES {
+        let value = values[lane];
+        let bits = if value > f64::MIN_POSITIVE { value } else { f64::MIN_POSITIVE }.to_bits();
+        let exponent = (bits.wrapping_sub(HALF_ROOT) as i64) >> 52;
+        let m = f64::from_bits(bits.wrapping_sub((exponent << 52) as u64));
+        let s = (m - 1.0) / (m + 1.0);
+        let square = s * s;
+        let mut series = 0.0;
+        for term in (0..TERMS).rev() {
+            series = series * square + 1.0 / f64::from(2 * term + 1);
+        }
+        logs[lane] = exponent as f64 * LN_2 + 2.0 * s * series;
+    }
+    logs
+}
+
+/// The angles of points with `across` at least 0, from 0 to π, to some units in the last place; π/2 at the origin.
+///
+/// Turned into the eighth of a circle about the axis by symmetry, it is Gregory's series of a tangent of at most √2 - 1.
+#[inline(always)]
+fn arcs(across: &[f64; NODES], down: &[f64; NODES]) -> [f64; NODES] {
+    const TERMS: u32 = 22;
+    let mut arcs = [0.0; NODES];
+    for lane in 0..NODES {
+        let (y, x) = (across[lane], down[lane].abs());
+        let (low, high) = if y < x { (y, x) } else { (x, y) };
+        // About the diagonal if the tangent is above √2 - 1.
+        let turned = low > (SQRT_2 - 1.0) * high;
+        let above = if turned { low - high } else { low };
+        let below = if turned { low + high } else { high };
+        let tangent = above / if below > f64::MIN_POSITIVE { below } else { f64::MIN_POSITIVE };
+        let square = tangent * tangent;
+        let mut series = 0.0;
+        for term in (0..TERMS).rev() {
+            let sign = if term % 2 == 0 { 1.0 } else { -1.0 };
+            series = series * square + sign / f64::from(2 * term + 1);
+        }
+        let arc = tangent * series + if turned { FRAC_PI_4 } else { 0.0 };
+        let arc = if y < x { arc } else { FRAC_PI_2 - arc };
+        arcs[lane] = if down[lane] < 0.0 { PI - arc } else { arc };
+    }
+    arcs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logarithms_and_arcs_are_those_of_the_standard_library() {
+        let mut worst = [0.0_f64; 2];
+        for step in 0..20_000 {
+            let value = (f64::from(step) * 0.0137 - 137.0).exp2();
+            let logs = logarithms(&[value; NODES]);
+            worst[0] = worst[0].max((logs[3] - value.ln()).abs() / value.ln().abs().max(1e-3));
+            let angle = f64::from(step) * (PI / 20_000.0);
+            let size = 1.0 + f64::from(step % 7);
+            let (y, x) = (size * angle.sin(), size * angle.cos());
+            let found = arcs(&[y; NODES], &[x; NODES])[5];
+            worst[1] = worst[1].max((found - y.atan2(x)).abs());
+        }
+        assert!(worst[0] < 2e-15 && worst[1] < 1e-15, "{worst:?}");
+        assert_eq!(arcs(&[0.0; NODES], &[0.0; NODES])[0], FRAC_PI_2);
+        assert_eq!(arcs(&[0.0; NODES], &[-2.0; NODES])[0], PI);
+        assert!(logarithms(&[0.0; NODES])[0] < -700.0);
+    }
 }

@@ -7,14 +7,25 @@
 //! need not be flat.
 
 use super::shaft::{Blocker, Pair, Shaft};
+use crate::trace::{Detected, Kernel, Simd};
 use glam::DVec3;
 
 /// What the proof needs.
 #[derive(Debug, Default)]
 pub(super) struct Walls {
+    places: Vec<Place>,
     edges: Vec<Edge>,
-    /// Of each edge: directed uses by triangles that are left.
+    /// By triangle: whether it is left.
     alive: Vec<bool>,
+}
+
+/// Where a triangle lies.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    /// 1 if the first side is strictly in front of its plane and the second behind, -1 if it is the other way round, else 0.
+    between: i8,
+    /// By edge: whether it has a point inside the shaft. Of triangles that are between only.
+    inside: [bool; 3],
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -31,25 +42,31 @@ struct Edge {
 impl Walls {
     /// Whether some of the blockers surely stop every segment. False says nothing.
     pub(super) fn cover(&mut self, blockers: &[Blocker], pair: &Pair, shaft: &Shaft) -> bool {
-        [1.0, -1.0].into_iter().any(|sign| {
+        self.places.clear();
+        Detected::cached().run(Places { blockers, shaft, places: &mut self.places });
+        [1, -1].into_iter().any(|sign| {
             self.alive.clear();
-            self.alive.extend(blockers.iter().map(|blocker| separates(blocker, pair, shaft, sign)));
-            self.collect(blockers, shaft);
+            self.alive.extend(self.places.iter().map(|place| place.between == sign));
+            if !self.alive.contains(&true) {
+                return false;
+            }
+            self.collect(blockers);
             self.peel();
             self.is_crossed(blockers, pair)
         })
     }
 
     /// The edges of the triangles that are left, those of one place beside each other.
-    fn collect(&mut self, blockers: &[Blocker], shaft: &Shaft) {
+    fn collect(&mut self, blockers: &[Blocker]) {
         self.edges.clear();
         for (triangle, blocker) in blockers.iter().enumerate().filter(|(index, _)| self.alive[*index]) {
             let [a, b, c] = blocker.corners;
-            for (from, to) in [(a, b), (b, c), (c, a)] {
+            let inside = self.places[triangle].inside;
+            for ((from, to), inside) in [(a, b), (b, c), (c, a)].into_iter().zip(inside) {
                 // Adding 0 makes both zeros one.
                 let [f, t] = [from, to].map(|end| (end + 0.0).to_array().map(f64::to_bits));
                 let (ends, direction) = if f <= t { ([f, t], 1) } else { ([t, f], -1) };
-                self.edges.push(Edge { ends, triangle, direction, inside: meets(shaft, from, to) });
+                self.edges.push(Edge { ends, triangle, direction, inside });
             }
         }
         self.edges.sort_unstable_by_key(|edge| (edge.ends, edge.triangle, edge.direction));
@@ -95,34 +112,61 @@ impl Walls {
     }
 }
 
-/// Whether the plane of a triangle has the first side strictly in front and the second behind, or for a negative sign the other way
-/// round.
-fn separates(blocker: &Blocker, pair: &Pair, shaft: &Shaft, sign: f64) -> bool {
-    let [a, b, c] = blocker.corners;
-    let normal = sign * (b - a).cross(c - a).normalize_or_zero();
-    let slack = slack(shaft, &blocker.corners);
-    let [first, second] = &pair.sides;
-    let height = |corner: &DVec3| normal.dot(*corner - a);
-    first.front.corners().iter().all(|corner| height(corner) > slack)
-        && second.front.corners().iter().all(|corner| height(corner) < -slack)
+struct Places<'a> {
+    blockers: &'a [Blocker],
+    shaft: &'a Shaft,
+    places: &'a mut Vec<Place>,
+}
+
+impl Kernel<()> for Places<'_> {
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) {
+        let Self { blockers, shaft, places } = self;
+        for Blocker { corners } in blockers {
+            let between = between(shaft, corners);
+            let [a, b, c] = *corners;
+            let inside =
+                if between == 0 { [false; 3] } else { [(a, b), (b, c), (c, a)].map(|edge| meets(shaft, edge)) };
+            places.push(Place { between, inside });
+        }
+    }
+}
+
+/// See [`Place::between`].
+#[inline(always)]
+fn between(shaft: &Shaft, corners: &[DVec3; 3]) -> i8 {
+    let [a, b, c] = *corners;
+    let normal = (b - a).cross(c - a).normalize_or_zero();
+    let slack = slack(shaft, corners);
+    let heights = shaft.ends_over(normal, a);
+    // By side: corners in front and behind.
+    let (mut front, mut back) = ([0_u64; 2], [0_u64; 2]);
+    for lane in 0..8 {
+        front[lane / 4] += u64::from(heights[lane] > slack);
+        back[lane / 4] += u64::from(heights[lane] < -slack);
+    }
+    match (front, back) {
+        ([4, _], [_, 4]) => 1,
+        ([_, 4], [4, _]) => -1,
+        _ => 0,
+    }
 }
 
 /// Whether a segment has a point inside the shaft; as for triangles, touching its surface does not count.
-fn meets(shaft: &Shaft, from: DVec3, to: DVec3) -> bool {
+#[inline(always)]
+fn meets(shaft: &Shaft, (from, to): (DVec3, DVec3)) -> bool {
     let slack = slack(shaft, &[from, to]);
-    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
-    for (normal, offset) in shaft.faces() {
-        let (start, end) = (normal.dot(from) - offset + slack, normal.dot(to) - offset + slack);
-        if start >= 0.0 && end >= 0.0 {
-            return false;
-        }
-        if start > 0.0 {
-            enter = enter.max(start / (start - end) - 1e-12);
-        } else if end > 0.0 {
-            leave = leave.min(start / (start - end) + 1e-12);
-        }
+    let (starts, ends) = (shaft.heights(from), shaft.heights(to));
+    let (mut enter, mut leave, mut out) = (0.0_f64, 1.0_f64, 0_u64);
+    for (start, end) in starts.into_iter().zip(ends) {
+        let (start, end) = (start + slack, end + slack);
+        out |= u64::from((start >= 0.0) & (end >= 0.0));
+        let share = start / (start - end);
+        let (late, early) = (share - 1e-12, share + 1e-12);
+        enter = if (start > 0.0) & (late > enter) { late } else { enter };
+        leave = if (start <= 0.0) & (end > 0.0) & (early < leave) { early } else { leave };
     }
-    enter <= leave
+    out == 0 && enter <= leave
 }
 
 fn slack(shaft: &Shaft, points: &[DVec3]) -> f64 {

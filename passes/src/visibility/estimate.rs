@@ -1,8 +1,9 @@
 //! From a pair to its row, on the processor.
 
-use super::contour::{apart, exchange};
+use super::contour::exchange;
 use super::cover::Walls;
 use super::points::{REPLICATES, Table};
+use super::rules::apart;
 use super::sampling::Sampling;
 use super::segments::{BATCH, Batch};
 use super::shaft::{Gathered, Pair, Polygon, Shaft};
@@ -107,13 +108,15 @@ impl<'a> Method<'a> {
     /// The exchange with nothing in the way, of the triangles themselves: offsets do not enter it.
     fn unblocked(&self, pair: &Pair) -> f64 {
         let [p, q] = pair.sides.map(|side| self.surfaces.corners(side.id).map(|corner| corner - pair.origin));
-        let far = if pair.is_whole() { apart(&p, &q) } else { None };
-        far.unwrap_or_else(|| {
-            let [n, m] = pair.sides.map(|side| side.normal);
-            let front = Polygon::above(p, |point| m.dot(point - q[0]));
-            let other = Polygon::above(q, |point| n.dot(point - p[0]));
-            if front.corners().len() < 3 || other.corners().len() < 3 { 0.0 } else { exchange(&front, &other) }
-        })
+        let [n, m] = pair.sides.map(|side| side.normal);
+        let front = Polygon::above(p, |point| m.dot(point - q[0]));
+        let other = Polygon::above(q, |point| n.dot(point - p[0]));
+        if front.corners().len() < 3 || other.corners().len() < 3 {
+            return 0.0;
+        }
+        let parts = front.fan().flat_map(|p| other.fan().map(move |q| (p, q)));
+        let far: Option<f64> = parts.map(|(p, q)| apart(&p, &q)).sum();
+        far.unwrap_or_else(|| exchange(&front, &other))
     }
 
     /// Samples a pair to the end.

@@ -33,6 +33,7 @@ mod estimate;
 mod on_device;
 mod pairs;
 mod points;
+mod rules;
 mod sampling;
 mod segments;
 mod shaft;

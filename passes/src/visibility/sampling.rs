@@ -179,7 +179,6 @@ impl Sampling {
         let ([a, b], points) = (&self.pair.sides, self.points());
         // Other points than those of the visibility, by the seed: the first is the origin, the second turns into a direction.
         batch.fill(table, &self.pair, ([self.key[1], self.key[0]], seed ^ 1 << 31), first, points);
-        let corners = b.front.corners();
         for lane in 0..BATCH {
             let [from, to] = batch.get(lane);
             batch.valid[lane] = 0;
@@ -188,9 +187,8 @@ impl Sampling {
                 continue;
             }
             let [u, v] = unmapped(b, to);
-            let fan = corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]]);
             let parts: [Option<Spherical>; 2] = {
-                let mut parts = fan.map(|corners| Spherical::new(from, corners));
+                let mut parts = b.front.fan().map(|corners| Spherical::new(from, corners));
                 [parts.next().flatten(), parts.next().flatten()]
             };
             let whole: f64 = parts.iter().flatten().map(|part| part.area).sum();

@@ -54,10 +54,13 @@ impl Polygon {
         (0..self.count).map(|index| (self.corners[index], self.corners[(index + 1) % self.count]))
     }
 
+    /// The triangles that its first corner makes with the edges that do not touch it.
+    pub(super) fn fan(&self) -> impl Iterator<Item = [DVec3; 3]> + '_ {
+        self.corners().windows(2).skip(1).map(|pair| [self.corners[0], pair[0], pair[1]])
+    }
+
     pub(super) fn area(&self) -> f64 {
-        let fan = self.corners().windows(2).skip(1);
-        let first = self.corners[0];
-        0.5 * fan.map(|pair| (pair[0] - first).cross(pair[1] - first)).sum::<DVec3>().length()
+        0.5 * self.fan().map(|[a, b, c]| (b - a).cross(c - a)).sum::<DVec3>().length()
     }
 }
 
@@ -123,12 +126,6 @@ impl Pair {
         };
         share(&self.sides[0]) * share(&self.sides[1])
     }
-
-    /// Whether all segments do.
-    pub(super) fn is_whole(&self) -> bool {
-        let [a, b] = &self.sides;
-        a.start.iter().all(|point| b.height(*point) > 0.0) && b.start.iter().all(|point| a.height(*point) > 0.0)
-    }
 }
 
 /// A triangle in the way, relative to the pair's origin.
@@ -139,6 +136,8 @@ pub(super) struct Blocker {
 
 /// Faces of the hull of two polygons of four corners, at most.
 const FACES: usize = 10;
+/// The same in whole vectors.
+const LANES: usize = 16;
 
 /// The convex hull of both sides: what is inside has `normal · x <= offset` for all faces.
 #[derive(Debug, Clone)]
@@ -147,6 +146,11 @@ pub(super) struct Shaft {
     count: usize,
     corners: [DVec3; 8],
     corner_count: usize,
+    /// The faces side by side, by axis, and their offsets: lanes without a face have everything inside.
+    normals: [[f64; LANES]; 3],
+    offsets: [f64; LANES],
+    /// The corners side by side, by axis: four lanes a side, of which some repeat the last corner.
+    ends: [[f64; 8]; 3],
     /// The largest coordinate of a corner.
     size: f64,
 }
@@ -163,7 +167,24 @@ impl Shaft {
             corner_count += 1;
         }
         let size = corners[..corner_count].iter().fold(0.0_f64, |size, corner| size.max(corner.abs().max_element()));
-        let mut shaft = Self { faces: [(DVec3::ZERO, 0.0); FACES], count: 0, corners, corner_count, size };
+        let mut ends = [[0.0; 8]; 3];
+        for lane in 0..8 {
+            let corners = [a, b][lane / 4].front.corners();
+            let corner = corners[(lane % 4).min(corners.len() - 1)];
+            for axis in 0..3 {
+                ends[axis][lane] = corner[axis];
+            }
+        }
+        let mut shaft = Self {
+            faces: [(DVec3::ZERO, 0.0); FACES],
+            count: 0,
+            corners,
+            corner_count,
+            normals: [[0.0; LANES]; 3],
+            offsets: [f64::INFINITY; LANES],
+            ends,
+            size,
+        };
         shaft.push(-a.normal);
         shaft.push(-b.normal);
         for (base, other) in [(a, b), (b, a)] {
@@ -187,6 +208,10 @@ impl Shaft {
         if normal != DVec3::ZERO && self.count < FACES {
             let offset = self.corners().iter().fold(f64::NEG_INFINITY, |most, corner| most.max(normal.dot(*corner)));
             self.faces[self.count] = (normal, offset);
+            for axis in 0..3 {
+                self.normals[axis][self.count] = normal[axis];
+            }
+            self.offsets[self.count] = offset;
             self.count += 1;
         }
     }
@@ -204,58 +229,92 @@ impl Shaft {
         TINY * self.size.max(size)
     }
 
+    /// Heights over all faces.
+    #[inline(always)]
+    pub(super) fn heights(&self, point: DVec3) -> [f64; LANES] {
+        let [x, y, z] = &self.normals;
+        let mut heights = [0.0; LANES];
+        for lane in 0..LANES {
+            heights[lane] = point.x * x[lane] + point.y * y[lane] + point.z * z[lane] - self.offsets[lane];
+        }
+        heights
+    }
+
+    /// Heights of the corners of both sides over a plane through a point: four lanes a side.
+    #[inline(always)]
+    pub(super) fn ends_over(&self, normal: DVec3, point: DVec3) -> [f64; 8] {
+        let [x, y, z] = &self.ends;
+        let mut heights = [0.0; 8];
+        for lane in 0..8 {
+            let (x, y, z) = (x[lane] - point.x, y[lane] - point.y, z[lane] - point.z);
+            heights[lane] = normal.x * x + normal.y * y + normal.z * z;
+        }
+        heights
+    }
+
     /// Whether a triangle has points inside; touching the surface does not count.
+    #[inline(always)]
     fn meets(&self, corners: &[DVec3; 3]) -> bool {
         let size = corners.iter().fold(0.0_f64, |size, corner| size.max(corner.abs().max_element()));
         let slack = self.slack(size);
-        // By corner: whether it is inside of all faces.
-        let mut inside = [true; 3];
-        for (normal, offset) in self.faces() {
-            let heights = corners.map(|corner| normal.dot(corner) - offset);
-            let [a, b, c] = heights;
-            if a.min(b).min(c) >= -slack {
-                return false;
+        let heights = corners.map(|corner| self.heights(corner));
+        // By face: whether it may cut something off; the number of faces that have all outside, and by corner, that have it outside.
+        let mut cuts = [0_u64; LANES];
+        let (mut beyond, mut outside) = (0_u64, [0_u64; 3]);
+        for lane in 0..LANES {
+            let out = heights.map(|heights| u64::from(heights[lane] >= -slack));
+            beyond += out[0] & out[1] & out[2];
+            cuts[lane] = out[0] | out[1] | out[2];
+            for corner in 0..3 {
+                outside[corner] += out[corner];
             }
-            for (inside, height) in inside.iter_mut().zip(heights) {
-                *inside &= height < -slack;
-            }
+        }
+        if beyond != 0 {
+            return false;
         }
         let [a, b, c] = *corners;
         let cross = (b - a).cross(c - a).normalize_or_zero();
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        for corner in self.corners() {
-            let height = cross.dot(*corner - a);
-            (low, high) = (low.min(height), high.max(height));
+        for height in self.ends_over(cross, a) {
+            low = if height < low { height } else { low };
+            high = if height > high { height } else { high };
         }
         if low >= -slack || high <= slack {
             return false;
         }
-        inside.contains(&true) || self.leaves_some(corners, slack)
+        outside.contains(&0) || self.leaves_some(corners, &cuts, slack)
     }
 
-    /// Cuts a triangle at all faces; whether anything is left.
-    fn leaves_some(&self, corners: &[DVec3; 3], slack: f64) -> bool {
+    /// Cuts a triangle at the faces that may cut something off; whether anything is left.
+    fn leaves_some(&self, corners: &[DVec3; 3], cuts: &[u64; LANES], slack: f64) -> bool {
         const MOST: usize = 3 + FACES;
-        let mut polygon = [DVec3::ZERO; MOST + 1];
-        polygon[..3].copy_from_slice(corners);
-        let mut count = 3;
-        for (normal, offset) in self.faces() {
+        let mut polygons = [[DVec3::ZERO; MOST]; 2];
+        polygons[0][..3].copy_from_slice(corners);
+        let (mut count, mut turned) = (3, false);
+        for ((normal, offset), _) in self.faces().iter().zip(cuts).filter(|(_, cuts)| **cuts != 0) {
             let height = |point: DVec3| normal.dot(point) - offset + slack;
-            let mut kept = [DVec3::ZERO; MOST + 1];
+            let [first, second] = &mut polygons;
+            let (polygon, kept) = if turned { (second, first) } else { (first, second) };
             let mut kept_count = 0;
-            for index in 0..count {
-                let (here, next) = (polygon[index], polygon[(index + 1) % count]);
-                let (h, n) = (height(here), height(next));
-                if h < 0.0 && kept_count < MOST {
-                    kept[kept_count] = here;
+            let mut keep = |point: DVec3| {
+                if kept_count < MOST {
+                    kept[kept_count] = point;
                     kept_count += 1;
                 }
-                if (h < 0.0) != (n < 0.0) && kept_count < MOST {
-                    kept[kept_count] = here.lerp(next, h / (h - n));
-                    kept_count += 1;
+            };
+            let (mut here, mut h) = (polygon[count - 1], height(polygon[count - 1]));
+            for next in &polygon[..count] {
+                let n = height(*next);
+                if (h < 0.0) != (n < 0.0) {
+                    keep(here.lerp(*next, h / (h - n)));
                 }
+                if n < 0.0 {
+                    keep(*next);
+                }
+                (here, h) = (*next, n);
             }
-            (polygon, count) = (kept, kept_count);
+            count = kept_count;
+            turned = !turned;
             if count < 3 {
                 return false;
             }
