@@ -222,6 +222,10 @@ pub struct RenderArgs {
     /// (64), a time (2s, 500ms), or a standard error (0.002); docs/library.md says what that is
     #[arg(long, value_name = "GOAL", conflicts_with_all = ["frames", "bands", "pixel", "check_numerics"])]
     pub accumulate: Option<Goal>,
+    /// Show what passes write in the image viewer tev while it is rendered, and with --accumulate as it gets better. tev listens at
+    /// 127.0.0.1:14158, unless its --host says otherwise
+    #[arg(long, value_name = "HOST:PORT", conflicts_with_all = ["camera_path", "crop", "bands"])]
+    pub display: Option<String>,
     /// Write when each step of each frame began and ended, as trace events that Perfetto and chrome://tracing open
     #[arg(long, value_name = "FILE.json", value_hint = ValueHint::FilePath, conflicts_with = "camera_path")]
     pub trace: Option<PathBuf>,

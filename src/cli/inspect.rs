@@ -1,6 +1,7 @@
 //! `render --pixel` and `render --check-numerics`: what passes write, and why.
 
 use super::Failure;
+use super::display::Display;
 use super::progress::Bars;
 use curitiba::passes::explain;
 use curitiba::pipeline::backend::RayJob;
@@ -18,6 +19,7 @@ pub struct Inspector {
     /// What could not be explained.
     failed: Option<String>,
     checked: Vec<Checked>,
+    display: Option<Display>,
 }
 
 /// A component of an output over all frames.
@@ -31,7 +33,12 @@ struct Checked {
 impl Inspector {
     /// `pixel` is explained in the first frame; `check` counts in every one.
     pub fn new(bars: Bars, pixel: Option<[u32; 2]>, check: bool) -> Self {
-        Self { bars, pixel, check, lines: Vec::new(), failed: None, checked: Vec::new() }
+        Self { bars, pixel, check, lines: Vec::new(), failed: None, checked: Vec::new(), display: None }
+    }
+
+    /// Shows pictures there.
+    pub fn show_on(&mut self, display: Display) {
+        self.display = Some(display);
     }
 
     /// Found out before the work, not after it.
@@ -110,7 +117,14 @@ impl Observer for Inspector {
         self.bars.fell_back(fallback);
     }
 
+    fn wants_picture(&mut self) -> bool {
+        self.display.as_mut().is_some_and(Display::is_due)
+    }
+
     fn wrote(&mut self, output: &Output<'_>) {
+        if let Some(display) = &mut self.display {
+            display.send(output);
+        }
         if let Some([x, y]) = self.pixel {
             let value = if x < output.width && y < output.height {
                 let [r, g, b, a] = output.pixels[y as usize * output.width as usize + x as usize];

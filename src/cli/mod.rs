@@ -12,6 +12,7 @@ mod bench_threads;
 pub mod check;
 pub mod compare;
 mod compare_args;
+mod display;
 mod failure;
 mod inspect;
 pub mod list;

@@ -1,6 +1,7 @@
 //! `curitiba render`: a picture, and what each step took.
 
 use super::args::{Frames, RenderArgs};
+use super::display::Display;
 use super::inspect::Inspector;
 use super::progress::Bars;
 use super::render_output::{check_extension, default_output, print_header};
@@ -39,6 +40,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     // No file that the project consists of is to be replaced.
     record_files_read();
     let mut inspector = Inspector::new(Bars::default(), args.pixel, args.check_numerics);
+    let project = args.project.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let display = args.display.as_ref().map(|address| Display::connect(address, project)).transpose()?;
     let settings = args.project.settings();
     let may_fall_back = !args.fallback.is_empty();
     let mut renderer = curitiba::open(&args.project.path, settings, args.choice(), &mut inspector)
@@ -59,6 +62,14 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
                     .to_owned(),
             ));
         }
+        renderer.read_back_everything();
+    }
+    if let Some(display) = display {
+        if renderer.plan().in_parts() {
+            let message = "--display shows whole pictures, and this one is rendered in bands; raise --max-memory";
+            return Err(Failure::Usage(message.to_owned()));
+        }
+        inspector.show_on(display.of(renderer.plan().display.space));
         renderer.read_back_everything();
     }
     for _ in 1..frames {

@@ -243,6 +243,9 @@ impl Renderer {
         let mut accumulation = self.accumulation(observer)?;
         while let Some(samples) = batch(goal, &accumulation, start.elapsed()) {
             accumulation.add(self, samples, observer)?;
+            if observer.wants_picture() {
+                accumulation.show(self, observer)?;
+            }
         }
         accumulation.show(self, observer)?;
         self.timeline.end_parts();

@@ -26,6 +26,10 @@ pub trait Observer {
     fn traced(&mut self, pass: &str, job: &RayJob<'_>, picture: &Image) {
         let _ = (pass, job, picture);
     }
+    /// Whether to show ([`Self::wrote`]) what was accumulated so far, after each batch of samples.
+    fn wants_picture(&mut self) -> bool {
+        false
+    }
     /// A ray backend failed, and another takes its place.
     fn fell_back(&mut self, fallback: &Fallback) {
         let _ = fallback;

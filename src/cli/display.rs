@@ -1,0 +1,125 @@
+//! `render --display`: what passes write, sent to the image viewer tev while it is rendered.
+
+use super::{Failure, failure};
+use curitiba::pipeline::color::{ColorSpace, decode};
+use curitiba::pipeline::executor::{Output, Range};
+use std::collections::HashMap;
+use std::io;
+use std::net::{TcpStream, ToSocketAddrs as _};
+use std::time::{Duration, Instant};
+use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
+
+/// How long the viewer may take to answer or to take a packet.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// The least time between two pictures of an accumulation.
+const PAUSE: Duration = Duration::from_millis(250);
+/// Numbers of a packet at most, whole rows of them: 4 MiB, far below the 4 GiB that its length can say.
+const NUMBERS: usize = 1 << 20;
+const CHANNELS: [&str; 4] = ["R", "G", "B", "A"];
+
+/// A connection to tev. One that breaks is told once, and rendering goes on without it.
+pub struct Display {
+    viewer: Option<TevClient>,
+    address: String,
+    /// What the images are named after.
+    project: String,
+    /// What colours are.
+    space: ColorSpace,
+    /// Images that the viewer has, with their sizes.
+    images: HashMap<String, [u32; 2]>,
+    shown: Instant,
+}
+
+impl Display {
+    /// Connects.
+    pub fn connect(address: &str, project: String) -> Result<Self, Failure> {
+        let connect = || {
+            let mut last = io::Error::new(io::ErrorKind::NotFound, "the name has no address");
+            for place in address.to_socket_addrs()? {
+                match TcpStream::connect_timeout(&place, PATIENCE) {
+                    Ok(stream) => return Ok(stream),
+                    Err(error) => last = error,
+                }
+            }
+            Err(last)
+        };
+        let stream = connect().and_then(|stream| stream.set_write_timeout(Some(PATIENCE)).map(|()| stream));
+        let stream = stream.map_err(|error| {
+            Failure::Usage(format!(
+                "--display {address}: {error}; start tev before, which listens at 127.0.0.1:14158 unless its --host says otherwise"
+            ))
+        })?;
+        let (images, shown) = (HashMap::new(), Instant::now());
+        Ok(Self {
+            viewer: Some(TevClient::wrap(stream)),
+            address: address.to_owned(),
+            project,
+            space: ColorSpace::default(),
+            images,
+            shown,
+        })
+    }
+
+    /// The same, with what colours are.
+    pub fn of(self, space: ColorSpace) -> Self {
+        Self { space, ..self }
+    }
+
+    /// Whether a picture of an accumulation is due.
+    pub fn is_due(&mut self) -> bool {
+        let due = self.viewer.is_some() && self.shown.elapsed() >= PAUSE;
+        if due {
+            self.shown = Instant::now();
+        }
+        due
+    }
+
+    /// Sends a channel. Colours go as linear light, since the viewer encodes for the screen; all else as the numbers that it is.
+    pub fn send(&mut self, output: &Output<'_>) {
+        let Some(viewer) = &mut self.viewer else { return };
+        let name = format!("{} {}", self.project, output.channel);
+        let size = [output.width, output.height];
+        let encoded = output.range == Range::Color && self.space == ColorSpace::Report;
+        let known = self.images.insert(name.clone(), size) == Some(size);
+        let mut send = || -> io::Result<()> {
+            if !known {
+                let [width, height] = size;
+                viewer.send(PacketCreateImage {
+                    image_name: &name,
+                    grab_focus: output.channel == "window",
+                    width,
+                    height,
+                    channel_names: &CHANNELS,
+                })?;
+            }
+            let rows = (NUMBERS / 4 / size[0].max(1) as usize).max(1);
+            for (part, pixels) in output.pixels.chunks(rows * size[0] as usize).enumerate() {
+                let decoded = |[r, g, b, a]: [f32; 4]| [decode(r), decode(g), decode(b), a];
+                let data: Vec<f32> = match encoded {
+                    true => pixels.iter().flat_map(|pixel| decoded(*pixel)).collect(),
+                    false => pixels.as_flattened().to_vec(),
+                };
+                viewer.send(PacketUpdateImage {
+                    image_name: &name,
+                    grab_focus: false,
+                    channel_names: &CHANNELS,
+                    channel_offsets: &[0, 1, 2, 3],
+                    channel_strides: &[4; 4],
+                    x: 0,
+                    y: (part * rows) as u32,
+                    width: size[0],
+                    height: (pixels.len() / size[0] as usize) as u32,
+                    data: &data,
+                })?;
+            }
+            Ok(())
+        };
+        if let Err(error) = send() {
+            self.viewer = None;
+            let address = &self.address;
+            failure::print_warning(&format!(
+                "the viewer at {address} takes no more pictures ({error}); rendering goes on"
+            ));
+        }
+    }
+}
