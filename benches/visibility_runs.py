@@ -2,8 +2,10 @@
 """Times of `curitiba visibility` on some cases, as a table that documents quote.
 
     benches/visibility_runs.py OUT.json [--program PROGRAM] [--rounds N] [NAME=ARGUMENTS … | NAME=SUMMARY.json …]
+    benches/visibility_runs.py OUT.json --embree BENCH.json
 
-A case is a name and the arguments of the command, or what a run with `--json` printed elsewhere. Of several rounds the fastest counts.
+A case is a name and the arguments of the command, or what a run with `--json` printed elsewhere. Of several rounds the fastest counts. With
+`--embree` the rows of the bench beside Embree (`--bench embree -- --pairs --out BENCH.json`) become a table.
 """
 
 import argparse
@@ -12,6 +14,7 @@ import os
 import platform
 import resource
 import shlex
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -87,15 +90,61 @@ COLUMNS = [
 ]
 
 
+EMBREE = [
+    "scene",
+    "threads",
+    "pairs",
+    "exact, %",
+    "1000 pairs/s",
+    "Embree's loop",
+    "its watertight tree",
+    "ratio",
+    "ratio to the watertight",
+    "mean",
+    "of the loop",
+]
+
+
+def embree_rows(bench):
+    """The rows of the bench beside Embree."""
+    rows = []
+    for scene in bench["scenes"]:
+        for pairs in scene.get("pairs", []):
+            rate = lambda side: 1e-3 * pairs["pairs"] / statistics.median(pairs[side]["wall_s"])
+            rows.append([
+                f"{scene['scene']}, {scene['triangles']} triangles",
+                pairs["threads"],
+                pairs["pairs"],
+                100.0 * pairs["exact"] / pairs["pairs"],
+                *(rate(side) for side in ("ours", "embree", "embree_robust")),
+                pairs["ratio_wall"],
+                rate("ours") / rate("embree_robust"),
+                *(round(mean, 4) for mean in pairs["means"]),
+            ])
+    return rows
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("output")
-    parser.add_argument("cases", nargs="+")
+    parser.add_argument("cases", nargs="*")
+    parser.add_argument("--embree", help="a file of the bench beside Embree")
     parser.add_argument("--program", default="target/release/curitiba")
     parser.add_argument("--rounds", type=int, default=1)
     parser.add_argument("--cpu", help="of the machine where the summaries are from")
     parser.add_argument("--gpu", action="append", default=[])
     arguments = parser.parse_args()
+    if arguments.embree:
+        bench = json.loads(Path(arguments.embree).read_text())
+        result = {
+            "environment": bench["environment"],
+            "unix_s": bench["started_unix_s"],
+            "command": bench["command"],
+            "bench": bench,
+            "tables": {"embree": {"columns": EMBREE, "rows": embree_rows(bench)}},
+        }
+        Path(arguments.output).write_text(json.dumps(result, indent=1) + "\n")
+        return
     threads, rows, summaries = os.cpu_count(), [], {}
     for case in arguments.cases:
         name, _, what = case.partition("=")

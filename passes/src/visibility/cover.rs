@@ -125,8 +125,11 @@ impl Kernel<()> for Places<'_> {
         for Blocker { corners } in blockers {
             let between = between(shaft, corners);
             let [a, b, c] = *corners;
-            let inside =
-                if between == 0 { [false; 3] } else { [(a, b), (b, c), (c, a)].map(|edge| meets(shaft, edge)) };
+            let mut inside = [false; 3];
+            if between != 0 {
+                // Closures would be compiled for the least processor.
+                inside = [meets(shaft, (a, b)), meets(shaft, (b, c)), meets(shaft, (c, a))];
+            }
             places.push(Place { between, inside });
         }
     }
@@ -169,6 +172,7 @@ fn meets(shaft: &Shaft, (from, to): (DVec3, DVec3)) -> bool {
     out == 0 && enter <= leave
 }
 
+#[inline(always)]
 fn slack(shaft: &Shaft, points: &[DVec3]) -> f64 {
     shaft.slack(points.iter().fold(0.0, |size, point| size.max(point.abs().max_element())))
 }

@@ -59,6 +59,11 @@ impl Polygon {
         self.corners().windows(2).skip(1).map(|pair| [self.corners[0], pair[0], pair[1]])
     }
 
+    /// The mean of its corners.
+    fn middle(&self) -> DVec3 {
+        self.corners().iter().sum::<DVec3>() / self.count as f64
+    }
+
     pub(super) fn area(&self) -> f64 {
         0.5 * self.fan().map(|[a, b, c]| (b - a).cross(c - a)).sum::<DVec3>().length()
     }
@@ -151,6 +156,8 @@ pub(super) struct Shaft {
     offsets: [f64; LANES],
     /// The corners side by side, by axis: four lanes a side, of which some repeat the last corner.
     ends: [[f64; 8]; 3],
+    /// Middles of both sides.
+    axis: [DVec3; 2],
     /// The largest coordinate of a corner.
     size: f64,
 }
@@ -183,6 +190,7 @@ impl Shaft {
             normals: [[0.0; LANES]; 3],
             offsets: [f64::INFINITY; LANES],
             ends,
+            axis: [a, b].map(|side| side.front.middle()),
             size,
         };
         shaft.push(-a.normal);
@@ -255,14 +263,19 @@ impl Shaft {
     /// Whether a triangle has points inside; touching the surface does not count.
     #[inline(always)]
     fn meets(&self, corners: &[DVec3; 3]) -> bool {
-        let size = corners.iter().fold(0.0_f64, |size, corner| size.max(corner.abs().max_element()));
+        let [a, b, c] = *corners;
+        let size = a.abs().max(b.abs()).max(c.abs()).max_element();
         let slack = self.slack(size);
-        let heights = corners.map(|corner| self.heights(corner));
+        // Closures would be compiled for the least processor.
+        let heights = [self.heights(a), self.heights(b), self.heights(c)];
         // By face: whether it may cut something off; the number of faces that have all outside, and by corner, that have it outside.
         let mut cuts = [0_u64; LANES];
         let (mut beyond, mut outside) = (0_u64, [0_u64; 3]);
         for lane in 0..LANES {
-            let out = heights.map(|heights| u64::from(heights[lane] >= -slack));
+            let mut out = [0_u64; 3];
+            for corner in 0..3 {
+                out[corner] = u64::from(heights[corner][lane] >= -slack);
+            }
             beyond += out[0] & out[1] & out[2];
             cuts[lane] = out[0] | out[1] | out[2];
             for corner in 0..3 {
@@ -272,7 +285,6 @@ impl Shaft {
         if beyond != 0 {
             return false;
         }
-        let [a, b, c] = *corners;
         let cross = (b - a).cross(c - a).normalize_or_zero();
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for height in self.ends_over(cross, a) {
@@ -282,7 +294,22 @@ impl Shaft {
         if low >= -slack || high <= slack {
             return false;
         }
-        outside.contains(&0) || self.leaves_some(corners, &cuts, slack)
+        outside.contains(&0) || self.axis_crosses(corners) || self.leaves_some(corners, &cuts, slack)
+    }
+
+    /// Whether the segment between the middles of both sides surely crosses a triangle: most that lie across a shaft are found so.
+    #[inline(always)]
+    fn axis_crosses(&self, [a, b, c]: &[DVec3; 3]) -> bool {
+        let [from, to] = self.axis;
+        let along = to - from;
+        let (a, b, c) = (*a - from, *b - from, *c - from);
+        let (x, y, z) = (a.cross(b).dot(along), b.cross(c).dot(along), c.cross(a).dot(along));
+        // Far beyond rounding.
+        let least = 1e-9 * (x.abs() + y.abs() + z.abs());
+        let passes = (x > least && y > least && z > least) || (x < -least && y < -least && z < -least);
+        let normal = (b - a).cross(c - a);
+        let (start, end) = (-normal.dot(a), normal.dot(along - a));
+        passes && start * end < 0.0 && start.abs().min(end.abs()) > 1e-9 * (start.abs() + end.abs())
     }
 
     /// Cuts a triangle at the faces that may cut something off; whether anything is left.
@@ -509,7 +536,10 @@ impl Kernel<bool> for Descent<'_> {
                 if id == NONE || own.contains(&id) {
                     continue;
                 }
-                let corners = surfaces.corners(id).map(|corner| corner - pair.origin);
+                let mut corners = [DVec3::ZERO; 3];
+                for (corner, [x, y, z]) in corners.iter_mut().zip(&leaf.corners) {
+                    *corner = Vec3::new(x[lane], y[lane], z[lane]).as_dvec3() - pair.origin;
+                }
                 if sure >> lane & 1 == 1 || shaft.meets(&corners) {
                     if blockers.len() == GATHERED {
                         return false;
