@@ -1,14 +1,17 @@
 //! Comparing two pictures, or two ways to render a project.
 
-use crate::OpenError;
+use crate::bench::Case;
 use crate::pipeline::color::{ColorSpace, Display, decode, decode_slope};
 use crate::pipeline::diagnostic::{Problems, WarningGroup};
 use crate::pipeline::executor::{Observer, Renderer, median};
 use crate::pipeline::image::{Image, ReadImageError, Variance, read_image};
 use crate::pipeline::metrics::{self, Comparison, ErrorMap, Estimate, MetricError, Options, Which, ZTest};
+use crate::reference::{ReferenceError, References};
 use crate::spec::{Spec, SpecError};
+use crate::{Choice, OpenError};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Most seeds that are rendered of one project.
 pub const MAX_SEEDS: u32 = 10_000;
@@ -140,7 +143,7 @@ pub fn compare(
     if seeds == 0 || seeds > MAX_SEEDS {
         return Err(CompareError::Usage(format!("{seeds} seeds; valid: 1 to {MAX_SEEDS}")));
     }
-    let is_project = |operand: &Operand| matches!(operand, Operand::Project(_));
+    let is_project = |operand: &Operand| matches!(operand, Operand::Project(spec) if !spec.is_reference);
     if seeds > 1 && !is_project(test.1) && !is_project(reference.1) {
         return Err(CompareError::Usage("--seeds renders projects, and both are pictures".to_owned()));
     }
@@ -232,7 +235,8 @@ fn first_seeds(test: &Operand, reference: &Operand, seeds: u32) -> [u32; 2] {
         Operand::Picture(_) => 0,
     };
     let (first, second) = (own(test), own(reference));
-    let both = matches!((test, reference), (Operand::Project(_), Operand::Project(_)));
+    let renders = |operand: &Operand| matches!(operand, Operand::Project(spec) if !spec.is_reference);
+    let both = renders(test) && renders(reference);
     // Seeds wrap around, so the distance is the shorter way.
     let distance = first.wrapping_sub(second).min(second.wrapping_sub(first));
     if both && seeds > 1 && distance < seeds { [first, first.wrapping_add(seeds)] } else { [first, second] }
@@ -258,8 +262,33 @@ fn obtain(
                 rendered: None,
             })
         }
+        Operand::Project(spec) if spec.is_reference => reference_of_picture(name, spec, observer),
         Operand::Project(spec) => render(name, spec, first_seed, seeds, observer),
     }
+}
+
+/// What is kept as the reference of a project's picture.
+fn reference_of_picture(name: &str, spec: &Spec, observer: &mut dyn Observer) -> Result<Side, CompareError> {
+    let case = Case::new(&spec.project, spec.settings.clone(), Choice::CPU)?;
+    let mut references = References::new(References::default_folder(), Duration::ZERO);
+    let found = references.picture(&case, observer).cloned();
+    let damaged = references.take_warnings();
+    let reference = found.map_err(|error| match error {
+        ReferenceError::Open(error) => CompareError::Open(error),
+        ReferenceError::Render(error) => CompareError::Render(error),
+        error => {
+            CompareError::Usage(damaged.into_iter().chain([error.to_string()]).collect::<Vec<_>>().join("\n       "))
+        }
+    })?;
+    Ok(Side {
+        name: format!("{name}: {}, standard error {:.5}", reference.what, reference.own_error),
+        image: reference.picture,
+        channels: ["R", "G", "B", "A"].map(str::to_owned),
+        steps: None,
+        space: Some(case.display.space),
+        variance: None,
+        rendered: None,
+    })
 }
 
 fn render(

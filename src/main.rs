@@ -59,6 +59,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Check(args) => cli::check::run(&args),
         Command::List { program } => cli::list::run(program.as_deref()),
         Command::Compare(args) => cli::compare::run(&args),
+        Command::Reference(args) => cli::reference::run(&args),
         Command::Report(args) => cli::report::run(&args),
         Command::Tune(args) => cli::tune::run(&args),
         Command::Scene(args) => cli::scene::run(&args),

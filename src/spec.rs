@@ -23,6 +23,7 @@ pub const SETTINGS: &[(&str, &str)] = &[
     ("seed", "N, of the random numbers"),
     ("aa", "N, samples of every pixel: 1, 2, 4, 8, 16, 32 or 64"),
     ("pipeline", "NAME of a pipeline of the project"),
+    ("reference", "picture: what `curitiba reference` made of the project is taken, and nothing is rendered"),
     ("effects", "of scene files: shadows, ao, glass with + between, or none"),
     ("look-from", "of scene files: X/Y/Z, where the camera stands"),
     ("look-at", "of scene files: X/Y/Z, what it looks at"),
@@ -45,6 +46,8 @@ pub struct Spec {
     pub settings: Settings,
     /// Which engines.
     pub choice: Choice,
+    /// Whether the reference of the project's picture is meant, and not a picture that is rendered.
+    pub is_reference: bool,
 }
 
 /// What is wrong with a [`Spec`], and where.
@@ -95,7 +98,12 @@ impl Spec {
             let help = "write PROJECT.xml@SETTING,SETTING".to_owned();
             return Err(error(0, "there is no project file".to_owned(), help));
         }
-        let mut spec = Self { project: project.into(), settings: Settings::default(), choice: Choice::default() };
+        let mut spec = Self {
+            project: project.into(),
+            settings: Settings::default(),
+            choice: Choice::default(),
+            is_reference: false,
+        };
         let mut given: Vec<&str> = Vec::new();
         let mut offset = project.len() + 1;
         for setting in settings.into_iter().filter(|settings| !settings.is_empty()).flat_map(|all| all.split(',')) {
@@ -138,6 +146,7 @@ impl Spec {
             "color" => self.settings.color = Some(named(key, value, ColorSpace::NAMED)?),
             "camera" => self.settings.camera = Some(value.to_owned()),
             "pipeline" => self.settings.pipeline = Some(value.to_owned()),
+            "reference" => self.is_reference = named(key, value, &[("picture", true)])?,
             "seed" => {
                 let help = format!("valid: 0 to {}", u32::MAX);
                 self.settings.seed = value.parse().map_err(|_| (true, format!("`{value}` is no seed"), help))?;
@@ -221,6 +230,7 @@ mod tests {
         assert_eq!((settings.color, settings.aa.count()), (Some(ColorSpace::Linear), 16));
         assert_eq!((settings.camera.as_deref(), settings.pipeline.as_deref()), (Some("Vidro é"), Some("x")));
         assert_eq!(settings.set, ["pass2.samples=4", "pass2.sampler=strata"]);
+        assert!(!spec.is_reference && Spec::parse("p.xml@reference=picture").expect("valid").is_reference);
     }
 
     #[test]
@@ -247,6 +257,7 @@ mod tests {
             ("p.xml@size=64x-1", 12, &["WIDTHxHEIGHT"]),
             ("p.xml@aa=9", 10, &["no value of `aa`", "1, 2, 4, 8"]),
             ("p.xml@gpus=0", 12, &["no number of GPUs", "or all"]),
+            ("p.xml@reference=pictures", 17, &["did you mean `picture`?"]),
             ("p.xml@seed=-1", 12, &["0 to 4294967295"]),
             ("p.xml@camera=", 14, &["`camera` has no value"]),
             ("p.xml@cpu", 7, &["not NAME=VALUE", "raster"]),

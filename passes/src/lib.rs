@@ -1,12 +1,13 @@
 //! What the steps of a plan do: rasterisers, the ray tracer, one module per effect, and visibility between triangles.
 //!
-//! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `own`, `wgpu_rays`, `explain`, `visibility`; imports run down. `docs/architecture.md` is the map.
+//! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `own`, `wgpu_rays`, `explain`, `visibility`; imports run down. `reference` renders pictures to judge by, and uses `trace` alone. `docs/architecture.md` is the map.
 
 pub mod cpu;
 pub mod effects;
 pub mod explain;
 pub mod own;
 pub mod raster;
+pub mod reference;
 pub mod sampling;
 pub mod trace;
 pub mod visibility;

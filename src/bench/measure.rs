@@ -106,6 +106,7 @@ fn row(renderer: &Renderer, case: &Case, clocked: &[Clocked]) -> BenchRow {
         peak_memory_bytes: peak_memory(),
         held_bytes: plan.target_bytes() + timeline.iter().map(|row| row.bytes).sum::<u64>(),
         error: RowError::Missing("no reference was asked for".to_owned()),
+        picture_error: None,
         thesis: None,
         inputs: None,
         picture: None,

@@ -218,6 +218,10 @@ fn agree<'s>(agreed: &mut Agreed<'s>, row: &BenchRow, index: usize, path: &'s Pa
     if let RowError::Against { key, .. } = &row.error {
         agreed.note(format!("row {}", row.key), || format!("rows[{index}].error.against.key"), key, path)?;
     }
+    if let Some(RowError::Against { key, .. }) = &row.picture_error {
+        let what = format!("the picture of row {}", row.key);
+        agreed.note(what, || format!("rows[{index}].picture_error.against.key"), key, path)?;
+    }
     Ok(())
 }
 

@@ -128,8 +128,11 @@ pub struct BenchRow {
     pub peak_memory_bytes: Option<u64>,
     /// Bytes of targets, acceleration structure, maps, and what ray passes hold on their device.
     pub held_bytes: u64,
-    /// The picture's error.
+    /// The error of the effect: against a reference that shares the G-buffer, the programs and their formulas.
     pub error: RowError,
+    /// The error of the picture: against a reference from the camera, in `f64`, of many samples a pixel. `None` in files of before 2026-11-24.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture_error: Option<RowError>,
     /// The report's figure for the same row.
     pub thesis: Option<ThesisFigure>,
     /// What it was measured from; `None` in files of before 2026-11-23, and in reports.
@@ -198,6 +201,24 @@ pub enum RowError {
     },
     /// Not measured, and why.
     Missing(String),
+}
+
+impl RowError {
+    /// What was found, with the estimated error of the reference itself; `None` where nothing was measured.
+    #[must_use]
+    pub fn found(&self) -> Option<(&Comparison, f64)> {
+        match self {
+            Self::Against { own_error, comparison, .. } => Some((comparison, *own_error)),
+            Self::Missing(_) => None,
+        }
+    }
+
+    /// Whether so much of the root mean square error is the reference's own that it tells only what the error is at most: less than twice
+    /// that.
+    #[must_use]
+    pub fn is_at_most(&self) -> bool {
+        self.found().is_some_and(|(comparison, own_error)| comparison.rmse < 2.0 * own_error)
+    }
 }
 
 /// One step.

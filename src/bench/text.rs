@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 /// What a page of Markdown begins with.
 const MARKDOWN_TITLE: &str = "# Benchmark";
 /// The columns of a CSV file.
-const CSV_HEADER: [&str; 34] = [
+const CSV_HEADER: [&str; 38] = [
     "label",
     "effect",
     "technique",
@@ -43,6 +43,10 @@ const CSV_HEADER: [&str; 34] = [
     "thesis_ms",
     "thesis_machine",
     "ratio",
+    "picture_error",
+    "picture_flip",
+    "picture_reference_error",
+    "picture_reference",
 ];
 
 /// Whether a text begins as [`csv`] and [`markdown`] write it, so that it may be replaced by another of them.
@@ -98,6 +102,7 @@ fn fields(row: &BenchRow) -> Vec<String> {
         }
         RowError::Missing(why) => (None, None, format!("missing: {why}")),
     };
+    let picture = row.picture_error.as_ref().and_then(RowError::found);
     let technique = serde_json::to_value(row.technique).ok().and_then(|name| name.as_str().map(str::to_owned));
     let thesis = row.thesis.as_ref();
     vec![
@@ -135,6 +140,14 @@ fn fields(row: &BenchRow) -> Vec<String> {
         known(thesis.map(|thesis| thesis.frame_ms)),
         known(thesis.map(|thesis| thesis.machine.clone())),
         known(thesis.and_then(|thesis| thesis.ratio)),
+        known(picture.map(|(comparison, _)| comparison.rmse)),
+        known(picture.map(|(comparison, _)| comparison.flip)),
+        known(picture.map(|(_, own_error)| own_error)),
+        match &row.picture_error {
+            Some(RowError::Against { reference, .. }) => reference.clone(),
+            Some(RowError::Missing(why)) => format!("missing: {why}"),
+            None => String::new(),
+        },
     ]
 }
 
@@ -169,6 +182,35 @@ pub fn reference(row: &BenchRow) -> &str {
     }
 }
 
+/// The error of the picture of a row and its FLIP error, as tables have them: a dash where there is none, and `≤` where the reference's own error
+/// leaves no more to be said.
+#[must_use]
+pub fn picture_cells(row: &BenchRow) -> [String; 2] {
+    let Some(error) = &row.picture_error else { return ["-", "-"].map(str::to_owned) };
+    let at_most = if error.is_at_most() { "≤" } else { "" };
+    error.found().map_or(["-", "-"].map(str::to_owned), |(comparison, _)| {
+        [format!("{at_most}{:.4}", comparison.rmse), format!("{:.4}", comparison.flip)]
+    })
+}
+
+/// What the errors of the rows' pictures are against, or why rows have none; each once.
+#[must_use]
+pub fn of_pictures(rows: &[BenchRow]) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for error in rows.iter().filter_map(|row| row.picture_error.as_ref()) {
+        let line = match error {
+            RowError::Against { reference, own_error, .. } => {
+                format!("RMSE against {reference}, whose own standard error is {own_error:.4}")
+            }
+            RowError::Missing(why) => why.clone(),
+        };
+        if !lines.contains(&line) {
+            lines.push(line);
+        }
+    }
+    lines
+}
+
 /// A page of Markdown: machine, table, steps, references, and what is not there.
 #[must_use]
 pub fn markdown(file: &BenchFile) -> String {
@@ -199,15 +241,21 @@ pub fn markdown(file: &BenchFile) -> String {
     }
     let references = references(&file.rows);
     text += "\n| effect | view | engines | ms (median ± σ) | min … max | n | % in rays | rays on device, ms | Mrays/s | MiB held | RMSE | FLIP | against | \
-             report | ratio |\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
+             picture RMSE | picture FLIP | report | ratio |\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n";
     for row in &file.rows {
         let against = references.iter().position(|name| *name == reference(row)).map_or(0, |index| index + 1);
-        let _ = writeln!(text, "| {} | [{against}] | {} |", cells(row).join(" | "), thesis_cells(row.thesis.as_ref()));
+        let (cells, picture) = (cells(row).join(" | "), picture_cells(row).join(" | "));
+        let _ = writeln!(text, "| {cells} | [{against}] | {picture} | {} |", thesis_cells(row.thesis.as_ref()));
     }
     text += "\nErrors are of the window's picture, in linear values, against:\n\n";
     for (index, name) in references.iter().enumerate() {
         let _ = writeln!(text, "{}. {name}", index + 1);
     }
+    let pictures = of_pictures(&file.rows);
+    if !pictures.is_empty() {
+        text += "\nErrors of the picture are of all that is wrong in it, edges and textures as well:\n\n";
+    }
+    pictures.iter().for_each(|line| text.extend(["- ", line, "\n"]));
     if let Some(thesis) = file.rows.iter().find_map(|row| row.thesis.as_ref()) {
         let _ = writeln!(
             text,

@@ -3,6 +3,7 @@
 use super::bench_args::BenchArgs;
 use super::compare_args::CompareArgs;
 use super::merge::MergeArgs;
+use super::reference_args::ReferenceArgs;
 use super::tune_args::TuneArgs;
 use super::visibility_args::VisibilityArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum, ValueHint};
@@ -107,6 +108,14 @@ A row's error is of its window picture, in linear values, against a reference th
 in f64 where there is no noise, else with as many samples as it takes for an error of its own that is ten times
 below the row's. References are kept and used again.")]
     Bench(Box<BenchArgs>),
+    /// Render the picture that `bench` and `report` judge rows by as a whole, from the camera in f64, and keep it.
+    #[command(after_help = "\
+Examples:
+  curitiba reference xml_projects/SceneFinal.xml --camera Vidro --size 512x512
+  curitiba reference xml_projects/SceneSSAO.xml --size 256x256 --samples 256 -o right.exr
+
+It takes minutes, is made once for a project, a camera and a size, and serves every row of them, by rays and by raster: docs/benchmarks.md")]
+    Reference(Box<ReferenceArgs>),
     /// Join the parts that `bench --parts` wrote, or benchmarks of several machines, and print them: a column for each machine.
     #[command(after_help = "\
 Examples:
@@ -185,6 +194,7 @@ impl Command {
             Self::Compare(args) => Some(args.max_memory),
             Self::Scene(args) => Some(args.max_memory),
             Self::Bench(args) => Some(args.max_memory),
+            Self::Reference(args) => Some(args.max_memory),
             Self::Report(args) => Some(args.max_memory),
             Self::Tune(args) => Some(args.project.max_memory),
             Self::Visibility(args) => Some(args.max_memory),

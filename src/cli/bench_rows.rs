@@ -76,6 +76,13 @@ impl Rows {
                 RowError::Missing(error.to_string())
             }),
         };
+        row.picture_error = Some(match &mut self.references {
+            None => RowError::Missing("--no-error".to_owned()),
+            Some(references) => references.compare_picture(case, &picture, &mut bars).unwrap_or_else(|error| {
+                failure::print_warning(&error.to_string());
+                RowError::Missing(error.to_string())
+            }),
+        });
         drop(bars);
         let warnings = self.references.as_mut().map(References::take_warnings).unwrap_or_default();
         warnings.iter().for_each(|warning| failure::print_warning(warning));

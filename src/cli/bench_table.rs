@@ -2,7 +2,7 @@
 
 use anstyle::Style;
 use curitiba::bench::model::{BenchFile, BenchRow, RowError};
-use curitiba::bench::text::{mrays_per_second, ray_device_ms, reference};
+use curitiba::bench::text::{self, mrays_per_second, ray_device_ms, reference};
 use curitiba::pipeline::memory::mebibytes;
 
 const HEADER: Style = Style::new().bold();
@@ -43,7 +43,7 @@ impl Table {
         if !self.begun {
             self.begun = true;
             crate::say!(
-                "{HEADER}{:width$}  {:8}  {:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>9}  {:>8}  {:>9}  {:>7}  {:>4}  {:>8}{HEADER:#}",
+                "{HEADER}{:width$}  {:8}  {:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>9}  {:>8}  {:>9}  {:>7}  {:>4}  {:>8}  {:>7}  {:>8}{HEADER:#}",
                 "effect",
                 "view",
                 "engines",
@@ -56,6 +56,8 @@ impl Table {
                 "RMSE",
                 "FLIP",
                 "ref",
+                "picture",
+                "FLIP",
                 "ratio"
             );
         }
@@ -66,12 +68,13 @@ impl Table {
             }
             RowError::Missing(_) => (dash(), dash()),
         };
+        let [picture, picture_flip] = text::picture_cells(row);
         let engines = match &row.rays {
             Some(rays) => format!("{} + {}", row.raster.name, rays.name),
             None => row.raster.name.clone(),
         };
         crate::say!(
-            "{:width$}  {:8}  {engines:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>9}  {:>8}  {rmse:>9}  {flip:>7}  {:>4}  {:>8}",
+            "{:width$}  {:8}  {engines:10}  {:>20}  {:>20}  {:>4}  {:>6}  {:>9}  {:>8}  {rmse:>9}  {flip:>7}  {:>4}  {picture:>8}  {picture_flip:>7}  {:>8}",
             row.label,
             row.view,
             format!("{:.2} ± {:.2}", row.frame.median, row.frame.sd),
@@ -98,6 +101,7 @@ impl Table {
         for (index, reference) in self.references.iter().enumerate() {
             crate::say!("[{}] {reference}", index + 1);
         }
+        text::of_pictures(&file.rows).iter().for_each(|line| crate::say!("picture: {line}"));
         if file.rows.iter().any(|row| ray_device_ms(row).is_some()) {
             crate::say!("device ms: the ray passes on the GPU's own clock, without copies; Mrays/s are of host time");
         }

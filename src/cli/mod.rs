@@ -19,6 +19,8 @@ pub mod list;
 pub mod merge;
 pub mod plan;
 mod progress;
+pub mod reference;
+mod reference_args;
 pub mod render;
 mod render_output;
 mod render_path;

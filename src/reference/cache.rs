@@ -39,6 +39,11 @@ impl Folder {
         Self(path)
     }
 
+    /// Whether nothing is kept in it.
+    pub fn is_empty(&self) -> bool {
+        std::fs::read_dir(&self.0).map_or(true, |mut files| files.next().is_none())
+    }
+
     /// The name of a reference.
     pub fn key(material: &str) -> String {
         format!("{:032x}", fnv1a(material.as_bytes()))

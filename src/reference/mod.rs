@@ -18,11 +18,20 @@
 //! Which of these references a row meets depends on the rows before it. With a fixed number of samples
 //! ([`References::with_samples`]) it depends on the row alone, so that rows may be shared out over processes.
 //!
+//! # References of the picture
+//!
+//! All of these judge the effect alone: they share the G-buffer, the programs and their formulas with the rows. What a row shows of the
+//! *picture* is judged by another one, which [`reference`](crate::passes::reference) renders from the camera in `f64`, with many samples a pixel. It
+//! takes long, so it is made on demand alone ([`References::make_picture`]); rows are compared with it where it is kept
+//! ([`References::compare_picture`]).
+//!
+//! # Where they are kept
 //! References are kept in a folder, as EXR files with a JSON file beside each. The name is a hash of everything that
 //! determines the picture: the passes and their constants, the view, the lights, the size, the scene's content, the
 //! sample count, and [`FORMAT`] for the programs themselves. Two versions of this program share none.
 
 mod cache;
+mod picture;
 mod plan;
 mod rays;
 
@@ -30,7 +39,8 @@ use crate::OpenError;
 use crate::bench::Case;
 use crate::bench::model::RowError;
 use crate::passes::raster::cpu::CpuRasteriser;
-use crate::pipeline::executor::{Engines, Observer, RenderError, Renderer};
+use crate::passes::reference as renderer_of_pictures;
+use crate::pipeline::executor::{Engines, Observer, Progress, RenderError, Renderer, StepKind};
 use crate::pipeline::image::Image;
 use crate::pipeline::metrics::{self, Comparison, MetricError};
 use cache::{Entry, Folder};
@@ -40,6 +50,7 @@ use std::cell::Cell;
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Changes whenever the same passes give other pictures than before: references of another format are not used.
@@ -53,6 +64,9 @@ pub const MOST_SAMPLES: u32 = 65_536;
 
 /// Samples of each of the two renders of a reference with noise: the first, and the most.
 const SAMPLES: (u32, u32) = (256, MOST_SAMPLES);
+
+/// Samples a pixel that a reference of a picture may have: powers of two from the first to the second.
+pub const PICTURE_SAMPLES: (u32, u32) = (64, 65_536);
 
 /// Seeds of the two renders; far from those that people choose.
 const SEEDS: [u32; 2] = [0x9e37_79b9, 0x7f4a_7c15];
@@ -69,6 +83,23 @@ pub enum ReferenceError {
     /// Comparing with it.
     #[error("the picture cannot be compared with its reference: {0}")]
     Metric(#[from] MetricError),
+    /// What the reference renderer does not know.
+    #[error("the picture has no reference: {0}")]
+    Picture(String),
+    /// The reference of the picture is not kept; the command that makes it.
+    #[error("the reference of the picture is not made; this makes it: {0}")]
+    NoPicture(String),
+}
+
+impl From<renderer_of_pictures::ReferenceError> for ReferenceError {
+    fn from(error: renderer_of_pictures::ReferenceError) -> Self {
+        use renderer_of_pictures::ReferenceError as Error;
+        match error {
+            Error::Refused(refused) => Self::Render(refused.into()),
+            Error::Cancelled => Self::Render(RenderError::Cancelled),
+            error @ Error::Spheres => Self::Picture(error.to_string()),
+        }
+    }
 }
 
 /// A reference picture.
@@ -82,13 +113,15 @@ pub struct Reference {
     pub key: String,
     /// Estimated root mean square error of its own; 0 where it has no noise.
     pub own_error: f64,
-    /// Samples of each of its two renders; 0 where it has no noise.
+    /// Samples of each of its two renders, of the picture's reference of both; 0 where it has no noise.
     pub samples: u32,
 }
 
 /// Makes references, and keeps them.
 pub struct References {
     folder: Folder,
+    /// The same of references of pictures.
+    folder_of_pictures: Folder,
     allowance: Duration,
     /// Samples of every reference with noise, where they are not to be refined.
     fixed: Option<u32>,
@@ -96,6 +129,10 @@ pub struct References {
     fingerprints: HashMap<String, Vec<String>>,
     /// By what determines a reference but for its samples.
     held: HashMap<String, Held>,
+    /// By what a request says of itself: what determines its reference of the picture but for its samples.
+    materials_of_pictures: HashMap<String, String>,
+    /// References of pictures, by what determines them but for their samples.
+    pictures: HashMap<String, Reference>,
     /// The renderer of the request served last.
     open: Option<(String, Open)>,
     warnings: Vec<String>,
@@ -120,11 +157,14 @@ impl References {
     #[must_use]
     pub fn new(folder: PathBuf, allowance: Duration) -> Self {
         Self {
+            folder_of_pictures: Folder::new(folder.join("pictures")),
             folder: Folder::new(folder),
             allowance,
             fixed: None,
             fingerprints: HashMap::new(),
             held: HashMap::new(),
+            materials_of_pictures: HashMap::new(),
+            pictures: HashMap::new(),
             open: None,
             warnings: Vec::new(),
         }
@@ -200,15 +240,134 @@ impl References {
         Ok(self.held[&base].reference.clone())
     }
 
-    /// Makes sure that there is a reference, and returns what determines it but for its samples.
-    fn first(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<String, ReferenceError> {
+    /// Compares a row's picture with the reference of the picture, if it is kept; else says why it is not, and how it is made. Nothing is
+    /// rendered.
+    ///
+    /// # Errors
+    /// If the scene cannot be loaded, or the pictures cannot be compared.
+    pub fn compare_picture(
+        &mut self,
+        case: &Case,
+        picture: &Image,
+        observer: &mut dyn Observer,
+    ) -> Result<RowError, ReferenceError> {
+        match self.picture(case, observer) {
+            Ok(Reference { picture: right, what, key, own_error, .. }) => {
+                let options = metrics::Options { display: case.display, ..metrics::Options::default() };
+                let comparison = metrics::compare(picture, right, &options)?;
+                let (reference, key, own_error) = (what.clone(), key.clone(), *own_error);
+                Ok(RowError::Against { reference, key, own_error, comparison })
+            }
+            Err(error @ (ReferenceError::Picture(_) | ReferenceError::NoPicture(_))) => {
+                Ok(RowError::Missing(error.to_string()))
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The reference of a case's picture, if it is kept.
+    ///
+    /// # Errors
+    /// If it is not, with the command that makes it; if the scene cannot be loaded, whose content is a part of what it is kept by.
+    pub fn picture(&mut self, case: &Case, observer: &mut dyn Observer) -> Result<&Reference, ReferenceError> {
+        let request = Request::of_picture(case)?;
+        if let Some(why) = picture::unsupported(&request.plan) {
+            return Err(ReferenceError::Picture(why));
+        }
+        let missing = || ReferenceError::NoPicture(picture::command(case));
+        if self.folder_of_pictures.is_empty() {
+            // The scene need not be loaded.
+            return Err(missing());
+        }
+        let base = self.base_of_picture(&request, observer)?;
+        self.kept_picture(&request, &base).ok_or_else(missing)
+    }
+
+    /// The reference of a case's picture, of at least so many samples a pixel (a power of two within [`PICTURE_SAMPLES`]), and how long rendering
+    /// took; rendered and kept, unless one that is as good is kept already.
+    ///
+    /// # Errors
+    /// If there is something in the picture that the reference renderer does not know; if it cannot be rendered.
+    pub fn make_picture(
+        &mut self,
+        case: &Case,
+        samples: u32,
+        observer: &mut dyn Observer,
+    ) -> Result<(Reference, Option<Duration>), ReferenceError> {
+        let request = Request::of_picture(case)?;
+        if let Some(why) = picture::unsupported(&request.plan) {
+            return Err(ReferenceError::Picture(why));
+        }
+        let base = self.base_of_picture(&request, observer)?;
+        let old = self.kept_picture(&request, &base).map(|reference| reference.samples);
+        if let Some(reference) = self.pictures.get(&base).filter(|reference| reference.samples >= samples) {
+            return Ok((reference.clone(), None));
+        }
+        let open = self.open(&request, observer)?;
+        let job = picture::job(&open.renderer, samples).map_err(ReferenceError::Picture)?;
+        let progress = Arc::new(Progress::until(&open.renderer.cancellation()));
+        observer.begin(StepKind::Rays, "reference of the picture", &progress);
+        let start = Instant::now();
+        let rendered = renderer_of_pictures::render(&job, &progress);
+        let took = start.elapsed();
+        observer.end();
+        let [first, second] = rendered?;
+        let (picture, own_error) = mean_of_two(first, &second);
+        let entry = Entry { picture, own_error, took };
+        match self.folder_of_pictures.store(&picture_material(&base, samples), &entry) {
+            Err(why) => self.warnings.push(why),
+            Ok(()) => old.iter().for_each(|old| self.folder_of_pictures.forget(&picture_material(&base, *old))),
+        }
+        let reference = picture_reference(&base, samples, entry);
+        self.pictures.insert(base, reference.clone());
+        Ok((reference, Some(took)))
+    }
+
+    /// The best reference of a picture that is kept.
+    fn kept_picture(&mut self, request: &Request, base: &str) -> Option<&Reference> {
+        if !self.pictures.contains_key(base) {
+            let (least, most) = PICTURE_SAMPLES;
+            for samples in std::iter::successors(Some(most), |samples| (*samples > least).then_some(samples / 2)) {
+                match self.folder_of_pictures.load(&picture_material(base, samples), request.plan.window) {
+                    Ok(Some(entry)) => {
+                        self.pictures.insert(base.to_owned(), picture_reference(base, samples, entry));
+                        break;
+                    }
+                    Ok(None) => {}
+                    Err(why) => self.warnings.push(why),
+                }
+            }
+        }
+        self.pictures.get(base)
+    }
+
+    /// What determines the reference of a picture but for its samples.
+    fn base_of_picture(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<String, ReferenceError> {
+        let identity = request.identity();
+        if let Some(base) = self.materials_of_pictures.get(&identity) {
+            return Ok(base.clone());
+        }
+        let open = self.open(request, observer)?;
+        let job = picture::job(&open.renderer, PICTURE_SAMPLES.0).map_err(ReferenceError::Picture)?;
+        let base = picture::material(&job, request.plan.display.space);
+        self.materials_of_pictures.insert(identity, base.clone());
+        Ok(base)
+    }
+
+    /// What determines a reference but for its samples, with the content of its scenes.
+    fn base(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<String, ReferenceError> {
         let identity = request.identity();
         if !self.fingerprints.contains_key(&identity) {
             let open = self.open(request, observer)?;
             let hashes = open.renderer.scenes().map(|scene| format!("{:032x}", scene.fingerprint())).collect();
             self.fingerprints.insert(identity.clone(), hashes);
         }
-        let base = request.base(&self.fingerprints[&identity]);
+        Ok(request.base(&self.fingerprints[&identity]))
+    }
+
+    /// Makes sure that there is a reference, and returns what determines it but for its samples.
+    fn first(&mut self, request: &Request, observer: &mut dyn Observer) -> Result<String, ReferenceError> {
+        let base = self.base(request, observer)?;
         if self.held.contains_key(&base) {
             return Ok(base);
         }
@@ -335,6 +494,21 @@ pub fn has_noise(case: &Case) -> Result<bool, OpenError> {
 /// Everything that determines a reference, in words.
 fn material(base: &str, samples: u32) -> String {
     format!("{base}\nsamples {samples}, seeds {SEEDS:?}")
+}
+
+/// The same of a reference of a picture.
+fn picture_material(base: &str, samples: u32) -> String {
+    format!("{base}\nfrom the camera, format {}, {samples} samples a pixel", picture::FORMAT)
+}
+
+fn picture_reference(base: &str, samples: u32, entry: Entry) -> Reference {
+    Reference {
+        picture: entry.picture,
+        what: picture::words(samples),
+        key: Folder::key(&picture_material(base, samples)),
+        own_error: entry.own_error,
+        samples,
+    }
 }
 
 fn shortfall(comparison: &Comparison, own_error: f64, end: &str) -> String {

@@ -5,6 +5,7 @@ use crate::OpenError;
 use crate::bench::Case;
 use crate::pipeline::color::ColorSpace;
 use crate::pipeline::image::PixelFormat;
+use crate::pipeline::pixel_samples::PixelSamples;
 use crate::pipeline::plan::{Plan, PlanError, PlannedPass, Settings, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, Sampler};
 use crate::pipeline::project::{ChannelRef, EffectPass, Pass, PassKind, RayPass};
@@ -55,6 +56,12 @@ impl Request {
             _ => Kind::Raster,
         });
         Ok(Self { plan, kind })
+    }
+
+    /// The plan of the reference of a case's picture: the same, of the whole window, with the samples of a pixel left to the reference renderer.
+    pub fn of_picture(case: &Case) -> Result<Self, OpenError> {
+        let settings = Settings { aa: PixelSamples::ONE, crop: None, bands: None, ..case.settings.clone() };
+        Self::new(&Case { settings, ..case.clone() })
     }
 
     /// What tells the request from others while scene files stay as they are.

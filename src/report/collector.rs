@@ -319,6 +319,7 @@ impl<'a> Collector<'a> {
             row.thesis = figure_of_2014(entry, &row);
         }
         row.error = self.judge(entry, &case, &row, &picture, observer);
+        row.picture_error = Some(self.judge_picture(entry, &case, &row, &picture, observer));
         if entry.in_table {
             self.table.push(row.key.clone());
         }
@@ -387,6 +388,27 @@ impl<'a> Collector<'a> {
             self.judges.remove(&judge);
         }
         error
+    }
+
+    /// The error of a row's picture as a whole, where a reference of it is kept: none is made within the time of a report.
+    fn judge_picture(
+        &mut self,
+        entry: &Entry,
+        case: &Case,
+        row: &BenchRow,
+        picture: &Image,
+        observer: &mut dyn Observer,
+    ) -> RowError {
+        if self.request.made {
+            let why = "no reference of the picture is kept of projects that are made for a report alone";
+            return RowError::Missing(why.to_owned());
+        }
+        let case = self.judges.get(&(entry.effect.to_owned(), row.view.clone())).unwrap_or(case).clone();
+        let compared = self.references.compare_picture(&case, picture, observer);
+        for warning in self.references.take_warnings() {
+            self.miss("kept references", warning);
+        }
+        compared.unwrap_or_else(|error| RowError::Missing(error.to_string()))
     }
 
     /// The error of a picture against the reference of an effect in a view that has one.

@@ -84,6 +84,7 @@ fn row(key: &str, effect: &str, technique: Technique, ms: f64, error: RowError) 
         peak_memory_bytes: Some(100 << 20),
         held_bytes: 1 << 20,
         error,
+        picture_error: None,
         thesis: None,
         inputs: None,
         picture: None,
@@ -443,4 +444,22 @@ fn plots_survive_a_single_row_equal_values_and_an_exact_picture() {
     data.bench.rows.clear();
     assert!(plots::speed_against_error(&data, &data.sections[0]).is_none());
     assert!(plots::scaling_plot(&data, &data.scalings[0]).is_none());
+}
+
+#[test]
+fn errors_of_pictures_have_columns_where_one_is_known_and_else_a_reason() {
+    let mut data = report(1.0, (4.0, against(0.01)), (3.0, against(0.05)));
+    let none = page::build(&data).html;
+    assert!(!none.contains("Error of the picture"), "rows of older files have none");
+    let missing = RowError::Missing("the reference of the picture is not made".to_owned());
+    data.bench.rows[1].picture_error = Some(missing);
+    let reason = page::build(&data).html;
+    assert!(
+        !reason.contains("Error of the picture")
+            && reason.contains("No error: the reference of the picture is not made")
+    );
+    let RowError::Against { reference, key, comparison, .. } = against(0.123) else { panic!("an error") };
+    data.bench.rows[2].picture_error = Some(RowError::Against { reference, key, own_error: 0.1, comparison });
+    let known = page::build(&data).html;
+    assert!(known.contains("Error of the picture") && known.contains("≤ 0.12"));
 }

@@ -17,13 +17,14 @@ pub fn table(kind: &str, files: &[Value], options: &Options) -> Result<String, S
         "cases" => cases(&files.iter().flat_map(by_machine).collect::<Vec<_>>(), options),
         "backends" => backends(files, options),
         "counts" => counts(files, options),
+        "pictures" => pictures(one()?, options),
         "threads" => threads(one()?, options),
         "rays" => rays(files, options),
         "passes" => passes(files),
         "builds" => builds(files),
         "listed" => listed(one()?, options),
         _ => {
-            let valid = "machine, cases, backends, counts, threads, rays, passes, builds, listed";
+            let valid = "machine, cases, pictures, backends, counts, threads, rays, passes, builds, listed";
             Err(format!("there is no kind `{kind}`; valid: {valid}"))
         }
     }
@@ -142,6 +143,29 @@ fn rows<'f>(file: &'f Value, options: &Options) -> Result<Vec<&'f Value>, String
 
 fn cell(number: Option<f64>) -> String {
     number.map_or(String::new(), short)
+}
+
+/// The two errors of each row: of the effect, and of the picture, which is told as "at most" where it is less than twice its reference's own.
+fn pictures(file: &Value, options: &Options) -> Result<String, String> {
+    let mut out = String::from(
+        "| case | view | error of the effect | error of the picture | FLIP | the reference's own error |\n|---|---|---:|---:|---:|---:|\n",
+    );
+    for row in rows(file, options)? {
+        let against = |error: &str, name: &str| row[error]["against"]["comparison"][name].as_f64();
+        let own = row["picture_error"]["against"]["own_error"].as_f64();
+        let picture = against("picture_error", "rmse").ok_or("a row has no error of its picture")?;
+        let at_most = if own.is_some_and(|own| picture < 2.0 * own) { "≤ " } else { "" };
+        let _ = writeln!(
+            out,
+            "| {} | {} | {} | {at_most}{picture:.4} | {:.4} | {:.4} |",
+            text(&row["label"]),
+            text(&row["view"]),
+            cell(against("error", "rmse")),
+            against("picture_error", "flip").unwrap_or_default(),
+            own.unwrap_or_default(),
+        );
+    }
+    Ok(out)
 }
 
 /// The frame of each case in several files, and its error in each; beside them the 2014 report's frame where there is one. The option

@@ -27,7 +27,7 @@ const OF_PIPELINE: &Floors = &[
 ];
 const OF_PASSES: &Floors = &[
     &["trace"],
-    &["sampling"],
+    &["sampling", "reference"],
     &["effects"],
     &["raster"],
     &["cpu"],

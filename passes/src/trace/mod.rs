@@ -50,7 +50,7 @@ pub(crate) use parallel::Faces;
 pub use parallel::{Decided, Estimates};
 pub use ray::{Directions, Fan, Hit, PACKET, Packet, PacketHits, Ray, Recent};
 pub use recorder::{Event, Outcome, RecordedRay, Recorder};
-pub use reference::{BruteForce, Double};
+pub use reference::{BruteForce, Double, DoubleHit, DoubleRay};
 pub use segments::{Segment, SegmentTracer, Segments};
 pub use simd::InstructionSet;
 pub(crate) use simd::{Detected, F16, Kernel, LANES, Mask, Simd, WIDE, higher, lower, vector_at};

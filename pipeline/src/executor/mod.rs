@@ -102,16 +102,19 @@ struct LoadedScenes {
 
 /// What a pass needs of the materials, by material index.
 #[derive(Debug, Clone, Default, PartialEq)]
-struct PassMaterials {
-    shades: Vec<Shade>,
-    /// Those whose back faces a raster pass leaves out.
-    culled: Vec<bool>,
-    glass: Vec<bool>,
-    shadow_glass: Vec<bool>,
+pub struct PassMaterials {
+    /// What they look like.
+    pub shades: Vec<Shade>,
+    /// Those whose back faces a raster pass leaves out; empty where there are none.
+    pub culled: Vec<bool>,
+    /// Those on which the rays of a ray pass bounce.
+    pub glass: Vec<bool>,
+    /// Those through which its shadow rays pass.
+    pub shadow_glass: Vec<bool>,
     /// What glass is, where the materials decide.
-    dielectrics: Vec<Dielectric>,
+    pub dielectrics: Vec<Dielectric>,
     /// What rays do that start at the camera.
-    surfaces: Vec<SurfaceKind>,
+    pub surfaces: Vec<SurfaceKind>,
 }
 
 /// What was decided about scenes, and what was left out of them.
@@ -246,6 +249,15 @@ impl Renderer {
     /// The scenes that passes use, one for each of [`Plan::scene_sets`].
     pub fn scenes(&self) -> impl Iterator<Item = &Arc<RenderScene>> {
         self.scenes.iter().map(|loaded| &loaded.scene)
+    }
+
+    /// What the pass at an index of [`Plan::passes`] sees of the materials of its scenes.
+    ///
+    /// # Panics
+    /// If there is no such pass.
+    #[must_use]
+    pub fn materials(&self, index: usize) -> &PassMaterials {
+        &self.materials[index]
     }
 
     /// Who may ask to give a frame up while it is rendered.

@@ -16,6 +16,10 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
     let rays = rows.iter().any(|row| row.rays.is_some());
     let thesis = rows.iter().any(|row| row.thesis.is_some());
     let mut columns = vec!["Row", "By", "View", "median", "RMSE", "FLIP", "SSIM", "against"];
+    let pictures = rows.iter().any(|row| of_picture(row).is_some());
+    if pictures {
+        columns.extend(["RMSE", "FLIP"]);
+    }
     let on_device = rows.iter().any(|row| ray_device_ms(row).is_some());
     if rays {
         columns.extend(["in rays", "rays", "M/s"]);
@@ -43,7 +47,8 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                     tr.groups {
                         th colspan="3" {}
                         th scope="colgroup" { "Frame, ms" }
-                        th scope="colgroup" colspan="4" { "Error against the reference" }
+                        th scope="colgroup" colspan="4" { "Error of the effect" }
+                        @if pictures { th scope="colgroup" colspan="2" { "Error of the picture" } }
                         @if rays { th scope="colgroup" colspan=(3 + usize::from(on_device)) { "Rays of a frame" } }
                         th scope="colgroup" colspan=(4 + usize::from(processor) + usize::from(device)) { "Time of a frame, ms" }
                         th.extra scope="colgroup" colspan="4" { "More errors" }
@@ -66,6 +71,7 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
                             td data-v=(row.frame.median) { strong { (significant(row.frame.median)) } }
                             (errors(row))
                             (references.cell(row))
+                            @if pictures { (picture_errors(row)) }
                             @if rays { (traced(row)) }
                             @if on_device { (number(ray_device_ms(row), significant)) }
                             (spread(&row.frame))
@@ -84,6 +90,52 @@ pub fn rows(data: &ReportData, rows: &[&BenchRow], caption: &str) -> Markup {
         }
         p.note.on-paper { "More columns are on the screen and in data.csv." }
         (references.list())
+        (pictures_list(rows))
+    }
+}
+
+/// The error of a row's picture, and whether it is that at most.
+fn of_picture(row: &BenchRow) -> Option<(&Comparison, bool)> {
+    let error = row.picture_error.as_ref()?;
+    error.found().map(|(found, _)| (found, error.is_at_most()))
+}
+
+fn picture_errors(row: &BenchRow) -> Markup {
+    let found = of_picture(row);
+    let at_most = if found.is_some_and(|(_, at_most)| at_most) { "≤ " } else { "" };
+    html! {
+        (number(found.map(|(found, _)| found.rmse), |rmse| format!("{at_most}{}", error(rmse))))
+        (number(found.map(|(found, _)| found.flip), error))
+    }
+}
+
+/// What errors of pictures are against, or why rows have none: a few at most, since a table may have many rows.
+fn pictures_list(rows: &[&BenchRow]) -> Markup {
+    const MOST: usize = 4;
+    let mut lines: Vec<String> = Vec::new();
+    for row in rows {
+        let line = match &row.picture_error {
+            Some(RowError::Against { reference, own_error, .. }) => {
+                format!("{reference}; its own standard error: {}", error(*own_error))
+            }
+            Some(RowError::Missing(why)) => format!("No error: {why}"),
+            None => continue,
+        };
+        if !lines.contains(&line) {
+            lines.push(line);
+        }
+    }
+    let more = lines.len().saturating_sub(MOST);
+    html! {
+        @if !lines.is_empty() {
+            p.note {
+                "Errors of the picture are of all that is wrong in it, edges and textures as well; those of the effect are of the effect alone:"
+            }
+            ul.references.note {
+                @for line in lines.iter().take(MOST) { li { (line) } }
+                @if more > 0 { li { "and " (more) " more, in data.csv" } }
+            }
+        }
     }
 }
 

@@ -79,6 +79,48 @@ impl Bounds {
     }
 }
 
+/// A ray in `f64`.
+#[derive(Debug, Clone, Copy)]
+pub struct DoubleRay {
+    /// Where it starts.
+    pub origin: DVec3,
+    /// Unit direction.
+    pub direction: DVec3,
+    /// Hits nearer than this, or just so near, do not count; 0 or more.
+    pub t_min: f64,
+    /// Hits as far away or farther do not count.
+    pub t_max: f64,
+}
+
+impl From<&Ray> for DoubleRay {
+    fn from(ray: &Ray) -> Self {
+        let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        Self { origin, direction, t_min: f64::from(ray.t_min.max(0.0)), t_max: f64::from(ray.t_max) }
+    }
+}
+
+/// Where a [`DoubleRay`] meets a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DoubleHit {
+    /// Distance.
+    pub t: f64,
+    /// Weight of corner 1.
+    pub u: f64,
+    /// Weight of corner 2.
+    pub v: f64,
+    /// The triangle.
+    pub triangle: u32,
+}
+
+impl DoubleHit {
+    fn of((found, triangle, _): (DVec3, u32, bool)) -> Self {
+        Self { t: found.x, u: found.y, v: found.z, triangle }
+    }
+}
+
+/// Two distances are one for [`Double::first`] if they differ by less than this share: some thousand times the rounding of `f64`.
+const TIE: f64 = 1.0e-12;
+
 struct Line {
     origin: DVec3,
     direction: DVec3,
@@ -132,13 +174,39 @@ impl Double {
         size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice())
     }
 
+    /// The nearest triangle, of those that are transparent only one that `accept` takes; of several in one place that of the lowest id.
+    /// Nothing is rounded to `f32`.
+    pub fn first(&self, ray: &DoubleRay, mut accept: impl FnMut(&DoubleHit) -> bool) -> Option<DoubleHit> {
+        let mut best: Option<(DVec3, u32, bool)> = None;
+        self.walk(ray, |candidate| {
+            let nearer = best.is_none_or(|best| {
+                let (t, tie) = (candidate.0.x, TIE * best.0.x);
+                t < best.0.x - tie || (t <= best.0.x + tie && candidate.1 < best.1)
+            });
+            if nearer && (!candidate.2 || accept(&DoubleHit::of(candidate))) {
+                best = Some(candidate);
+            }
+            best.map_or(f64::INFINITY, |best| best.0.x * (1.0 + TIE))
+        });
+        best.map(DoubleHit::of)
+    }
+
+    /// Whether a triangle is met that is opaque, or that `accept` takes.
+    pub fn any(&self, ray: &DoubleRay, mut accept: impl FnMut(&DoubleHit) -> bool) -> bool {
+        let mut blocked = false;
+        self.walk(ray, |candidate| {
+            blocked = blocked || !candidate.2 || accept(&DoubleHit::of(candidate));
+            if blocked { f64::NEG_INFINITY } else { f64::INFINITY }
+        });
+        blocked
+    }
+
     /// Shows the candidates of a ray to `visit`, which returns the distance beyond which no more are wanted.
-    fn walk(&self, ray: &Ray, mut visit: impl FnMut((DVec3, u32, bool)) -> f64) {
-        let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    fn walk(&self, ray: &DoubleRay, mut visit: impl FnMut((DVec3, u32, bool)) -> f64) {
+        let DoubleRay { origin, direction, t_min, t_max } = *ray;
         if !origin.is_finite() || !direction.is_finite() || direction == DVec3::ZERO || self.nodes.is_empty() {
             return;
         }
-        let (t_min, t_max) = (f64::from(ray.t_min.max(0.0)), f64::from(ray.t_max));
         let line = Line { origin, direction, inverse: direction.recip() };
         let mut limit = f64::INFINITY;
         let mut stack = [(0_u32, 0.0_f64); STACK];
@@ -183,7 +251,7 @@ impl Double {
 impl Tracer for Double {
     fn closest(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> Option<Hit> {
         let mut best: Option<(DVec3, u32, bool)> = None;
-        self.walk(ray, |candidate| {
+        self.walk(&ray.into(), |candidate| {
             let nearer = best.is_none_or(|best| (candidate.0.x, candidate.1) < (best.0.x, best.1));
             if nearer && (!candidate.2 || accept(&hit(candidate))) {
                 best = Some(candidate);
@@ -195,7 +263,7 @@ impl Tracer for Double {
 
     fn occluded(&self, ray: &Ray, mut accept: impl FnMut(&Hit) -> bool) -> bool {
         let mut blocked = false;
-        self.walk(ray, |candidate| {
+        self.walk(&ray.into(), |candidate| {
             blocked = blocked || !candidate.2 || accept(&hit(candidate));
             if blocked { f64::NEG_INFINITY } else { f64::INFINITY }
         });

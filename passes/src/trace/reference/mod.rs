@@ -7,4 +7,4 @@ mod brute_force;
 mod double;
 
 pub use brute_force::BruteForce;
-pub use double::Double;
+pub use double::{Double, DoubleHit, DoubleRay};

@@ -1,0 +1,160 @@
+//! Light at surfaces: what they show of it, and what keeps it off.
+
+use super::job::Look;
+use super::world::{Surface, World};
+use crate::trace::DoubleHit;
+use glam::{DVec3, DVec4};
+
+/// The report's ambient light.
+const AMBIENT: f64 = 0.3;
+/// What light keeps behind an opaque surface.
+pub(super) const SHADOWED: f64 = 0.5;
+/// What it keeps at each surface of glass that it crosses.
+const THROUGH_GLASS: f64 = 0.9;
+/// Least cosine between a triangle's normal and those of its corners where it stands for a piece of a round surface.
+const ROUND: f64 = 0.85;
+/// Distances that differ by less than this share are one surface of glass: positions are `f32`.
+const ONE_SURFACE: f64 = 8.0 * f32::EPSILON as f64;
+
+impl Look<'_> {
+    /// Unit direction to the light; 0 without one.
+    pub(super) fn toward_light(&self) -> DVec3 {
+        self.sun.map_or(DVec3::ZERO, |sun| -sun.direction.as_dvec3().normalize())
+    }
+
+    /// The light's cosine at what the camera sees: that of the shading normal as it stands, and 0 where the vertex normal looks away.
+    pub(super) fn seen_cosine(&self, surface: &Surface) -> f64 {
+        let to_light = self.toward_light();
+        let faces = self.shades[surface.material].normal_map.is_none() || surface.vertex.dot(to_light) > 0.0;
+        if faces { surface.shading.dot(to_light).clamp(0.0, 1.0) } else { 0.0 }
+    }
+
+    /// What the camera sees: diffuse and ambient light, texture, colours of vertices, and light of the surface's own.
+    pub(super) fn seen_color(&self, world: &World<'_>, surface: &Surface) -> DVec4 {
+        let shade = &self.shades[surface.material];
+        let sun = self.sun.map_or(DVec4::ZERO, |sun| sun.color.as_dvec3().extend(1.0));
+        let lit = shade.diffuse.as_dvec4() * sun * self.seen_cosine(surface);
+        let reflected = match shade.texture {
+            None => lit + shade.diffuse.as_dvec4() * AMBIENT,
+            Some(texture) => {
+                (lit + shade.emission.as_dvec4() + AMBIENT)
+                    * world.texel(texture, world.texcoord(surface.triangle, surface.weights))
+            }
+        };
+        self.tinted(world, surface, reflected) + self.glow(world, surface).extend(0.0)
+    }
+
+    /// What a ray meets, with the normal on its side: as [`Self::seen_color`], without emission where there is a texture.
+    pub(super) fn met_color(&self, world: &World<'_>, surface: &Surface) -> DVec3 {
+        let shade = &self.shades[surface.material];
+        let to_light = self.toward_light();
+        let mut cosine = to_light.dot(surface.normal).max(0.0);
+        if shade.normal_map.is_some() {
+            let same_side = (surface.flat.dot(surface.vertex) < 0.0) == (surface.flat.dot(surface.normal) < 0.0);
+            let of_vertices = surface.vertex.dot(to_light);
+            if (if same_side { of_vertices } else { -of_vertices }) <= 0.0 {
+                cosine = 0.0;
+            }
+        }
+        let diffuse = shade.diffuse.as_dvec4();
+        let lit = diffuse * self.sun.map_or(DVec3::ZERO, |sun| sun.color.as_dvec3()).extend(1.0) * cosine;
+        let reflected = match shade.texture {
+            None => lit + diffuse * AMBIENT,
+            Some(texture) => (lit + AMBIENT) * world.texel(texture, world.texcoord(surface.triangle, surface.weights)),
+        };
+        self.tinted(world, surface, reflected).truncate() + self.glow(world, surface)
+    }
+
+    fn tinted(&self, world: &World<'_>, surface: &Surface, color: DVec4) -> DVec4 {
+        match self.shades[surface.material].vertex_colors {
+            true => color * world.tint(surface.triangle, surface.weights),
+            false => color,
+        }
+    }
+
+    fn glow(&self, world: &World<'_>, surface: &Surface) -> DVec3 {
+        let Some(glow) = self.shades[surface.material].glow else { return DVec3::ZERO };
+        let uv = || world.texcoord(surface.triangle, surface.weights);
+        let texel = glow.texture.map_or(DVec3::ONE, |texture| world.texel(texture, uv()).truncate());
+        glow.color.as_dvec3() * texel
+    }
+
+    /// Whether light reaches the side of normal `facing`, through nothing: the share of `deferredShadows`.
+    pub(super) fn is_lit(&self, world: &World<'_>, surface: &Surface, facing: DVec3) -> bool {
+        let stops = |hit: &DoubleHit| world.covers(self.shades, hit);
+        self.start_to_light(world, surface, facing, stops)
+            .is_some_and(|origin| !world.is_blocked(origin, self.toward_light(), f64::INFINITY, stops))
+    }
+
+    /// What reaches that side in `final`: less by each surface of glass on the way.
+    pub(super) fn light_share(&self, world: &World<'_>, surface: &Surface, facing: DVec3) -> f64 {
+        let stops = |hit: &DoubleHit| self.stops_light(world, hit);
+        let Some(origin) = self.start_to_light(world, surface, facing, stops) else { return SHADOWED };
+        let mut crossings = Vec::new();
+        let blocked = world.is_blocked(origin, self.toward_light(), f64::INFINITY, |hit| {
+            let covers = world.covers(self.shades, hit);
+            let glass = self.shadow_glass[world.material(hit.triangle)];
+            if covers && glass {
+                crossings.push(hit.t);
+            }
+            covers && !glass
+        });
+        if blocked {
+            return SHADOWED;
+        }
+        crossings.sort_unstable_by(f64::total_cmp);
+        let again = crossings.windows(2).filter(|pair| pair[1] - pair[0] <= ONE_SURFACE * pair[1]).count();
+        THROUGH_GLASS.powi((crossings.len() - again) as i32)
+    }
+
+    /// Whether a hit stops light and occludes in `final`.
+    pub(super) fn stops_light(&self, world: &World<'_>, hit: &DoubleHit) -> bool {
+        !self.shadow_glass[world.material(hit.triangle)] && world.covers(self.shades, hit)
+    }
+
+    /// Where the way from a side of a surface to the light begins; `None` where that side is dark without it.
+    ///
+    /// A side that is turned away is dark, unless it stands for a round body that is not: then the way begins on that body (Hanika, "Hacking the
+    /// Shadow Terminator", Ray Tracing Gems II, 2021), if nothing that stops light lies between the two.
+    fn start_to_light(
+        &self,
+        world: &World<'_>,
+        surface: &Surface,
+        facing: DVec3,
+        stops: impl FnMut(&DoubleHit) -> bool,
+    ) -> Option<DVec3> {
+        let to_light = self.toward_light();
+        if facing.dot(to_light) > 0.0 {
+            return Some(world.leaving(surface, to_light));
+        }
+        let way = way_onto_round(world, surface, facing, to_light)?;
+        let (from, length) = (world.leaving(surface, facing), way.length());
+        (!world.is_blocked(from, way / length, length, stops)).then_some(from + way)
+    }
+}
+
+/// From a point of a triangle, on the side of normal `facing`, to where the normals at the corners say that the round body lies: the point
+/// projected onto the planes through the corners, where it lies below them, weighed as the corners are.
+fn way_onto_round(world: &World<'_>, surface: &Surface, facing: DVec3, to_light: DVec3) -> Option<DVec3> {
+    let geometry = &world.scene.geometry;
+    if geometry.normals.is_empty() {
+        return None;
+    }
+    let corners = geometry.triangles[surface.triangle as usize];
+    let normals = corners.map(|corner| geometry.normals[corner as usize].as_dvec3());
+    if normals[0] == normals[1] && normals[1] == normals[2] {
+        return None;
+    }
+    let side = 1.0_f64.copysign(surface.vertex.dot(facing));
+    let round = normals.iter().all(|normal| normal.dot(facing) * side >= ROUND);
+    if !round || surface.vertex.dot(to_light) * side <= 0.0 {
+        return None;
+    }
+    let lift = |index: usize| {
+        let normal = normals[index] * side;
+        let corner = geometry.positions[corners[index] as usize].as_dvec3();
+        normal * (corner - surface.position).dot(normal).max(0.0) * surface.weights[index]
+    };
+    let way = lift(0) + lift(1) + lift(2);
+    (way.is_finite() && way != DVec3::ZERO).then_some(way)
+}

@@ -1,0 +1,138 @@
+//! A reference renderer: whole pictures from the camera, in `f64`, pixels by many samples.
+//!
+//! It stands for what the passes of a project *mean*, to judge pictures by, and shares as little as it can with what renders them: no
+//! G-buffer, no kernel, no tracer in `f32`, no texture filter, no sampler. It shares the scene as it was loaded, the materials as passes see
+//! them, the constants, and the tables that decode sRGB. It is written for being right and not for being fast.
+//!
+//! * Each sample is a ray through a place of the pixel. What it meets is found in `f64`, with positions, normals, texture coordinates and colours
+//!   between the corners.
+//! * Textures are read at level 0, bilinear: the samples of the pixel are the filter.
+//! * The pixel is the mean over its square.
+//! * Samples are two estimates of one half each, with random numbers of their own, so that half of their root mean square difference is the
+//!   standard error of their mean. A pixel's numbers depend on its place alone.
+//! * Occlusion takes 16 directions a sample, which go on in one sequence from sample to sample.
+//!
+//! | program | here |
+//! |---|---|
+//! | `deferredShadows`, `reflection`, `refraction`, `ssao`, `final`, `dummy` | as in corrected fidelity |
+//! | rays from the camera, soft shadows, glass as its materials say | [not known](Traced::unsupported) |
+//!
+//! May use: `trace` (the tree in `f64`, [`Double`](crate::trace::Double), alone).
+
+mod camera;
+mod glass;
+mod job;
+mod light;
+mod points;
+mod programs;
+mod texture;
+mod world;
+
+#[cfg(test)]
+mod tests;
+
+pub use camera::Camera;
+pub use job::{Job, Look, Seen, Traced, Value};
+
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::memory::{self, Refused};
+use curitiba_pipeline::progress::Progress;
+use glam::{DVec2, DVec4};
+use points::{Points, Purpose, mix};
+use programs::Sample;
+use rayon::prelude::*;
+use world::World;
+
+/// Why there is no picture.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum ReferenceError {
+    /// Exact spheres, which are no triangles.
+    #[error("exact spheres have no reference of the picture: declare them without exact=\"true\"")]
+    Spheres,
+    /// Memory for the tree or the pictures.
+    #[error(transparent)]
+    Refused(#[from] Refused),
+    /// It was given up, as [`Progress::is_cancelled`] asked.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// Renders two independent estimates of a picture, whose mean is the picture.
+///
+/// # Errors
+/// If the scene has exact spheres, memory does not suffice, or it was asked to stop.
+///
+/// # Panics
+/// If the number of samples is odd or 0, or a slice of a ray pass's [`Look`] is shorter than the scene's materials.
+pub fn render(job: &Job<'_>, progress: &Progress) -> Result<[Image; 2], ReferenceError> {
+    assert!(job.samples > 0 && job.samples.is_multiple_of(2), "{} samples cannot be halved", job.samples);
+    if !job.seen.scene.geometry.spheres.is_empty() {
+        return Err(ReferenceError::Spheres);
+    }
+    let [width, height] = job.size;
+    let world = World::new(job.seen.scene, &looked_at(job))?;
+    let count = width as usize * height as usize;
+    let mut halves = [memory::filled([0.0_f32; 4], count)?, memory::filled([0.0_f32; 4], count)?];
+    progress.start(u64::from(height));
+    let [first, second] = &mut halves;
+    let row_length = (width as usize).max(1);
+    let rows = first.par_chunks_mut(row_length).zip(second.par_chunks_mut(row_length)).enumerate();
+    rows.with_max_len(1).for_each(|(y, (first, second))| {
+        if progress.is_cancelled() {
+            return;
+        }
+        for (half, row) in [first, second].into_iter().enumerate() {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                *pixel = mean(job, &world, [x as u32, y as u32], half as u64).as_vec4().to_array();
+            }
+        }
+        progress.advance(1);
+    });
+    if progress.is_cancelled() {
+        return Err(ReferenceError::Cancelled);
+    }
+    Ok(halves.map(|pixels| Image { width, height, pixels }))
+}
+
+/// The mean of half of a pixel's samples.
+fn mean(job: &Job<'_>, world: &World<'_>, [x, y]: [u32; 2], half: u64) -> DVec4 {
+    let key = mix(mix(u64::from(x) << 32 | u64::from(y)) ^ half);
+    let places = Points::new(key, Purpose::Pixel);
+    let size = DVec2::new(job.size[0].into(), job.size[1].into());
+    let corner = DVec2::new(x.into(), y.into());
+    let samples = job.samples / 2;
+    let sum: DVec4 = (0..samples)
+        .map(|index| {
+            let place = (corner + places.at(index)) / size;
+            Sample::new(world, job, place, (key, index)).value(job, &job.value)
+        })
+        .sum();
+    sum / f64::from(samples)
+}
+
+/// The materials whose hits somebody has to judge: those that are cut out, those that light passes, and those that are not seen from behind.
+fn looked_at(job: &Job<'_>) -> Vec<bool> {
+    fn looks<'a>(value: &Value<'a>, found: &mut Vec<Look<'a>>) {
+        match value {
+            Value::Constant(_) | Value::Drawn => {}
+            Value::Traced(pass, color) => {
+                found.push(pass.look);
+                looks(color, found);
+            }
+            Value::Product(color, factor) => {
+                looks(color, found);
+                looks(factor, found);
+            }
+            Value::Held(_, value) => looks(value, found),
+        }
+    }
+    let mut found = vec![job.seen.look];
+    looks(&job.value, &mut found);
+    let of = |material: usize| {
+        job.seen.culled.get(material).is_some_and(|culled| *culled)
+            || found.iter().any(|look| {
+                look.shades[material].is_cut() || look.shadow_glass.get(material).is_some_and(|glass| *glass)
+            })
+    };
+    (0..job.seen.scene.materials.len().max(job.seen.look.shades.len())).map(of).collect()
+}

@@ -1,0 +1,145 @@
+//! What a picture shows at one sample of a pixel.
+
+use super::job::{Job, Traced, Value};
+use super::light::SHADOWED;
+use super::points::{Points, Purpose, cosine_direction};
+use super::world::{Surface, World};
+use curitiba_pipeline::image::PixelFormat;
+use curitiba_pipeline::programs::RayProgram;
+use glam::{DVec2, DVec3, DVec4};
+
+/// Directions of each of the two batches of occlusion at a point that is seen directly.
+const DIRECTIONS: u32 = 8;
+/// The same at points behind glass of which less than half shows.
+const FEW_DIRECTIONS: u32 = 4;
+
+/// A sample of a pixel: what all of its passes have in common.
+pub(super) struct Sample<'w, 's> {
+    pub world: &'w World<'s>,
+    /// What the ray from the camera meets.
+    seen: Option<Surface>,
+    direction: DVec3,
+    /// Of the pixel and of the estimate.
+    key: u64,
+    /// Its place in the sequence.
+    index: u32,
+}
+
+impl<'w, 's> Sample<'w, 's> {
+    /// Follows the ray through a place of the picture (shares of its width and height).
+    pub fn new(world: &'w World<'s>, job: &Job<'_>, place: DVec2, (key, index): (u64, u32)) -> Self {
+        let (seen, ray) = (&job.seen, job.seen.camera.ray(place));
+        let hit = world.first(&ray, |hit| {
+            let culled = seen.culled.get(world.material(hit.triangle)).is_some_and(|culled| *culled);
+            !(culled && world.is_from_behind(hit.triangle, ray.direction)) && world.covers(seen.look.shades, hit)
+        });
+        let seen = hit.map(|hit| world.surface(seen.look.shades, &hit, ray.direction));
+        Self { world, seen, direction: ray.direction, key, index }
+    }
+
+    /// What is shown.
+    pub fn value(&self, job: &Job<'_>, value: &Value<'_>) -> DVec4 {
+        match value {
+            Value::Constant(value) => *value,
+            Value::Drawn => match &self.seen {
+                Some(surface) => job.seen.look.seen_color(self.world, surface),
+                None => job.seen.clear_color,
+            },
+            Value::Traced(pass, color) => self.traced(job, pass, color),
+            Value::Product(color, factor) => self.value(job, color) * self.value(job, factor).x,
+            Value::Held(format, value) => {
+                let value = self.value(job, value);
+                match format {
+                    PixelFormat::Rgba32Float | PixelFormat::Rgba16Float => value,
+                    PixelFormat::Rgba8Unorm => value.clamp(DVec4::ZERO, DVec4::ONE),
+                    PixelFormat::R8Unorm => DVec4::new(value.x.clamp(0.0, 1.0), 0.0, 0.0, 1.0),
+                    PixelFormat::R32Float => DVec4::new(value.x, 0.0, 0.0, 1.0),
+                }
+            }
+        }
+    }
+
+    fn traced(&self, job: &Job<'_>, pass: &Traced<'_>, color: &Value<'_>) -> DVec4 {
+        let own = || self.value(job, color);
+        let gray = |share: f64| DVec3::splat(share).extend(1.0);
+        let Some(surface) = &self.seen else {
+            return match pass.program {
+                RayProgram::DeferredShadows | RayProgram::Ssao => gray(1.0),
+                _ => own(),
+            };
+        };
+        let glass = pass.look.glass[surface.material];
+        match pass.program {
+            RayProgram::DeferredShadows => {
+                if job.seen.look.seen_cosine(surface) <= 0.0 {
+                    return gray(1.0);
+                }
+                // The side that the normals at the corners say is shaded.
+                let facing = if surface.flat.dot(surface.vertex) < 0.0 { -surface.flat } else { surface.flat };
+                gray(if pass.look.is_lit(self.world, surface, facing) { 1.0 } else { SHADOWED })
+            }
+            RayProgram::Ssao => {
+                let stops = |hit: &crate::trace::DoubleHit| self.world.covers(pass.look.shades, hit);
+                gray(self.open_share(pass, surface, (1.0, self.key), stops))
+            }
+            RayProgram::Reflection if glass => self.mirror(pass, surface, self.direction).extend(1.0),
+            RayProgram::Refraction | RayProgram::Final if glass => {
+                self.pane(pass, surface, self.direction, (0, 1.0, self.key)).extend(1.0)
+            }
+            RayProgram::Final => {
+                // The colour was lit by the shading normal as it stands: its side is the one to be shadowed.
+                let turned = surface.shading.dot(surface.facing) < 0.0;
+                let facing = if turned { -surface.facing } else { surface.facing };
+                self.in_light(pass, own().truncate(), surface, facing, (1.0, self.key)).extend(1.0)
+            }
+            _ => own(),
+        }
+    }
+
+    /// In `final`, what is left of a colour in the light of the side of normal `facing`, and occluded; in other programs the colour.
+    pub(super) fn in_light(
+        &self,
+        pass: &Traced<'_>,
+        color: DVec3,
+        surface: &Surface,
+        facing: DVec3,
+        path: (f64, u64),
+    ) -> DVec3 {
+        if pass.program != RayProgram::Final || color == DVec3::ZERO {
+            return color;
+        }
+        let light = pass.look.light_share(self.world, surface, facing);
+        color * light * self.open_share(pass, surface, path, |hit| pass.look.stops_light(self.world, hit))
+    }
+
+    /// The open share of the cosine-weighted hemisphere to the power of the intensity; 1 where occlusion is off. Directions below the triangle
+    /// are mirrored at its plane. `path` is what of the point shows, and the key of the way there.
+    ///
+    /// The power of a mean of few samples is too large, as the curve is bent. Of two independent means `a` and `b` of a share, twice the power of
+    /// their mean less the mean of their powers has no such error to the first order of their variance (the jackknife).
+    fn open_share(
+        &self,
+        pass: &Traced<'_>,
+        surface: &Surface,
+        (weight, key): (f64, u64),
+        stops: impl Fn(&crate::trace::DoubleHit) -> bool,
+    ) -> f64 {
+        if pass.params.samples == 0 {
+            return 1.0;
+        }
+        let count = if weight < 0.5 { FEW_DIRECTIONS } else { DIRECTIONS };
+        let (origin, radius) = (self.world.leaving(surface, surface.facing), f64::from(pass.params.radius));
+        let mean = |purpose: Purpose| {
+            let points = Points::new(key, purpose);
+            let open = (0..count).filter(|number| {
+                let direction = cosine_direction(points.at(self.index * DIRECTIONS + number), surface.normal);
+                let below = direction.dot(surface.facing).min(0.0);
+                !self.world.is_blocked(origin, direction - 2.0 * below * surface.facing, radius, &stops)
+            });
+            open.count() as f64 / f64::from(count)
+        };
+        let (a, b) = (mean(Purpose::OcclusionA), mean(Purpose::OcclusionB));
+        let power = |share: f64| share.powf(pass.params.intensity.into());
+        2.0 * power((a + b) / 2.0) - (power(a) + power(b)) / 2.0
+    }
+}

@@ -1,0 +1,320 @@
+//! Closed forms, each beside something that must fail.
+
+use super::{Camera, Job, Look, ReferenceError, Seen, Traced, Value, render};
+use curitiba_pipeline::backend::{Shade, Sun};
+use curitiba_pipeline::executor::Cancellation;
+use curitiba_pipeline::image::Image;
+use curitiba_pipeline::programs::{RayParams, RayProgram};
+use curitiba_pipeline::progress::Progress;
+use curitiba_pipeline::project::{self, Orthographic};
+use curitiba_pipeline::scene::texture::Texture;
+use curitiba_pipeline::scene::{Batch, RenderScene, Sphere};
+use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
+
+/// A scene that is made of quads, each of a material of its own.
+#[derive(Default)]
+struct Stage {
+    scene: RenderScene,
+    shades: Vec<Shade>,
+    glass: Vec<bool>,
+    sun: Option<Sun>,
+}
+
+impl Stage {
+    /// Adds a quad around a centre; its normal is the cross product of the two half edges. Its material shows `color` without light.
+    fn quad(&mut self, color: Vec3, center: Vec3, right: Vec3, up: Vec3) -> &mut Self {
+        let geometry = &mut self.scene.geometry;
+        let (first, material) = (geometry.positions.len() as u32, self.shades.len() as u32);
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+        geometry.positions.extend(corners.map(|(x, y)| center + right * x + up * y));
+        geometry.normals.extend([right.cross(up).normalize(); 4]);
+        geometry.texcoords.extend(corners.map(|(x, y)| Vec2::new(x, y) * 0.5 + 0.5));
+        geometry.batches.push(Batch { material, first: geometry.triangles.len() as u32, count: 2 });
+        geometry.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        self.shades.push(Shade { diffuse: (color / 0.3).extend(1.0), ..Shade::WHITE });
+        self.glass.push(false);
+        self
+    }
+
+    fn look(&self) -> Look<'_> {
+        Look { shades: &self.shades, glass: &self.glass, shadow_glass: &self.glass, sun: self.sun }
+    }
+
+    fn job<'a>(&'a self, camera: Camera, size: [u32; 2], value: Value<'a>) -> Job<'a> {
+        let seen = Seen { scene: &self.scene, camera, look: self.look(), culled: &[], clear_color: DVec4::W };
+        Job { seen, value, size, samples: 64 }
+    }
+
+    fn traced(&self, program: RayProgram, params: RayParams) -> Value<'_> {
+        let pass = Traced { program, params, look: self.look(), beyond: DVec3::ZERO };
+        Value::Traced(pass, Box::new(Value::Drawn))
+    }
+}
+
+fn picture(job: &Job<'_>) -> [Image; 2] {
+    render(job, &Progress::default()).expect("rendered")
+}
+
+/// The red of the mean of both estimates.
+fn reds([first, second]: &[Image; 2]) -> Vec<f64> {
+    first.pixels.iter().zip(&second.pixels).map(|(a, b)| (f64::from(a[0]) + f64::from(b[0])) / 2.0).collect()
+}
+
+/// Half of the root mean square difference of the estimates.
+fn own_error([first, second]: &[Image; 2]) -> f64 {
+    let differences = first.pixels.iter().zip(&second.pixels).map(|(a, b)| f64::from(a[0]) - f64::from(b[0]));
+    rms(&differences.collect::<Vec<_>>()) / 2.0
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+fn off(found: &[f64], expected: impl Fn(usize) -> f64) -> f64 {
+    rms(&found.iter().enumerate().map(|(index, found)| found - expected(index)).collect::<Vec<_>>())
+}
+
+fn look_from(position: DVec3, target: DVec3, up: Vec3) -> project::Camera {
+    project::Camera {
+        name: String::new(),
+        position,
+        direction: (target - position).as_vec3().normalize(),
+        up,
+        fov_y: 1.0,
+        near: 0.01,
+        far: 1e4,
+        orthographic: None,
+        viewport: None,
+    }
+}
+
+/// Straight down on z = 0, one unit a pixel, of which the first has its corner at (0, 0); y goes down in the picture.
+fn from_above(side: u32) -> Camera {
+    let side = side as f32;
+    let orthographic = Some(Orthographic { left: 0.0, right: side, bottom: -side, top: 0.0 });
+    let camera = look_from(DVec3::new(0.0, 0.0, 50.0), DVec3::ZERO, Vec3::Y);
+    Camera::new(&project::Camera { orthographic, far: 100.0, ..camera }, DVec3::ZERO, 1.0)
+}
+
+/// The mean of a function over a pixel of [`from_above`].
+fn over_pixel(index: usize, side: usize, function: impl Fn(DVec2) -> f64) -> f64 {
+    const STEPS: usize = 64;
+    let corner = DVec2::new((index % side) as f64, -((index / side) as f64));
+    let at = |step: usize| {
+        let (x, y) = (step % STEPS, step / STEPS);
+        corner + DVec2::new(x as f64 + 0.5, -(y as f64 + 0.5)) / STEPS as f64
+    };
+    (0..STEPS * STEPS).map(|step| function(at(step))).sum::<f64>() / (STEPS * STEPS) as f64
+}
+
+#[test]
+fn an_edge_covers_its_share_of_each_pixel_and_the_error_is_as_told() {
+    let mut stage = Stage::default();
+    // Everything right of the line through (6, 0) with a slope of 3 : 10.
+    let (along, across) = (Vec3::new(3.0, -10.0, 0.0) * 4.0, Vec3::new(10.0, 3.0, 0.0) * 4.0);
+    stage.quad(Vec3::ONE, Vec3::new(6.0, 0.0, 0.0) + across, across, along);
+    let found = picture(&stage.job(from_above(16), [16, 16], Value::Drawn));
+    let line = |slope: f64| {
+        move |index: usize| over_pixel(index, 16, |at| f64::from(u8::from((at.x - 6.0) * 10.0 + at.y * slope > 0.0)))
+    };
+    let (error, own) = (off(&reds(&found), line(3.0)), own_error(&found));
+    assert!(error < 0.004 && own > 0.5 * error && own < 2.0 * error, "{error}, told {own}");
+    assert!(off(&reds(&found), line(2.9)) > 2.0 * own, "control: another slope goes unnoticed");
+}
+
+#[test]
+fn textures_are_filtered_by_the_samples() {
+    // A checker of texels a quarter of a pixel wide, and one of four pixels.
+    for (texels, most) in [(64_usize, 0.03), (4, 0.003)] {
+        let mut stage = Stage::default();
+        stage.quad(Vec3::ONE, Vec3::new(8.0, -8.0, 0.0), Vec3::X * 8.0, Vec3::Y * 8.0);
+        let checker = (0..texels * texels).map(|i| [255 * ((i % texels + i / texels) % 2) as u8; 4]);
+        let side = texels as u32;
+        stage.scene.textures.push(Texture::new("checker".into(), side, side, checker.collect()));
+        stage.shades[0] = Shade { diffuse: Vec4::ONE, texture: Some(0), emission: Vec4::splat(0.7), ..Shade::WHITE };
+        let found = picture(&stage.job(from_above(16), [16, 16], Value::Drawn));
+        // Between the centres of texels it is a product of triangle waves around a half.
+        let wave = |at: f64| 1.0 - 2.0 * ((at * texels as f64 / 16.0 - 0.5).rem_euclid(2.0) - 1.0).abs();
+        let shown =
+            |shift: f64| move |index: usize| over_pixel(index, 16, |at| 0.5 - 0.5 * wave(at.x + shift) * wave(-at.y));
+        let (error, own) = (off(&reds(&found), shown(0.0)), own_error(&found));
+        assert!(error < 1.5 * own && own < most, "{texels}: {error}, told {own}");
+        if texels == 4 {
+            assert!(off(&reds(&found), shown(0.5)) > 0.05, "control: a texture that is moved goes unnoticed");
+        }
+    }
+}
+
+#[test]
+fn a_mirror_shows_what_stands_mirrored_behind_it() {
+    let camera =
+        || Camera::new(&look_from(DVec3::new(0.3, -6.0, 2.0), DVec3::new(0.0, 0.0, 0.0), Vec3::Z), DVec3::ZERO, 1.0);
+    let wall = |stage: &mut Stage, side: f32| {
+        let colors = [Vec3::new(0.9, 0.2, 0.1), Vec3::new(0.1, 0.4, 0.8)];
+        for (color, x) in colors.into_iter().zip([-2.0, 2.0]) {
+            stage.quad(color, Vec3::new(x, 3.0, side * 2.5), Vec3::X * 2.0, Vec3::Z * (2.0 + 0.2 * x));
+        }
+    };
+    let (mut stage, mut image) = (Stage::default(), Stage::default());
+    stage.quad(Vec3::ONE, Vec3::ZERO, Vec3::X * 100.0, Vec3::Y * 100.0);
+    stage.glass[0] = true;
+    wall(&mut stage, 1.0);
+    wall(&mut image, -1.0);
+    wall(&mut image, 1.0);
+    let size = [24, 24];
+    let mirrored = stage.traced(RayProgram::Reflection, RayParams::default());
+    let [found, _] = picture(&stage.job(camera(), size, mirrored));
+    let [expected, _] = picture(&image.job(camera(), size, Value::Drawn));
+    let furthest = |a: &Image, b: &Image| {
+        let pixels = a.pixels.iter().zip(&b.pixels);
+        pixels.flat_map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).abs())).fold(0.0_f32, f32::max)
+    };
+    assert!(furthest(&found, &expected) < 1e-6, "{}", furthest(&found, &expected));
+    // A wall that is not where its image should be: control.
+    let mut moved = Stage::default();
+    wall(&mut moved, -1.02);
+    wall(&mut moved, 1.0);
+    assert!(furthest(&found, &picture(&moved.job(camera(), size, Value::Drawn))[0]) > 0.01);
+}
+
+#[test]
+fn a_square_throws_its_shadow_along_the_light() {
+    let mut stage = Stage::default();
+    stage.quad(Vec3::ONE, Vec3::new(8.0, -8.0, 0.0), Vec3::X * 20.0, Vec3::Y * 20.0);
+    // From 1.3 to 5.3, at a height of 6: the light moves its shadow by (6, -3).
+    stage.quad(Vec3::ONE, Vec3::new(3.3, -3.3, 6.0), Vec3::X * 2.0, Vec3::Y * 2.0);
+    stage.sun = Some(Sun { direction: Vec3::new(6.0, -3.0, -6.0).normalize(), color: Vec3::ONE });
+    let found =
+        picture(&stage.job(from_above(16), [16, 16], stage.traced(RayProgram::DeferredShadows, RayParams::default())));
+    let shadow = |shift: f64| {
+        move |index: usize| {
+            over_pixel(index, 16, |at| {
+                let from = at - DVec2::new(6.0 + shift, -3.0);
+                let on = |at: DVec2| (1.3..5.3).contains(&at.x) && (1.3..5.3).contains(&-at.y);
+                // The square itself is lit, and hides what of its shadow is below it.
+                if on(from) && !on(at) { 0.5 } else { 1.0 }
+            })
+        }
+    };
+    let (error, own) = (off(&reds(&found), shadow(0.0)), own_error(&found));
+    assert!(error < 3.0 * own.max(1e-3) && error < 0.005, "{error}, told {own}");
+    assert!(off(&reds(&found), shadow(0.2)) > 3.0 * error, "control: a shadow that is moved goes unnoticed");
+}
+
+#[test]
+fn beside_a_wall_the_open_share_is_the_closed_form_whatever_its_power() {
+    let mut stage = Stage::default();
+    stage.quad(Vec3::ONE, Vec3::ZERO, Vec3::X * 3000.0, Vec3::Y * 3000.0);
+    // A wall at x = 0, two units high and as good as endless.
+    stage.quad(Vec3::ONE, Vec3::new(-1e-3, 0.0, 0.0), Vec3::Z * 2.0, Vec3::Y * 3000.0);
+    for intensity in [1.0_f32, 1.6] {
+        let params = RayParams { samples: 1, radius: 1e5, intensity, ..RayParams::default() };
+        let found = picture(&stage.job(from_above(12), [12, 12], stage.traced(RayProgram::Ssao, params)));
+        // The wall's form factor, seen from a distance d, is (1 - d / sqrt(d^2 + h^2)) / 2.
+        let open = |power: f64| {
+            move |index: usize| over_pixel(index, 12, |at| (0.5 + 0.5 * at.x / (at.x * at.x + 4.0).sqrt()).powf(power))
+        };
+        let power = f64::from(intensity);
+        let (reds, own) = (reds(&found), own_error(&found));
+        let error = off(&reds, open(power));
+        assert!(error < 1.5 * own && own < 0.01, "{intensity}: {error}, told {own}");
+        let bias = |power: f64| {
+            let differences = reds.iter().enumerate().map(|(index, red)| red - open(power)(index));
+            (differences.sum::<f64>() / 144.0).abs()
+        };
+        assert!(bias(power) < 4e-4, "{intensity}: {}", bias(power));
+        assert!(bias(power * 1.05) > 2e-3, "control: another power goes unnoticed");
+    }
+}
+
+#[test]
+fn a_pane_shows_fresnels_share_of_what_it_mirrors_and_the_rest_of_what_is_behind() {
+    let mut stage = Stage::default();
+    stage.quad(Vec3::ONE, Vec3::new(8.0, -8.0, 0.0), Vec3::X * 50.0, Vec3::Y * 50.0);
+    stage.glass[0] = true;
+    stage.quad(Vec3::new(0.2, 0.4, 0.6), Vec3::new(8.0, -8.0, -9.0), Vec3::X * 50.0, Vec3::Y * 50.0);
+    for index in [1.1_f32, 1.5] {
+        let params = RayParams { index, ..RayParams::default() };
+        let pass = Traced { program: RayProgram::Refraction, params, look: stage.look(), beyond: DVec3::ONE };
+        let job = stage.job(from_above(4), [4, 4], Value::Traced(pass, Box::new(Value::Drawn)));
+        let share = ((f64::from(index) - 1.0) / (f64::from(index) + 1.0)).powi(2);
+        for pixel in &picture(&job)[0].pixels {
+            for (found, behind) in pixel.iter().zip([0.2, 0.4, 0.6]) {
+                assert!((f64::from(*found) - (share + (1.0 - share) * behind)).abs() < 1e-6, "{index}: {pixel:?}");
+                assert!((f64::from(*found) - behind).abs() > 1e-4, "control");
+            }
+        }
+    }
+}
+
+/// Some of everything.
+fn crowd(moved: Vec3) -> Stage {
+    let mut stage = Stage::default();
+    stage.quad(Vec3::splat(0.7), moved, Vec3::X * 8.0, Vec3::Y * 8.0);
+    stage.quad(Vec3::new(0.8, 0.3, 0.2), moved + Vec3::new(-2.0, 3.0, 1.5), Vec3::X * 2.0, Vec3::Z * 1.5);
+    stage.quad(Vec3::ONE, moved + Vec3::new(1.5, -1.0, 1.0), Vec3::new(1.5, 0.5, 0.0), Vec3::Z);
+    stage.glass[2] = true;
+    stage.quad(Vec3::new(0.2, 0.6, 0.4), moved + Vec3::new(2.0, 2.0, 2.5), Vec3::X, Vec3::new(0.0, 1.0, 0.5));
+    stage.sun = Some(Sun { direction: Vec3::new(0.4, 0.5, -0.8).normalize(), color: Vec3::splat(0.9) });
+    stage
+}
+
+fn of_crowd(moved: Vec3, samples: u32) -> [Image; 2] {
+    let stage = crowd(moved);
+    let camera = look_from(moved.as_dvec3() + DVec3::new(3.0, -8.0, 5.0), moved.as_dvec3(), Vec3::Z);
+    let value = stage.traced(RayProgram::Final, RayParams { samples: 1, radius: 2.0, ..RayParams::default() });
+    picture(&Job { samples, ..stage.job(Camera::new(&camera, DVec3::ZERO, 1.0), [40, 40], value) })
+}
+
+#[test]
+fn a_scene_far_away_shows_the_same() {
+    let here = of_crowd(Vec3::ZERO, 64);
+    // All coordinates stay exact in f32.
+    let far = of_crowd(Vec3::new(65_536.0, -32_768.0, 8192.0), 64);
+    let differ = here[0].pixels.iter().zip(&far[0].pixels).filter(|(a, b)| (0..3).any(|i| (a[i] - b[i]).abs() > 1e-6));
+    let count = differ.count();
+    assert!(count <= 2, "{count} of 1600 pixels differ");
+    // In f32 alone half of a pixel's samples would be others there: control, a camera that is moved by a step of f32.
+    let camera = look_from(DVec3::new(3.0 + 0.0078, -8.0, 5.0), DVec3::new(0.0078, 0.0, 0.0), Vec3::Z);
+    let stage = crowd(Vec3::ZERO);
+    let value = stage.traced(RayProgram::Final, RayParams { samples: 1, radius: 2.0, ..RayParams::default() });
+    let moved = picture(&Job { samples: 64, ..stage.job(Camera::new(&camera, DVec3::ZERO, 1.0), [40, 40], value) });
+    let differ =
+        here[0].pixels.iter().zip(&moved[0].pixels).filter(|(a, b)| (0..3).any(|i| (a[i] - b[i]).abs() > 1e-6));
+    let count = differ.count();
+    assert!(count > 20, "control: {count}");
+}
+
+#[test]
+fn pictures_depend_neither_on_threads_nor_on_the_estimate_beside() {
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| of_crowd(Vec3::ZERO, 8))
+    };
+    let [first, second] = on(1);
+    assert_eq!([first.clone(), second.clone()], on(3));
+    assert_ne!(first, second, "two estimates have random numbers of their own");
+}
+
+#[test]
+fn what_it_cannot_do_is_refused_and_it_can_be_given_up() {
+    let mut stage = crowd(Vec3::ZERO);
+    let request = Cancellation::new();
+    request.cancel();
+    let given_up = render(&stage.job(from_above(4), [4, 4], Value::Drawn), &Progress::until(&request));
+    assert!(matches!(given_up, Err(ReferenceError::Cancelled)));
+    stage.scene.geometry.spheres.push(Sphere { center: Vec3::ZERO, radius: 1.0, material: 0 });
+    let spheres = render(&stage.job(from_above(4), [4, 4], Value::Drawn), &Progress::default());
+    assert!(matches!(spheres, Err(ReferenceError::Spheres)));
+    let refused = |program, params: RayParams, bodies| Traced::unsupported(program, &params, bodies);
+    let plain = RayParams::default();
+    for program in [RayProgram::DeferredShadows, RayProgram::Reflection, RayProgram::Ssao, RayProgram::Final] {
+        assert_eq!(refused(program, plain, false), None);
+    }
+    assert!(refused(RayProgram::PathTracing, plain, false).is_some_and(|why| why.contains("camera")));
+    let disc = RayParams { sun: 2.0, ..plain };
+    assert!(refused(RayProgram::Final, disc, false).is_some_and(|why| why.contains("sun=0")));
+    assert_eq!(refused(RayProgram::Reflection, disc, false), None, "it asks for no shadow");
+    assert!(refused(RayProgram::Refraction, plain, true).is_some_and(|why| why.contains("glass=pane")));
+    assert_eq!(refused(RayProgram::DeferredShadows, plain, true), None);
+}

@@ -1,0 +1,182 @@
+//! The scene with its tree: hits, coverage, and points of surfaces.
+
+use super::texture::texel;
+use crate::trace::{Double, DoubleHit, DoubleRay};
+use curitiba_pipeline::backend::Shade;
+use curitiba_pipeline::memory::{self, Refused};
+use curitiba_pipeline::scene::RenderScene;
+use glam::{DVec2, DVec3, DVec4};
+
+/// How far rays start from their surface, as a share of the largest coordinate of the scene: some ten thousand roundings of `f64`.
+const OFFSET: f64 = 1.0e-11;
+
+/// Squared length up to which a normal between corners has cancelled, as the rasteriser has it.
+const LEAST_SQUARE: f64 = 1.0e-30;
+
+/// About what the tree takes a triangle, and as much again while it is built.
+const BYTES_PER_TRIANGLE: u64 = 400;
+
+/// A scene and a tree over its triangles.
+pub(super) struct World<'a> {
+    pub scene: &'a RenderScene,
+    tree: Double,
+    offset: f64,
+}
+
+/// A point of a triangle, seen from one side.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Surface {
+    pub triangle: u32,
+    pub material: usize,
+    pub position: DVec3,
+    /// Weights of the corners.
+    pub weights: [f64; 3],
+    /// Unit normal of the counter-clockwise side.
+    pub flat: DVec3,
+    /// The normal between the corners, neither turned nor of unit length; 0 where there is none.
+    pub vertex: DVec3,
+    /// The same as a unit vector, bent by the normal map, and not turned; 0 where it has cancelled.
+    pub shading: DVec3,
+    /// Unit normal of the triangle, on the viewer's side.
+    pub facing: DVec3,
+    /// Unit shading normal, on the same side.
+    pub normal: DVec3,
+}
+
+impl<'a> World<'a> {
+    /// Builds the tree; `looked_at` marks the materials whose hits somebody has to judge.
+    ///
+    /// # Errors
+    /// If there is no memory for it.
+    pub fn new(scene: &'a RenderScene, looked_at: &[bool]) -> Result<Self, Refused> {
+        memory::probe(BYTES_PER_TRIANGLE * scene.geometry.triangles.len() as u64)?;
+        let tree = Double::build(&scene.geometry, looked_at);
+        let finite = scene.geometry.positions.iter().filter(|position| position.is_finite());
+        let extent = finite.fold(0.0_f32, |extent, position| extent.max(position.abs().max_element()));
+        Ok(Self { scene, tree, offset: OFFSET * f64::from(extent) })
+    }
+
+    /// A vertex attribute between the corners.
+    fn between<V: Copy>(&self, values: &[V], triangle: u32, weights: [f64; 3], of: impl Fn(V) -> DVec4) -> DVec4 {
+        let corners = self.scene.geometry.triangles[triangle as usize];
+        corners.iter().zip(weights).map(|(corner, weight)| of(values[*corner as usize]) * weight).sum()
+    }
+
+    pub fn texcoord(&self, triangle: u32, weights: [f64; 3]) -> DVec2 {
+        let values = &self.scene.geometry.texcoords;
+        self.between(values, triangle, weights, |uv| uv.as_dvec2().extend(0.0).extend(0.0)).truncate().truncate()
+    }
+
+    /// What the surface's colour is multiplied by, and its alpha.
+    pub fn tint(&self, triangle: u32, weights: [f64; 3]) -> DVec4 {
+        self.between(&self.scene.geometry.colors, triangle, weights, |color| color.as_dvec4())
+    }
+
+    pub fn texel(&self, texture: u32, uv: DVec2) -> DVec4 {
+        texel(&self.scene.textures[texture as usize], uv)
+    }
+
+    pub fn material(&self, triangle: u32) -> usize {
+        self.scene.geometry.material_of(triangle) as usize
+    }
+
+    /// Whether there is a surface where a triangle is met.
+    pub fn covers(&self, shades: &[Shade], hit: &DoubleHit) -> bool {
+        let shade = &shades[self.material(hit.triangle)];
+        let Some(cutoff) = shade.alpha_cutoff.filter(|_| shade.is_cut()) else { return true };
+        let weights = weights(hit);
+        let texture = shade.texture.map_or(1.0, |texture| self.texel(texture, self.texcoord(hit.triangle, weights)).w);
+        let vertices = if shade.vertex_colors { self.tint(hit.triangle, weights).w } else { 1.0 };
+        texture * vertices >= f64::from(cutoff)
+    }
+
+    /// Whether a triangle is seen from behind, where its corners go clockwise.
+    pub fn is_from_behind(&self, triangle: u32, direction: DVec3) -> bool {
+        let [a, b, c] = self.scene.geometry.corners(triangle).map(|corner| corner.as_dvec3());
+        (b - a).cross(c - a).dot(direction) > 0.0
+    }
+
+    /// The nearest surface of those that `accept` takes where it has to be asked.
+    pub fn first(&self, ray: &DoubleRay, accept: impl FnMut(&DoubleHit) -> bool) -> Option<DoubleHit> {
+        self.tree.first(ray, accept)
+    }
+
+    /// The same from a point off its own surface.
+    pub fn closest(&self, shades: &[Shade], origin: DVec3, direction: DVec3) -> Option<DoubleHit> {
+        let ray = DoubleRay { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
+        self.first(&ray, |hit| self.covers(shades, hit))
+    }
+
+    /// Whether something is in the way that `stops` says is, where it has to be asked.
+    pub fn is_blocked(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        t_max: f64,
+        stops: impl FnMut(&DoubleHit) -> bool,
+    ) -> bool {
+        self.tree.any(&DoubleRay { origin, direction, t_min: 0.0, t_max }, stops)
+    }
+
+    /// The point of a hit, seen in a direction, with the normal maps of these shades.
+    pub fn surface(&self, shades: &[Shade], hit: &DoubleHit, direction: DVec3) -> Surface {
+        let geometry = &self.scene.geometry;
+        let (triangle, weights) = (hit.triangle, weights(hit));
+        let [a, b, c] = geometry.corners(triangle).map(|corner| corner.as_dvec3());
+        let material = self.material(triangle);
+        let flat = (b - a).cross(c - a).normalize_or_zero();
+        let vertex = match geometry.normals.is_empty() {
+            true => DVec3::ZERO,
+            false => {
+                let of = |normal: glam::Vec3| normal.as_dvec3().extend(0.0);
+                self.between(&geometry.normals, triangle, weights, of).truncate()
+            }
+        };
+        let mut shading = if vertex.length_squared() > LEAST_SQUARE { vertex.normalize() } else { DVec3::ZERO };
+        if let Some(map) =
+            shades[material].normal_map.filter(|_| shading != DVec3::ZERO && !geometry.tangents.is_empty())
+        {
+            let texel = self.texel(map.texture, self.texcoord(triangle, weights)).truncate();
+            let tangent = self.between(&geometry.tangents, triangle, weights, |tangent| tangent.as_dvec4());
+            shading = bent(texel, map.scale.into(), vertex, tangent, flat);
+        }
+        let facing = if flat.dot(direction) > 0.0 { -flat } else { flat };
+        let turned = if shading.dot(facing) < 0.0 { -shading } else { shading };
+        Surface {
+            triangle,
+            material,
+            position: a * weights[0] + b * weights[1] + c * weights[2],
+            weights,
+            flat,
+            vertex,
+            shading,
+            facing,
+            normal: if turned == DVec3::ZERO { facing } else { turned },
+        }
+    }
+
+    /// Where a ray in this direction leaves a surface.
+    pub fn leaving(&self, surface: &Surface, direction: DVec3) -> DVec3 {
+        surface.position + surface.flat * self.offset.copysign(surface.flat.dot(direction))
+    }
+}
+
+/// Weights of the corners at a hit.
+fn weights(hit: &DoubleHit) -> [f64; 3] {
+    [1.0 - hit.u - hit.v, hit.u, hit.v]
+}
+
+/// The vertex normal bent by a texel of a normal map, as `curitiba_pipeline::scene::normal_map` defines it: the texel is a vector in the frame
+/// of tangent, bitangent and normal, not lower than one step of 8 bits, and the result does not turn away from the triangle's side.
+fn bent(texel: DVec3, scale: f64, vertex: DVec3, tangent: DVec4, flat: DVec3) -> DVec3 {
+    const LEAST_HEIGHT: f64 = 1.0 / 255.0;
+    const LEAST_COSINE: f64 = 0.01;
+    let local = 2.0 * texel - 1.0;
+    let along = tangent.truncate();
+    let across = vertex.cross(along) * tangent.w;
+    let sum = along * (local.x * scale) + across * (local.y * scale) + vertex * local.z.max(LEAST_HEIGHT);
+    let bent = sum.normalize_or(vertex.normalize());
+    let side = if flat.dot(vertex) < 0.0 { -flat } else { flat };
+    let cosine = bent.dot(side);
+    if cosine < LEAST_COSINE { (bent + side * (LEAST_COSINE - cosine)).normalize_or(side) } else { bent }
+}

@@ -1,0 +1,212 @@
+//! The reference of a picture: agrees with the product's own pictures where those are at their best, is kept and found again, and refuses
+//! what it does not know.
+
+use curitiba::Choice;
+use curitiba::bench::Case;
+use curitiba::bench::model::RowError;
+use curitiba::pipeline::executor::Silent;
+use curitiba::pipeline::image::Image;
+use curitiba::pipeline::metrics::{self, Options};
+use curitiba::pipeline::pixel_samples::PixelSamples;
+use curitiba::pipeline::plan::Settings;
+use curitiba::reference::{ReferenceError, References};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+fn project(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects").join(name)
+}
+
+fn case(name: &str, settings: Settings) -> Case {
+    Case::new(&project(name), settings, Choice::CPU).expect("a valid project")
+}
+
+fn of_size(size: [u32; 2], camera: &str, set: &[&str]) -> Settings {
+    let set = set.iter().map(|set| (*set).to_owned()).collect();
+    Settings { size: Some(size), camera: Some(camera.to_owned()), set, ..Settings::default() }
+}
+
+fn references(folder: &Path) -> References {
+    References::new(folder.to_owned(), Duration::ZERO)
+}
+
+fn frame(case: &Case, samples: u32) -> Image {
+    let settings = Settings { aa: PixelSamples::new(samples).expect("so many"), ..case.settings.clone() };
+    let mut renderer = curitiba::open(&case.project, settings, Choice::CPU, &mut Silent).expect("opened");
+    renderer.frame(&mut Silent).expect("rendered")
+}
+
+fn rmse(a: &Image, b: &Image) -> f64 {
+    metrics::compare(a, b, &Options::default()).expect("comparable").rmse
+}
+
+/// What the two share is the scene alone; what differs is how textures are filtered, the samples of edges, and noise.
+#[test]
+fn many_samples_of_the_product_agree_with_the_reference_and_one_does_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, set) in [
+        ("SceneNoEffects.xml", &[][..]),
+        ("SceneDummy.xml", &[]),
+        ("SceneShadows.xml", &[]),
+        ("SceneReflect.xml", &[]),
+        ("SceneRefract.xml", &[]),
+        ("SceneSSAO.xml", &["pass2.samples=64"]),
+        ("SceneFinal.xml", &["pass2.samples=64"]),
+    ] {
+        for camera in ["MainCamera", "Vidro"] {
+            let case = case(name, of_size([64, 48], camera, set));
+            let (reference, _) = references(folder.path()).make_picture(&case, 64, &mut Silent).expect("rendered");
+            let best = rmse(&frame(&case, 64), &reference.picture);
+            let plain = rmse(&frame(&case, 1), &reference.picture);
+            println!(
+                "{name} {camera}: {best:.4} of 64 samples, {plain:.4} of one, own error {:.4}",
+                reference.own_error
+            );
+            assert!(
+                reference.own_error > 0.0 && reference.own_error < 0.02,
+                "{name} {camera}: {}",
+                reference.own_error
+            );
+            assert!(best < 2.0 * reference.own_error, "{name} {camera}: {best}, own error {}", reference.own_error);
+            assert!(plain > 3.0 * best, "{name} {camera}: control: one sample a pixel is as good");
+        }
+    }
+}
+
+#[test]
+fn it_is_kept_serves_the_raster_twin_and_every_other_row_says_how_it_is_made() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let rays = case("SceneShadows.xml", of_size([20, 16], "MainCamera", &[]));
+    let raster = case("raster/SceneShadowMap.xml", of_size([20, 16], "MainCamera", &["pass2.mapsize=256"]));
+    let picture = frame(&rays, 1);
+    let compare = |case: &Case, picture: &Image| {
+        let mut references = references(folder.path());
+        let error = references.compare_picture(case, picture, &mut Silent).expect("compared");
+        assert_eq!(references.take_warnings(), Vec::<String>::new());
+        error
+    };
+    let RowError::Missing(why) = compare(&rays, &picture) else { panic!("nothing is made yet") };
+    assert!(why.contains("curitiba reference") && why.contains("--camera MainCamera --size 20x16"), "{why}");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0, "nothing is rendered unasked");
+
+    let (made, took) = references(folder.path()).make_picture(&rays, 64, &mut Silent).expect("rendered");
+    assert!(took.is_some() && made.samples == 64);
+    let (again, took) = references(folder.path()).make_picture(&rays, 64, &mut Silent).expect("read");
+    assert!(took.is_none() && again.picture == made.picture && again.own_error == made.own_error);
+    for case in [&rays, &raster] {
+        let error = compare(case, &picture);
+        let (found, own_error) = error.found().unwrap_or_else(|| panic!("{error:?}"));
+        assert!(own_error == made.own_error && found.rmse == rmse(&picture, &made.picture), "{error:?}");
+    }
+    // Samples of the row are its own affair; its place and size are not.
+    let smooth = Case {
+        settings: Settings { aa: PixelSamples::new(4).expect("four"), ..rays.settings.clone() },
+        ..rays.clone()
+    };
+    assert!(compare(&smooth, &picture).found().is_some());
+    let others = [of_size([20, 16], "Vidro", &[]), of_size([16, 16], "MainCamera", &[])];
+    for settings in others {
+        let other = case("SceneShadows.xml", settings);
+        assert!(matches!(compare(&other, &frame(&other, 1)), RowError::Missing(_)));
+    }
+    // Every raster effect has the reference of the rays in its place.
+    for (rays, raster) in [
+        ("SceneReflect.xml", "raster/SceneCubeReflect.xml"),
+        ("SceneReflect.xml", "raster/ScenePlanarReflect.xml"),
+        ("SceneReflect.xml", "raster/SceneScreenReflect.xml"),
+        ("SceneRefract.xml", "raster/SceneCubeRefract.xml"),
+        ("SceneRefract.xml", "raster/SceneScreenRefract.xml"),
+        ("SceneSSAO.xml", "raster/SceneGTAO.xml"),
+        ("SceneSSAO.xml", "raster/SceneDepthOcclusion.xml"),
+    ] {
+        let [rays, raster] = [rays, raster].map(|name| case(name, of_size([4, 4], "Vidro", &[])));
+        let (made, _) = references(folder.path()).make_picture(&rays, 64, &mut Silent).expect("rendered");
+        let mut references = references(folder.path());
+        let found = references.picture(&raster, &mut Silent).unwrap_or_else(|error| panic!("{raster:?}: {error}"));
+        assert_eq!(found.key, made.key);
+    }
+    let shorter = case("SceneSSAO.xml", of_size([4, 4], "Vidro", &["pass2.radius=0.25"]));
+    let missing = references(folder.path()).picture(&shorter, &mut Silent).expect_err("another radius");
+    assert!(matches!(missing, ReferenceError::NoPicture(_)), "{missing}");
+    // A better one takes the place of the first; a damaged one is told and not used.
+    let (better, took) = references(folder.path()).make_picture(&rays, 128, &mut Silent).expect("rendered");
+    assert!(took.is_some() && better.samples == 128 && better.own_error < made.own_error);
+    let kept = folder.path().join("pictures");
+    let old = kept.join(format!("{}.exr", made.key));
+    assert!(!old.exists() && kept.join(format!("{}.exr", better.key)).exists());
+    std::fs::write(kept.join(format!("{}.exr", better.key)), "damaged").expect("written");
+    let mut damaged = references(folder.path());
+    let error = damaged.compare_picture(&rays, &picture, &mut Silent).expect("compared");
+    assert!(matches!(error, RowError::Missing(_)) && damaged.take_warnings().len() == 1, "{error:?}");
+}
+
+#[test]
+fn what_it_does_not_know_is_refused_with_the_pass_and_the_remedy() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, set, expected) in [
+        ("SceneShadows.xml", &["pass2.sun=2"][..], "sun=0"),
+        ("camera/SquareShadows.xml", &[], "whose rays start at the camera"),
+        ("glass/panes.xml", &[], "shadow=report"),
+        ("glass/panes.xml", &["pass2.shadow=report"], "glass=pane"),
+    ] {
+        let set = set.iter().map(|set| (*set).to_owned()).collect();
+        let case = case(name, Settings { size: Some([8, 8]), set, ..Settings::default() });
+        let error = references(folder.path()).make_picture(&case, 64, &mut Silent).expect_err(name);
+        assert!(matches!(error, ReferenceError::Picture(_)), "{name}: {error}");
+        assert!(error.to_string().contains(expected), "{name}: {error}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0);
+}
+
+#[test]
+fn the_command_makes_it_and_a_benchmark_finds_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
+        let command = command.current_dir(folder.path()).env("CURITIBA_CACHE", folder.path().join("cache"));
+        let output = command.args(words).output().expect("it runs");
+        let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+        (output.status.code(), text)
+    };
+    let path = project("SceneShadows.xml");
+    let path = path.to_str().expect("a path");
+    let bench = |name: &str| {
+        let (code, text) = run(&[
+            "bench",
+            path,
+            "--size",
+            "20x16",
+            "--frames",
+            "1",
+            "--raster",
+            "cpu",
+            "--backend",
+            "cpu",
+            "--json",
+            name,
+        ]);
+        assert_eq!(code, Some(0), "{text}");
+        let json = std::fs::read_to_string(folder.path().join(name)).expect("written");
+        let value: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+        (text, value["rows"][0]["picture_error"].clone())
+    };
+    let (text, error) = bench("before.json");
+    assert!(error["missing"].as_str().is_some_and(|why| why.contains("curitiba reference")), "{error}");
+    assert!(text.contains("picture: the reference of the picture is not made"), "{text}");
+    let (code, text) = run(&["reference", path, "--size", "20x16", "-o", "right.png"]);
+    assert!(code == Some(0) && text.contains("standard error") && folder.path().join("right.png").exists(), "{text}");
+    let (text, error) = bench("after.json");
+    let rmse = error["against"]["comparison"]["rmse"].as_f64().expect("an error");
+    assert!(rmse > 0.0 && text.contains(&format!("{rmse:.4}")), "{text}");
+    let (code, text) = run(&["reference", path, "--size", "20x16"]);
+    assert!(code == Some(0) && text.contains("kept already"), "{text}");
+    let operand = |settings: &str| format!("{path}@size=20x16,{settings}");
+    let compare = [operand("raster=cpu,backend=cpu"), operand("reference=picture")];
+    let (code, text) = run(&["compare", &compare[0], &compare[1], "--json"]);
+    assert!(code == Some(0) && text.contains(&format!("\"rmse\": {rmse}")), "{rmse}: {text}");
+    let (code, text) = run(&["compare", &compare[0], &operand("reference=picture,camera=Vidro")]);
+    assert!(code == Some(2) && text.contains("curitiba reference") && text.contains("--camera Vidro"), "{text}");
+    let (code, text) = run(&["reference", path, "--samples", "63"]);
+    assert!(code == Some(2) && text.contains("powers of two"), "{text}");
+}
