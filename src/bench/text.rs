@@ -193,22 +193,28 @@ pub fn picture_cells(row: &BenchRow) -> [String; 2] {
     })
 }
 
-/// What the errors of the rows' pictures are against, or why rows have none; each once.
+/// What the errors of the rows' pictures are against, with the least and the most of the references' own errors; and why rows have none.
 #[must_use]
-pub fn of_pictures(rows: &[BenchRow]) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for error in rows.iter().filter_map(|row| row.picture_error.as_ref()) {
-        let line = match error {
+pub fn of_pictures<'r>(rows: impl IntoIterator<Item = &'r BenchRow>) -> Vec<String> {
+    let mut found: Vec<(&str, [f64; 2])> = Vec::new();
+    let mut missing: Vec<String> = Vec::new();
+    for error in rows.into_iter().filter_map(|row| row.picture_error.as_ref()) {
+        match error {
             RowError::Against { reference, own_error, .. } => {
-                format!("RMSE against {reference}, whose own standard error is {own_error:.4}")
+                match found.iter_mut().find(|(known, _)| known == reference) {
+                    Some((_, [least, most])) => (*least, *most) = (least.min(*own_error), most.max(*own_error)),
+                    None => found.push((reference, [*own_error; 2])),
+                }
             }
-            RowError::Missing(why) => why.clone(),
-        };
-        if !lines.contains(&line) {
-            lines.push(line);
+            RowError::Missing(why) if !missing.contains(why) => missing.push(why.clone()),
+            RowError::Missing(_) => {}
         }
     }
-    lines
+    let against = found.iter().map(|(reference, [least, most])| match least == most {
+        true => format!("against {reference}, whose own standard error is {least:.4}"),
+        false => format!("against {reference}, whose own standard errors are {least:.4} to {most:.4}"),
+    });
+    against.chain(missing).collect()
 }
 
 /// A page of Markdown: machine, table, steps, references, and what is not there.

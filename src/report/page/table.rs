@@ -3,7 +3,7 @@
 use super::tag;
 use crate::bench::Interval;
 use crate::bench::model::{BenchRow, RowError, Stats};
-use crate::bench::text::ray_device_ms;
+use crate::bench::text::{of_pictures, ray_device_ms};
 use crate::pipeline::metrics::Comparison;
 use crate::report::model::{Against, ReportData, Scaling};
 use crate::report::number::{bytes, error, grouped, significant};
@@ -112,19 +112,7 @@ fn picture_errors(row: &BenchRow) -> Markup {
 /// What errors of pictures are against, or why rows have none: a few at most, since a table may have many rows.
 fn pictures_list(rows: &[&BenchRow]) -> Markup {
     const MOST: usize = 4;
-    let mut lines: Vec<String> = Vec::new();
-    for row in rows {
-        let line = match &row.picture_error {
-            Some(RowError::Against { reference, own_error, .. }) => {
-                format!("{reference}; its own standard error: {}", error(*own_error))
-            }
-            Some(RowError::Missing(why)) => format!("No error: {why}"),
-            None => continue,
-        };
-        if !lines.contains(&line) {
-            lines.push(line);
-        }
-    }
+    let lines = of_pictures(rows.iter().copied());
     let more = lines.len().saturating_sub(MOST);
     html! {
         @if !lines.is_empty() {
