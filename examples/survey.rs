@@ -9,7 +9,10 @@
 //! `--projects` or `--scenes` leaves the others out. `--sheet FILE.png` puts the pictures side by side in the order of the table; what
 //! does not render is a cross there.
 //!
+//! In builds with the feature `glsl` projects are drawn with their own shaders, on any adapter that wgpu finds.
+//!
 //! ```sh
+//! cargo run --release --features glsl --example survey -- path/to/checkout --projects
 //! cargo run --release --example survey -- path/to/models --side 300 --sheet models.png
 //! ```
 
@@ -19,9 +22,12 @@ use curitiba::pipeline::executor::Silent;
 use curitiba::pipeline::image::{Image, write_png};
 use curitiba::pipeline::plan::Settings;
 use curitiba::pipeline::project::SCENE_EXTENSIONS;
-use curitiba::{Choice, OpenError};
+use curitiba::{Choice, OpenError, RasterChoice};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+
+/// Rays on the processor, which has all programs; own shaders of projects on wgpu.
+const ENGINES: Choice = Choice { raster: RasterChoice::Auto, ..Choice::CPU };
 
 #[derive(Debug, Parser)]
 struct Arguments {
@@ -145,7 +151,7 @@ fn sheet(pictures: &[Option<Image>], side: u32, across: u32) -> Image {
 fn outcome(file: &Path, arguments: &Arguments, shown: &mut Option<Image>) -> Outcome {
     let (size, max_memory) = (Some([arguments.side; 2]), arguments.max_memory);
     let settings = Settings { size, max_memory, ..Settings::default() };
-    let rendered = curitiba::open(file, settings, Choice::CPU, &mut Silent).and_then(|mut renderer| {
+    let rendered = curitiba::open(file, settings, ENGINES, &mut Silent).and_then(|mut renderer| {
         let display = renderer.plan().display;
         renderer.frame(&mut Silent).map(|picture| (picture, display)).map_err(OpenError::from)
     });

@@ -160,8 +160,16 @@ impl Choice {
 
     /// The same choice for a plan: where `auto` chooses the ray backend and a pass asks for more of glass than the report's panes, or for
     /// soft shadows, the cpu may take over, which is told when it does.
+    ///
+    /// Where `auto` chooses the rasteriser and a pass draws with own shaders of the project, it is wgpu on any adapter.
     #[must_use]
     pub fn for_plan(self, plan: &Plan) -> Self {
+        let own = self.raster == RasterChoice::Auto && plan.passes.iter().any(|planned| plan.draws_own(planned));
+        let this = if own { Self { raster: RasterChoice::Wgpu, ..self } } else { self };
+        this.rays_for_plan(plan)
+    }
+
+    fn rays_for_plan(self, plan: &Plan) -> Self {
         let more = |planned| plan.asks_of_glass(planned).or_else(|| plan.asks_of_sun(planned)).is_some();
         let asks = || plan.passes.iter().any(more);
         match (self.backend, self.fallback) {

@@ -4,6 +4,7 @@ pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
 
 use crate::camera_programs::SurfaceKind;
 use crate::glass::Dielectric;
+use crate::glsl::Program;
 use crate::image::Image;
 use crate::pixel_samples::PixelSamples;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
@@ -205,6 +206,26 @@ pub struct RasterJob<'a> {
     pub snapped_depth: bool,
 }
 
+/// What a material is given whose triangles an own shader of the project draws.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OwnMaterial {
+    /// Index into [`OwnShaders::programs`].
+    pub program: usize,
+    /// By block of the program: its bytes.
+    pub uniforms: Vec<Vec<u8>>,
+    /// By sampler of the program: index into [`RenderScene::textures`]; `None` is black and opaque.
+    pub textures: Vec<Option<u32>>,
+}
+
+/// The own shaders of a raster pass.
+#[derive(Debug, Clone, Copy)]
+pub struct OwnShaders<'a> {
+    /// What runs.
+    pub programs: &'a [Arc<Program>],
+    /// By material index; `None` for what the job's own program draws.
+    pub materials: &'a [Option<OwnMaterial>],
+}
+
 /// Why a backend could not do its work.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum BackendError {
@@ -234,6 +255,13 @@ impl BackendError {
     pub fn no_spheres(backend: &'static str, what: &str, place: &str, help: &str) -> Self {
         let why = format!("it knows triangles only; {help}, or declare them without exact=\"true\"");
         Self::Unsupported { backend, what: format!("{what} with exact spheres ({place})"), why }
+    }
+
+    /// That a pass draws with own shaders of the project, of which the first is named at `place`, and the rasteriser runs none.
+    #[must_use]
+    pub fn no_shaders(backend: &'static str, place: &str) -> Self {
+        let why = "it runs no GLSL; draw with --raster wgpu, on any Vulkan, Metal or DirectX 12 driver".to_owned();
+        Self::Unsupported { backend, what: format!("own shaders ({place})"), why }
     }
 
     /// The name of the backend that it is of.
@@ -273,6 +301,25 @@ pub trait Rasteriser {
     /// # Errors
     /// If the device fails.
     fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError>;
+    /// Whether it draws with own shaders of the project.
+    fn draws_shaders(&self) -> bool {
+        false
+    }
+    /// [`Rasteriser::draw`] with own shaders for some materials. They write no triangle ids.
+    ///
+    /// # Errors
+    /// If the device fails, or it draws with none.
+    fn draw_with(
+        &mut self,
+        job: &RasterJob<'_>,
+        shaders: &OwnShaders<'_>,
+        target: &mut GBuffer,
+    ) -> Result<DrawStats, BackendError> {
+        if shaders.materials.iter().all(Option::is_none) {
+            return self.draw(job, target);
+        }
+        Err(BackendError::no_shaders(self.name(), "a pass"))
+    }
     /// Whether [`Rasteriser::read_back`] has anything to do.
     fn needs_read_back(&self) -> bool;
     /// Copies those of the attachments drawn last that are wanted into `target`; the others of `target` stay as they are.

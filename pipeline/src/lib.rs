@@ -16,6 +16,7 @@ pub mod executor;
 pub mod files;
 pub mod gbuffer;
 pub mod glass;
+pub mod glsl;
 mod guard;
 pub mod image;
 pub mod memory;

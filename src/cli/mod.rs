@@ -156,7 +156,7 @@ fn tell_fastest(_: Choice) {
 /// Asks the engines that would do the work for what they cannot do: before anything is loaded, not at the first frame. What
 /// is not there is told, and only `render` fails for it.
 fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
-    let (raster, rays) = match (engines::rasteriser(choice), engines::ray_backend(choice)) {
+    let (raster, rays) = match (engines::rasteriser(choice.for_plan(plan)), engines::ray_backend(choice)) {
         (Ok(raster), Ok(rays)) => (raster, rays),
         (Err(error), _) | (_, Err(error)) => {
             failure::print_warning(&format!("what it cannot do is not known here: {error}"));
@@ -168,7 +168,11 @@ fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
     // Where another backend may take over, it does.
     let stands_in = choice.for_plan(plan).fallback.iter().any(Option::is_some);
     let untraced_sun = || if stands_in { None } else { plan.untraced_sun(&*rays) };
-    let refused = plan.undrawn_spheres(&*raster).or_else(|| plan.untraced_spheres(&*rays)).or_else(untraced_sun);
+    let refused = plan
+        .undrawn_spheres(&*raster)
+        .or_else(|| plan.undrawn_shaders(&*raster))
+        .or_else(|| plan.untraced_spheres(&*rays))
+        .or_else(untraced_sun);
     if let Some((pass, error)) = refused {
         return Err(Failure::Work(format!("pass `{pass}`: {error}")));
     }

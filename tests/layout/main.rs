@@ -15,7 +15,7 @@ const CRATES: [(&str, usize); 6] =
 
 const OF_PIPELINE: &Floors = &[
     &["named", "paths", "diagnostic", "files", "guard", "memory", "progress", "pixel_samples"],
-    &["color", "gbuffer"],
+    &["color", "gbuffer", "glsl"],
     &["image", "shared"],
     &["scene", "metrics"],
     &["square", "glass", "camera_programs"],

@@ -1,7 +1,7 @@
 //! Which passes have to run again: those that were given something else since they last ran, and those that depend on them.
 
 use super::{PassMaterials, Renderer};
-use crate::backend::{Attachments, Sun};
+use crate::backend::{Attachments, OwnMaterial, Sun};
 use crate::image::PixelFormat;
 use crate::pixel_samples::PixelSamples;
 use crate::plan::{Access, Work};
@@ -16,6 +16,8 @@ pub(super) struct Given {
     /// The seed; `None` for a pass that draws no random numbers.
     seed: Option<u32>,
     materials: PassMaterials,
+    /// What own shaders are given.
+    own: Vec<Option<OwnMaterial>>,
     /// Formats of its target: what it writes is rounded to them.
     formats: Vec<PixelFormat>,
     /// What a raster pass draws, and what of it is in host memory.
@@ -67,6 +69,7 @@ impl Renderer {
             sun: light.and_then(|light| self.sun(light)),
             seed: random.then_some(self.plan.settings.seed),
             materials: self.materials[index].clone(),
+            own: self.own_shaders(index, planned).1,
             formats: channels.iter().map(|channel| channel.format).collect(),
             drawn,
             averaged: (samples, kept),

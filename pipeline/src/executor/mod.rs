@@ -17,6 +17,7 @@ mod raster;
 mod rays;
 mod samples;
 mod save;
+mod shaders;
 mod show;
 mod timeline;
 
@@ -40,7 +41,9 @@ use crate::plan::{Instead, Plan, PlanError, PlannedPass, PlannedTarget, Work};
 use crate::project::{ChannelRef, PassKind};
 use crate::scene::{RenderScene, SceneError};
 use engines::of_frame;
+use glam::Vec4;
 use rays::Traced;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -96,8 +99,24 @@ struct LoadedScenes {
     scene: Arc<RenderScene>,
     /// By material, what it is as glass; empty where no pass asks.
     dielectrics: Vec<Dielectric>,
+    /// Image files that own shaders read: where they are among the scene's textures.
+    images: Vec<(PathBuf, u32)>,
     /// Whether a pass that runs traces rays in it.
     structure: bool,
+}
+
+/// A material that an own shader draws.
+#[derive(Debug, Clone, PartialEq)]
+struct Surface {
+    /// Index into [`RasterPass::shaders`](crate::project::RasterPass::shaders).
+    shader: usize,
+    diffuse: Vec4,
+    ambient: Vec4,
+    specular: Vec4,
+    emission: Vec4,
+    shininess: f32,
+    /// Index into [`RenderScene::textures`].
+    texture: Option<u32>,
 }
 
 /// What a pass needs of the materials, by material index.
@@ -115,6 +134,8 @@ pub struct PassMaterials {
     pub dielectrics: Vec<Dielectric>,
     /// What rays do that start at the camera.
     pub surfaces: Vec<SurfaceKind>,
+    /// What own shaders draw of a raster pass; empty where there are none.
+    own: Vec<Option<Surface>>,
 }
 
 /// What was decided about scenes, and what was left out of them.

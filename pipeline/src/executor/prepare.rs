@@ -1,5 +1,6 @@
 //! Loading scenes, resolving materials, and handing both to the backends.
 
+use super::shaders;
 use super::{LoadedScenes, Observer, PassMaterials, Progress, RenderError, Renderer, SceneNotes, StepKind};
 use crate::backend::{Attachments, BackendError, GBuffer, Glow, NormalMap, Shade};
 use crate::camera_programs::{CUT_OUT, SurfaceKind};
@@ -59,7 +60,8 @@ impl Renderer {
 
     /// Refuses what the rasteriser does not draw.
     pub(super) fn check_drawn(&self) -> Result<(), RenderError> {
-        match self.plan.undrawn_spheres(&*self.engines.raster) {
+        let raster = &*self.engines.raster;
+        match self.plan.undrawn_spheres(raster).or_else(|| self.plan.undrawn_shaders(raster)) {
             Some((pass, error)) => Err(RenderError::Pass { pass, frame: None, error }),
             None => Ok(()),
         }
@@ -74,7 +76,8 @@ impl Renderer {
         for set in self.plan.scene_sets.clone() {
             let mut scene = self.load(&set, &mut origin, observer)?;
             let dielectrics = self.decide_glass(self.scenes.len(), &mut scene);
-            self.scenes.push(LoadedScenes { scene: Arc::new(scene), dielectrics, structure: false });
+            let images = self.load_images(self.scenes.len(), &mut scene)?;
+            self.scenes.push(LoadedScenes { scene: Arc::new(scene), dielectrics, images, structure: false });
         }
         let origin = origin.unwrap_or_default();
         self.plan.move_origin(origin);
@@ -197,6 +200,9 @@ impl Renderer {
             let matches = |material: &Material| patterns.iter().any(|pattern| pattern.matches(&material.name));
             materials.iter().map(matches).collect()
         };
+        if let PassKind::Raster(raster) = &pass.kind {
+            resolved.own = shaders::surfaces(raster, materials, &resolved.shades, &colors);
+        }
         // The report's programs draw both sides of everything.
         if let PassKind::Raster(_) = &pass.kind
             && corrected
@@ -400,6 +406,7 @@ fn shade(material: &Material, colors: &[ColorMap], corrected: bool) -> Shade {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::project::PhongMap;
 
     fn cut_out(opacity: f32) -> Material {
         let diffuse = Vec4::new(0.1, 0.2, 0.3, opacity);
@@ -411,7 +418,8 @@ mod tests {
         // The report's `deferredVidro` is (1, 0, 1, 0).
         let mask = Vec4::new(1.0, 0.0, 1.0, 0.0);
         let to = MaterialPattern::All;
-        let map = ColorMap { to, diffuse: Some(mask), emission: None, drops_texture: false };
+        let phong = PhongMap::default();
+        let map = ColorMap { to, diffuse: Some(mask), emission: None, phong, drops_texture: false };
         for (opacity, expected) in [(1.0, 0.25), (0.5, 0.5), (0.0, f32::INFINITY)] {
             let material = cut_out(opacity);
             let plain = shade(&material, &[], true);
@@ -430,7 +438,8 @@ mod tests {
         assert_eq!((plain.glow, plain.emission), (glow, Vec4::ZERO));
         let thesis = shade(&lamp, &[], false);
         assert_eq!((thesis.glow, thesis.emission), (None, emission));
-        let map = |emission| ColorMap { to: MaterialPattern::All, diffuse: None, emission, drops_texture: false };
+        let (to, phong) = (MaterialPattern::All, PhongMap::default());
+        let map = |emission| ColorMap { to: to.clone(), diffuse: None, emission, phong, drops_texture: false };
         assert_eq!(shade(&lamp, &[map(None)], true).glow, glow);
         let mapped = shade(&lamp, &[map(Some(Vec4::ONE))], true);
         assert_eq!((mapped.glow, mapped.emission), (None, Vec4::ONE));

@@ -1,7 +1,7 @@
 //! Raster passes.
 
 use super::{Observer, PassMaterials, Progress, Renderer, StepKind, parts};
-use crate::backend::{Attachments, BackendError, RasterJob};
+use crate::backend::{Attachments, BackendError, OwnShaders, RasterJob};
 use crate::plan::{PlannedPass, Work};
 use crate::programs::Fidelity;
 use crate::project::PassKind;
@@ -29,6 +29,8 @@ impl Renderer {
         let PassMaterials { shades, culled, .. } = &self.materials[index];
         let (shared, half) = (self.in_shared_memory(target, traced), self.half_floats(target));
         let blocks = self.blocks(view, viewport, &buffer);
+        let (own_programs, own_materials) = self.own_shaders(index, planned);
+        let own = OwnShaders { programs: &own_programs, materials: &own_materials };
         let job = RasterJob {
             scene: &scene,
             program,
@@ -61,7 +63,10 @@ impl Renderer {
         let progress = Arc::new(Progress::default());
         observer.begin(StepKind::Raster, name, &progress);
         let start = Instant::now();
-        let drawn = self.engines.raster.draw(&job, &mut buffer);
+        let drawn = match own_materials.is_empty() {
+            true => self.engines.raster.draw(&job, &mut buffer),
+            false => self.engines.raster.draw_with(&job, &own, &mut buffer),
+        };
         let elapsed = start.elapsed();
         observer.end();
         let handed = drawn.as_ref().ok().and_then(|stats| stats.shared);

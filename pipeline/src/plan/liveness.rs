@@ -67,6 +67,7 @@ impl Plan {
                 PassKind::Ray(_) | PassKind::Effect(_) if off => self.off_work(pass, &mut wanted),
                 PassKind::Raster(raster) => {
                     self.explain_attachments(pass, live);
+                    self.check_shaders(pass, raster, live)?;
                     Work::Raster {
                         scene_set: self.scene_set(&raster.scenes),
                         view: view(&self.project.cameras[camera.unwrap_or(raster.camera)], rect, self.origin),

@@ -10,6 +10,7 @@ mod off;
 mod parts;
 mod samples;
 mod settings;
+mod shaders;
 mod spheres;
 mod sun;
 
@@ -313,8 +314,10 @@ impl Plan {
         let mut colored = Vec::new();
         let mut hits = Vec::new();
         let mut lit = false;
+        let own = self.needs_of_shaders();
         for planned in &self.passes {
             match &planned.work {
+                Work::Raster { .. } if self.draws_own_alone(planned) => {}
                 Work::Raster { attachments, .. } => {
                     lit |= attachments.color || attachments.position || attachments.normal;
                     if attachments.color {
@@ -339,10 +342,16 @@ impl Plan {
         let colors = textures && self.settings.fidelity == Fidelity::Corrected;
         let normals = lit || !hits.is_empty();
         let normal_maps = normals && self.settings.fidelity == Fidelity::Corrected;
-        self.needs = Needs { normals, textures, colors, normal_maps };
-        let why = if self.needs.normals { "the light's cosine needs them" } else { "no pass shades" };
+        self.needs = Needs { normals: normals || own.normals, textures: textures || own.textures, colors, normal_maps };
+        let why = match (normals, own.normals) {
+            (true, _) => "the light's cosine needs them",
+            (false, true) => "own shaders read them",
+            (false, false) => "no pass shades",
+        };
         self.decide("vertex attribute `normal`".into(), self.needs.normals, why.into());
-        let why = if self.needs.textures {
+        let why = if own.textures && !textures {
+            "own shaders read them".into()
+        } else if self.needs.textures {
             let mut readers = colored;
             readers.extend(hits);
             readers.dedup();

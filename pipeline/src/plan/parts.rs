@@ -224,6 +224,12 @@ impl Plan {
                     format!("valid: --size up to {side}x{side}"),
                 ));
             }
+            if self.passes.iter().any(|planned| self.draws_own(planned)) {
+                return Err(PlanError::new(
+                    format!("{too_large}; a pass with own shaders is not drawn in blocks"),
+                    format!("valid: --size up to {side}x{side}"),
+                ));
+            }
             let block = BLOCK.min(side / ALIGNMENT * ALIGNMENT);
             if block == 0 {
                 return Err(PlanError::new(too_large, "use --raster cpu"));

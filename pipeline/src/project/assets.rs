@@ -45,6 +45,7 @@ impl Loader {
             let of_pass = item.attribute("type").is_some_and(|kind| kind.text.eq_ignore_ascii_case("PASS"));
             let (Some(name), Some(value)) = (item.attribute("name"), item.attribute("value")) else { continue };
             let number = value.text.parse().ok().or_else(|| self.constants.get(&value.text).copied());
+            self.renderer_value(item, name, number);
             if let Some(number) = number.filter(|_| of_pass) {
                 self.pass_values.insert(name.text.clone(), number);
             }
@@ -170,6 +171,10 @@ impl Loader {
             "constant_att",
             "linear_att",
             "quad_att",
+            "quadratic_att",
+            "spot_direction",
+            "spot_exponent",
+            "spot_cutoff",
         ];
         self.expect(element, CHILDREN, &["name", "type", "class"]);
         let Some(name) = self.required(element, "name") else { return };
@@ -201,6 +206,8 @@ impl Loader {
         }
         let item =
             (|| Some(Light { name: name.text.clone(), direction: direction?, position: place?, color: color? }))();
+        let extra = self.light_extra(element);
+        self.light_extras.push(extra);
         self.lights.add(&mut self.report, name, item);
     }
 }

@@ -3,9 +3,10 @@
 use super::dom::Element;
 use super::libraries::LibraryMaterial;
 use super::loader::Loader;
-use super::passes::PassContext;
+use super::passes::{InjectedShader, MaterialMap, PassContext};
 use super::report::{Span, shown, suggest};
-use super::{QuadPass, QuadSource, RasterPass};
+use super::shaders::ShaderUse;
+use super::{MaterialPattern, QuadPass, QuadSource, RasterPass, ShaderMap};
 use crate::programs::{QUAD_PROGRAMS, QuadProgram, RASTER_PROGRAMS, RasterProgram, ShaderInfo};
 use std::rc::Rc;
 
@@ -31,12 +32,27 @@ impl Loader {
         let (mut colors, mut programs) = (Vec::new(), Vec::new());
         let maps = self.material_maps(element);
         self.mapped_colors(maps.as_deref().unwrap_or_default(), &mut colors);
-        for map in maps.iter().flatten().filter(|map| map.material.shader.is_some()) {
-            programs.push(self.shader_program(context, map.library, &map.material, map.at, RASTER_PROGRAMS, "raster"));
-        }
         let injected = self.injection_maps(element, &mut colors);
-        for (library, material, at) in injected.iter().flatten() {
-            programs.push(self.shader_program(context, *library, material, *at, RASTER_PROGRAMS, "raster"));
+        let replaced = maps.iter().flatten().filter(|map| map.material.shader.is_some()).map(|map| {
+            let MaterialMap { to, library, material, at } = map;
+            ShaderUse { to, library: *library, material, at: *at, replaces: true }
+        });
+        let injected_shaders = injected.iter().flatten().map(|shader| {
+            let InjectedShader { to, library, material, at } = shader;
+            ShaderUse { to, library: *library, material, at: *at, replaces: false }
+        });
+        let mut shaders = Some(Vec::new());
+        for used in replaced.chain(injected_shaders) {
+            if self.is_own_shader(used.library, used.material) {
+                let own = self.own_shader(context, &used, light.flatten().map(|(index, _)| index));
+                shaders = shaders.zip(own).map(|(mut shaders, own)| {
+                    shaders.push(ShaderMap { to: used.to.clone(), shader: own });
+                    shaders
+                });
+            } else {
+                let ShaderUse { library, material, at, .. } = used;
+                programs.push(self.shader_program(context, library, material, at, RASTER_PROGRAMS, "raster"));
+            }
         }
         let programs: Option<Vec<RasterProgram>> = programs.into_iter().collect();
         let programs = programs?;
@@ -45,10 +61,13 @@ impl Loader {
             self.report.error(element.span, format!("pass `{}` mixes raster programs", shown(&context.name)));
         }
         let (light, _, _) = (light?, maps?, injected?);
-        if !self.need_direction(light, RASTER_PROGRAMS[0].stem) {
+        let shaders = shaders?;
+        let all_own = shaders.iter().any(|map: &ShaderMap| map.to == MaterialPattern::All);
+        if !all_own && !self.need_direction(light, RASTER_PROGRAMS[0].stem) {
             return None;
         }
-        Some(RasterPass { scenes: scenes?, camera: camera?, light: light.map(|(index, _)| index), program, colors })
+        let light = light.map(|(index, _)| index);
+        Some(RasterPass { scenes: scenes?, camera: camera?, light, program, colors, shaders })
     }
 
     /// `<depth test=true write=true/>`: the only state that is drawn.
@@ -87,7 +106,10 @@ impl Loader {
             } else {
                 format!("pass `{pass}`: shader `{}` is `{}`, which is not a {kind} program", shown(&name), shown(&stem))
             };
-            self.report.error_help(at, message, || suggest(&stem, table.iter().map(|info| info.stem)));
+            self.report.error_help(at, message, || {
+                let known = suggest(&stem, table.iter().map(|info| info.stem));
+                if crate::glsl::AVAILABLE { known } else { format!("{}; {known}", crate::glsl::MISSING) }
+            });
         }
         found.map(|info| info.program)
     }

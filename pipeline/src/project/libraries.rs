@@ -1,7 +1,7 @@
-//! The material libraries of a project, as they are known while it is read.
+//! The material libraries of a project, and what shaders are given, as they are known while it is read.
 
-use super::dom::Value;
-use super::report::{Found, Names};
+use super::dom::{Element, Value};
+use super::report::{Found, Names, Span};
 use super::{ChannelRef, RenderTarget};
 use glam::Vec4;
 use std::path::PathBuf;
@@ -28,15 +28,55 @@ const BUILT_IN_MATERIALS: &[(&str, [f32; 3], [f32; 3])] = &[
     ("__Emission Yellow", [0.0; 3], [1.0, 1.0, 0.0]),
 ];
 
+/// What shaders alone read of a light.
+#[derive(Debug, Clone)]
+pub(super) struct LightExtra {
+    /// Length of the direction as the file has it; 1 without one.
+    pub length: f32,
+    /// Numbers by the names of the engine.
+    pub values: Vec<(&'static str, [f32; 4])>,
+}
+
 /// What a texture's name in a library stands for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub(super) enum Texture {
     /// A colour channel of a render target; `None` if its target could not be read.
     Channel(Option<ChannelRef>),
     /// The depth of a render target.
     Depth,
-    /// An image file or data, which no pass here reads.
+    /// An image file, by the library's own path and as it is written.
+    File(Value),
+    /// Data, which no pass here reads.
     Other,
+}
+
+/// What `<valueof>` gives a uniform of a shader.
+#[derive(Debug, Clone)]
+pub(super) struct ValueOf {
+    pub uniform: Value,
+    /// The uniform's block.
+    pub block: Option<Value>,
+    pub kind: Option<Value>,
+    pub context: Option<Value>,
+    pub component: Option<Value>,
+    pub id: Option<Value>,
+    pub span: Span,
+}
+
+impl ValueOf {
+    /// `None` for one that is for no uniform.
+    pub fn new(element: &Element) -> Option<Self> {
+        let of = |name: &str| element.attribute(name).cloned();
+        Some(Self {
+            uniform: of("uniform")?,
+            block: of("block"),
+            kind: of("type"),
+            context: of("context"),
+            component: of("component"),
+            id: of("id"),
+            span: element.span,
+        })
+    }
 }
 
 /// A material of a library.
@@ -45,8 +85,13 @@ pub(super) struct LibraryMaterial {
     pub name: String,
     pub diffuse: Vec4,
     pub emission: Vec4,
+    pub ambient: Vec4,
+    pub specular: Vec4,
+    pub shininess: f32,
     /// Index into [`Library::shaders`].
     pub shader: Option<usize>,
+    /// What it gives the shader's uniforms.
+    pub values: Vec<ValueOf>,
     /// Texture units and the names of what is bound to them.
     pub textures: Vec<(u32, Value)>,
 }
@@ -57,12 +102,20 @@ pub(super) struct Shader {
     pub name: String,
     /// Stem of its pixel-shader file.
     pub stem: String,
+    /// Its vertex shader's file.
+    pub vertex: Option<Value>,
+    /// Its pixel shader's file.
+    pub pixel: Option<Value>,
+    /// What else it has, in words, and where that is named.
+    pub others: Vec<(&'static str, Span)>,
 }
 
 /// A library.
 #[derive(Debug)]
 pub(super) struct Library {
     pub name: String,
+    /// The file.
+    pub path: PathBuf,
     /// Names of render targets, with their indices into [`Libraries::targets`].
     pub target_names: Names,
     pub target_indices: Vec<Option<usize>>,
@@ -75,9 +128,10 @@ pub(super) struct Library {
 }
 
 impl Library {
-    pub fn new(name: &str) -> Self {
+    pub fn new(name: &str, path: PathBuf) -> Self {
         Self {
             name: name.to_owned(),
+            path,
             target_names: Names::new("render target"),
             target_indices: Vec::new(),
             texture_names: Names::new("texture"),
@@ -90,7 +144,8 @@ impl Library {
     }
 
     fn built_in(name: &str) -> Self {
-        let mut library = Self::new(name);
+        let mut library = Self::new(name, PathBuf::new());
+        let defaults = crate::scene::Material::default();
         for (name, diffuse, emission) in BUILT_IN_MATERIALS {
             let opaque = |[r, g, b]: [f32; 3]| Vec4::new(r, g, b, 1.0);
             library.material_names.declare_built_in(name);
@@ -98,7 +153,11 @@ impl Library {
                 name: (*name).to_owned(),
                 diffuse: opaque(*diffuse),
                 emission: opaque(*emission),
+                ambient: defaults.ambient,
+                specular: defaults.specular,
+                shininess: defaults.shininess,
                 shader: None,
+                values: Vec::new(),
                 textures: Vec::new(),
             })));
         }

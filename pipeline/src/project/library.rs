@@ -1,7 +1,7 @@
 //! Reads material libraries.
 
 use super::dom::{Element, Value};
-use super::libraries::{Library, LibraryMaterial, ROOT, Shader, Texture};
+use super::libraries::{Library, LibraryMaterial, ROOT, Shader, Texture, ValueOf};
 use super::loader::Loader;
 use super::report::{Found, shown, suggest};
 use super::{Channel, ChannelRef, RenderTarget, file};
@@ -56,7 +56,7 @@ impl Loader {
         self.expect(&root, PARTS, &["name"]);
         let name = self.required(&root, "name")?;
         self.libraries.names.declare(&mut self.report, &name.text, name.span);
-        let mut library = Library::new(&name.text);
+        let mut library = Library::new(&name.text, path);
         for list in root.children_named(&["renderTargets"]) {
             self.expect(list, &["renderTarget"], &[]);
             list.children_named(&["renderTarget"]).for_each(|target| self.render_target(&mut library, target));
@@ -66,7 +66,8 @@ impl Loader {
             for texture in list.children_named(&["texture", "cubeMap"]) {
                 if let Some(name) = self.required(texture, "name") {
                     library.texture_names.declare(&mut self.report, &name.text, name.span);
-                    library.textures.push(Texture::Other);
+                    let file = texture.attribute("filename").filter(|_| texture.is(&["texture"]));
+                    library.textures.push(file.map_or(Texture::Other, |file| Texture::File(file.clone())));
                 }
             }
         }
@@ -173,7 +174,21 @@ impl Loader {
         library.shader_names.declare(&mut self.report, &name.text, name.span);
         // A compute shader has no pixel shader; only a pass that asks for it need care.
         let stem = element.attribute("ps").map_or("", file::stem).to_owned();
-        library.shaders.push(Shader { name: name.text.clone(), stem });
+        const OTHERS: [(&str, &str); 5] = [
+            ("gs", "a geometry shader"),
+            ("tc", "a tessellation shader"),
+            ("te", "a tessellation shader"),
+            ("cs", "a compute shader"),
+            ("ms", "a mesh shader"),
+        ];
+        let others = OTHERS.iter().filter_map(|(name, what)| Some((*what, element.attribute(name)?.span)));
+        library.shaders.push(Shader {
+            name: name.text.clone(),
+            stem,
+            vertex: element.attribute("vs").cloned(),
+            pixel: element.attribute("ps").cloned(),
+            others: others.collect(),
+        });
     }
 
     fn library_material(&mut self, library: &mut Library, element: &Element) {
@@ -186,19 +201,28 @@ impl Loader {
             Some(shader) => self.material_shader(library, shader).map(Some),
             None => Some(None),
         };
+        let lists = element.children_named(&["shader"]).flat_map(|shader| shader.children_named(&["values"]));
+        let values = lists.flat_map(|list| list.children_named(&["valueof"])).filter_map(ValueOf::new).collect();
         // The engine's defaults.
         let (mut diffuse, mut emission) = (Some(Vec4::new(0.8, 0.8, 0.8, 1.0)), Some(Vec4::new(0.0, 0.0, 0.0, 1.0)));
+        let defaults = crate::scene::Material::default();
+        let (mut ambient, mut specular) = (Some(defaults.ambient), Some(defaults.specular));
+        let mut shininess = Some(defaults.shininess);
         if let Some(colors) = self.single(element, &["color"]) {
             self.expect(colors, &["ambient", "diffuse", "specular", "emission", "shininess"], &[]);
             for part in &colors.children {
                 if part.is(&["shininess"]) {
-                    self.number_of(part, "value");
+                    shininess = self.number_of(part, "value");
                 } else if part.is(&["ambient", "diffuse", "specular", "emission"]) {
                     let color = self.color(part);
                     if part.is(&["diffuse"]) {
                         diffuse = color;
                     } else if part.is(&["emission"]) {
                         emission = color;
+                    } else if part.is(&["ambient"]) {
+                        ambient = color;
+                    } else {
+                        specular = color;
                     }
                 }
             }
@@ -220,7 +244,11 @@ impl Loader {
                 name: name.text.clone(),
                 diffuse: diffuse?,
                 emission: emission?,
+                ambient: ambient?,
+                specular: specular?,
+                shininess: shininess?,
                 shader: shader?,
+                values,
                 textures: textures?,
             })
         })();
@@ -287,10 +315,10 @@ impl Loader {
     pub fn find_channel(&mut self, library: usize, name: &str, value: &Value) -> Option<ChannelRef> {
         let library = &self.libraries.list[library];
         let index = library.texture_names.resolve(&mut self.report, name, value.span)?;
-        let why = match library.textures[index] {
-            Texture::Channel(channel) => return channel,
+        let why = match &library.textures[index] {
+            Texture::Channel(channel) => return *channel,
             Texture::Depth => "is a depth buffer: only colour channels can be read",
-            Texture::Other => "is not a channel of a render target: only those can be read",
+            Texture::File(_) | Texture::Other => "is not a channel of a render target: only those can be read",
         };
         self.report.error_help(value.span, format!("`{}` {why}", shown(name)), || {
             let channels = library.texture_names.iter().zip(&library.textures);

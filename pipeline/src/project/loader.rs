@@ -1,13 +1,15 @@
 //! Reads a project file and its material libraries, and keeps what is read until all references are resolved.
 
 use super::dom::{self, Element, Value};
-use super::libraries::{Libraries, ROOT};
+use super::libraries::{Libraries, LightExtra, ROOT};
 use super::report::{Names, Report, Span};
 use super::{Camera, Light, Pipeline, Project, SceneDecl, Viewport, file};
 use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
+use crate::glsl;
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// What is known while a project is read.
 pub(super) struct Loader {
@@ -17,6 +19,12 @@ pub(super) struct Loader {
     pub constants: HashMap<String, f32>,
     /// Numbers that passes have by a name, where a pass gives no other.
     pub pass_values: HashMap<String, f32>,
+    /// Numbers that `<attributes>` declare for shaders.
+    pub renderer_values: HashMap<String, [f32; 4]>,
+    /// By light: what shaders alone read of it.
+    pub light_extras: Vec<LightExtra>,
+    /// Shaders that were compiled, by their files; `None` for one that could not be.
+    pub compiled: HashMap<[PathBuf; 2], Option<Arc<glsl::Program>>>,
     /// The project's name; empty before it is read.
     pub title: String,
     pub libraries: Libraries,
@@ -82,6 +90,9 @@ fn read(path: &Path) -> (Loader, Option<Project>) {
         folder: file::Folder::of(path),
         constants: HashMap::new(),
         pass_values: HashMap::new(),
+        renderer_values: HashMap::new(),
+        light_extras: Vec::new(),
+        compiled: HashMap::new(),
         title: String::new(),
         libraries: Libraries::new(),
         scenes: Declared::new("scene"),

@@ -45,6 +45,8 @@ mod passes;
 mod ray;
 mod report;
 mod scenes;
+mod shader_values;
+mod shaders;
 mod source;
 mod values;
 mod write;
@@ -57,6 +59,7 @@ pub use write::WriteError;
 use crate::camera_programs::SurfaceKind;
 use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
+use crate::glsl;
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
 use crate::raster_effects::{EffectParams, EffectProgram};
@@ -369,6 +372,59 @@ pub struct RasterPass {
     pub program: RasterProgram,
     /// Colours put in the place of materials' own, applied in order.
     pub colors: Vec<ColorMap>,
+    /// The project's own shaders, which run instead; of several that fit a material the last one counts.
+    pub shaders: Vec<ShaderMap>,
+}
+
+/// An own shader of the project, and what it is for.
+#[derive(Debug, Clone)]
+pub struct ShaderMap {
+    /// For which materials.
+    pub to: MaterialPattern,
+    /// What runs.
+    pub shader: Arc<OwnShader>,
+}
+
+/// A compiled shader of the project's own, and what it is given.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OwnShader {
+    /// Its material: `Library::material`.
+    pub name: String,
+    /// `project.xml:52:13`: where a pass names it, for messages.
+    pub place: String,
+    /// What runs.
+    pub program: Arc<glsl::Program>,
+    /// By block and member of the program: what a uniform is given; `None` for what it has by itself.
+    pub values: Vec<Vec<Option<glsl::Value>>>,
+    /// By sampler of the program.
+    pub textures: Vec<ShaderTexture>,
+    /// Textures that are bound; `None` where it is the scene's material that binds them.
+    pub bound: Option<u32>,
+}
+
+impl RasterPass {
+    /// The own shader that draws a material, by its index.
+    #[must_use]
+    pub fn own_shader(&self, material: &str) -> Option<usize> {
+        self.shaders.iter().rposition(|map| map.to.matches(material))
+    }
+
+    /// Whether own shaders draw all that it draws.
+    #[must_use]
+    pub fn is_all_own(&self) -> bool {
+        self.shaders.iter().any(|map| map.to == MaterialPattern::All)
+    }
+}
+
+/// What a sampler of an own shader reads.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ShaderTexture {
+    /// The texture of the scene's material.
+    Material,
+    /// An image file.
+    File(PathBuf),
+    /// Nothing is bound: black and opaque, as OpenGL has it.
+    Nothing,
 }
 
 /// Which materials a map is for.
@@ -403,8 +459,21 @@ pub struct ColorMap {
     pub diffuse: Option<Vec4>,
     /// New emission.
     pub emission: Option<Vec4>,
+    /// What own shaders alone read.
+    pub phong: PhongMap,
     /// Whether the material's texture is dropped too (a `materialMaps` entry replaces the whole material).
     pub drops_texture: bool,
+}
+
+/// Other colours of a [`ColorMap`], which own shaders alone read. `None` leaves one as it is.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PhongMap {
+    /// New ambient colour.
+    pub ambient: Option<Vec4>,
+    /// New specular colour.
+    pub specular: Option<Vec4>,
+    /// New Phong exponent.
+    pub shininess: Option<f32>,
 }
 
 /// What a pass has whose rays start at the camera.

@@ -5,7 +5,7 @@ use super::libraries::LibraryMaterial;
 use super::loader::Loader;
 use super::order::Facts;
 use super::report::{Names, Span, shown, suggest};
-use super::{ChannelRef, ColorMap, MaterialPattern, Pass, PassKind, Pipeline};
+use super::{ChannelRef, ColorMap, MaterialPattern, Pass, PassKind, PhongMap, Pipeline};
 use crate::programs::PARAMS;
 use crate::raster_effects::EFFECT_PARAMS;
 use std::rc::Rc;
@@ -24,6 +24,18 @@ pub(super) struct MaterialMap {
     /// Index of the library of the new one.
     pub library: usize,
     /// The new one.
+    pub material: Rc<LibraryMaterial>,
+    /// Where it is named.
+    pub at: Span,
+}
+
+/// A shader that `<injectionMaps>` gives to materials.
+pub(super) struct InjectedShader {
+    /// Which materials run it.
+    pub to: MaterialPattern,
+    /// Index of the library that it is of.
+    pub library: usize,
+    /// The material whose shader and values it is.
     pub material: Rc<LibraryMaterial>,
     /// Where it is named.
     pub at: Span,
@@ -247,26 +259,27 @@ impl Loader {
 
     /// The colours of `<materialMaps>`: whole materials are replaced.
     pub fn mapped_colors(&mut self, maps: &[MaterialMap], colors: &mut Vec<ColorMap>) {
-        for MaterialMap { to, material, at, .. } in maps {
-            if !material.textures.is_empty() {
+        for &MaterialMap { ref to, library, ref material, at } in maps {
+            if !material.textures.is_empty() && !self.is_own_shader(library, material) {
                 let message = format!("material `{}` is drawn without its textures", shown(&material.name));
-                self.report.warning(*at, message, || Some("only scene files bring textures".to_owned()));
+                self.report.warning(at, message, || Some("only scene files bring textures".to_owned()));
             }
             colors.push(ColorMap {
                 to: to.clone(),
                 diffuse: Some(material.diffuse),
                 emission: Some(material.emission),
+                phong: PhongMap {
+                    ambient: Some(material.ambient),
+                    specular: Some(material.specular),
+                    shininess: Some(material.shininess),
+                },
                 drops_texture: true,
             });
         }
     }
 
     /// The `<map>` elements of `<injectionMaps>`: colours, and the materials whose shaders are injected.
-    pub fn injection_maps(
-        &mut self,
-        pass: &Element,
-        colors: &mut Vec<ColorMap>,
-    ) -> Option<Vec<(usize, Rc<LibraryMaterial>, Span)>> {
+    pub fn injection_maps(&mut self, pass: &Element, colors: &mut Vec<ColorMap>) -> Option<Vec<InjectedShader>> {
         const UNREAD: &[&str] = &["textures", "imageTextures", "buffers", "state"];
         let mut shaders = Some(Vec::new());
         for list in pass.children_named(&["injectionMaps"]) {
@@ -282,15 +295,16 @@ impl Loader {
                     self.expect(shader, &["values"], &["fromMaterial", "fromLibrary"]);
                     let at = Self::span_or(shader.attribute("fromMaterial"), shader);
                     let found = self.source_material(shader);
-                    shaders = shaders.zip(found).map(|(mut shaders, (library, material))| {
-                        shaders.push((library, material, at));
+                    let found = found.zip(pattern.clone());
+                    shaders = shaders.zip(found).map(|(mut shaders, ((library, material), to))| {
+                        shaders.push(InjectedShader { to, library, material, at });
                         shaders
                     });
                 }
                 if let Some(color) = self.single(map, &["color"]) {
                     match (pattern, self.injected_color(color)) {
-                        (Some(to), Some((diffuse, emission))) => {
-                            colors.push(ColorMap { to, diffuse, emission, drops_texture: false });
+                        (Some(to), Some((diffuse, emission, phong))) => {
+                            colors.push(ColorMap { to, diffuse, emission, phong, drops_texture: false });
                         }
                         _ => shaders = None,
                     }
@@ -308,18 +322,23 @@ impl Loader {
         self.find_material(library?, name?)
     }
 
-    fn injected_color(&mut self, element: &Element) -> Option<(Option<glam::Vec4>, Option<glam::Vec4>)> {
+    fn injected_color(&mut self, element: &Element) -> Option<(Option<glam::Vec4>, Option<glam::Vec4>, PhongMap)> {
         const PARTS: [&str; 5] = ["ambient", "diffuse", "specular", "emission", "shininess"];
         self.expect(element, &[], &[&["fromMaterial", "fromLibrary"], &PARTS[..]].concat());
         let flags = PARTS.map(|part| element.attribute(part).map_or(Some(false), |value| self.boolean(value)));
         let (_, material) = self.source_material(element)?;
-        let [_, diffuse, _, emission, _] = flags;
+        let [ambient, diffuse, specular, emission, shininess] = flags;
         if flags.iter().all(|flag| *flag == Some(false)) {
             let message = "this injects no colour".to_owned();
             self.report
                 .warning(element.span, message, || Some("valid: diffuse=\"true\", emission=\"true\"".to_owned()));
         }
-        Some((diffuse?.then_some(material.diffuse), emission?.then_some(material.emission)))
+        let phong = PhongMap {
+            ambient: ambient?.then_some(material.ambient),
+            specular: specular?.then_some(material.specular),
+            shininess: shininess?.then_some(material.shininess),
+        };
+        Some((diffuse?.then_some(material.diffuse), emission?.then_some(material.emission), phong))
     }
 
     /// Stem and name of a material's shader.

@@ -72,6 +72,10 @@ fn a_pass_needs_a_camera() {
 
 #[test]
 fn shaders_must_be_raster_programs() {
+    if curitiba_pipeline::glsl::AVAILABLE {
+        println!("skipped: with the feature `glsl` other shaders are the project's own");
+        return;
+    }
     let message = "pass `gbuffer`: shader `flat` is not a raster program";
     wrong_raster("fromMaterial=\"deferred\"", "fromMaterial=\"@flat\"", message, "deferredShading");
     wrong_raster(

@@ -17,6 +17,7 @@ mod job;
 pub(crate) mod lend;
 mod pipelines;
 mod shader;
+mod shaders;
 mod share;
 pub(crate) mod targets;
 #[cfg(test)]
@@ -29,8 +30,8 @@ pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, abilities, adapter
 
 use crate::raster::effects::SceneCache;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, RasterJob, Rasteriser,
-    Rect, drawn_part,
+    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, OwnShaders, RasterJob,
+    Rasteriser, Rect, drawn_part,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
@@ -43,6 +44,7 @@ use faults::{NAME, failure, unsupported};
 use geometry::DeviceGeometry;
 use lend::Lending;
 use pipelines::{Layouts, Pipelines};
+use shaders::Shaders;
 use std::sync::Arc;
 use targets::{Staging, Stored, TargetCache};
 use textures::DeviceTextures;
@@ -56,6 +58,8 @@ pub struct WgpuRasteriser {
     pipelines: Pipelines,
     timer: Option<Timer>,
     draws: DrawList,
+    /// Once there was an own shader.
+    shaders: Option<Shaders>,
     scene: Option<Uploaded>,
     targets: TargetCache,
     staging: Staging,
@@ -140,6 +144,7 @@ impl WgpuRasteriser {
             pipelines: Pipelines::default(),
             timer,
             draws,
+            shaders: None,
             scene: None,
             targets: TargetCache::default(),
             staging: Staging::default(),
@@ -165,7 +170,8 @@ impl WgpuRasteriser {
     pub fn memory(&self) -> DeviceMemory {
         DeviceMemory {
             geometry: self.scene.as_ref().map_or(0, |scene| scene.geometry.bytes),
-            textures: self.scene.as_ref().map_or(0, |scene| scene.textures.bytes),
+            textures: self.scene.as_ref().map_or(0, |scene| scene.textures.bytes)
+                + self.shaders.as_ref().map_or(0, Shaders::texture_bytes),
             attachments: self.targets.bytes(),
             effects: self.effects.as_ref().map_or(0, Effects::bytes),
         }
@@ -188,6 +194,9 @@ impl Rasteriser for WgpuRasteriser {
     fn upload(&mut self, scene: &Arc<RenderScene>) -> Result<(), BackendError> {
         // What is there goes first: both need not fit at once.
         self.scene = None;
+        if let Some(shaders) = &mut self.shaders {
+            shaders.forget_scene();
+        }
         let geometry = DeviceGeometry::upload(&self.gpu, &scene.geometry)?;
         let textures = DeviceTextures::upload(&self.gpu, &self.layouts, scene)?;
         self.scene = Some(Uploaded { scene: Arc::clone(scene), geometry, textures, cache: SceneCache::new(scene) });
@@ -195,6 +204,19 @@ impl Rasteriser for WgpuRasteriser {
     }
 
     fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError> {
+        self.draw_with(job, &OwnShaders { programs: &[], materials: &[] }, target)
+    }
+
+    fn draws_shaders(&self) -> bool {
+        true
+    }
+
+    fn draw_with(
+        &mut self,
+        job: &RasterJob<'_>,
+        own: &OwnShaders<'_>,
+        target: &mut GBuffer,
+    ) -> Result<DrawStats, BackendError> {
         self.drawn = None;
         job::check_target(job, target)?;
         job::check_scene(job)?;
@@ -211,7 +233,22 @@ impl Rasteriser for WgpuRasteriser {
             return Err(unsupported("the triangle attachment", &why));
         }
         let targets = self.targets.require(&self.gpu, job.viewport, Stored::of(job))?;
-        self.draws.prepare(&self.gpu, &self.layouts, &mut self.pipelines, geometry, textures, job)?;
+        let owned: Vec<bool> = own.materials.iter().map(Option::is_some).collect();
+        self.draws.leave_out(&owned);
+        let prepared = self.draws.prepare(&self.gpu, &self.layouts, &mut self.pipelines, geometry, textures, job);
+        self.draws.leave_out(&[]);
+        prepared?;
+        let shaders = match owned.contains(&true) {
+            true => {
+                let shaders = match &mut self.shaders {
+                    Some(shaders) => shaders,
+                    none => none.insert(Shaders::new(&self.gpu)?),
+                };
+                shaders.prepare(&self.gpu, geometry, job, own)?;
+                Some(&*shaders)
+            }
+            false => None,
+        };
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("draw") };
         let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
         {
@@ -228,7 +265,11 @@ impl Rasteriser for WgpuRasteriser {
                 pass.set_scissor_rect(x, y, width, height);
             }
             self.draws.record(&mut pass, &self.pipelines, geometry, textures);
+            if let Some(shaders) = shaders {
+                shaders.record(&mut pass, geometry);
+            }
         }
+        let triangles = self.draws.triangles() + shaders.map_or(0, Shaders::triangles);
         let lent = self.lending.as_ref().filter(|_| job.shared != Attachments::default());
         let mut shared = match lent {
             Some(_) => None,
@@ -254,7 +295,7 @@ impl Rasteriser for WgpuRasteriser {
             shared = Some(HandOver { value: lending.lend(targets), ..HandOver::default() });
         }
         self.drawn = Some((job.viewport, Stored::of(job)));
-        Ok(DrawStats { device_time, shared, triangles: self.draws.triangles() })
+        Ok(DrawStats { device_time, shared, triangles })
     }
 
     fn needs_read_back(&self) -> bool {

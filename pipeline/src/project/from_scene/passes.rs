@@ -5,8 +5,8 @@ use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
 use crate::programs::{RasterProgram, RayParams, RayProgram, Writes};
 use crate::project::{
-    Channel, ChannelRef, ColorMap, EffectPass, MaterialPattern, Pass, PassKind, Pipeline, QuadPass, QuadSource,
-    RasterPass, RayPass, RenderTarget,
+    Channel, ChannelRef, ColorMap, EffectPass, MaterialPattern, Pass, PassKind, PhongMap, Pipeline, QuadPass,
+    QuadSource, RasterPass, RayPass, RenderTarget,
 };
 use crate::raster_effects::{EffectParams, EffectProgram};
 use glam::{Vec3, Vec4};
@@ -97,6 +97,7 @@ impl Common<'_> {
             light: Some(0),
             program: RasterProgram::Deferred,
             colors: if steps.is_empty() { Vec::new() } else { self.marks() },
+            shaders: Vec::new(),
         };
         let mut passes = vec![pass("pass1".to_owned(), Some(0), PassKind::Raster(drawn))];
         let mut color = ChannelRef { target: 0, channel: 0 };
@@ -129,7 +130,13 @@ impl Common<'_> {
 
     /// Colours that mark glass in the G-buffer: the programs as the report wrote them know it by those.
     fn marks(&self) -> Vec<ColorMap> {
-        let mark = |to| ColorMap { to, diffuse: Some(GLASS_MARK), emission: Some(GLASS_MARK), drops_texture: false };
+        let mark = |to| ColorMap {
+            to,
+            diffuse: Some(GLASS_MARK),
+            emission: Some(GLASS_MARK),
+            phong: PhongMap::default(),
+            drops_texture: false,
+        };
         self.patterns().into_iter().map(mark).collect()
     }
 

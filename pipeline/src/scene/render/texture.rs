@@ -105,6 +105,16 @@ pub(super) fn decode_used(
     Ok(textures)
 }
 
+/// An image file as a texture that is read as stored and repeats, in at most `most` bytes.
+pub(crate) fn image_file(path: &Path, most: u64) -> Result<Texture, SceneError> {
+    let source = TextureSource::File(path.to_owned());
+    let broken = |why: String| SceneError::file(path, why);
+    let cost = cost(&source).map_err(broken)?;
+    Budget::new(most).take(path, "the texels", cost.texels * 4 * 4 / 3 + cost.working)?;
+    let base = decode(&source).map_err(|fault| SceneError::file(path, fault.to_string()))?;
+    Ok(Texture::build(source.name(), base, false, ColorSpace::Report))
+}
+
 /// What a texture takes.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cost {

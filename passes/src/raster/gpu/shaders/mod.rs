@@ -1,0 +1,196 @@
+//! Own shaders of projects: their pipelines, what they are bound to, and their draw calls.
+//!
+//! What a shader does not read of a vertex is not bound; what it does not write of the attachments stays as it was cleared.
+
+mod pipelines;
+mod textures;
+
+use super::device::Gpu;
+use super::faults::{failure, unsupported};
+use super::geometry::{DeviceGeometry, Vertices};
+use super::targets::Stored;
+use curitiba_pipeline::backend::{BackendError, OwnMaterial, OwnShaders, RasterJob};
+use curitiba_pipeline::glsl::{Attribute, Program};
+use curitiba_pipeline::scene::Geometry;
+use pipelines::{Built, Pipelines};
+use std::sync::Arc;
+use textures::Textures;
+
+/// One draw call.
+#[derive(Debug)]
+struct Draw {
+    pipeline: wgpu::RenderPipeline,
+    uniforms: wgpu::BindGroup,
+    textures: wgpu::BindGroup,
+    attributes: Vec<Attribute>,
+    chunk: usize,
+    /// First triangle of the scene.
+    first: u32,
+    count: u32,
+    /// Whether the last corner of a triangle comes first.
+    turned: bool,
+}
+
+/// What draws with own shaders; kept from frame to frame.
+#[derive(Debug)]
+pub(super) struct Shaders {
+    pipelines: Pipelines,
+    textures: Textures,
+    draws: Vec<Draw>,
+    /// By chunk of the scene: its triangles with the last corner first, once a shader has asked for them.
+    turned: Vec<Option<wgpu::Buffer>>,
+    /// Zeros, for attributes that a scene lacks.
+    nothing: wgpu::Buffer,
+}
+
+impl Shaders {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+        let nothing = gpu.upload_buffer("creation of an empty attribute", wgpu::BufferUsages::VERTEX, &[0; 16])?;
+        Ok(Self {
+            pipelines: Pipelines::default(),
+            textures: Textures::new(gpu)?,
+            draws: Vec::new(),
+            turned: Vec::new(),
+            nothing,
+        })
+    }
+
+    /// What is of another scene.
+    pub fn forget_scene(&mut self) {
+        self.textures.forget();
+        self.turned.clear();
+        self.draws.clear();
+    }
+
+    /// Bytes of device memory that textures take.
+    pub fn texture_bytes(&self) -> u64 {
+        self.textures.bytes
+    }
+
+    /// Triangles of the draws listed.
+    pub fn triangles(&self) -> u64 {
+        self.draws.iter().map(|draw| u64::from(draw.count)).sum()
+    }
+
+    /// Lists the draws of the materials that own shaders draw, and hands over what they read.
+    pub fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        geometry: &DeviceGeometry,
+        job: &RasterJob<'_>,
+        own: &OwnShaders<'_>,
+    ) -> Result<(), BackendError> {
+        self.draws.clear();
+        let stored = Stored::of(job);
+        if stored.attachments.triangle {
+            return Err(unsupported("triangle ids of own shaders", "they write none;"));
+        }
+        for part in &geometry.parts {
+            let material = own.materials.get(part.material as usize).and_then(Option::as_ref);
+            let Some(material) = material else { continue };
+            let program = own.programs.get(material.program).ok_or_else(|| failure("a material has no program"))?;
+            let culled = job.culled.get(part.material as usize) == Some(&true);
+            let has = |attribute: &Attribute| match attribute {
+                Attribute::Position => true,
+                Attribute::Normal => geometry.vertices[geometry.chunks[part.chunk].vertices].normals.is_some(),
+                Attribute::TexCoord => geometry.vertices[geometry.chunks[part.chunk].vertices].texcoords.is_some(),
+            };
+            let missing: Vec<Attribute> = program.attributes.iter().copied().filter(|a| !has(a)).collect();
+            let built = self.pipelines.require(gpu, program, stored, culled, &missing)?;
+            let uniforms = uniforms(gpu, built, program, material)?;
+            let textures = self.textures.bind(gpu, built, program, material, job.scene)?;
+            let turned = program.flat;
+            if turned {
+                turn(gpu, geometry, &job.scene.geometry, &mut self.turned, part.chunk)?;
+            }
+            self.draws.push(Draw {
+                pipeline: built.pipeline.clone(),
+                uniforms,
+                textures,
+                attributes: program.attributes.clone(),
+                chunk: part.chunk,
+                first: part.first,
+                count: part.count,
+                turned,
+            });
+        }
+        Ok(())
+    }
+
+    /// Records the draws.
+    pub fn record<'a>(&'a self, pass: &mut wgpu::RenderPass<'a>, geometry: &'a DeviceGeometry) {
+        for draw in &self.draws {
+            let chunk = &geometry.chunks[draw.chunk];
+            let vertices = &geometry.vertices[chunk.vertices];
+            pass.set_pipeline(&draw.pipeline);
+            pass.set_bind_group(0, &draw.uniforms, &[]);
+            pass.set_bind_group(1, &draw.textures, &[]);
+            for (slot, attribute) in (0..).zip(&draw.attributes) {
+                pass.set_vertex_buffer(slot, self.buffer(vertices, *attribute).slice(..));
+            }
+            let turned = self.turned.get(draw.chunk).and_then(Option::as_ref).filter(|_| draw.turned);
+            let indices = turned.unwrap_or(&chunk.indices);
+            pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+            let first = 3 * (draw.first - chunk.first);
+            pass.draw_indexed(first..first + 3 * draw.count, 0, 0..1);
+        }
+    }
+
+    fn buffer<'a>(&'a self, vertices: &'a Vertices, attribute: Attribute) -> &'a wgpu::Buffer {
+        match attribute {
+            Attribute::Position => &vertices.positions,
+            Attribute::Normal => vertices.normals.as_ref().unwrap_or(&self.nothing),
+            Attribute::TexCoord => vertices.texcoords.as_ref().unwrap_or(&self.nothing),
+        }
+    }
+}
+
+/// The uniform buffers of a draw.
+fn uniforms(
+    gpu: &Gpu,
+    built: &Built,
+    program: &Arc<Program>,
+    material: &OwnMaterial,
+) -> Result<wgpu::BindGroup, BackendError> {
+    let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+    let mut buffers = Vec::with_capacity(program.blocks.len());
+    for (block, bytes) in program.blocks.iter().zip(&material.uniforms) {
+        let buffer =
+            gpu.buffer("creation of the uniforms of an own shader", usage, u64::from(block.size.next_multiple_of(16)))?;
+        gpu.queue.write_buffer(&buffer, 0, bytes);
+        buffers.push(buffer);
+    }
+    let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+        .zip(&buffers)
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+        .collect();
+    let descriptor =
+        wgpu::BindGroupDescriptor { label: Some("own uniforms"), layout: &built.uniforms, entries: &entries };
+    let group = gpu.device.create_bind_group(&descriptor);
+    gpu.check("binding of the uniforms of an own shader")?;
+    Ok(group)
+}
+
+/// What is not interpolated is of the first corner here and of the last one in OpenGL: the corners are turned by one, which leaves the side
+/// that is seen as it is.
+fn turn(
+    gpu: &Gpu,
+    geometry: &DeviceGeometry,
+    scene: &Geometry,
+    turned: &mut Vec<Option<wgpu::Buffer>>,
+    chunk: usize,
+) -> Result<(), BackendError> {
+    turned.resize_with(geometry.chunks.len(), || None);
+    if turned[chunk].is_none() {
+        if geometry.vertices.len() > 1 {
+            let why = "the scene is held in several pieces of vertices;";
+            return Err(unsupported("values that an own shader does not interpolate", why));
+        }
+        let first = geometry.chunks[chunk].first as usize;
+        let end = geometry.chunks.get(chunk + 1).map_or(scene.triangles.len(), |next| next.first as usize);
+        let corners: Vec<[u32; 3]> = scene.triangles[first..end].iter().map(|[a, b, c]| [*c, *a, *b]).collect();
+        let bytes = bytemuck::cast_slice(&corners);
+        turned[chunk] = Some(gpu.upload_buffer("upload of turned triangles", wgpu::BufferUsages::INDEX, bytes)?);
+    }
+    Ok(())
+}

@@ -1,0 +1,155 @@
+//! One pipeline for each own shader and what it draws into.
+
+use super::super::device::Gpu;
+use super::super::targets::{DEPTH_FORMAT, Stored};
+use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::glsl::{Attribute, Program, Stage};
+use std::num::NonZeroU64;
+use std::sync::Arc;
+
+/// A pipeline and the layouts of its groups.
+#[derive(Debug)]
+pub(super) struct Built {
+    pub pipeline: wgpu::RenderPipeline,
+    pub uniforms: wgpu::BindGroupLayout,
+    pub textures: wgpu::BindGroupLayout,
+}
+
+/// What tells pipelines of one program apart.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Key {
+    stored: Stored,
+    culled: bool,
+    missing: Vec<Attribute>,
+}
+
+/// The pipelines built so far.
+#[derive(Debug, Default)]
+pub(super) struct Pipelines(Vec<(Arc<Program>, Key, Built)>);
+
+impl Pipelines {
+    /// The pipeline of a program, built unless it is there. Of attributes that are `missing` in the scene every vertex has the same.
+    pub fn require(
+        &mut self,
+        gpu: &Gpu,
+        program: &Arc<Program>,
+        stored: Stored,
+        culled: bool,
+        missing: &[Attribute],
+    ) -> Result<&Built, BackendError> {
+        let key = Key { stored, culled, missing: missing.to_vec() };
+        let found = self.0.iter().position(|(known, of, _)| Arc::ptr_eq(known, program) && *of == key);
+        let index = match found {
+            Some(index) => index,
+            None => {
+                let built = build(gpu, program, &key);
+                gpu.check("building the pipeline of an own shader")?;
+                self.0.push((Arc::clone(program), key, built));
+                self.0.len() - 1
+            }
+        };
+        Ok(&self.0[index].2)
+    }
+}
+
+fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
+    let device = &gpu.device;
+    let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+    let blocks: Vec<wgpu::BindGroupLayoutEntry> = (0..)
+        .zip(&program.blocks)
+        .map(|(binding, block)| {
+            let visibility = match block.stage {
+                Stage::Vertex => wgpu::ShaderStages::VERTEX,
+                Stage::Fragment => wgpu::ShaderStages::FRAGMENT,
+            };
+            let ty = wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset: false,
+                min_binding_size: NonZeroU64::new(block.size.into()),
+            };
+            entry(binding, visibility, ty)
+        })
+        .collect();
+    let both = wgpu::ShaderStages::VERTEX_FRAGMENT;
+    let texture = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+    let samplers: Vec<wgpu::BindGroupLayoutEntry> = (0..program.samplers.len() as u32)
+        .flat_map(|index| [entry(2 * index, both, texture), entry(2 * index + 1, both, sampler)])
+        .collect();
+    let group = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
+        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
+    };
+    let (uniforms, textures) = (group("own uniforms", &blocks), group("own textures", &samplers));
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("own shader"),
+        bind_group_layouts: &[Some(&uniforms), Some(&textures)],
+        immediate_size: 0,
+    });
+    let module = |label, text: &str| {
+        device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(label),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
+        })
+    };
+    let (vertex, fragment) =
+        (module("own vertex shader", &program.vertex), module("own fragment shader", &program.fragment));
+    let attributes: Vec<[wgpu::VertexAttribute; 1]> = program
+        .attributes
+        .iter()
+        .map(|attribute| {
+            let format = match attribute {
+                Attribute::Position | Attribute::Normal => wgpu::VertexFormat::Float32x3,
+                Attribute::TexCoord => wgpu::VertexFormat::Float32x2,
+            };
+            [wgpu::VertexAttribute { format, offset: 0, shader_location: attribute.location() }]
+        })
+        .collect();
+    let buffers: Vec<Option<wgpu::VertexBufferLayout<'_>>> = attributes
+        .iter()
+        .zip(&program.attributes)
+        .map(|(attributes, attribute)| {
+            let array_stride = if key.missing.contains(attribute) { 0 } else { attributes[0].format.size() };
+            Some(wgpu::VertexBufferLayout { array_stride, step_mode: wgpu::VertexStepMode::Vertex, attributes })
+        })
+        .collect();
+    let written = |location: usize| program.outputs.get(location) == Some(&true);
+    let formats = key.stored.formats();
+    let targets: Vec<Option<wgpu::ColorTargetState>> = (0..formats.len())
+        .map(|location| {
+            let write_mask = if written(location) { wgpu::ColorWrites::ALL } else { wgpu::ColorWrites::empty() };
+            formats[location].map(|format| wgpu::ColorTargetState { format, blend: None, write_mask })
+        })
+        .collect();
+    let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("own shader"),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &vertex,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &buffers,
+        },
+        primitive: wgpu::PrimitiveState { cull_mode: key.culled.then_some(wgpu::Face::Back), ..Default::default() },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &fragment,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &targets,
+        }),
+        multiview_mask: None,
+        cache: None,
+    });
+    Built { pipeline, uniforms, textures }
+}

@@ -1,0 +1,262 @@
+//! Own shaders of raster passes: the values of their uniforms, and their textures.
+
+use super::{RenderError, Renderer, Surface};
+use crate::backend::{OwnMaterial, Rect, Shade, View};
+use crate::glsl::{CameraValue, ColorValue, FRAME, LightValue, Matrix, Member, Program, Scalar, Value};
+use crate::plan::{PlannedPass, Work};
+use crate::project::{Camera, ColorMap, OwnShader, PassKind, RasterPass, ShaderTexture};
+use crate::scene::{Material, RenderScene, image_file};
+use glam::camera::rh;
+use glam::{DMat4, Mat4, Vec3, Vec4};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// By material: what an own shader draws of it; empty for a pass without own shaders.
+pub(super) fn surfaces(
+    raster: &RasterPass,
+    materials: &[Material],
+    shades: &[Shade],
+    colors: &[ColorMap],
+) -> Vec<Option<Surface>> {
+    if raster.shaders.is_empty() {
+        return Vec::new();
+    }
+    let surface = |(material, shade): (&Material, &Shade)| {
+        let shader = raster.own_shader(&material.name)?;
+        let mut surface = Surface {
+            shader,
+            diffuse: shade.diffuse,
+            ambient: material.ambient,
+            specular: material.specular,
+            emission: material.emission,
+            shininess: material.shininess,
+            texture: shade.texture,
+        };
+        for map in colors.iter().filter(|map| map.to.matches(&material.name)) {
+            surface.emission = map.emission.unwrap_or(surface.emission);
+            surface.ambient = map.phong.ambient.unwrap_or(surface.ambient);
+            surface.specular = map.phong.specular.unwrap_or(surface.specular);
+            surface.shininess = map.phong.shininess.unwrap_or(surface.shininess);
+        }
+        Some(surface)
+    };
+    materials.iter().zip(shades).map(surface).collect()
+}
+
+/// What the uniforms of a pass have in common.
+struct Scope<'a> {
+    pass: Seen<'a>,
+    viewport: Rect,
+    /// Rows of the target.
+    height: u32,
+}
+
+/// A camera and what it sees.
+#[derive(Clone, Copy)]
+struct Seen<'a> {
+    camera: &'a Camera,
+    view: View,
+}
+
+impl Renderer {
+    /// Adds the image files that the own shaders of a scene set's passes read to its textures.
+    pub(super) fn load_images(&self, set: usize, scene: &mut RenderScene) -> Result<Vec<(PathBuf, u32)>, RenderError> {
+        let mut images: Vec<(PathBuf, u32)> = Vec::new();
+        let mut left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
+        for planned in &self.plan.passes {
+            let PassKind::Raster(raster) = &self.plan.pass(planned).kind else { continue };
+            if !matches!(planned.work, Work::Raster { scene_set, .. } if scene_set == set) {
+                continue;
+            }
+            for map in &raster.shaders {
+                for texture in &map.shader.textures {
+                    let ShaderTexture::File(path) = texture else { continue };
+                    if images.iter().any(|(loaded, _)| loaded == path) {
+                        continue;
+                    }
+                    let place = map.shader.place.clone();
+                    let image = image_file(path, left).map_err(|error| RenderError::Scene { place, error })?;
+                    left = left.saturating_sub(image.levels.iter().map(|level| 4 * level.texels.len() as u64).sum());
+                    images.push((path.clone(), scene.textures.len() as u32));
+                    scene.textures.push(image);
+                }
+            }
+        }
+        Ok(images)
+    }
+
+    /// The programs of a raster pass, and by material what its triangles are drawn with; both empty for one without own shaders.
+    pub(super) fn own_shaders(
+        &self,
+        index: usize,
+        planned: &PlannedPass,
+    ) -> (Vec<Arc<Program>>, Vec<Option<OwnMaterial>>) {
+        let (Work::Raster { scene_set, view, viewport, .. }, PassKind::Raster(raster)) =
+            (&planned.work, &self.plan.pass(planned).kind)
+        else {
+            return Default::default();
+        };
+        let surfaces = &self.materials[index].own;
+        if surfaces.iter().all(Option::is_none) {
+            return Default::default();
+        }
+        let scope = Scope {
+            pass: Seen { camera: &self.plan.project.cameras[self.plan.camera_of(raster)], view: *view },
+            viewport: *viewport,
+            height: self.plan.target_size(self.plan.pass(planned).target)[1],
+        };
+        let images = &self.scenes[*scene_set].images;
+        let made = |surface: &Surface| {
+            let shader = &raster.shaders[surface.shader].shader;
+            let texture = |texture: &ShaderTexture| match texture {
+                ShaderTexture::Material => surface.texture,
+                ShaderTexture::File(path) => images.iter().find(|(file, _)| file == path).map(|(_, index)| *index),
+                ShaderTexture::Nothing => None,
+            };
+            OwnMaterial {
+                program: surface.shader,
+                uniforms: self.uniforms(shader, surface, &scope),
+                textures: shader.textures.iter().map(texture).collect(),
+            }
+        };
+        let programs = raster.shaders.iter().map(|map| Arc::clone(&map.shader.program)).collect();
+        (programs, surfaces.iter().map(|surface| surface.as_ref().map(made)).collect())
+    }
+
+    /// By block: its bytes.
+    fn uniforms(&self, shader: &OwnShader, surface: &Surface, scope: &Scope<'_>) -> Vec<Vec<u8>> {
+        let fill = |(block, values): (&crate::glsl::Block, &Vec<Option<Value>>)| {
+            let mut bytes = vec![0; block.size as usize];
+            for (member, value) in block.members.iter().zip(values) {
+                match value {
+                    Some(value) => self.put(&mut bytes, member, *value, shader, surface, scope),
+                    None if member.name == FRAME => {
+                        let Rect { x, y, .. } = scope.viewport;
+                        put_columns(&mut bytes, member, &[Vec4::new(x as f32, (scope.height - y) as f32, 0.0, 0.0)]);
+                    }
+                    None => put_columns(&mut bytes, member, &[Vec4::from_array(member.default.unwrap_or_default())]),
+                }
+            }
+            bytes
+        };
+        shader.program.blocks.iter().zip(&shader.values).map(fill).collect()
+    }
+
+    fn put(
+        &self,
+        bytes: &mut [u8],
+        member: &Member,
+        value: Value,
+        shader: &OwnShader,
+        surface: &Surface,
+        scope: &Scope<'_>,
+    ) {
+        let number = |number: f32| vec![Vec4::new(number, 0.0, 0.0, 0.0)];
+        let columns = match value {
+            Value::Matrix(matrix) => self.matrix(scope.pass, matrix),
+            Value::NormalMatrix => {
+                let columns = self.view_model(scope.pass.camera).inverse().transpose().as_mat4();
+                columns.to_cols_array_2d()[..3].iter().map(|column| Vec4::from_array(*column)).collect()
+            }
+            Value::Camera(camera, value) => {
+                let other = camera.map(|camera| {
+                    let camera = &self.plan.project.cameras[camera];
+                    Seen { camera, view: self.plan.view_of(camera).0 }
+                });
+                let same = |other: &Seen<'_>| std::ptr::eq(other.camera, scope.pass.camera);
+                self.of_camera(other.filter(|other| !same(other)).unwrap_or(scope.pass), value)
+            }
+            Value::Light(light, value) => {
+                let light = &self.plan.project.lights[light];
+                vec![match value {
+                    LightValue::Position => light.position.unwrap_or_default().as_vec3().extend(1.0),
+                    // The engine's, where a project is silent.
+                    LightValue::Direction { length } => (light.direction.unwrap_or(Vec3::NEG_Z) * length).extend(0.0),
+                    LightValue::Color => light.color.extend(1.0),
+                }]
+            }
+            Value::Color(ColorValue::Diffuse) => vec![surface.diffuse],
+            Value::Color(ColorValue::Ambient) => vec![surface.ambient],
+            Value::Color(ColorValue::Specular) => vec![surface.specular],
+            Value::Color(ColorValue::Emission) => vec![surface.emission],
+            Value::Color(ColorValue::Shininess) => number(surface.shininess),
+            Value::TextureCount => {
+                let own = u32::from(surface.texture.is_some());
+                number(shader.bound.unwrap_or(own) as f32)
+            }
+            Value::Constant(constant) => vec![Vec4::from_array(constant)],
+            Value::Unit(unit) => number(unit as f32),
+        };
+        put_columns(bytes, member, &columns);
+    }
+
+    /// Positions of vertices to view.
+    fn view_model(&self, camera: &Camera) -> DMat4 {
+        let position = (camera.position - self.plan.origin).as_vec3();
+        rh::view::look_to_mat4(position, camera.direction, camera.up).as_dmat4()
+    }
+
+    /// World to view.
+    fn world_view(&self, camera: &Camera) -> DMat4 {
+        self.view_model(camera) * DMat4::from_translation(-self.plan.origin)
+    }
+
+    fn matrix(&self, Seen { camera, view }: Seen<'_>, matrix: Matrix) -> Vec<Vec4> {
+        let clip = in_opengl(view.clip_from_world);
+        let projection = || clip * self.view_model(camera).inverse();
+        columns(match matrix {
+            Matrix::Projection => projection(),
+            Matrix::Model => DMat4::from_translation(self.plan.origin),
+            Matrix::View => self.world_view(camera),
+            Matrix::ViewModel => self.view_model(camera),
+            Matrix::ProjectionViewModel => clip,
+            Matrix::ProjectionView => projection() * self.world_view(camera),
+        })
+    }
+
+    fn of_camera(&self, seen: Seen<'_>, value: CameraValue) -> Vec<Vec4> {
+        let camera = seen.camera;
+        let number = |number: f32| vec![Vec4::new(number, 0.0, 0.0, 0.0)];
+        match value {
+            CameraValue::Position => vec![camera.position.as_vec3().extend(1.0)],
+            CameraValue::View => vec![camera.direction.extend(0.0)],
+            CameraValue::Up => vec![camera.up.normalize_or_zero().extend(0.0)],
+            CameraValue::ViewMatrix => self.matrix(seen, Matrix::View),
+            CameraValue::ProjectionMatrix => self.matrix(seen, Matrix::Projection),
+            CameraValue::ProjectionViewMatrix => self.matrix(seen, Matrix::ProjectionView),
+            CameraValue::Fov => number(camera.fov_y.to_degrees()),
+            CameraValue::Near => number(camera.near),
+            CameraValue::Far => number(camera.far),
+        }
+    }
+}
+
+/// A matrix to clip space with OpenGL's depth, -1 at the near plane and 1 at the far plane, of one to ours, 1 and 0.
+fn in_opengl(clip: Mat4) -> DMat4 {
+    let mut depth = DMat4::IDENTITY;
+    (depth.z_axis.z, depth.w_axis.z) = (-2.0, 1.0);
+    depth * clip.as_dmat4()
+}
+
+fn columns(matrix: DMat4) -> Vec<Vec4> {
+    matrix.as_mat4().to_cols_array_2d().map(Vec4::from_array).to_vec()
+}
+
+/// Writes columns where a member lies, as many components as it has.
+fn put_columns(bytes: &mut [u8], member: &Member, columns: &[Vec4]) {
+    let Some(shape) = member.shape else { return };
+    for (index, column) in columns.iter().take(shape.columns as usize).enumerate() {
+        for (row, value) in column.to_array().into_iter().take(shape.rows as usize).enumerate() {
+            let word = match shape.scalar {
+                Scalar::Float => value.to_ne_bytes(),
+                Scalar::Int => (value as i32).to_ne_bytes(),
+                Scalar::Uint => (value as u32).to_ne_bytes(),
+            };
+            // Columns of matrices lie 16 bytes apart.
+            let at = member.offset as usize + 16 * index + 4 * row;
+            if let Some(place) = bytes.get_mut(at..at + 4) {
+                place.copy_from_slice(&word);
+            }
+        }
+    }
+}

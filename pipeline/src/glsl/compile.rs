@@ -1,0 +1,63 @@
+//! The steps of a shader, one after the other.
+
+use super::link::{link, next_binding};
+use super::rewrite::read;
+use super::tokens::tokens;
+use super::translate::translate;
+use super::{Fault, Program, Source, Stage};
+
+/// Bytes of the stack on which files are read: the compiler recurses as deeply as they nest, which is bounded.
+const STACK: usize = 256 << 20;
+
+impl Source<'_> {
+    /// Compiles the two stages.
+    ///
+    /// # Errors
+    /// What is wrong, with its places in the files.
+    pub fn compile(&self) -> Result<Program, Vec<Fault>> {
+        let failed = |message: String| vec![Fault { stage: Stage::Vertex, start: 0, end: 0, message, help: None }];
+        std::thread::scope(|scope| {
+            let thread = std::thread::Builder::new().name("glsl".to_owned()).stack_size(STACK);
+            let running = thread.spawn_scoped(scope, || compile(*self));
+            let running = running.map_err(|error| failed(format!("no thread could be started to compile: {error}")))?;
+            // Defects of our own end the program with their message.
+            running.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        })
+    }
+}
+
+fn compile(source: Source<'_>) -> Result<Program, Vec<Fault>> {
+    let one = |fault: Fault| vec![fault];
+    let vertex = tokens(Stage::Vertex, source.vertex).map_err(one);
+    let fragment = tokens(Stage::Fragment, source.fragment).map_err(one);
+    let vertex = vertex.and_then(|tokens| read(Stage::Vertex, &tokens, 0));
+    let first = vertex.as_ref().map_or(0, |vertex| next_binding(vertex, 0));
+    let fragment = fragment.and_then(|tokens| read(Stage::Fragment, &tokens, first));
+    let (vertex, fragment) = both(vertex, fragment)?;
+    let linked = link(&vertex, &fragment)?;
+    let (vertex_done, fragment_done) = both(
+        translate(Stage::Vertex, &linked.vertex, &vertex),
+        translate(Stage::Fragment, &linked.fragment, &fragment),
+    )?;
+    let mut blocks = [vertex_done.blocks, fragment_done.blocks].concat();
+    blocks.sort_by_key(|(binding, _)| *binding);
+    debug_assert!((0..).zip(&blocks).all(|(index, (binding, _))| index == *binding), "bindings have no gaps");
+    Ok(Program {
+        vertex: vertex_done.wgsl,
+        fragment: fragment_done.wgsl,
+        attributes: linked.attributes,
+        blocks: blocks.into_iter().map(|(_, block)| block).collect(),
+        samplers: linked.samplers,
+        outputs: linked.outputs,
+        flat: linked.flat,
+    })
+}
+
+/// Both, or all that is wrong with either.
+fn both<A, B>(first: Result<A, Vec<Fault>>, second: Result<B, Vec<Fault>>) -> Result<(A, B), Vec<Fault>> {
+    match (first, second) {
+        (Ok(first), Ok(second)) => Ok((first, second)),
+        (Err(first), Err(second)) => Err([first, second].concat()),
+        (Err(faults), _) | (_, Err(faults)) => Err(faults),
+    }
+}

@@ -1,0 +1,236 @@
+//! Joins two stages: locations of what passes between them, of attributes and results, and our `main` around the file's.
+
+use super::rewrite::{OURS, Origin, Stated, Variable, attribute, loose_block, sampler_name, texture_name};
+use super::{Attribute, FRAME, Fault, MAX_OUTPUTS, Sampler, Stage};
+use std::fmt::Write;
+
+/// Most variables that pass between the stages: what every device has.
+const MAX_VARYINGS: usize = 15;
+
+/// A stage as the compiler reads it.
+#[derive(Debug)]
+pub(super) struct Text {
+    pub source: String,
+    /// Where its parts come from; none before the first.
+    pub origins: Vec<Origin>,
+}
+
+/// Two stages that fit together.
+#[derive(Debug)]
+pub(super) struct Linked {
+    pub vertex: Text,
+    pub fragment: Text,
+    pub attributes: Vec<Attribute>,
+    pub samplers: Vec<Sampler>,
+    pub outputs: [bool; MAX_OUTPUTS],
+    pub flat: bool,
+}
+
+/// The binding of the block of uniforms that a stage declares outside blocks, where its own blocks begin at `first`.
+pub(super) fn loose_binding(stated: &Stated, first: usize) -> usize {
+    first + stated.blocks.len()
+}
+
+/// The first binding of the stage behind.
+pub(super) fn next_binding(stated: &Stated, first: usize) -> usize {
+    loose_binding(stated, first) + usize::from(!loose_block(stated, 0).is_empty())
+}
+
+/// Joins the stages.
+pub(super) fn link(vertex: &Stated, fragment: &Stated) -> Result<Linked, Vec<Fault>> {
+    let mut faults = Vec::new();
+    let mut samplers = vertex.samplers.clone();
+    for sampler in &fragment.samplers {
+        if !samplers.iter().any(|other| other.name == sampler.name) {
+            samplers.push(sampler.clone());
+        }
+    }
+    let attributes = attributes(vertex, &mut faults);
+    let passed = passed(vertex, fragment, &mut faults);
+    let results = results(fragment, &mut faults);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    let begin = |stated: &Stated, binding: usize| {
+        let mut text = "#version 450\n".to_owned();
+        for (index, sampler) in samplers.iter().enumerate() {
+            if stated.samplers.iter().any(|own| own.name == sampler.name) {
+                let (texture, own) = (texture_name(&sampler.name), sampler_name(&sampler.name));
+                let _ = writeln!(text, "layout(set = 1, binding = {}) uniform texture2D {texture};", 2 * index);
+                let _ = writeln!(text, "layout(set = 1, binding = {}) uniform sampler {own};", 2 * index + 1);
+            }
+        }
+        text + &loose_block(stated, binding)
+    };
+
+    let mut head = begin(vertex, loose_binding(vertex, 0));
+    let (mut before, mut after) = (String::new(), String::new());
+    for attribute in &attributes {
+        let (name, location) = (attribute.name(), attribute.location());
+        let (kind, ending) = match attribute {
+            Attribute::Position => ("vec3", "1.0"),
+            Attribute::Normal => ("vec3", "0.0"),
+            Attribute::TexCoord => ("vec2", "0.0, 1.0"),
+        };
+        let _ = writeln!(head, "layout(location = {location}) in {kind} {OURS}a_{name};");
+        let declared = vertex.inputs.iter().filter(|input| input.used && input.key == name).map(|input| &input.kind);
+        for declared in declared {
+            let whole = format!("vec4({OURS}a_{name}, {ending})");
+            let part = match declared.as_str() {
+                "float" => ".x",
+                "vec2" => ".xy",
+                "vec3" => ".xyz",
+                _ => "",
+            };
+            let _ = writeln!(before, "{name} = {whole}{part};");
+        }
+    }
+    for (location, (output, input, flat)) in passed.iter().enumerate() {
+        let flat = if *flat { "flat " } else { "" };
+        let _ = writeln!(head, "layout(location = {location}) {flat}out {} {OURS}v{location};", input.kind);
+        let _ = writeln!(after, "{OURS}v{location} = {};", output.global);
+    }
+    // OpenGL's depth is -1 at the near plane and 1 at the far plane; ours is 1 and 0.
+    after += "gl_Position.z = (gl_Position.w - gl_Position.z) * 0.5;\n";
+    let vertex_text = around(vertex, head, &before, &after);
+
+    let mut head = begin(fragment, loose_binding(fragment, next_binding(vertex, 0)));
+    let (mut before, mut after) = (String::new(), String::new());
+    for (location, (_, input, flat)) in passed.iter().enumerate() {
+        let flat = if *flat { "flat " } else { "" };
+        let _ = writeln!(head, "layout(location = {location}) {flat}in {} {OURS}v{location};", input.kind);
+        let _ = writeln!(before, "{} = {OURS}v{location};", input.global);
+    }
+    let mut outputs = [false; MAX_OUTPUTS];
+    for (location, output) in &results {
+        outputs[*location] = true;
+        let _ = writeln!(head, "layout(location = {location}) out vec4 {OURS}o{location};");
+        if output.key == "gl_FragColor" {
+            let _ = writeln!(head, "vec4 {};", output.global);
+        }
+        let whole = match output.kind.as_str() {
+            "float" => format!("vec4({}, 0.0, 0.0, 1.0)", output.global),
+            "vec2" => format!("vec4({}, 0.0, 1.0)", output.global),
+            "vec3" => format!("vec4({}, 1.0)", output.global),
+            _ => output.global.clone(),
+        };
+        let _ = writeln!(after, "{OURS}o{location} = {whole};");
+    }
+    if fragment.coordinates {
+        let _ = writeln!(head, "vec4 {OURS}FragCoord;");
+        let _ = writeln!(
+            before,
+            "{OURS}FragCoord = vec4(gl_FragCoord.x + {FRAME}.x, {FRAME}.y - gl_FragCoord.y, 1.0 - gl_FragCoord.z, gl_FragCoord.w);"
+        );
+    }
+    if fragment.text.contains("curitiba_dFdy") {
+        for kind in ["float", "vec2", "vec3", "vec4"] {
+            // Rows count upwards for the shader.
+            let _ = writeln!(head, "{kind} {OURS}dFdy({kind} p) {{ return -dFdy(p); }}");
+        }
+    }
+    let fragment_text = around(fragment, head, &before, &after);
+    let flat = passed.iter().any(|(_, _, flat)| *flat);
+    Ok(Linked { vertex: vertex_text, fragment: fragment_text, attributes, samplers, outputs, flat })
+}
+
+fn around(stated: &Stated, head: String, before: &str, after: &str) -> Text {
+    let shift = head.len();
+    let source = format!("{head}{}\nvoid main() {{\n{before}curitiba_main();\n{after}}}\n", stated.text);
+    let mut origins: Vec<Origin> =
+        stated.origins.iter().map(|origin| Origin { at: origin.at + shift, ..*origin }).collect();
+    if let Some(last) = stated.origins.last() {
+        origins.push(Origin { at: shift + stated.text.len(), start: last.start, end: last.end });
+    }
+    Text { source, origins }
+}
+
+fn attributes(vertex: &Stated, faults: &mut Vec<Fault>) -> Vec<Attribute> {
+    let mut found = Vec::new();
+    for input in vertex.inputs.iter().filter(|input| input.used) {
+        let floats = input.kind == "float" || input.kind.starts_with("vec");
+        match attribute(&input.key).filter(|_| floats) {
+            Some(attribute) if !found.contains(&attribute) => found.push(attribute),
+            Some(_) => {}
+            None => {
+                let names: Vec<&str> = Attribute::ALL.iter().map(|attribute| attribute.name()).collect();
+                let message = format!("there is no vertex attribute `{}` of type `{}`", input.token.text, input.kind);
+                let help = format!("valid: {}, of type float to vec4", names.join(", "));
+                faults.push(input.token.fault(Stage::Vertex, message, &help));
+            }
+        }
+    }
+    found.sort_by_key(|attribute| attribute.location());
+    found
+}
+
+/// What the fragment stage reads of the vertex stage: the two declarations, and whether it is not interpolated.
+fn passed<'a>(
+    vertex: &'a Stated,
+    fragment: &'a Stated,
+    faults: &mut Vec<Fault>,
+) -> Vec<(&'a Variable, &'a Variable, bool)> {
+    let mut found = Vec::new();
+    for input in fragment.inputs.iter().filter(|input| input.used) {
+        let same = |output: &&Variable| match (output.location, input.location) {
+            (Some(output), Some(input)) => output == input,
+            _ => output.key == input.key,
+        };
+        let name = &input.token.text;
+        let Some(output) = vertex.outputs.iter().find(same) else {
+            let mut names: Vec<&str> = vertex.outputs.iter().map(|output| output.key.as_str()).collect();
+            names.sort_unstable();
+            let block = input.key.strip_suffix(&format!(".{name}"));
+            let of = block.map_or(String::new(), |block| format!(" in a block `{block}`"));
+            let message = format!("`{name}` is read, and the vertex shader writes none of that name{of}");
+            let help = format!("it writes: {}", if names.is_empty() { "none".to_owned() } else { names.join(", ") });
+            faults.push(input.token.fault(Stage::Fragment, message, &help));
+            continue;
+        };
+        if output.kind != input.kind {
+            let message = format!("`{name}` is a {} here and a {} in the vertex shader", input.kind, output.kind);
+            faults.push(input.token.fault(Stage::Fragment, message, "valid: the same type in both"));
+        }
+        found.push((output, input, input.flat || output.flat));
+        if found.len() == MAX_VARYINGS + 1 {
+            let message = format!("more than {MAX_VARYINGS} variables pass from the vertex shader");
+            faults.push(input.token.fault(Stage::Fragment, message, ""));
+        }
+    }
+    found
+}
+
+/// Locations of the results.
+fn results<'a>(fragment: &'a Stated, faults: &mut Vec<Fault>) -> Vec<(usize, &'a Variable)> {
+    let mut found: Vec<(usize, &Variable)> = Vec::new();
+    let taken: Vec<u32> = fragment.outputs.iter().filter_map(|output| output.location).collect();
+    for output in &fragment.outputs {
+        let free = || {
+            (0..).find(|location| !taken.contains(location) && !found.iter().any(|(l, _)| l == &(*location as usize)))
+        };
+        let location = output.location.or_else(free).unwrap_or(0) as usize;
+        let fault = if location >= MAX_OUTPUTS {
+            Some((
+                format!(
+                    "`{}` goes to location {location}, and three channels of a target are drawn",
+                    output.token.text
+                ),
+                "valid: locations 0 to 2",
+            ))
+        } else if found.iter().any(|(other, _)| *other == location) {
+            Some((format!("a second result goes to location {location}"), ""))
+        } else if !(output.kind == "float" || output.kind.starts_with("vec")) {
+            Some((
+                format!("`{}` is a result of whole numbers, which no target holds", output.token.text),
+                "valid: vec4",
+            ))
+        } else {
+            None
+        };
+        match fault {
+            Some((message, help)) => faults.push(output.token.fault(Stage::Fragment, message, help)),
+            None => found.push((location, output)),
+        }
+    }
+    found
+}

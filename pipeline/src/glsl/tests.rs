@@ -1,0 +1,245 @@
+//! Shaders of a few lines.
+
+use super::*;
+use crate::guard;
+
+const VERTEX: &str =
+    "#version 330\nuniform mat4 pvm;\nin vec4 position;\nvoid main() { gl_Position = pvm * position; }\n";
+const FRAGMENT: &str = "#version 330\nout vec4 color;\nvoid main() { color = vec4(1.0); }\n";
+
+fn compile(vertex: &str, fragment: &str) -> Result<Program, Vec<Fault>> {
+    Source { vertex, fragment }.compile()
+}
+
+/// Line and column of each fault, from 1, with its file and message.
+fn faults(vertex: &str, fragment: &str) -> Vec<(Stage, usize, usize, String)> {
+    let found = compile(vertex, fragment).expect_err("it is refused");
+    let place = |fault: Fault| {
+        let text = if fault.stage == Stage::Vertex { vertex } else { fragment };
+        let before = &text[..fault.start.min(text.len())];
+        let line = before.matches('\n').count() + 1;
+        let column = before.len() - before.rfind('\n').map_or(0, |newline| newline + 1) + 1;
+        (fault.stage, line, column, fault.message)
+    };
+    found.into_iter().map(place).collect()
+}
+
+/// The one fault of a fragment shader.
+fn fault(fragment: &str) -> (usize, usize, String) {
+    let found = faults(VERTEX, fragment);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(found[0].0, Stage::Fragment);
+    (found[0].1, found[0].2, found[0].3.clone())
+}
+
+#[test]
+fn a_shader_reads_and_writes_what_it_says() {
+    let program = compile(VERTEX, FRAGMENT).expect("it compiles");
+    assert_eq!(program.attributes, [Attribute::Position]);
+    assert_eq!(program.outputs, [true, false, false]);
+    let [block] = &program.blocks[..] else { panic!("{:?}", program.blocks) };
+    assert_eq!((block.name.as_deref(), block.stage, block.size), (None, Stage::Vertex, 64));
+    let shape = Some(Shape { scalar: Scalar::Float, columns: 4, rows: 4 });
+    assert_eq!((block.members[0].name.as_str(), block.members[0].offset, block.members[0].shape), ("pvm", 0, shape));
+    assert!(program.samplers.is_empty() && !program.flat);
+}
+
+/// std140: what is behind a vector of three comes at once, columns of a matrix of three are 16 bytes apart.
+#[test]
+fn uniforms_lie_by_the_rules_of_std140_whether_in_blocks_or_not() {
+    let members = "float a; vec3 b; float c; mat3 d; vec2 e; int f; vec4 g;";
+    let expected = [("a", 0), ("b", 16), ("c", 28), ("d", 32), ("e", 80), ("f", 88), ("g", 96)];
+    let read = "color = g + vec4(d * b, a + c + e.x + float(f));";
+    let loose: String = members.split_inclusive(';').map(|member| format!("uniform {member}\n")).collect();
+    for text in [loose, format!("layout(std140) uniform Block {{ {members} }};")] {
+        let fragment = format!("#version 330\n{text}\nout vec4 color;\nvoid main() {{ {read} }}\n");
+        let program = compile(VERTEX, &fragment).expect("it compiles");
+        let block = program.blocks.iter().find(|block| block.stage == Stage::Fragment).expect("a block");
+        let found: Vec<_> = block.members.iter().map(|member| (member.name.as_str(), member.offset)).collect();
+        assert_eq!(found, expected, "{text}");
+        assert_eq!(block.size, 112);
+    }
+}
+
+#[test]
+fn uniforms_keep_the_value_that_they_begin_with_and_those_that_nothing_reads_are_not_there() {
+    let fragment = "#version 330\nuniform vec3 a = vec3(0.5, -1, 2);\nuniform float b = 3;\nuniform vec2 c = vec2(.25);\n\
+                    uniform sampler3D unread; uniform float unread2 = sin(1.0);\n\
+                    out vec4 color;\nvoid main() { color = vec4(a * b, c.x); }\n";
+    let program = compile(VERTEX, fragment).expect("it compiles");
+    let members: Vec<_> =
+        program.blocks[1].members.iter().map(|member| (member.name.as_str(), member.default)).collect();
+    let expected =
+        [("a", Some([0.5, -1.0, 2.0, 0.0])), ("b", Some([3.0, 0.0, 0.0, 0.0])), ("c", Some([0.25, 0.25, 0.0, 0.0]))];
+    assert_eq!(members, expected);
+}
+
+#[test]
+fn samplers_are_known_by_their_place_in_a_call_and_locals_may_have_their_name() {
+    let fragment = "#version 330\nuniform sampler2D noise, other;\nin vec2 uv;\nout vec4 color;\n\
+                    void main() { float noise = texture(noise, uv).r; color = vec4(noise) + texelFetch(other, ivec2(0), 0); }\n";
+    let vertex = "#version 330\nin vec4 position;\nin vec2 texCoord0;\nout vec2 uv;\n\
+                  void main() { uv = texCoord0; gl_Position = position; }\n";
+    let program = compile(vertex, fragment).expect("it compiles");
+    let names: Vec<_> = program.samplers.iter().map(|sampler| sampler.name.as_str()).collect();
+    assert_eq!(names, ["noise", "other"]);
+    assert_eq!(program.attributes, [Attribute::Position, Attribute::TexCoord]);
+    let alone = "#version 330\nuniform sampler2D a;\nout vec4 color;\nvec4 f(vec2 p) { return texture(b, p); }\n\
+                 void main() { color = f(vec2(0)) + texture(a, vec2(0)); }\n";
+    let (line, column, message) = fault(alone);
+    assert_eq!((line, column), (4, 33), "{message}");
+}
+
+/// Blocks with and without a name, one of them in each stage, and the older words.
+#[test]
+fn what_passes_between_the_stages_is_joined_by_name() {
+    let vertex = "#version 330\nin vec4 position;\nin vec3 normal;\nout Data { vec3 n; flat float f; } o;\nout vec2 unread;\n\
+                  void main() { o.n = normal; o.f = 1.0; unread = vec2(0); gl_Position = position; }\n";
+    let fragment = "#version 330\nin Data { vec3 n; flat float f; };\nout vec4 color;\nvoid main() { vec3 n = n * f; color = vec4(n, 1); }\n";
+    let program = compile(vertex, fragment).expect("it compiles");
+    assert!(program.flat);
+    assert_eq!(
+        program.vertex.matches("@location(").count(),
+        2 + 2,
+        "two attributes, two that are read: {}",
+        program.vertex
+    );
+    let old_vertex = "#version 120\nattribute vec4 position;\nvarying vec2 p;\nvoid main() { p = position.xy; gl_Position = position; }\n";
+    let old = "#version 120\nvarying vec2 p;\nuniform sampler2D t;\nvoid main() { gl_FragColor = texture2D(t, p); }\n";
+    assert_eq!(compile(old_vertex, old).expect("it compiles").outputs, [true, false, false]);
+    let wrong = fragment.replace("vec3 n; flat", "vec4 n; flat").replace("vec3 n = n * f", "vec3 n = n.xyz * f");
+    let found = faults(vertex, &wrong);
+    assert_eq!((found[0].1, found[0].2), (2, 16), "{found:?}");
+    assert!(found[0].3.contains("a vec4 here and a vec3 in the vertex shader"), "{found:?}");
+    let found = faults(VERTEX, fragment);
+    assert!(found.iter().all(|found| found.3.contains("the vertex shader writes none of that name in a block `Data`")));
+    assert_eq!(found.len(), 2);
+}
+
+#[test]
+fn functions_may_stand_in_any_order_with_declarations_before() {
+    let fragment = "#version 330\nfloat last(float x);\nfloat first(float x) { return last(x) + last(2.0 * x); }\nout vec4 color;\n\
+                    void main() { color = vec4(first(1.0)); }\nconst float k = 2.0;\nfloat last(float x) { return k * x; }\n";
+    compile(VERTEX, fragment).expect("it compiles");
+    let circle = fragment.replace("return k * x;", "return first(x);");
+    assert!(compile(VERTEX, &circle).is_err(), "GLSL knows no recursion");
+}
+
+#[test]
+fn faults_are_where_the_file_has_them() {
+    // A tab is a column, as everywhere; comments and macros move nothing.
+    let body = |statement: &str| {
+        format!(
+            "#version 330\n// é\n#define TWO 2.0 /* a\n   b */\nout vec4 color;\nvoid main() {{\n\t{statement}\n}}\n"
+        )
+    };
+    compile(VERTEX, &body("color = vec4(TWO);")).expect("it compiles");
+    for (statement, column, said) in [
+        ("color = vec4(missing);", 15, "missing"),
+        ("color = TWO * absent;", 16, "absent"),
+        ("color = vec3(1.0);", 2, ""),
+        ("float x = 1.0 +;", 17, ""),
+        ("gl_FragDepth = 1.0;", 2, "gl_FragDepth"),
+        ("color = vec4(gl_PointCoord, 0, 0);", 15, "gl_PointCoord"),
+    ] {
+        let (line, found, message) = fault(&body(statement));
+        assert_eq!(line, 7, "{statement}: {message}");
+        assert!(
+            found.abs_diff(column) <= if said.is_empty() { 20 } else { 0 },
+            "{statement}: column {found}: {message}"
+        );
+        assert!(message.contains(said), "{statement}: {message}");
+    }
+}
+
+#[test]
+fn what_is_not_supported_is_named_with_its_reason() {
+    let with = |declaration: &str, read: &str| {
+        format!("#version 430\n{declaration}\nout vec4 color;\nvoid main() {{ color = vec4(1.0); {read} }}\n")
+    };
+    for (declaration, read, said) in [
+        ("layout(std430, binding = 1) buffer B { vec4 b[]; };", "b[0] = color;", "std430"),
+        ("buffer B { vec4 b[]; };", "b[0] = color;", "storage buffer"),
+        ("layout(rgba8) uniform image2D i;", "imageStore(i, ivec2(0), color);", "images is not supported"),
+        ("writeonly uniform image2D i;", "imageStore(i, ivec2(0), color);", "stores to"),
+        ("uniform atomic_uint a;", "atomicCounterIncrement(a);", "atomic counters"),
+        ("uniform samplerCube c;", "color = texture(c, vec3(1));", "samplerCube"),
+        ("uniform bool b;", "if (b) discard;", "truth"),
+        ("uniform vec4 v = color0;", "color = v;", "begins with"),
+        ("#include \"other.glsl\"", "", "#include"),
+        ("#define F(x) x", "color = vec4(F(1.0));", "parameters"),
+        ("#extension GL_ARB_bindless_texture : enable", "", "GL_ARB_bindless_texture"),
+        ("layout(location = 3) out vec4 fourth;", "fourth = color;", "location 3"),
+        ("in vec3 a[2];", "color = vec4(a[0], 1);", "array"),
+        ("uniform vec4 curitiba_x;", "color = curitiba_x;", "reserved"),
+        ("layout(location = 0) out vec4 again;", "again = color;", "location 0"),
+    ] {
+        let text = with(declaration, read).replace("out vec4 color", "layout(location = 0) out vec4 color");
+        let found = compile(VERTEX, &text).expect_err(declaration);
+        assert!(found.iter().any(|fault| fault.message.contains(said)), "{declaration}: {found:?}");
+        assert!(found.iter().any(|fault| text[..fault.start].matches('\n').count() >= 1), "{declaration}: {found:?}");
+    }
+    let attribute = VERTEX
+        .replace("in vec4 position;", "in vec4 position; in vec4 bone;")
+        .replace("pvm * position", "pvm * position + bone");
+    let found = faults(&attribute, FRAGMENT);
+    assert_eq!((found[0].1, found[0].2), (3, 27), "{found:?}");
+    assert!(found[0].3.contains("no vertex attribute `bone`"), "{found:?}");
+    assert!(compile("#version 300 es\nvoid main() {}\n", FRAGMENT).is_err());
+    assert!(compile("", "").expect_err("empty").iter().any(|fault| fault.message.contains("no main()")));
+}
+
+/// What would let the preprocessor or the compiler run for long, or recurse until the stack ends.
+#[test]
+fn hostile_files_are_refused_soon() {
+    let main = |inside: String| format!("#version 330\nout vec4 color;\nvoid main() {{ {inside} }}\n");
+    let bombs: String = (0..40).map(|level| format!("#define m{} m{level} m{level}\n", level + 1)).collect();
+    let deep = |open: &str, close: &str, count: usize| format!("{}1.0{}", open.repeat(count), close.repeat(count));
+    for text in [
+        format!("#define m0 1.0 +\n{bombs}{}", main("color = vec4(m40 1.0);".to_owned())),
+        main(format!("color = vec4({});", deep("(", ")", 5_000))),
+        main(format!("color = vec4({}1.0);", "- ".repeat(50_000))),
+        main("if (true) {".repeat(5_000) + &"}".repeat(5_000)),
+        main("if (color.x > 0.0) discard; else ".repeat(5_000) + ";"),
+        format!("#if {}\n#endif\n{}", "(".repeat(100_000), FRAGMENT),
+        "/*".to_owned(),
+        "#version 330\nvoid main() { color = 1e99; }".to_owned(),
+        "#version 330\nuniform".to_owned(),
+        "#version 330\nout vec4".to_owned(),
+        "layout(".to_owned(),
+        "in Data {".to_owned(),
+        "\u{0}\u{7f}é".to_owned(),
+    ] {
+        assert!(compile(VERTEX, &text).is_err(), "{}", &text[..text.len().min(60)]);
+    }
+    // What is just allowed does not end the stack.
+    compile(VERTEX, &main(format!("color = vec4({});", deep("(", ")", 40)))).expect("it compiles");
+    compile(VERTEX, &main(format!("color = vec4({}1.0);", "- ".repeat(1_900)))).expect("it compiles");
+    let chain = "if (color.x > 0.0) color.y = 1.0; else ".repeat(900);
+    compile(VERTEX, &main(format!("color = vec4(1.0); {chain} color.z = 1.0;"))).expect("it compiles");
+}
+
+#[test]
+fn a_panic_of_the_compiler_is_an_error() {
+    // The panic is planted on the thread that compiles.
+    let planted = |name: &'static str| {
+        let text = tokens::tokens(Stage::Fragment, FRAGMENT).expect("tokens");
+        match name {
+            "pp-rs" => guard::plant::in_crate(name, || tokens::tokens(Stage::Fragment, FRAGMENT).expect_err("refused")),
+            _ => {
+                let stated = rewrite::read(Stage::Fragment, &text, 0).expect("read");
+                let vertex = tokens::tokens(Stage::Vertex, VERTEX).expect("tokens");
+                let vertex = rewrite::read(Stage::Vertex, &vertex, 0).expect("read");
+                let linked = link::link(&vertex, &stated).expect("linked");
+                guard::plant::in_crate(name, || {
+                    let translated = translate::translate(Stage::Fragment, &linked.fragment, &stated);
+                    translated.expect_err("refused").remove(0)
+                })
+            }
+        }
+    };
+    for name in ["pp-rs", "naga"] {
+        let fault = planted(name);
+        assert!(fault.message.contains(name) && fault.message.contains("planted"), "{fault:?}");
+    }
+}

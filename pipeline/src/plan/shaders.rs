@@ -1,0 +1,94 @@
+//! Own shaders of projects: which passes draw with some, what they read of scenes, and what they cannot be joined with.
+
+use super::{Plan, PlanError, PlannedPass, Work};
+use crate::backend::{Attachments, BackendError, Rasteriser, Rect};
+use crate::color::ColorSpace;
+use crate::glsl::Attribute;
+use crate::programs::Fidelity;
+use crate::project::{Camera, Pass, PassKind, RasterPass, ShaderTexture};
+use crate::scene::Needs;
+
+impl Plan {
+    /// Whether a planned pass draws with own shaders of the project.
+    #[must_use]
+    pub fn draws_own(&self, planned: &PlannedPass) -> bool {
+        self.own_raster(planned).is_some()
+    }
+
+    fn own_raster(&self, planned: &PlannedPass) -> Option<&RasterPass> {
+        match (&planned.work, &self.pass(planned).kind) {
+            (Work::Raster { .. }, PassKind::Raster(raster)) if !raster.shaders.is_empty() => Some(raster),
+            _ => None,
+        }
+    }
+
+    /// Whether own shaders draw all that a planned pass draws.
+    pub(super) fn draws_own_alone(&self, planned: &PlannedPass) -> bool {
+        self.own_raster(planned).is_some_and(RasterPass::is_all_own)
+    }
+
+    /// What own shaders read of scenes.
+    pub(super) fn needs_of_shaders(&self) -> Needs {
+        let mut needs = Needs::NOTHING;
+        for map in self.passes.iter().filter_map(|planned| self.own_raster(planned)).flat_map(|raster| &raster.shaders)
+        {
+            let reads = |attribute| map.shader.program.attributes.contains(&attribute);
+            needs.normals |= reads(Attribute::Normal);
+            needs.textures |= reads(Attribute::TexCoord) || map.shader.textures.contains(&ShaderTexture::Material);
+        }
+        needs
+    }
+
+    /// Says which shaders a pass draws with, and refuses what they cannot be joined with.
+    pub(super) fn check_shaders(
+        &mut self,
+        pass: &Pass,
+        raster: &RasterPass,
+        live: Attachments,
+    ) -> Result<(), PlanError> {
+        for map in raster.shaders.iter().rev() {
+            let why = format!("GLSL of the project, named at {}", map.shader.place);
+            self.decide(format!("own shader `{}` in pass `{}`", map.shader.name, pass.name), true, why);
+        }
+        let Some(map) = raster.shaders.first() else { return Ok(()) };
+        let refused = |why: &str, help: &str| {
+            let place = &map.shader.place;
+            Err(PlanError::new(format!("{place}: pass `{}` draws with own shaders, and {why}", pass.name), help))
+        };
+        if live.triangle {
+            return refused(
+                "a ray pass reads its triangle ids, which they do not write",
+                "let a material `deferred` draw what rays start from, or use --fidelity thesis for other programs",
+            );
+        }
+        if self.settings.fidelity == Fidelity::Thesis {
+            return refused("in thesis fidelity normals are in model space", "use --fidelity corrected");
+        }
+        if self.display.space == ColorSpace::Linear {
+            return refused("colours are linear light, which they do not know of", "use --color report");
+        }
+        Ok(())
+    }
+
+    /// The first pass that draws with own shaders where the rasteriser draws with none, with what to do.
+    #[must_use]
+    pub fn undrawn_shaders(&self, raster: &dyn Rasteriser) -> Option<(String, BackendError)> {
+        self.first_refused(|planned| {
+            let own = self.own_raster(planned).filter(|_| !raster.draws_shaders())?;
+            Some(BackendError::no_shaders(raster.name(), &own.shaders.first()?.shader.place))
+        })
+    }
+
+    /// The index of the camera of a raster pass, after `--camera`.
+    pub(crate) fn camera_of(&self, raster: &RasterPass) -> usize {
+        let chosen = self.settings.camera.as_deref().and_then(|name| self.project.camera(name).ok());
+        chosen.unwrap_or(raster.camera)
+    }
+
+    /// The view of a camera in the window, from the scenes' origin.
+    pub(crate) fn view_of(&self, camera: &Camera) -> (super::View, Rect) {
+        let viewport = camera.viewport.map(|viewport| &self.project.viewports[viewport]);
+        let rect = super::rectangle(viewport, self.window);
+        (super::view(camera, rect, self.origin), rect)
+    }
+}

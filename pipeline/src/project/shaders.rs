@@ -1,0 +1,301 @@
+//! Own shaders of projects: files, compilation, and what their uniforms and samplers are given.
+
+use super::dom::Value;
+use super::libraries::{LibraryMaterial, Texture, ValueOf};
+use super::loader::Loader;
+use super::passes::PassContext;
+use super::report::{Found, Span, shown, suggest};
+use super::{MaterialPattern, OwnShader, ShaderTexture, file};
+use crate::diagnostic::Source;
+use crate::glsl::{self, FRAME, Member, Program, Scalar, Stage};
+use crate::programs::{QUAD_PROGRAMS, RASTER_PROGRAMS};
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// A shader that a pass gives to materials.
+pub(super) struct ShaderUse<'a> {
+    pub to: &'a MaterialPattern,
+    pub library: usize,
+    pub material: &'a Rc<LibraryMaterial>,
+    pub at: Span,
+    /// Whether the materials are replaced as a whole, with their textures.
+    pub replaces: bool,
+}
+
+impl Loader {
+    /// Whether a material's shader is the project's own, which this build compiles.
+    pub fn is_own_shader(&self, library: usize, material: &LibraryMaterial) -> bool {
+        let known = |stem: &str| {
+            RASTER_PROGRAMS.iter().any(|info| info.stem == stem) || QUAD_PROGRAMS.iter().any(|info| info.stem == stem)
+        };
+        glsl::AVAILABLE && self.shader_of(library, material).is_some_and(|(_, stem)| !known(&stem))
+    }
+
+    /// Compiles an own shader and finds out what it is given. `light` is that of the pass.
+    pub fn own_shader(
+        &mut self,
+        context: &PassContext<'_>,
+        used: &ShaderUse<'_>,
+        light: Option<usize>,
+    ) -> Option<Arc<OwnShader>> {
+        let (program, files) = self.own_program(context, used)?;
+        let mut values: Vec<(ValueOf, glsl::Value)> = Vec::new();
+        let mut whole = true;
+        for given in &used.material.values {
+            // What the shader does not read is not looked for.
+            let of_block = |block: &glsl::Block| match (&block.name, &given.block) {
+                (Some(name), Some(given)) => *name == given.text,
+                (None, None) => true,
+                _ => false,
+            };
+            let member = |block: &glsl::Block| block.members.iter().any(|member| member.name == given.uniform.text);
+            let read = program.blocks.iter().any(|block| of_block(block) && member(block))
+                || program.samplers.iter().any(|sampler| sampler.name == given.uniform.text);
+            if !read {
+                continue;
+            }
+            match self.uniform_value(given, light) {
+                Some(value) => values.push((given.clone(), value)),
+                None => whole = false,
+            }
+        }
+        let own = OwnShader {
+            name: format!("{}::{}", self.libraries.get(used.library).name, used.material.name),
+            place: {
+                let (line, column) = self.report.line_column(used.at);
+                format!("{}:{line}:{column}", self.report.source(used.at.file).path.display())
+            },
+            values: self.uniforms(&program, files, &values)?,
+            textures: self.samplers(&program, files, &values, used)?,
+            bound: used.replaces.then_some(used.material.textures.len() as u32),
+            program,
+        };
+        whole.then(|| Arc::new(own))
+    }
+
+    /// The compiled shader, and its two files in the report.
+    fn own_program(&mut self, context: &PassContext<'_>, used: &ShaderUse<'_>) -> Option<(Arc<Program>, [u32; 2])> {
+        let library = self.libraries.get(used.library);
+        let shader = library.shaders[used.material.shader?].clone();
+        let folder = library.path.clone();
+        let (pass, name) = (shown(&context.name), shown(&shader.name));
+        for (what, span) in &shader.others {
+            let message = format!("pass `{pass}`: shader `{name}` has {what}, which is not supported");
+            self.report.error_help(*span, message, || "valid: a vertex shader (vs) and a pixel shader (ps)".to_owned());
+        }
+        if !shader.others.is_empty() {
+            return None;
+        }
+        let (Some(vertex), Some(pixel)) = (&shader.vertex, &shader.pixel) else {
+            let what = if shader.vertex.is_none() { "vertex shader (vs)" } else { "pixel shader (ps)" };
+            self.report.error(used.at, format!("pass `{pass}`: shader `{name}` has no {what}"));
+            return None;
+        };
+        let mut folder = file::Folder::of(&folder);
+        let paths = [folder.resolve(&mut self.report, vertex)?, folder.resolve(&mut self.report, pixel)?];
+        let failed_before = matches!(self.compiled.get(&paths), Some(None));
+        if failed_before {
+            // It was said what is wrong.
+            return None;
+        }
+        let mut files = [0; 2];
+        for ((path, named), file) in paths.iter().zip([vertex, pixel]).zip(&mut files) {
+            *file = self.shader_file(path, named)?;
+        }
+        if let Some(Some(program)) = self.compiled.get(&paths) {
+            return Some((Arc::clone(program), files));
+        }
+        let texts = files.map(|file| self.report.source(file).text.clone());
+        let compiled = glsl::Source { vertex: &texts[0], fragment: &texts[1] }.compile();
+        let program = match compiled {
+            Ok(program) => Some(Arc::new(program)),
+            Err(faults) => {
+                for fault in faults {
+                    let file = files[usize::from(fault.stage == Stage::Fragment)];
+                    let at = Self::span_in(file, [fault.start, fault.end]);
+                    match fault.help {
+                        Some(help) => self.report.error_help(at, fault.message, || help),
+                        None => self.report.error(at, fault.message),
+                    }
+                }
+                None
+            }
+        };
+        self.compiled.insert(paths, program.clone());
+        program.map(|program| (program, files))
+    }
+
+    /// Reads a shader file into the report. Bytes that are no UTF-8 may stand in comments.
+    fn shader_file(&mut self, path: &Path, named: &Value) -> Option<u32> {
+        match crate::files::read(path, glsl::MAX_FILE) {
+            Ok(bytes) => {
+                let body = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
+                let text = String::from_utf8_lossy(body).into_owned();
+                Some(self.report.add_source(Source { path: path.to_owned(), text: text.into() }))
+            }
+            Err(why) => {
+                let message = format!("cannot read {}: {why}", path.display());
+                if path.exists() {
+                    self.report.error(named.span, message);
+                } else {
+                    self.report.error_help(named.span, message, || crate::paths::nearest_help(path));
+                }
+                None
+            }
+        }
+    }
+
+    /// By block and member: what uniforms are given.
+    fn uniforms(
+        &mut self,
+        program: &Program,
+        files: [u32; 2],
+        values: &[(ValueOf, glsl::Value)],
+    ) -> Option<Vec<Vec<Option<glsl::Value>>>> {
+        let mut whole = true;
+        let mut blocks = Vec::new();
+        for block in &program.blocks {
+            let mut members = Vec::new();
+            for member in &block.members {
+                let given = values.iter().rev().find(|(given, _)| {
+                    given.uniform.text == member.name && given.block.as_ref().map(|b| &b.text) == block.name.as_ref()
+                });
+                let value = match given {
+                    Some((given, value)) => match fits(*value, member) {
+                        Ok(()) => Some(*value),
+                        Err(why) => {
+                            self.report.error(given.span, format!("the uniform `{}` {why}", member.name));
+                            whole = false;
+                            None
+                        }
+                    },
+                    None => {
+                        if member.default.is_none() && member.name != FRAME {
+                            self.tell_unmapped(files, block.stage, &member.name, member.at, "is 0");
+                        }
+                        None
+                    }
+                };
+                members.push(value);
+            }
+            blocks.push(members);
+        }
+        whole.then_some(blocks)
+    }
+
+    fn tell_unmapped(&mut self, files: [u32; 2], stage: Stage, name: &str, at: [usize; 2], then: &str) {
+        let at = Self::span_in(files[usize::from(stage == Stage::Fragment)], at);
+        let message = format!("nothing is mapped to the uniform `{name}`: it {then}, as in OpenGL");
+        self.report
+            .warning(at, message, || Some(format!("<valueof uniform=\"{name}\" …/> in the material's <shader>")));
+    }
+
+    /// By sampler: what it reads.
+    fn samplers(
+        &mut self,
+        program: &Program,
+        files: [u32; 2],
+        values: &[(ValueOf, glsl::Value)],
+        used: &ShaderUse<'_>,
+    ) -> Option<Vec<ShaderTexture>> {
+        let mut textures = Some(Vec::new());
+        for sampler in &program.samplers {
+            let given = values.iter().rev().find(|(given, _)| given.uniform.text == sampler.name);
+            let unit = match given {
+                Some((_, glsl::Value::Unit(unit))) => *unit,
+                Some((given, _)) => {
+                    let message = format!("the sampler `{}` is given no texture unit", sampler.name);
+                    self.report.error_help(given.span, message, || {
+                        "valid: type=\"TEXTURE_BINDING\" context=\"CURRENT\" component=\"UNIT\" id=\"0\"".to_owned()
+                    });
+                    textures = None;
+                    continue;
+                }
+                None => {
+                    self.tell_unmapped(files, sampler.stage, &sampler.name, sampler.at, "reads texture unit 0");
+                    0
+                }
+            };
+            let texture = self.bound(used, unit);
+            textures = textures.zip(texture).map(|(mut textures, texture)| {
+                textures.push(texture);
+                textures
+            });
+        }
+        textures
+    }
+
+    /// What is bound to a texture unit.
+    fn bound(&mut self, used: &ShaderUse<'_>, unit: u32) -> Option<ShaderTexture> {
+        if !used.replaces {
+            return Some(if unit == 0 { ShaderTexture::Material } else { ShaderTexture::Nothing });
+        }
+        let Some((_, name)) = used.material.textures.iter().find(|(bound, _)| *bound == unit) else {
+            let message = format!("material `{}` binds no texture to unit {unit}: it is black", used.material.name);
+            self.report.warning(used.at, message, || Some(format!("<texture unit=\"{unit}\" name=\"…\"/>")));
+            return Some(ShaderTexture::Nothing);
+        };
+        let (library, own_name) = match name.text.split_once("::") {
+            Some((library, own)) => {
+                let from = Value { text: library.trim().to_owned(), joined: None, span: name.span };
+                (self.find_library(&from)?, own.trim())
+            }
+            None => (used.library, name.text.as_str()),
+        };
+        let library = self.libraries.get(library);
+        let index = match library.texture_names.find(own_name) {
+            Found::Exact(index) | Found::OtherCase(index) => index,
+            Found::Missing => {
+                let help = suggest(own_name, library.texture_names.iter());
+                self.report.error_help(name.span, format!("there is no texture `{}`", name.shown()), || help);
+                return None;
+            }
+        };
+        let path = library.path.clone();
+        match library.textures[index].clone() {
+            Texture::File(value) => {
+                let file = file::Folder::of(&path).resolve(&mut self.report, &value)?;
+                if !file.exists() {
+                    let message = format!("cannot read {}: there is no such file", file.display());
+                    self.report.error_help(value.span, message, || crate::paths::nearest_help(&file));
+                    return None;
+                }
+                Some(ShaderTexture::File(file))
+            }
+            Texture::Channel(_) | Texture::Depth => {
+                let message =
+                    format!("the own shader of a raster pass reads the render target texture `{}`", name.shown());
+                let help = || "not supported yet; valid: an image file".to_owned();
+                self.report.error_help(name.span, message, help);
+                None
+            }
+            Texture::Other => {
+                let message =
+                    format!("the texture `{}` has no file: what the engine fills itself is not there", name.shown());
+                self.report.error_help(name.span, message, || "valid: <texture name=\"…\" filename=\"…\"/>".to_owned());
+                None
+            }
+        }
+    }
+}
+
+/// Whether a value can be what a member is; else why not.
+fn fits(value: glsl::Value, member: &Member) -> Result<(), String> {
+    use glsl::{CameraValue as C, Value as V};
+    let Some(shape) = member.shape else {
+        return Err("is an array or a structure, to which nothing can be mapped".to_owned());
+    };
+    let matrix = match value {
+        V::Matrix(_) | V::Camera(_, C::ViewMatrix | C::ProjectionMatrix | C::ProjectionViewMatrix) => Some(4),
+        V::NormalMatrix => Some(3),
+        V::Unit(_) => None,
+        _ => None,
+    };
+    match matrix {
+        Some(side) if (shape.columns, shape.rows, shape.scalar) == (side, side, Scalar::Float) => Ok(()),
+        Some(side) => Err(format!("is given a matrix of {side} x {side}, and is none: declare it as mat{side}")),
+        None if shape.columns == 1 => Ok(()),
+        None => Err("is a matrix, and is given numbers or a vector".to_owned()),
+    }
+}

@@ -1,0 +1,393 @@
+//! Own shaders of projects: pictures with known pixels, and errors with their places.
+//!
+//! Pictures need the feature `glsl` and a Vulkan, Metal or DirectX 12 driver, a software one included; the tests say `skipped` without
+//! one, and fail instead with `CURITIBA_REQUIRE_GPU_TESTS=1`.
+
+use curitiba::pipeline::executor::{Renderer, Silent};
+use curitiba::pipeline::image::Image;
+use curitiba::pipeline::plan::Settings;
+use curitiba::{Choice, OpenError, RasterChoice};
+use std::path::Path;
+use tempfile::TempDir;
+
+/// Pixels a side.
+const SIDE: u32 = 64;
+
+/// A project of one pass, in a folder of its own: a square of side 2 before the camera, in the plane z = 0, its texture coordinates those of
+/// the engine's `SQUARE`, and behind it a larger one.
+struct Scene {
+    folder: TempDir,
+}
+
+/// Materials and their `<values>` but for the matrix, which is always mapped to `pvm`.
+struct Shader<'a> {
+    vertex: &'a str,
+    fragment: &'a str,
+    values: &'a str,
+}
+
+const VERTEX: &str =
+    "#version 330\nuniform mat4 pvm;\nin vec4 position;\nvoid main() { gl_Position = pvm * position; }\n";
+
+impl Scene {
+    fn new(shader: &Shader<'_>, pass: &str) -> Self {
+        Self::with_passes(
+            shader,
+            &format!(r#"<pass class="default" name="draw">{pass}<lights><light name="Sun"/></lights></pass>"#),
+        )
+    }
+
+    /// A pass that draws the ball into a target, by the own shader if `own`, and one that shows a channel of it.
+    fn ball(shader: &Shader<'_>, own: bool, channel: &str) -> Self {
+        let map = r#"<injectionMaps><map toMaterial="*"><shader fromMaterial="own" fromLibrary="Own"/></map></injectionMaps>"#;
+        let passes = format!(
+            r#"<pass class="default" name="draw"><scenes><scene name="Ball"/></scenes><renderTarget name="buffers" fromLibrary="Own"/>
+<lights><light name="Sun"/></lights>{}</pass>
+<pass class="quad" name="show"><texture name="{channel}" fromLibrary="Own"/></pass>"#,
+            if own { map } else { "" }
+        );
+        Self::with_passes(shader, &passes)
+    }
+
+    fn with_passes(shader: &Shader<'_>, passes: &str) -> Self {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+        write("own.vert", shader.vertex);
+        write("own.frag", shader.fragment);
+        write(
+            "own.mlib",
+            &format!(
+                r#"<materialLib name="Own">
+<textures><texture name="rows" filename="rows.png"/></textures>
+<renderTargets><renderTarget name="buffers"><SIZE width="{SIDE}" height="{SIDE}"/><CLEAR_VALUES r="0" g="0" b="0" a="0"/>
+<colors><color name="shaded" internalFormat="RGBA32F"/><color name="place" internalFormat="RGBA32F"/><color name="side" internalFormat="RGBA32F"/></colors>
+<depth name="depth" internalFormat="DEPTH_COMPONENT32F"/></renderTarget></renderTargets>
+<shaders><shader name="own" vs="own.vert" ps="own.frag"/></shaders>
+<materials><material name="own">
+<color><DIFFUSE r="0.25" g="0.5" b="0.75"/><SHININESS value="7"/></color>
+<shader name="own"><values>
+<valueof uniform="pvm" type="RENDERER" context="CURRENT" component="PROJECTION_VIEW_MODEL"/>
+{}
+</values></shader>
+<textures><texture UNIT="0" name="rows"/></textures>
+</material></materials>
+</materialLib>"#,
+                shader.values
+            ),
+        );
+        // Red below, blue above.
+        let mut rows = Image::filled(1, 2, [0.0, 0.0, 1.0, 1.0]);
+        rows.pixels[1] = [1.0, 0.0, 0.0, 1.0];
+        curitiba::pipeline::image::write_png(&folder.path().join("rows.png"), &rows).expect("written");
+        write(
+            "own.xml",
+            &format!(
+                r#"<project name="own" width="{SIDE}" height="{SIDE}">
+<assets>
+<attributes><attribute name="level" type="RENDERER" data="FLOAT" value="0.625"/></attributes>
+<scenes>
+<scene name="Square"><geometry name="near" type="SQUARE" material="near"><ROTATE x="1" y="0" z="0" w="90"/></geometry></scene>
+<scene name="Ball"><geometry name="ball" type="SPHERE" slices="24" stacks="16" material="ball"/></scene>
+<scene name="Both">
+<geometry name="near" type="SQUARE" material="near"><ROTATE x="1" y="0" z="0" w="90"/></geometry>
+<geometry name="far" type="SQUARE" material="far"><ROTATE x="1" y="0" z="0" w="90"/><SCALE x="3" y="3" z="3"/><TRANSLATE x="0" y="0" z="-1"/></geometry>
+</scene>
+</scenes>
+<viewports><viewport name="V"><CLEAR_COLOR r="0" g="0" b="0"/></viewport></viewports>
+<cameras><camera name="C"><viewport name="V"/><projection TYPE="ORTHO" LEFT="-1" RIGHT="1" BOTTOM="-1" TOP="1" NEAR="1" FAR="9"/>
+<POSITION x="0" y="0" z="5"/><VIEW x="0" y="0" z="-1"/><UP x="0" y="1" z="0"/></camera></cameras>
+<lights><light name="Sun" type="directional"><DIRECTION x="0.6" y="0" z="-0.8"/><COLOR r="1" g="1" b="1"/></light></lights>
+<materialLibs><materialLib filename="own.mlib"/></materialLibs>
+</assets>
+<pipelines><pipeline name="p" default="true" defaultCamera="C">
+{passes}
+</pipeline></pipelines>
+</project>"#
+            ),
+        );
+        Self { folder }
+    }
+
+    /// All of one square by the own shader.
+    fn square(shader: &Shader<'_>) -> Self {
+        let map = r#"<materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="own"/></materialMaps>"#;
+        Self::new(shader, &format!(r#"<scenes><scene name="Square"/></scenes>{map}"#))
+    }
+
+    fn path(&self) -> std::path::PathBuf {
+        self.folder.path().join("own.xml")
+    }
+
+    fn open(&self, raster: RasterChoice) -> Result<Renderer, OpenError> {
+        let choice = Choice { raster, ..Choice::CPU };
+        curitiba::open(self.path(), Settings::default(), choice, &mut Silent)
+    }
+
+    /// The picture; `None` where there is no driver.
+    fn picture(&self) -> Option<Image> {
+        if let Err(error) = curitiba::engines::rasteriser(Choice { raster: RasterChoice::Wgpu, ..Choice::CPU }) {
+            assert!(std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_none(), "{error}");
+            println!("skipped: {error}");
+            return None;
+        }
+        let mut renderer = self.open(RasterChoice::Auto).unwrap_or_else(|error| panic!("{}", error.joined()));
+        assert_eq!(renderer.engines().raster.name(), "wgpu", "auto takes what draws own shaders");
+        Some(renderer.frame(&mut Silent).expect("it renders"))
+    }
+
+    /// What is said in the place of a picture.
+    fn refused(&self, raster: RasterChoice) -> String {
+        match self.open(raster) {
+            Ok(_) => panic!("it is refused"),
+            Err(error) => error.joined(),
+        }
+    }
+}
+
+/// The largest difference of a picture from what is known of its pixels, by column and row from the top.
+#[track_caller]
+fn assert_near(picture: &Image, known: impl Fn(u32, u32) -> [f32; 4], most: f32) {
+    assert_eq!((picture.width, picture.height), (SIDE, SIDE));
+    for (index, pixel) in (0..).zip(&picture.pixels) {
+        let (x, y) = (index % SIDE, index / SIDE);
+        let wanted = known(x, y);
+        let off = pixel.iter().zip(wanted).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off <= most, "pixel {x}, {y}: {pixel:?}, and {wanted:?} is right");
+    }
+}
+
+#[cfg(not(feature = "glsl"))]
+#[test]
+fn a_build_without_the_feature_says_so() {
+    let scene = Scene::square(&Shader { vertex: VERTEX, fragment: "", values: "" });
+    assert!(scene.picture_is_refused(), "{}", scene.refused(RasterChoice::Cpu));
+}
+
+#[cfg(not(feature = "glsl"))]
+impl Scene {
+    fn picture_is_refused(&self) -> bool {
+        let said = self.refused(RasterChoice::Cpu);
+        said.contains("shader `own` is not a raster program") && said.contains("cargo build --features glsl")
+    }
+}
+
+#[cfg(feature = "glsl")]
+mod drawn {
+    use super::*;
+
+    fn value(uniform: &str, kind: &str, context: &str, component: &str) -> String {
+        format!(r#"<valueof uniform="{uniform}" type="{kind}" context="{context}" component="{component}"/>"#)
+    }
+
+    /// Numbers that are mapped, and numbers that shaders have by themselves.
+    #[test]
+    fn uniforms_are_what_the_project_maps_to_them() {
+        let fragment = "#version 330\nlayout(std140) uniform Paint { float unused; vec4 diffuse; };\nuniform float level;\n\
+                        uniform float shine;\nuniform vec3 own = vec3(0.5, 1, 1);\nuniform int two;\nout vec4 color;\n\
+                        void main() { color = vec4(diffuse.rgb * own, level); if (two == 2 && shine == 7.0) color.g = 0.125; }\n";
+        let values = value("level", "RENDERER", "CURRENT", "level")
+            + &value("shine", "COLOR", "CURRENT", "SHININESS")
+            + &value("two", "RENDERER", "CURRENT", "TEXTURE_COUNT")
+            + r#"<valueof uniform="diffuse" block="Paint" type="COLOR" context="CURRENT" component="DIFFUSE"/>"#;
+        let scene = Scene::square(&Shader { vertex: VERTEX, fragment, values: &values });
+        let Some(picture) = scene.picture() else { return };
+        // One texture is bound, not two.
+        assert_near(&picture, |_, _| [0.125, 0.5, 0.75, 0.625], 1e-6);
+        let one = fragment.replace("two == 2", "two == 1");
+        let scene = Scene::square(&Shader { vertex: VERTEX, fragment: &one, values: &values });
+        assert_near(&scene.picture().expect("a driver"), |_, _| [0.125, 0.125, 0.75, 0.625], 1e-6);
+    }
+
+    /// Rows count upwards: in `gl_FragCoord`, in clip space, in derivatives and in textures.
+    #[test]
+    fn the_picture_is_the_right_way_up() {
+        let fragment = "#version 330\nin vec2 place;\nout vec4 color;\n\
+                        void main() { color = vec4(gl_FragCoord.xy / 64.0, dFdy(place.y) * 32.0, 1.0); }\n";
+        let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nout vec2 place;\n\
+                      void main() { place = position.xy; gl_Position = pvm * position; }\n";
+        let Some(picture) = Scene::square(&Shader { vertex, fragment, values: "" }).picture() else { return };
+        let centre = |pixel: u32| (pixel as f32 + 0.5) / SIDE as f32;
+        assert_near(&picture, |x, y| [centre(x), 1.0 - centre(y), 1.0, 1.0], 1e-4);
+        let fragment = "#version 330\nuniform sampler2D rows;\nin vec2 place;\nout vec4 color;\n\
+                        void main() { color = texelFetch(rows, ivec2(0, place.y > 0.0 ? 1 : 0), 0); }\n";
+        let values = r#"<valueof uniform="rows" type="TEXTURE_BINDING" context="CURRENT" component="UNIT" id="0"/>"#;
+        let picture = Scene::square(&Shader { vertex, fragment, values }).picture().expect("a driver");
+        // The file's upper row is blue.
+        assert_near(&picture, |_, y| if y < SIDE / 2 { [0.0, 0.0, 1.0, 1.0] } else { [1.0, 0.0, 0.0, 1.0] }, 1e-6);
+    }
+
+    /// Depth in OpenGL's range, with other materials drawn as ever: what is nearer hides what is behind, whoever draws it.
+    #[test]
+    fn depth_is_kept_beside_materials_that_deferred_draws() {
+        for own in ["near", "far"] {
+            let fragment =
+                "#version 330\nout vec4 color;\nvoid main() { color = vec4(0.0, 0.0, 1.0, gl_FragCoord.z); }\n";
+            let map =
+                format!(r#"<materialMaps><map fromMaterial="{own}" toLibrary="Own" toMaterial="own"/></materialMaps>"#);
+            let pass = format!(r#"<scenes><scene name="Both"/></scenes>{map}"#);
+            let Some(picture) = Scene::new(&Shader { vertex: VERTEX, fragment, values: "" }, &pass).picture() else {
+                return;
+            };
+            // Near plane 1 and far plane 9, camera at 5: z = 0 is in the middle.
+            let inside = picture.pixels[(SIDE * SIDE / 2 + SIDE / 2) as usize];
+            if own == "near" {
+                assert!((inside[3] - 0.5).abs() < 1e-6 && inside[2] == 1.0, "{inside:?}");
+            } else {
+                assert!(inside[2] < 0.9, "the near square hides it: {inside:?}");
+            }
+        }
+    }
+
+    /// Light and ambient, place and normal, as the material `deferred` writes them, by a shader that says the same.
+    #[test]
+    fn a_shader_that_says_what_deferred_does_draws_what_it_does() {
+        let vertex = "#version 330\nuniform mat4 pvm, model, view; uniform mat3 normals; uniform vec4 light;\n\
+                      in vec4 position; in vec3 normal; out Lit { vec3 side; vec3 place; vec3 eyed; vec3 lit; } lit;\n\
+                      void main() { lit.side = normal; lit.place = vec3(model * position); lit.eyed = normals * normal;\n\
+                      lit.lit = vec3(view * -light); gl_Position = pvm * position; }\n";
+        let fragment = "#version 330\nuniform vec4 diffuse;\n\
+                        in Lit { vec3 side; vec3 place; vec3 eyed; vec3 lit; } lit;\n\
+                        layout(location = 0) out vec4 color; layout(location = 1) out vec4 place; layout(location = 2) out vec4 side;\n\
+                        void main() { float cosine = max(dot(normalize(lit.eyed), lit.lit), 0);\n\
+                        color = diffuse * cosine + 0.3 * diffuse; place = vec4(lit.place, cosine); side = vec4(normalize(lit.side), 0); }\n";
+        let values = value("view", "RENDERER", "CURRENT", "VIEW")
+            + &value("model", "RENDERER", "CURRENT", "MODEL")
+            + &value("normals", "RENDERER", "CURRENT", "NORMAL")
+            + &value("light", "LIGHT", "Sun", "DIRECTION")
+            + &value("diffuse", "COLOR", "CURRENT", "DIFFUSE");
+        let shader = Shader { vertex, fragment, values: &values };
+        for channel in ["shaded", "place", "side"] {
+            let Some(own) = Scene::ball(&shader, true, channel).picture() else { return };
+            let plain = Scene::ball(&shader, false, channel);
+            let mut deferred = plain.open(RasterChoice::Wgpu).unwrap_or_else(|error| panic!("{}", error.joined()));
+            let deferred = deferred.frame(&mut Silent).expect("it renders");
+            assert!(deferred.pixels.iter().filter(|pixel| pixel[0] != 0.0).count() > 1000, "the ball is seen");
+            assert_near(
+                &own,
+                |x, y| deferred.pixels[(y * SIDE + x) as usize],
+                if channel == "shaded" { 1.0 / 255.0 } else { 1e-5 },
+            );
+            // A shader that says something else is found out.
+            let other = fragment
+                .replace("0.3 *", "0.31 *")
+                .replace("vec4(lit.place", "vec4(lit.place.zyx")
+                .replace("vec4(normalize(lit.side)", "vec4(-normalize(lit.side)");
+            let other = Scene::ball(&Shader { fragment: &other, ..shader }, true, channel).picture().expect("a driver");
+            let differs = |(a, b): (&[f32; 4], &[f32; 4])| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 1.0 / 255.0);
+            assert!(other.pixels.iter().zip(&deferred.pixels).any(differs), "{channel}");
+        }
+    }
+
+    /// What is not interpolated is of a triangle's last corner, as in OpenGL.
+    #[test]
+    fn flat_values_are_those_of_the_last_corner() {
+        let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nflat out vec4 corner;\nout vec4 place;\n\
+                      void main() { place = position; corner = position; gl_Position = pvm * position; }\n";
+        let fragment = "#version 330\nflat in vec4 corner;\nin vec4 place;\nout vec4 color;\n\
+                        void main() { color = vec4(corner.xy * 0.5 + 0.5, 0, 1); }\n";
+        let scene = Scene::square(&Shader { vertex, fragment, values: "" });
+        let Some(picture) = scene.picture() else { return };
+        let renderer = scene.open(RasterChoice::Wgpu).unwrap_or_else(|error| panic!("{}", error.joined()));
+        let geometry = &renderer.scenes().next().expect("a scene").geometry;
+        let last: Vec<[f32; 2]> = geometry
+            .triangles
+            .iter()
+            .map(|triangle| geometry.positions[triangle[2] as usize])
+            .map(|corner| [corner.x * 0.5 + 0.5, corner.y * 0.5 + 0.5])
+            .collect();
+        let first: Vec<[f32; 2]> = geometry
+            .triangles
+            .iter()
+            .map(|triangle| geometry.positions[triangle[0] as usize])
+            .map(|corner| [corner.x * 0.5 + 0.5, corner.y * 0.5 + 0.5])
+            .collect();
+        assert_ne!(last, first, "the corners tell");
+        let near =
+            |pixel: &[f32; 4], corner: &[f32; 2]| (pixel[0] - corner[0]).abs().max((pixel[1] - corner[1]).abs()) < 1e-5;
+        for pixel in &picture.pixels {
+            assert!(last.iter().any(|corner| near(pixel, corner)), "{pixel:?} of {last:?}");
+        }
+    }
+
+    #[test]
+    fn only_what_the_maps_are_for_is_drawn_with_them_and_what_is_not_bound_is_black() {
+        let fragment = "#version 330\nuniform sampler2D t;\nout vec4 color;\nvoid main() { color = texture(t, vec2(0.5)) + vec4(0.25, 0, 0, 0); }\n";
+        let values = r#"<valueof uniform="t" type="TEXTURE_BINDING" context="CURRENT" component="UNIT" id="3"/>"#;
+        let Some(picture) = Scene::square(&Shader { vertex: VERTEX, fragment, values }).picture() else { return };
+        assert_near(&picture, |_, _| [0.25, 0.0, 0.0, 1.0], 1e-6);
+    }
+
+    #[test]
+    fn the_processor_s_rasteriser_says_which_one_runs_them() {
+        let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(1); }\n";
+        let said = Scene::square(&Shader { vertex: VERTEX, fragment, values: "" }).refused(RasterChoice::Cpu);
+        assert!(said.contains("pass `draw`") && said.contains("own.xml:") && said.contains("--raster wgpu"), "{said}");
+    }
+
+    /// Errors are said when the project is read, with the shader's file, line and column.
+    #[test]
+    fn errors_are_in_the_shader_s_own_file() {
+        let fragment = "#version 330\nout vec4 color;\n\nvoid main() {\n    color = vec4(nothing, 1);\n}\n";
+        let said = Scene::square(&Shader { vertex: VERTEX, fragment, values: "" }).refused(RasterChoice::Wgpu);
+        assert!(said.contains("own.frag:5:18") && said.contains("nothing"), "{said}");
+        let fine = "#version 330\nuniform vec4 tint;\nout vec4 color;\nvoid main() { color = tint; }\n";
+        for (values, expected) in [
+            (
+                value("tint", "RENDERER", "CURRENT", "CLOCK"),
+                "the uniform `tint` is the `CLOCK` of RENDERER, which is not known",
+            ),
+            (value("tint", "WEATHER", "CURRENT", "RAIN"), "the uniform `tint` is a value of WEATHER"),
+            (value("tint", "LIGHT", "Moon", "COLOR"), "there is no light `Moon`"),
+            (value("tint", "RENDERER", "CURRENT", "VIEW"), "declare it as mat4"),
+        ] {
+            let said =
+                Scene::square(&Shader { vertex: VERTEX, fragment: fine, values: &values }).refused(RasterChoice::Wgpu);
+            assert!(said.contains(expected) && said.contains("own.mlib:"), "{said}");
+        }
+        // Not mapped: 0, and a warning that says so.
+        let scene = Scene::square(&Shader { vertex: VERTEX, fragment: fine, values: "" });
+        let project = Settings::default().open(&scene.path()).expect("it is read");
+        let warnings = project.problems.to_string();
+        assert!(
+            warnings.contains("own.frag:2:14") && warnings.contains("nothing is mapped to the uniform `tint`"),
+            "{warnings}"
+        );
+        let Some(picture) = scene.picture() else { return };
+        assert_near(&picture, |_, _| [0.0; 4], 0.0);
+    }
+
+    #[test]
+    fn what_own_shaders_cannot_be_joined_with_is_refused_before_anything_is_loaded() {
+        let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(1); }\n";
+        let scene = Scene::square(&Shader { vertex: VERTEX, fragment, values: "" });
+        let linear = Settings { color: Some(curitiba::pipeline::color::ColorSpace::Linear), ..Settings::default() };
+        let thesis = Settings { fidelity: curitiba::pipeline::programs::Fidelity::Thesis, ..Settings::default() };
+        for (settings, expected) in [(linear, "--color report"), (thesis, "--fidelity corrected")] {
+            let choice = Choice { raster: RasterChoice::Wgpu, ..Choice::CPU };
+            let said = match curitiba::open(scene.path(), settings, choice, &mut Silent) {
+                Ok(_) => panic!("it is refused"),
+                Err(error) => error.joined(),
+            };
+            assert!(said.contains("draws with own shaders") && said.contains(expected), "{said}");
+        }
+    }
+
+    #[test]
+    fn the_shipped_project_renders() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/shaders/Bands.xml");
+        let settings = Settings { size: Some([SIDE; 2]), ..Settings::default() };
+        let choice = Choice { raster: RasterChoice::Wgpu, ..Choice::CPU };
+        if let Err(error) = curitiba::engines::rasteriser(choice) {
+            assert!(std::env::var_os("CURITIBA_REQUIRE_GPU_TESTS").is_none(), "{error}");
+            println!("skipped: {error}");
+            return;
+        }
+        let mut renderer =
+            curitiba::open(path, settings, choice, &mut Silent).unwrap_or_else(|e| panic!("{}", e.joined()));
+        let picture = renderer.frame(&mut Silent).expect("it renders");
+        let sky = [0.55, 0.7, 0.9];
+        let is_sky = |pixel: &[f32; 4]| pixel.iter().zip(sky).all(|(a, b)| (a - b).abs() < 1e-6);
+        let share = picture.pixels.iter().filter(|pixel| !is_sky(pixel)).count() as f32 / picture.pixels.len() as f32;
+        assert!(share > 0.3, "{share} of the picture shows the square");
+    }
+}
