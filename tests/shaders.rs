@@ -3,6 +3,11 @@
 //! Pictures need the feature `glsl` and a Vulkan, Metal or DirectX 12 driver, a software one included; the tests say `skipped` without
 //! one, and fail instead with `CURITIBA_REQUIRE_GPU_TESTS=1`.
 
+#![cfg_attr(
+    not(feature = "glsl"),
+    allow(dead_code, unused_imports, reason = "without the feature there are no pictures to compare")
+)]
+
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::image::Image;
 use curitiba::pipeline::plan::Settings;
@@ -69,7 +74,7 @@ impl Scene {
 <valueof uniform="pvm" type="RENDERER" context="CURRENT" component="PROJECTION_VIEW_MODEL"/>
 {}
 </values></shader>
-<textures><texture UNIT="0" name="rows"/></textures>
+<textures><texture UNIT="0" name="rows"/><texture UNIT="1" name="shaded"/></textures>
 </material></materials>
 </materialLib>"#,
                 shader.values
@@ -191,11 +196,11 @@ mod drawn {
             + r#"<valueof uniform="diffuse" block="Paint" type="COLOR" context="CURRENT" component="DIFFUSE"/>"#;
         let scene = Scene::square(&Shader { vertex: VERTEX, fragment, values: &values });
         let Some(picture) = scene.picture() else { return };
-        // One texture is bound, not two.
-        assert_near(&picture, |_, _| [0.125, 0.5, 0.75, 0.625], 1e-6);
+        // Two textures are bound, and no other number.
+        assert_near(&picture, |_, _| [0.125, 0.125, 0.75, 0.625], 1e-6);
         let one = fragment.replace("two == 2", "two == 1");
         let scene = Scene::square(&Shader { vertex: VERTEX, fragment: &one, values: &values });
-        assert_near(&scene.picture().expect("a driver"), |_, _| [0.125, 0.125, 0.75, 0.625], 1e-6);
+        assert_near(&scene.picture().expect("a driver"), |_, _| [0.125, 0.5, 0.75, 0.625], 1e-6);
     }
 
     /// Rows count upwards: in `gl_FragCoord`, in clip space, in derivatives and in textures.
@@ -370,6 +375,57 @@ mod drawn {
             };
             assert!(said.contains("draws with own shaders") && said.contains(expected), "{said}");
         }
+    }
+
+    /// A quad that turns the colours of what an earlier pass drew around, the right way up; what it discards stays.
+    #[test]
+    fn a_quad_shows_what_its_shader_makes_of_a_texture() {
+        let vertex = "#version 130\nin vec4 position;\nin vec4 texCoord0;\nout vec2 uv;\n\
+                      void main() { gl_Position = position; uv = vec2(texCoord0); }\n";
+        let fragment = "#version 130\nuniform sampler2D drawn;\nuniform vec4 tint;\nin vec2 uv;\nout vec4 color;\n\
+                        void main() { if (gl_FragCoord.y < 8.0) discard; color = vec4(vec3(1.0) - texture(drawn, uv).rgb, tint.g); }\n";
+        let values = r#"<valueof uniform="drawn" type="TEXTURE_BINDING" context="CURRENT" component="UNIT" id="1"/>"#
+            .to_owned()
+            + &value("tint", "COLOR", "CURRENT", "DIFFUSE");
+        let quad = |material: &str| {
+            format!(
+                r#"<pass class="default" name="draw"><scenes><scene name="Ball"/></scenes><renderTarget name="buffers" fromLibrary="Own"/>
+<lights><light name="Sun"/></lights></pass><pass class="quad" name="fill">{material}</pass>"#
+            )
+        };
+        let own = r#"<material name="own" fromLibrary="Own"/>"#;
+        // The matrix is not read, and so it is not asked for.
+        let shader = Shader { vertex, fragment, values: &values };
+        let Some(picture) = Scene::with_passes(&shader, &quad(own)).picture() else { return };
+        let shown = Scene::with_passes(&shader, &quad(r#"<texture name="shaded" fromLibrary="Own"/>"#));
+        let shown = shown.open(RasterChoice::Cpu).expect("it opens").frame(&mut Silent).expect("it renders");
+        let known = |x: u32, y: u32| {
+            let [r, g, b, _] = shown.pixels[(y * SIDE + x) as usize];
+            if y >= SIDE - 8 { [0.0, 0.0, 0.0, 1.0] } else { [1.0 - r, 1.0 - g, 1.0 - b, 0.5] }
+        };
+        // The two rasterisers may differ at the ball's edge, so the edge is left out.
+        let differs = |x: u32, y: u32| {
+            let at = |x: u32, y: u32| shown.pixels[(y.min(SIDE - 1) * SIDE + x.min(SIDE - 1)) as usize][0] > 0.0;
+            [(x + 1, y), (x, y + 1), (x.saturating_sub(1), y), (x, y.saturating_sub(1))]
+                .iter()
+                .any(|(u, v)| at(*u, *v) != at(x, y))
+        };
+        let mut picture = picture;
+        for index in 0..SIDE * SIDE {
+            let (x, y) = (index % SIDE, index / SIDE);
+            if differs(x, y) {
+                picture.pixels[index as usize] = known(x, y);
+            }
+        }
+        assert_near(&picture, known, 2e-3);
+        assert!(shown.pixels.iter().filter(|pixel| pixel[0] > 0.0).count() > 1000, "the ball is seen");
+        let said = Scene::with_passes(&shader, &quad(own)).refused(RasterChoice::Cpu);
+        assert!(said.contains("pass `fill`") && said.contains("--raster wgpu"), "{said}");
+        let moved = vertex
+            .replace("in vec4 position;", "uniform mat4 pvm; in vec4 position;")
+            .replace("= position", "= pvm * position");
+        let said = Scene::with_passes(&Shader { vertex: &moved, ..shader }, &quad(own)).refused(RasterChoice::Wgpu);
+        assert!(said.contains("the uniform `pvm` is of the pass's camera, and a quad has none"), "{said}");
     }
 
     #[test]

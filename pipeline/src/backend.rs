@@ -11,6 +11,7 @@ use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
 use crate::progress::Progress;
 use crate::raster_effects::{EffectParams, EffectProgram, Missing};
 use crate::scene::RenderScene;
+use crate::scene::texture::Texture;
 use crate::shared::{DeviceUuid, InPlace, SharedGBuffer};
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 use std::sync::Arc;
@@ -226,6 +227,39 @@ pub struct OwnShaders<'a> {
     pub materials: &'a [Option<OwnMaterial>],
 }
 
+/// What a sampler of a quad's own shader reads.
+#[derive(Debug, Clone, Copy)]
+pub enum QuadTexture<'a> {
+    /// Black and opaque.
+    Nothing,
+    /// An image file.
+    Image(&'a Texture),
+    /// What an earlier pass wrote.
+    Channel {
+        /// Pixels a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Top row first.
+        texels: &'a [[f32; 4]],
+    },
+}
+
+/// One quad that an own shader of the project fills.
+#[derive(Debug, Clone, Copy)]
+pub struct QuadJob<'a> {
+    /// What runs. `position` is in clip space, from -1 to 1, and `texCoord0` from 0 to 1.
+    pub program: &'a Arc<Program>,
+    /// By block of the program: its bytes.
+    pub uniforms: &'a [Vec<u8>],
+    /// By sampler of the program.
+    pub textures: &'a [QuadTexture<'a>],
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
 /// Why a backend could not do its work.
 #[derive(Debug, Clone, thiserror::Error)]
 pub enum BackendError {
@@ -319,6 +353,14 @@ pub trait Rasteriser {
             return self.draw(job, target);
         }
         Err(BackendError::no_shaders(self.name(), "a pass"))
+    }
+    /// Fills a quad by an own shader of the project: every pixel of `pixels`, top row first, of which there are as many as the job says.
+    /// What the shader discards stays.
+    ///
+    /// # Errors
+    /// If the device fails, or it runs none.
+    fn fill(&mut self, _job: &QuadJob<'_>, _pixels: &mut [[f32; 4]]) -> Result<(), BackendError> {
+        Err(BackendError::no_shaders(self.name(), "a quad"))
     }
     /// Whether [`Rasteriser::read_back`] has anything to do.
     fn needs_read_back(&self) -> bool;

@@ -5,7 +5,7 @@ use crate::backend::{Attachments, OwnMaterial, Sun};
 use crate::image::PixelFormat;
 use crate::pixel_samples::PixelSamples;
 use crate::plan::{Access, Work};
-use crate::project::{ChannelRef, PassKind};
+use crate::project::{ChannelRef, PassKind, QuadPass};
 
 /// What a pass was given when it last ran. Its picture is that of the last frame as long as this, and what it reads, is the same.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,6 +18,8 @@ pub(super) struct Given {
     materials: PassMaterials,
     /// What own shaders are given.
     own: Vec<Option<OwnMaterial>>,
+    /// What the own shader of a quad is given.
+    quad: Vec<Vec<u8>>,
     /// Formats of its target: what it writes is rounded to them.
     formats: Vec<PixelFormat>,
     /// What a raster pass draws, and what of it is in host memory.
@@ -70,6 +72,12 @@ impl Renderer {
             seed: random.then_some(self.plan.settings.seed),
             materials: self.materials[index].clone(),
             own: self.own_shaders(index, planned).1,
+            quad: match (&planned.work, &pass.kind) {
+                (Work::Quad { viewport }, PassKind::Quad(QuadPass { shader: Some(shader), .. })) => {
+                    self.quad_uniforms(shader, *viewport, self.plan.target_size(pass.target)[1])
+                }
+                _ => Vec::new(),
+            },
             formats: channels.iter().map(|channel| channel.format).collect(),
             drawn,
             averaged: (samples, kept),

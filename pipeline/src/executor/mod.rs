@@ -38,7 +38,8 @@ use crate::glass::Dielectric;
 use crate::image::{Image, PixelFormat};
 use crate::memory::{self, Refused};
 use crate::plan::{Instead, Plan, PlanError, PlannedPass, PlannedTarget, Work};
-use crate::project::{ChannelRef, PassKind};
+use crate::project::{ChannelRef, PassKind, QuadSource};
+use crate::scene::texture::Texture;
 use crate::scene::{RenderScene, SceneError};
 use engines::of_frame;
 use glam::Vec4;
@@ -150,6 +151,8 @@ pub struct Renderer {
     plan: Plan,
     engines: Engines,
     scenes: Vec<LoadedScenes>,
+    /// Image files that own shaders of quads have read.
+    quad_images: Vec<(PathBuf, Texture)>,
     /// By planned pass.
     materials: Vec<PassMaterials>,
     targets: Vec<GBuffer>,
@@ -200,6 +203,7 @@ impl Renderer {
             |(target, [width, height]): (&PlannedTarget, &[u32; 2])| GBuffer::try_new(*width, *height, target.stored);
         let mut renderer = Self {
             scenes: Vec::new(),
+            quad_images: Vec::new(),
             materials: Vec::new(),
             targets: plan.targets.iter().zip(&sizes.targets).map(target).collect::<Result<_, _>>()?,
             window: prepare::window(sizes.window)?,
@@ -427,10 +431,7 @@ impl Renderer {
                 self.switched_off(&planned, &name, *instead, observer);
                 Ok(())
             }
-            Work::Quad { viewport } => {
-                self.quad(&planned, &name, *viewport, observer);
-                Ok(())
-            }
+            Work::Quad { viewport } => self.quad(&planned, &name, *viewport, observer),
         };
         self.check_cancelled()?;
         result.map_err(|error| RenderError::Pass { pass: name, frame, error })?;
@@ -458,10 +459,17 @@ impl Renderer {
         channel_of(&self.targets[channel.target], channel.channel)
     }
 
-    fn quad(&mut self, planned: &PlannedPass, name: &str, viewport: Rect, observer: &mut dyn Observer) {
+    fn quad(
+        &mut self,
+        planned: &PlannedPass,
+        name: &str,
+        viewport: Rect,
+        observer: &mut dyn Observer,
+    ) -> Result<(), BackendError> {
         let pass = self.plan.pass(planned);
-        let PassKind::Quad(quad) = &pass.kind else { return };
+        let PassKind::Quad(quad) = &pass.kind else { return Ok(()) };
         let (source, target) = (quad.source, pass.target);
+        let shader = quad.shader.clone();
         observer.begin(StepKind::Quad, name, &Arc::new(Progress::default()));
         let start = Instant::now();
         let mut buffer = std::mem::take(self.buffer(target));
@@ -471,6 +479,7 @@ impl Renderer {
             true => Rect { x: 0, y: 0, width, height: buffer.height },
             false => viewport,
         };
+        let filled = shader.map_or(Ok(()), |shader| self.fill_quad(&shader, viewport, &mut buffer));
         quad::fill(&mut buffer.color, width, viewport, source, |channel| {
             let read = &self.targets[channel.target];
             (read.width, read.height, channel_of(read, channel.channel))
@@ -479,7 +488,11 @@ impl Renderer {
         self.round_to_formats(target);
         let elapsed = start.elapsed();
         observer.end();
-        self.timeline.record(StepKind::Quad, name, elapsed);
+        let row = self.timeline.record(StepKind::Quad, name, elapsed);
+        if source == QuadSource::Own {
+            row.note = format!("own shader on {}", self.engines.raster.name());
+        }
+        filled
     }
 
     /// Writes what a pass that is switched off leaves in the place of its picture.

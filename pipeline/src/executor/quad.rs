@@ -29,6 +29,8 @@ pub(super) fn fill<'a>(
                 color(x, y).map(|value| value * factor)
             });
         }
+        // The rasteriser fills it.
+        QuadSource::Own => {}
     }
 }
 

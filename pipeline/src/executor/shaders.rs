@@ -1,8 +1,9 @@
 //! Own shaders of raster passes: the values of their uniforms, and their textures.
 
-use super::{RenderError, Renderer, Surface};
-use crate::backend::{OwnMaterial, Rect, Shade, View};
+use super::{RenderError, Renderer, Surface, channel_of};
+use crate::backend::{BackendError, GBuffer, OwnMaterial, QuadJob, QuadTexture, Rect, Shade, View};
 use crate::glsl::{CameraValue, ColorValue, FRAME, LightValue, Matrix, Member, Program, Scalar, Value};
+use crate::memory;
 use crate::plan::{PlannedPass, Work};
 use crate::project::{Camera, ColorMap, OwnShader, PassKind, RasterPass, ShaderTexture};
 use crate::scene::{Material, RenderScene, image_file};
@@ -45,7 +46,8 @@ pub(super) fn surfaces(
 
 /// What the uniforms of a pass have in common.
 struct Scope<'a> {
-    pass: Seen<'a>,
+    /// `None` in a quad pass.
+    pass: Option<Seen<'a>>,
     viewport: Rect,
     /// Rows of the target.
     height: u32,
@@ -101,7 +103,7 @@ impl Renderer {
             return Default::default();
         }
         let scope = Scope {
-            pass: Seen { camera: &self.plan.project.cameras[self.plan.camera_of(raster)], view: *view },
+            pass: Some(Seen { camera: &self.plan.project.cameras[self.plan.camera_of(raster)], view: *view }),
             viewport: *viewport,
             height: self.plan.target_size(self.plan.pass(planned).target)[1],
         };
@@ -111,7 +113,7 @@ impl Renderer {
             let texture = |texture: &ShaderTexture| match texture {
                 ShaderTexture::Material => surface.texture,
                 ShaderTexture::File(path) => images.iter().find(|(file, _)| file == path).map(|(_, index)| *index),
-                ShaderTexture::Nothing => None,
+                ShaderTexture::Nothing | ShaderTexture::Channel(_) => None,
             };
             OwnMaterial {
                 program: surface.shader,
@@ -121,6 +123,70 @@ impl Renderer {
         };
         let programs = raster.shaders.iter().map(|map| Arc::clone(&map.shader.program)).collect();
         (programs, surfaces.iter().map(|surface| surface.as_ref().map(made)).collect())
+    }
+
+    /// Fills a viewport of a buffer's colour by an own shader.
+    pub(super) fn fill_quad(
+        &mut self,
+        shader: &OwnShader,
+        viewport: Rect,
+        buffer: &mut GBuffer,
+    ) -> Result<(), BackendError> {
+        let failed = |message: String| BackendError::Device { backend: self.engines.raster.name(), message };
+        for texture in &shader.textures {
+            let ShaderTexture::File(path) = texture else { continue };
+            if !self.quad_images.iter().any(|(loaded, _)| loaded == path) {
+                let most = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes());
+                let image = image_file(path, most).map_err(|error| failed(format!("{}: {error}", shader.place)))?;
+                self.quad_images.push((path.clone(), image));
+            }
+        }
+        let uniforms = self.quad_uniforms(shader, viewport, buffer.height);
+        let texture = |texture: &ShaderTexture| match texture {
+            ShaderTexture::Channel(channel) => {
+                let read = &self.targets[channel.target];
+                let texels = channel_of(read, channel.channel);
+                QuadTexture::Channel { width: read.width, height: read.height, texels }
+            }
+            ShaderTexture::File(path) => {
+                let image = self.quad_images.iter().find(|(file, _)| file == path);
+                image.map_or(QuadTexture::Nothing, |(_, image)| QuadTexture::Image(image))
+            }
+            ShaderTexture::Material | ShaderTexture::Nothing => QuadTexture::Nothing,
+        };
+        let textures: Vec<QuadTexture<'_>> = shader.textures.iter().map(texture).collect();
+        let Rect { x, y, width, height } = viewport;
+        if width == 0 || height == 0 {
+            return Ok(());
+        }
+        let row = |line: u32| (y + line) as usize * buffer.width as usize + x as usize;
+        let mut pixels =
+            memory::with_capacity(width as usize * height as usize).map_err(|error| failed(error.to_string()))?;
+        for line in 0..height {
+            pixels.extend_from_slice(&buffer.color[row(line)..][..width as usize]);
+        }
+        let program = &shader.program;
+        let job = QuadJob { program, uniforms: &uniforms, textures: &textures, width, height };
+        self.engines.raster.fill(&job, &mut pixels)?;
+        for (line, filled) in (0..).zip(pixels.chunks_exact(width as usize)) {
+            buffer.color[row(line)..][..width as usize].copy_from_slice(filled);
+        }
+        Ok(())
+    }
+
+    /// By block of a quad's shader: its bytes, for a viewport of a target with that many rows.
+    pub(super) fn quad_uniforms(&self, shader: &OwnShader, viewport: Rect, height: u32) -> Vec<Vec<u8>> {
+        let scope = Scope { pass: None, viewport, height };
+        let white = Surface {
+            shader: 0,
+            diffuse: Vec4::ONE,
+            ambient: Vec4::ONE,
+            specular: Vec4::ONE,
+            emission: Vec4::ONE,
+            shininess: 0.0,
+            texture: None,
+        };
+        self.uniforms(shader, &white, &scope)
     }
 
     /// By block: its bytes.
@@ -152,21 +218,24 @@ impl Renderer {
         scope: &Scope<'_>,
     ) {
         let number = |number: f32| vec![Vec4::new(number, 0.0, 0.0, 0.0)];
-        let columns = match value {
-            Value::Matrix(matrix) => self.matrix(scope.pass, matrix),
-            Value::NormalMatrix => {
-                let columns = self.view_model(scope.pass.camera).inverse().transpose().as_mat4();
+        let columns = match (value, scope.pass) {
+            // A project that gives a quad these is refused.
+            (Value::Matrix(_) | Value::NormalMatrix | Value::Camera(None, _), None) => return,
+            (Value::Matrix(matrix), Some(pass)) => self.matrix(pass, matrix),
+            (Value::NormalMatrix, Some(pass)) => {
+                let columns = self.view_model(pass.camera).inverse().transpose().as_mat4();
                 columns.to_cols_array_2d()[..3].iter().map(|column| Vec4::from_array(*column)).collect()
             }
-            Value::Camera(camera, value) => {
-                let other = camera.map(|camera| {
+            (Value::Camera(camera, value), pass) => {
+                let seen = |camera: usize| {
                     let camera = &self.plan.project.cameras[camera];
-                    Seen { camera, view: self.plan.view_of(camera).0 }
-                });
-                let same = |other: &Seen<'_>| std::ptr::eq(other.camera, scope.pass.camera);
-                self.of_camera(other.filter(|other| !same(other)).unwrap_or(scope.pass), value)
+                    let own = pass.filter(|pass| std::ptr::eq(pass.camera, camera));
+                    own.unwrap_or_else(|| Seen { camera, view: self.plan.view_of(camera).0 })
+                };
+                let Some(seen) = camera.map(seen).or(pass) else { return };
+                self.of_camera(seen, value)
             }
-            Value::Light(light, value) => {
+            (Value::Light(light, value), _) => {
                 let light = &self.plan.project.lights[light];
                 vec![match value {
                     LightValue::Position => light.position.unwrap_or_default().as_vec3().extend(1.0),
@@ -175,17 +244,17 @@ impl Renderer {
                     LightValue::Color => light.color.extend(1.0),
                 }]
             }
-            Value::Color(ColorValue::Diffuse) => vec![surface.diffuse],
-            Value::Color(ColorValue::Ambient) => vec![surface.ambient],
-            Value::Color(ColorValue::Specular) => vec![surface.specular],
-            Value::Color(ColorValue::Emission) => vec![surface.emission],
-            Value::Color(ColorValue::Shininess) => number(surface.shininess),
-            Value::TextureCount => {
+            (Value::Color(ColorValue::Diffuse), _) => vec![surface.diffuse],
+            (Value::Color(ColorValue::Ambient), _) => vec![surface.ambient],
+            (Value::Color(ColorValue::Specular), _) => vec![surface.specular],
+            (Value::Color(ColorValue::Emission), _) => vec![surface.emission],
+            (Value::Color(ColorValue::Shininess), _) => number(surface.shininess),
+            (Value::TextureCount, _) => {
                 let own = u32::from(surface.texture.is_some());
                 number(shader.bound.unwrap_or(own) as f32)
             }
-            Value::Constant(constant) => vec![Vec4::from_array(constant)],
-            Value::Unit(unit) => number(unit as f32),
+            (Value::Constant(constant), _) => vec![Vec4::from_array(constant)],
+            (Value::Unit(unit), _) => number(unit as f32),
         };
         put_columns(bytes, member, &columns);
     }

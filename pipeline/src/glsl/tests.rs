@@ -137,7 +137,6 @@ fn faults_are_where_the_file_has_them() {
     for (statement, column, said) in [
         ("color = vec4(missing);", 15, "missing"),
         ("color = TWO * absent;", 16, "absent"),
-        ("color = vec3(1.0);", 2, ""),
         ("float x = 1.0 +;", 17, ""),
         ("gl_FragDepth = 1.0;", 2, "gl_FragDepth"),
         ("color = vec4(gl_PointCoord, 0, 0);", 15, "gl_PointCoord"),
@@ -150,6 +149,9 @@ fn faults_are_where_the_file_has_them() {
         );
         assert!(message.contains(said), "{statement}: {message}");
     }
+    // What is found when all is read is in its function.
+    let (line, _, message) = fault(&body("color = vec3(1.0);"));
+    assert!((6..=7).contains(&line) && message.contains("main"), "line {line}: {message}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::diagnostic::Decision;
 use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams, Traces};
-use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RayPass, Viewport};
+use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RayPass, ShaderTexture, Viewport};
 use glam::{Vec3, Vec4};
 use std::collections::BTreeSet;
 
@@ -96,6 +96,7 @@ impl Plan {
                 }
                 PassKind::Quad(quad) => {
                     wanted.read_in_host(sources(quad));
+                    self.explain_quad(pass, quad);
                     Work::Quad { viewport: rect }
                 }
             };
@@ -348,5 +349,13 @@ pub(super) fn sources(quad: &QuadPass) -> Vec<ChannelRef> {
     match quad.source {
         QuadSource::Show(channel) => vec![channel],
         QuadSource::Combine { color, factor } => vec![color, factor],
+        QuadSource::Own => {
+            let textures = quad.shader.iter().flat_map(|shader| &shader.textures);
+            let channel = |texture: &ShaderTexture| match texture {
+                ShaderTexture::Channel(channel) => Some(*channel),
+                _ => None,
+            };
+            textures.filter_map(channel).collect()
+        }
     }
 }

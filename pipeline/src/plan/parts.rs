@@ -101,6 +101,10 @@ impl Plan {
                 (Work::Raster { viewport, .. } | Work::Quad { viewport }, _) if *viewport != whole => {
                     Some(format!("pass `{}` fills a part of its target", pass.name))
                 }
+                (Work::Quad { .. }, PassKind::Quad(quad)) if quad.shader.is_some() => Some(format!(
+                    "pass `{}` fills its target by an own shader, which may read all of a texture",
+                    pass.name
+                )),
                 (Work::Effect { .. }, PassKind::Effect(effect)) => Some(format!(
                     "pass `{}` computes `{}`, whose pixels depend on others of the picture",
                     pass.name,

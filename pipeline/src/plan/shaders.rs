@@ -5,14 +5,29 @@ use crate::backend::{Attachments, BackendError, Rasteriser, Rect};
 use crate::color::ColorSpace;
 use crate::glsl::Attribute;
 use crate::programs::Fidelity;
-use crate::project::{Camera, Pass, PassKind, RasterPass, ShaderTexture};
+use crate::project::{Camera, OwnShader, Pass, PassKind, QuadPass, RasterPass, ShaderTexture};
 use crate::scene::Needs;
 
 impl Plan {
     /// Whether a planned pass draws with own shaders of the project.
     #[must_use]
     pub fn draws_own(&self, planned: &PlannedPass) -> bool {
-        self.own_raster(planned).is_some()
+        self.own_raster(planned).is_some() || self.own_quad(planned).is_some()
+    }
+
+    fn own_quad(&self, planned: &PlannedPass) -> Option<&OwnShader> {
+        match (&planned.work, &self.pass(planned).kind) {
+            (Work::Quad { .. }, PassKind::Quad(quad)) => quad.shader.as_deref(),
+            _ => None,
+        }
+    }
+
+    /// Says which shader fills a quad.
+    pub(super) fn explain_quad(&mut self, pass: &Pass, quad: &QuadPass) {
+        if let Some(shader) = &quad.shader {
+            let why = format!("GLSL of the project, named at {}", shader.place);
+            self.decide(format!("own shader `{}` in pass `{}`", shader.name, pass.name), true, why);
+        }
     }
 
     fn own_raster(&self, planned: &PlannedPass) -> Option<&RasterPass> {
@@ -74,8 +89,9 @@ impl Plan {
     #[must_use]
     pub fn undrawn_shaders(&self, raster: &dyn Rasteriser) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {
-            let own = self.own_raster(planned).filter(|_| !raster.draws_shaders())?;
-            Some(BackendError::no_shaders(raster.name(), &own.shaders.first()?.shader.place))
+            let drawn = self.own_raster(planned).and_then(|own| own.shaders.first()).map(|map| &*map.shader);
+            let own = drawn.or_else(|| self.own_quad(planned)).filter(|_| !raster.draws_shaders())?;
+            Some(BackendError::no_shaders(raster.name(), &own.place))
         })
     }
 

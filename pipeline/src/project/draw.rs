@@ -6,7 +6,7 @@ use super::loader::Loader;
 use super::passes::{InjectedShader, MaterialMap, PassContext};
 use super::report::{Span, shown, suggest};
 use super::shaders::ShaderUse;
-use super::{MaterialPattern, QuadPass, QuadSource, RasterPass, ShaderMap};
+use super::{MaterialPattern, QuadPass, QuadSource, RasterPass, ShaderMap, ShaderTexture};
 use crate::programs::{QUAD_PROGRAMS, QuadProgram, RASTER_PROGRAMS, RasterProgram, ShaderInfo};
 use std::rc::Rc;
 
@@ -35,11 +35,11 @@ impl Loader {
         let injected = self.injection_maps(element, &mut colors);
         let replaced = maps.iter().flatten().filter(|map| map.material.shader.is_some()).map(|map| {
             let MaterialMap { to, library, material, at } = map;
-            ShaderUse { to, library: *library, material, at: *at, replaces: true }
+            ShaderUse { to, library: *library, material, at: *at, replaces: true, quad: false }
         });
         let injected_shaders = injected.iter().flatten().map(|shader| {
             let InjectedShader { to, library, material, at } = shader;
-            ShaderUse { to, library: *library, material, at: *at, replaces: false }
+            ShaderUse { to, library: *library, material, at: *at, replaces: false, quad: false }
         });
         let mut shaders = Some(Vec::new());
         for used in replaced.chain(injected_shaders) {
@@ -139,7 +139,7 @@ impl Loader {
             let (name, library) = (name?, self.find_library(library?)?);
             let channel = self.find_channel(library, &name.text, name);
             Self::reads(context, channel, name.span);
-            return Some(QuadPass { source: QuadSource::Show(channel?) });
+            return Some(QuadPass::new(QuadSource::Show(channel?)));
         }
         let (library, material, at) = match material {
             Some(element) => {
@@ -150,14 +150,26 @@ impl Loader {
             }
             None => self.quad_map(context)?,
         };
+        if self.is_own_shader(library, &material) {
+            let light = self.pass_light(context)?.map(|(index, _)| index);
+            let to = &MaterialPattern::All;
+            let used = ShaderUse { to, library, material: &material, at, replaces: true, quad: true };
+            let shader = self.own_shader(context, &used, light)?;
+            for texture in &shader.textures {
+                if let ShaderTexture::Channel(channel) = texture {
+                    Self::reads(context, Some(*channel), at);
+                }
+            }
+            return Some(QuadPass { source: QuadSource::Own, shader: Some(shader) });
+        }
         match self.shader_program(context, library, &material, at, QUAD_PROGRAMS, "quad")? {
             QuadProgram::Combine => {
                 let [color, factor] = [0, 1].map(|unit| self.unit(context, library, &material, unit, at));
-                Some(QuadPass { source: QuadSource::Combine { color: color?, factor: factor? } })
+                Some(QuadPass::new(QuadSource::Combine { color: color?, factor: factor? }))
             }
             QuadProgram::Show => {
                 let shown = self.unit(context, library, &material, 0, at);
-                Some(QuadPass { source: QuadSource::Show(shown?) })
+                Some(QuadPass::new(QuadSource::Show(shown?)))
             }
         }
     }

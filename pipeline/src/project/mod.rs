@@ -423,6 +423,8 @@ pub enum ShaderTexture {
     Material,
     /// An image file.
     File(PathBuf),
+    /// What an earlier pass wrote; in quad passes.
+    Channel(ChannelRef),
     /// Nothing is bound: black and opaque, as OpenGL has it.
     Nothing,
 }
@@ -546,6 +548,16 @@ pub struct EffectPass {
 pub struct QuadPass {
     /// What it shows.
     pub source: QuadSource,
+    /// The own shader of [`QuadSource::Own`].
+    pub shader: Option<Arc<OwnShader>>,
+}
+
+impl QuadPass {
+    /// A pass without a shader of the project's own.
+    #[must_use]
+    pub fn new(source: QuadSource) -> Self {
+        Self { source, shader: None }
+    }
 }
 
 /// What a quad pass shows.
@@ -560,4 +572,6 @@ pub enum QuadSource {
         /// Unit 1.
         factor: ChannelRef,
     },
+    /// What [`QuadPass::shader`] makes of the textures that it samples.
+    Own,
 }

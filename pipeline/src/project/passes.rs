@@ -101,6 +101,15 @@ impl Loader {
                 None
             }
         };
+        let mut kind = kind;
+        // What own shaders alone read is kept where there are some.
+        let unread = match &mut kind {
+            Some(PassKind::Raster(raster)) if raster.shaders.is_empty() => &mut raster.colors[..],
+            Some(PassKind::Ray(ray)) => &mut ray.colors[..],
+            Some(PassKind::Effect(effect)) => &mut effect.colors[..],
+            _ => &mut [],
+        };
+        unread.iter_mut().for_each(|map| map.phong = PhongMap::default());
         let viewport = match self.single(element, &["viewport"]) {
             Some(viewport) => self
                 .reference(viewport)

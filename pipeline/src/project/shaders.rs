@@ -21,6 +21,8 @@ pub(super) struct ShaderUse<'a> {
     pub at: Span,
     /// Whether the materials are replaced as a whole, with their textures.
     pub replaces: bool,
+    /// Whether it fills a quad, which has no camera.
+    pub quad: bool,
 }
 
 impl Loader {
@@ -56,6 +58,10 @@ impl Loader {
                 continue;
             }
             match self.uniform_value(given, light) {
+                Some(value) if used.quad => match self.of_quad(value, given, used.material) {
+                    Some(value) => values.push((given.clone(), value)),
+                    None => whole = false,
+                },
                 Some(value) => values.push((given.clone(), value)),
                 None => whole = false,
             }
@@ -72,6 +78,31 @@ impl Loader {
             program,
         };
         whole.then(|| Arc::new(own))
+    }
+
+    /// What a value is in a quad pass: the material's colours are known, and there is no camera.
+    fn of_quad(&mut self, value: glsl::Value, given: &ValueOf, material: &LibraryMaterial) -> Option<glsl::Value> {
+        use glsl::{ColorValue as C, Value as V};
+        let number = |number: f32| [number, 0.0, 0.0, 0.0];
+        match value {
+            V::Color(color) => Some(V::Constant(match color {
+                C::Diffuse => material.diffuse.to_array(),
+                C::Ambient => material.ambient.to_array(),
+                C::Specular => material.specular.to_array(),
+                C::Emission => material.emission.to_array(),
+                C::Shininess => number(material.shininess),
+            })),
+            V::Matrix(_) | V::NormalMatrix | V::Camera(None, _) => {
+                let message =
+                    format!("the uniform `{}` is of the pass's camera, and a quad has none", given.uniform.shown());
+                let help = || {
+                    "valid: type=\"CAMERA\" with the camera's name as context; `position` is in clip space".to_owned()
+                };
+                self.report.error_help(given.span, message, help);
+                None
+            }
+            other => Some(other),
+        }
     }
 
     /// The compiled shader, and its two files in the report.
@@ -262,6 +293,12 @@ impl Loader {
                     return None;
                 }
                 Some(ShaderTexture::File(file))
+            }
+            Texture::Channel(channel) if used.quad => channel.map(ShaderTexture::Channel),
+            Texture::Depth if used.quad => {
+                let message = format!("`{}` is a depth buffer: only colour channels can be read", name.shown());
+                self.report.error(name.span, message);
+                None
             }
             Texture::Channel(_) | Texture::Depth => {
                 let message =

@@ -317,6 +317,7 @@ fn references_of(pass: &Pass, project: &Project) {
         PassKind::Quad(quad) => match &quad.source {
             QuadSource::Show(shown) => channel(shown),
             QuadSource::Combine { color, factor } => [color, factor].into_iter().for_each(channel),
+            QuadSource::Own => assert!(quad.shader.is_some(), "pass {}", pass.name),
         },
     }
 }

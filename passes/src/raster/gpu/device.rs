@@ -54,7 +54,10 @@ impl Gpu {
     /// Opens the device that `choice` takes, with all of its limits.
     pub fn open(choice: AdapterChoice) -> Result<Self, BackendError> {
         let (summary, adapter) = select(choice)?;
-        let wanted = wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::PRIMITIVE_INDEX | wgpu::Features::SUBGROUP;
+        let wanted = wgpu::Features::TIMESTAMP_QUERY
+            | wgpu::Features::PRIMITIVE_INDEX
+            | wgpu::Features::SUBGROUP
+            | wgpu::Features::FLOAT32_FILTERABLE;
         let limits = adapter.limits();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("curitiba"),

@@ -30,8 +30,8 @@ pub use adapter::{AdapterChoice, AdapterKind, AdapterSummary, abilities, adapter
 
 use crate::raster::effects::SceneCache;
 use curitiba_pipeline::backend::{
-    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, OwnShaders, RasterJob,
-    Rasteriser, Rect, drawn_part,
+    Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, OwnShaders, QuadJob,
+    RasterJob, Rasteriser, Rect, drawn_part,
 };
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
@@ -296,6 +296,14 @@ impl Rasteriser for WgpuRasteriser {
         }
         self.drawn = Some((job.viewport, Stored::of(job)));
         Ok(DrawStats { device_time, shared, triangles })
+    }
+
+    fn fill(&mut self, job: &QuadJob<'_>, pixels: &mut [[f32; 4]]) -> Result<(), BackendError> {
+        let shaders = match &mut self.shaders {
+            Some(shaders) => shaders,
+            none => none.insert(Shaders::new(&self.gpu)?),
+        };
+        shaders.fill(&self.gpu, &mut self.staging, job, pixels)
     }
 
     fn needs_read_back(&self) -> bool {

@@ -120,7 +120,7 @@ impl Common<'_> {
             Some(factor) => QuadSource::Combine { color, factor },
             None => QuadSource::Show(color),
         };
-        passes.push(pass("pass5".to_owned(), None, PassKind::Quad(QuadPass { source })));
+        passes.push(pass("pass5".to_owned(), None, PassKind::Quad(QuadPass::new(source))));
         (targets, Pipeline { name: "deferred".to_owned(), camera: Some(0), passes })
     }
 

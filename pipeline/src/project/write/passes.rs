@@ -243,6 +243,8 @@ impl Context<'_> {
                 let name = joining((self.number, self.pass));
                 xml.empty("material", &[("name", &name), ("fromLibrary", self.library)]);
             }
+            // What is written is made of scenes, which bring no shaders.
+            QuadSource::Own => {}
         }
     }
 }

@@ -3,16 +3,18 @@
 //! What a shader does not read of a vertex is not bound; what it does not write of the attachments stays as it was cleared.
 
 mod pipelines;
+mod quad;
 mod textures;
 
 use super::device::Gpu;
 use super::faults::{failure, unsupported};
 use super::geometry::{DeviceGeometry, Vertices};
-use super::targets::Stored;
-use curitiba_pipeline::backend::{BackendError, OwnMaterial, OwnShaders, RasterJob};
+use super::targets::{Staging, Stored};
+use curitiba_pipeline::backend::{BackendError, OwnShaders, QuadJob, RasterJob};
 use curitiba_pipeline::glsl::{Attribute, Program};
 use curitiba_pipeline::scene::Geometry;
-use pipelines::{Built, Pipelines};
+use pipelines::{Built, Into, Pipelines};
+use quad::Quad;
 use std::sync::Arc;
 use textures::Textures;
 
@@ -41,6 +43,8 @@ pub(super) struct Shaders {
     turned: Vec<Option<wgpu::Buffer>>,
     /// Zeros, for attributes that a scene lacks.
     nothing: wgpu::Buffer,
+    /// Once a quad was filled.
+    quad: Option<Quad>,
 }
 
 impl Shaders {
@@ -52,7 +56,23 @@ impl Shaders {
             draws: Vec::new(),
             turned: Vec::new(),
             nothing,
+            quad: None,
         })
+    }
+
+    /// Fills a quad.
+    pub fn fill(
+        &mut self,
+        gpu: &Gpu,
+        staging: &mut Staging,
+        job: &QuadJob<'_>,
+        pixels: &mut [[f32; 4]],
+    ) -> Result<(), BackendError> {
+        let quad = match &mut self.quad {
+            Some(quad) => quad,
+            none => none.insert(Quad::new(gpu)?),
+        };
+        quad.fill(gpu, staging, (&mut self.pipelines, &self.textures, &self.nothing), job, pixels)
     }
 
     /// What is of another scene.
@@ -96,8 +116,8 @@ impl Shaders {
                 Attribute::TexCoord => geometry.vertices[geometry.chunks[part.chunk].vertices].texcoords.is_some(),
             };
             let missing: Vec<Attribute> = program.attributes.iter().copied().filter(|a| !has(a)).collect();
-            let built = self.pipelines.require(gpu, program, stored, culled, &missing)?;
-            let uniforms = uniforms(gpu, built, program, material)?;
+            let built = self.pipelines.require(gpu, program, Into::attachments(stored, culled), &missing)?;
+            let uniforms = uniforms(gpu, built, program, &material.uniforms)?;
             let textures = self.textures.bind(gpu, built, program, material, job.scene)?;
             let turned = program.flat;
             if turned {
@@ -150,11 +170,11 @@ fn uniforms(
     gpu: &Gpu,
     built: &Built,
     program: &Arc<Program>,
-    material: &OwnMaterial,
+    blocks: &[Vec<u8>],
 ) -> Result<wgpu::BindGroup, BackendError> {
     let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
     let mut buffers = Vec::with_capacity(program.blocks.len());
-    for (block, bytes) in program.blocks.iter().zip(&material.uniforms) {
+    for (block, bytes) in program.blocks.iter().zip(blocks) {
         let buffer =
             gpu.buffer("creation of the uniforms of an own shader", usage, u64::from(block.size.next_multiple_of(16)))?;
         gpu.queue.write_buffer(&buffer, 0, bytes);

@@ -15,11 +15,35 @@ pub(super) struct Built {
     pub textures: wgpu::BindGroupLayout,
 }
 
+/// What a pipeline draws into, and how.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Into {
+    formats: Vec<Option<wgpu::TextureFormat>>,
+    depth: bool,
+    culled: bool,
+    /// By sampler: whether it reads a texture that the device cannot filter.
+    exact: Vec<bool>,
+}
+
+impl Into {
+    /// The attachments of a raster pass.
+    pub fn attachments(stored: Stored, culled: bool) -> Self {
+        Self { formats: stored.formats().to_vec(), depth: true, culled, exact: Vec::new() }
+    }
+
+    /// A texture of full precision, without depth.
+    pub fn quad(exact: Vec<bool>) -> Self {
+        Self { formats: vec![Some(QUAD_FORMAT)], depth: false, culled: false, exact }
+    }
+}
+
+/// What a quad is drawn into.
+pub(super) const QUAD_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
+
 /// What tells pipelines of one program apart.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Key {
-    stored: Stored,
-    culled: bool,
+    into: Into,
     missing: Vec<Attribute>,
 }
 
@@ -33,11 +57,10 @@ impl Pipelines {
         &mut self,
         gpu: &Gpu,
         program: &Arc<Program>,
-        stored: Stored,
-        culled: bool,
+        into: Into,
         missing: &[Attribute],
     ) -> Result<&Built, BackendError> {
-        let key = Key { stored, culled, missing: missing.to_vec() };
+        let key = Key { into, missing: missing.to_vec() };
         let found = self.0.iter().position(|(known, of, _)| Arc::ptr_eq(known, program) && *of == key);
         let index = match found {
             Some(index) => index,
@@ -71,14 +94,20 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         })
         .collect();
     let both = wgpu::ShaderStages::VERTEX_FRAGMENT;
-    let texture = wgpu::BindingType::Texture {
-        sample_type: wgpu::TextureSampleType::Float { filterable: true },
-        view_dimension: wgpu::TextureViewDimension::D2,
-        multisampled: false,
-    };
-    let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
     let samplers: Vec<wgpu::BindGroupLayoutEntry> = (0..program.samplers.len() as u32)
-        .flat_map(|index| [entry(2 * index, both, texture), entry(2 * index + 1, both, sampler)])
+        .flat_map(|index| {
+            let exact = key.into.exact.get(index as usize) == Some(&true);
+            let texture = wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Float { filterable: !exact },
+                view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            };
+            let sampler = wgpu::BindingType::Sampler(match exact {
+                true => wgpu::SamplerBindingType::NonFiltering,
+                false => wgpu::SamplerBindingType::Filtering,
+            });
+            [entry(2 * index, both, texture), entry(2 * index + 1, both, sampler)]
+        })
         .collect();
     let group = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
         device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
@@ -117,7 +146,7 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         })
         .collect();
     let written = |location: usize| program.outputs.get(location) == Some(&true);
-    let formats = key.stored.formats();
+    let formats = &key.into.formats;
     let targets: Vec<Option<wgpu::ColorTargetState>> = (0..formats.len())
         .map(|location| {
             let write_mask = if written(location) { wgpu::ColorWrites::ALL } else { wgpu::ColorWrites::empty() };
@@ -133,8 +162,11 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             buffers: &buffers,
         },
-        primitive: wgpu::PrimitiveState { cull_mode: key.culled.then_some(wgpu::Face::Back), ..Default::default() },
-        depth_stencil: Some(wgpu::DepthStencilState {
+        primitive: wgpu::PrimitiveState {
+            cull_mode: key.into.culled.then_some(wgpu::Face::Back),
+            ..Default::default()
+        },
+        depth_stencil: key.into.depth.then(|| wgpu::DepthStencilState {
             format: DEPTH_FORMAT,
             depth_write_enabled: Some(true),
             depth_compare: Some(wgpu::CompareFunction::Greater),

@@ -11,9 +11,9 @@ use curitiba_pipeline::scene::texture::{Level, Texture, Wrap};
 
 /// A texture that shaders sample.
 #[derive(Debug)]
-struct Sampled {
-    view: wgpu::TextureView,
-    sampler: wgpu::Sampler,
+pub(super) struct Sampled {
+    pub view: wgpu::TextureView,
+    pub sampler: wgpu::Sampler,
 }
 
 /// The textures of a scene that own shaders have read so far, by their index there.
@@ -31,6 +31,11 @@ impl Textures {
         let level = Level { width: 1, height: 1, texels: vec![[0, 0, 0, 255]] };
         let nothing = upload(gpu, "nothing", &[level], [Wrap::Repeat; 2])?;
         Ok(Self { sampled: Vec::new(), nothing, bytes: 0 })
+    }
+
+    /// What is read where nothing is bound.
+    pub fn nothing(&self) -> &Sampled {
+        &self.nothing
     }
 
     /// Forgets the textures of a scene.
@@ -86,7 +91,7 @@ impl Textures {
     }
 }
 
-fn upload(gpu: &Gpu, name: &str, levels: &[Level], wrap: [Wrap; 2]) -> Result<Sampled, BackendError> {
+pub(super) fn upload(gpu: &Gpu, name: &str, levels: &[Level], wrap: [Wrap; 2]) -> Result<Sampled, BackendError> {
     let (width, height) = levels.first().map_or((1, 1), |level| (level.width, level.height));
     let largest = gpu.limits.max_texture_dimension_2d;
     if width.max(height) > largest {

@@ -1,0 +1,148 @@
+//! Quads that own shaders fill.
+
+use super::super::device::Gpu;
+use super::super::targets::Staging;
+use super::pipelines::{Into, Pipelines, QUAD_FORMAT};
+use super::textures::{Sampled, Textures, upload};
+use super::uniforms;
+use curitiba_pipeline::backend::{BackendError, QuadJob, QuadTexture};
+use curitiba_pipeline::glsl::Attribute;
+
+/// Corners of two triangles: in clip space, and where they are in a texture.
+const CORNERS: [[f32; 2]; 6] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+
+/// The corners in device memory.
+#[derive(Debug)]
+pub(super) struct Quad {
+    positions: wgpu::Buffer,
+    texcoords: wgpu::Buffer,
+}
+
+impl Quad {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+        let usage = wgpu::BufferUsages::VERTEX;
+        let positions = CORNERS.map(|[u, v]| [2.0 * u - 1.0, 2.0 * v - 1.0, 0.0]);
+        Ok(Self {
+            positions: gpu.upload_buffer("upload of a quad", usage, bytemuck::cast_slice(&positions))?,
+            texcoords: gpu.upload_buffer("upload of a quad", usage, bytemuck::cast_slice(&CORNERS))?,
+        })
+    }
+
+    /// Fills `pixels`, top row first.
+    pub fn fill(
+        &self,
+        gpu: &Gpu,
+        staging: &mut Staging,
+        (pipelines, textures, nothing): (&mut Pipelines, &Textures, &wgpu::Buffer),
+        job: &QuadJob<'_>,
+        pixels: &mut [[f32; 4]],
+    ) -> Result<(), BackendError> {
+        let QuadJob { program, width, height, .. } = *job;
+        let filters = gpu.has(wgpu::Features::FLOAT32_FILTERABLE);
+        let exact = |texture: &QuadTexture<'_>| !filters && matches!(texture, QuadTexture::Channel { .. });
+        let exact: Vec<bool> = job.textures.iter().map(exact).collect();
+        let missing = [Attribute::Normal];
+        let built = pipelines.require(gpu, program, Into::quad(exact), &missing)?;
+        let blocks = uniforms(gpu, built, program, job.uniforms)?;
+        let mut own = Vec::with_capacity(job.textures.len());
+        for texture in job.textures {
+            own.push(match texture {
+                QuadTexture::Nothing => None,
+                QuadTexture::Image(image) => Some(upload(gpu, &image.name, &image.levels, image.wrap)?),
+                QuadTexture::Channel { width, height, texels } => {
+                    Some(channel(gpu, [*width, *height], texels, filters)?)
+                }
+            });
+        }
+        let bound = own.iter().map(|own| own.as_ref().unwrap_or(textures.nothing()));
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+            .zip(bound)
+            .flat_map(|(index, Sampled { view, sampler }): (u32, _)| {
+                let view = wgpu::BindingResource::TextureView(view);
+                let sampler = wgpu::BindingResource::Sampler(sampler);
+                [(2 * index, view), (2 * index + 1, sampler)]
+                    .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            })
+            .collect();
+        let sampled = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("textures of a quad"),
+            layout: &built.textures,
+            entries: &entries,
+        });
+        let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("quad"),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: QUAD_FORMAT,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT
+                | wgpu::TextureUsages::COPY_SRC
+                | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        gpu.check("creation of a quad's target")?;
+        // What the shader discards stays.
+        gpu.fill_texture(&target, bytemuck::cast_slice(pixels), "upload of what a quad covers")?;
+        let view = target.create_view(&wgpu::TextureViewDescriptor::default());
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("quad") });
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("quad"),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: &view,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
+                })],
+                depth_stencil_attachment: None,
+                timestamp_writes: None,
+                occlusion_query_set: None,
+                multiview_mask: None,
+            });
+            pass.set_pipeline(&built.pipeline);
+            pass.set_bind_group(0, &blocks, &[]);
+            pass.set_bind_group(1, &sampled, &[]);
+            for (slot, attribute) in (0..).zip(&program.attributes) {
+                let buffer = match attribute {
+                    Attribute::Position => &self.positions,
+                    Attribute::TexCoord => &self.texcoords,
+                    Attribute::Normal => nothing,
+                };
+                pass.set_vertex_buffer(slot, buffer.slice(..));
+            }
+            pass.draw(0..CORNERS.len() as u32, 0..1);
+        }
+        gpu.submit_and_wait(Some(encoder.finish()), "filling a quad")?;
+        staging.read(gpu, &target, pixels)
+    }
+}
+
+/// A channel as a texture: the bottom row first.
+fn channel(gpu: &Gpu, [width, height]: [u32; 2], texels: &[[f32; 4]], filters: bool) -> Result<Sampled, BackendError> {
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("channel"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: QUAD_FORMAT,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    gpu.check("upload of a channel")?;
+    let rows: Vec<[f32; 4]> = texels.chunks_exact(width.max(1) as usize).rev().flatten().copied().collect();
+    gpu.fill_texture(&texture, bytemuck::cast_slice(&rows), "upload of a channel")?;
+    let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+    let filter = if filters { wgpu::FilterMode::Linear } else { wgpu::FilterMode::Nearest };
+    let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+        label: Some("channel"),
+        address_mode_u: wgpu::AddressMode::Repeat,
+        address_mode_v: wgpu::AddressMode::Repeat,
+        mag_filter: filter,
+        min_filter: filter,
+        ..Default::default()
+    });
+    gpu.check("upload of a channel")?;
+    Ok(Sampled { view, sampler })
+}
