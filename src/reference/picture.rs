@@ -225,7 +225,10 @@ impl<'a> Expression<'_, 'a> {
             return refuse("a target of another size than the window has no reference of the picture".to_owned());
         }
         match (&planned.work, &pass.kind) {
-            (Work::Raster { viewport, .. }, PassKind::Raster(_)) => {
+            (Work::Raster { viewport, .. }, PassKind::Raster(raster)) => {
+                if !raster.shaders.is_empty() {
+                    return refuse("what a project's own shaders draw has no reference of the picture".to_owned());
+                }
                 if !whole(*viewport) {
                     return refuse(
                         "a viewport that is a part of the target has no reference of the picture".to_owned(),
@@ -279,6 +282,9 @@ impl<'a> Expression<'_, 'a> {
                     QuadSource::Combine { color, factor } => {
                         let (color, factor) = (self.channel(color, index)?, self.channel(factor, index)?);
                         Ok(Value::Product(Box::new(color), Box::new(factor)))
+                    }
+                    QuadSource::Own => {
+                        refuse("what a project's own shaders show has no reference of the picture".to_owned())
                     }
                 }
             }

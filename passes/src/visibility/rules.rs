@@ -130,7 +130,7 @@ mod tests {
         assert!((ten[0].0 - 0.5 * (1.0 - 0.973_906_528_517_172)).abs() < 1e-15);
         for (_, order) in RULES {
             let rule = Rule::new(order);
-            assert!(rule.points.len() <= MOST && rule.points.len() % LANES == 0);
+            assert!(rule.points.len() <= MOST && rule.points.len().is_multiple_of(LANES));
             assert!((rule.points.iter().map(|[_, _, weight]| weight).sum::<f64>() - 1.0).abs() < 1e-14);
         }
     }
