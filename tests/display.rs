@@ -1,6 +1,7 @@
 //! `render --display`: what arrives at a viewer that listens. The reader of packets below is written from tev's description of its protocol, not with
 //! the crate that writes them.
 
+use curitiba::pipeline::image::read_image;
 use std::collections::HashMap;
 use std::io::Read as _;
 use std::net::{TcpListener, TcpStream};
@@ -98,8 +99,7 @@ fn render(folder: &Path, arguments: &[&str]) -> Output {
 
 /// The pixels of a file, RGBA.
 fn pixels(path: &Path) -> Vec<[f32; 4]> {
-    let image = image::open(path).expect("an EXR").into_rgba32f();
-    image.pixels().map(|pixel| pixel.0).collect()
+    read_image(path).expect("an EXR").image.pixels
 }
 
 /// The transfer function of sRGB, from display values to linear light (IEC 61966-2-1).

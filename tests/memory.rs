@@ -174,11 +174,15 @@ fn the_process_stays_under_its_cap_whatever_it_reads_draws_and_writes() {
     // A frame of one pixel with a texture of one: what the program and its engines take by themselves.
     write_pattern(&folder.path().join("one.png"), 1);
     write_textured(folder.path(), "of_one", "one.png");
-    let mut command = program(folder.path());
-    command.args("render of_one.xml --raster cpu --backend cpu --size 1x1".split(' '));
-    let empty = watch(command);
-    assert!(empty.status.success(), "{}", empty.errors);
-    let empty = empty.peak;
+    // So short a run may end between two looks at it: the largest of some is what it takes.
+    let runs = (0..5).map(|_| {
+        let mut command = program(folder.path());
+        command.args("render of_one.xml --raster cpu --backend cpu --size 1x1".split(' '));
+        let run = watch(command);
+        assert!(run.status.success(), "{}", run.errors);
+        run.peak
+    });
+    let empty = runs.max().unwrap_or_default();
     assert!(empty > MIB && empty < 256 * MIB, "an empty frame takes {} MiB", empty / MIB);
 
     // 6144 x 6144 texels take 144 MiB, their smaller levels 48.
