@@ -32,7 +32,7 @@ fn seeds_of(target: &Target) -> Vec<Vec<u8>> {
 
 #[test]
 fn every_seed_loads() {
-    for target in &TARGETS {
+    for target in TARGETS {
         for (name, bytes) in seeds::of(target.name) {
             assert_eq!((target.run)(&bytes), Outcome::Loaded, "{}: {name}", target.name);
         }
@@ -41,7 +41,7 @@ fn every_seed_loads() {
 
 #[test]
 fn mutated_seeds_load_as_promised_or_are_refused() {
-    for target in &TARGETS {
+    for target in TARGETS {
         match run(target, &seeds_of(target), rounds()) {
             // What cannot be read of an OBJ file is left out and counted; the file is not refused for it.
             Ok(tally) => assert!(
@@ -60,7 +60,7 @@ fn mutated_seeds_load_as_promised_or_are_refused() {
 fn inputs_that_once_broke_a_loader_do_so_no_more() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz_regressions");
     let mut inputs = 0;
-    for target in &TARGETS {
+    for target in TARGETS {
         let Ok(entries) = std::fs::read_dir(folder.join(target.name)) else { continue };
         for entry in entries {
             let path = entry.expect("an entry").path();

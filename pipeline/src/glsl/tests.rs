@@ -167,6 +167,14 @@ fn what_is_not_supported_is_named_with_its_reason() {
         ("uniform atomic_uint a;", "atomicCounterIncrement(a);", "atomic counters"),
         ("uniform samplerCube c;", "color = texture(c, vec3(1));", "samplerCube"),
         ("uniform bool b;", "if (b) discard;", "truth"),
+        ("uniform float w[9];", "color.r = w[3];", "`w` out as `std140`"),
+        ("uniform M { vec4 a; vec2 w[2]; };", "color.rg = w[1];", "`w` out as `std140`"),
+        (
+            "struct S { float a; }; uniform M { S s; float after; };",
+            "color.r = s.a + after;",
+            "offset 4 must be at least 16",
+        ),
+        ("struct S { float a; }; uniform M { S s[2]; };", "color.r = s[1].a;", "`s` out as `std140`"),
         ("uniform vec4 v = color0;", "color = v;", "begins with"),
         ("#include \"other.glsl\"", "", "#include"),
         ("#define F(x) x", "color = vec4(F(1.0));", "parameters"),
@@ -217,8 +225,14 @@ fn hostile_files_are_refused_soon() {
     // What is just allowed does not end the stack.
     compile(VERTEX, &main(format!("color = vec4({});", deep("(", ")", 40)))).expect("it compiles");
     compile(VERTEX, &main(format!("color = vec4({}1.0);", "- ".repeat(1_900)))).expect("it compiles");
-    let chain = "if (color.x > 0.0) color.y = 1.0; else ".repeat(900);
-    compile(VERTEX, &main(format!("color = vec4(1.0); {chain} color.z = 1.0;"))).expect("it compiles");
+    let chain = |links: usize| {
+        let links = "if (color.x > 0.0) color.y = 1.0; else ".repeat(links);
+        compile(VERTEX, &main(format!("color = vec4(1.0); {links} color.z = 1.0;")))
+    };
+    chain(100).expect("it compiles");
+    // Written as WGSL, each link lies in the braces of the one before, and the device's reader counts them.
+    let faults = chain(900).expect_err("refused");
+    assert!(faults[0].message.contains("nesting limit"), "{faults:?}");
 }
 
 #[test]

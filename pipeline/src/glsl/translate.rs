@@ -6,7 +6,7 @@ use super::{Block, FRAME, Fault, Member, Scalar, Shape, Stage};
 use crate::guard;
 use naga::front::glsl::{Frontend, Options};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use naga::{AddressSpace, Module, ScalarKind, ShaderStage, Span, TypeInner, VectorSize};
+use naga::{AddressSpace, Handle, Module, ScalarKind, ShaderStage, Span, Type, TypeInner, VectorSize};
 
 /// A stage as the device takes it.
 #[derive(Debug)]
@@ -50,7 +50,57 @@ pub(super) fn translate(stage: Stage, text: &Text, stated: &Stated) -> Result<Tr
     let flags = naga::back::wgsl::WriterFlags::empty();
     let written = guard::call("naga", || naga::back::wgsl::write_string(&module, &info, flags)).map_err(of_crate)?;
     let wgsl = written.map_err(|error| of_crate(format!("this cannot be written as WGSL: {error}")))?;
+    let device = guard::call("naga", || naga::front::wgsl::parse_str(&wgsl)).map_err(of_crate)?;
+    let device = device.map_err(|error| of_crate(format!("what is written as WGSL cannot be read: {error}")))?;
+    let faults = laid_out_otherwise(stage, [&module, &device], &blocks);
+    if !faults.is_empty() {
+        return Err(faults);
+    }
+    debug_assert_eq!(validator.validate(&device).map(|_| ()).map_err(|error| error.emit_to_string(&wgsl)), Ok(()));
     Ok(Translated { wgsl, blocks })
+}
+
+/// Members of blocks that lie elsewhere in the WGSL that the device reads (`modules[1]`) than `std140` has them (`modules[0]`): WGSL
+/// pads neither the elements of arrays nor structures to 16 bytes.
+fn laid_out_otherwise(stage: Stage, modules: [&Module; 2], blocks: &[(u32, Block)]) -> Vec<Fault> {
+    let members = |module: &Module, binding: u32| {
+        let bound = |variable: &&naga::GlobalVariable| {
+            variable.space == AddressSpace::Uniform && variable.binding.is_some_and(|at| at.binding == binding)
+        };
+        let variable = module.global_variables.iter().map(|(_, variable)| variable).find(bound)?;
+        match &module.types[variable.ty].inner {
+            TypeInner::Struct { members, .. } => Some(members.clone()),
+            _ => None,
+        }
+    };
+    let mut faults = Vec::new();
+    for (binding, block) in blocks {
+        let of = modules.map(|module| members(module, *binding).unwrap_or_default());
+        for (stated, device) in of[0].iter().zip(&of[1]) {
+            let same = stated.offset == device.offset && same_layout(modules, [stated.ty, device.ty]);
+            let member = block.members.iter().find(|member| Some(&member.name) == stated.name.as_ref());
+            if let (false, Some(Member { name, at: [start, end], .. })) = (same, member) {
+                let message = format!("the device cannot lie `{name}` out as `std140` does");
+                let help = "elements of arrays in uniforms are vec3, vec4, their matrices, or structures of a multiple of 16 bytes";
+                faults.push(Fault { stage, start: *start, end: *end, message, help: Some(help.to_owned()) });
+                break;
+            }
+        }
+    }
+    faults
+}
+
+/// Whether the members and elements of a type lie in both modules at the same places.
+fn same_layout(modules: [&Module; 2], [a, b]: [Handle<Type>; 2]) -> bool {
+    match (&modules[0].types[a].inner, &modules[1].types[b].inner) {
+        (TypeInner::Array { base: a, stride: here, .. }, TypeInner::Array { base: b, stride: there, .. }) => {
+            here == there && same_layout(modules, [*a, *b])
+        }
+        (TypeInner::Struct { members: a, .. }, TypeInner::Struct { members: b, .. }) => {
+            a.iter().zip(b).all(|(a, b)| a.offset == b.offset && same_layout(modules, [a.ty, b.ty]))
+        }
+        _ => true,
+    }
 }
 
 /// A fault at the place in the file that a part of the rewritten text comes from.

@@ -7,6 +7,8 @@
 
 pub mod check;
 pub mod picture;
+#[cfg(feature = "glsl")]
+pub mod shader;
 
 use check::{LoadedScene, Outcome};
 use curitiba_pipeline::scene::{
@@ -37,7 +39,7 @@ pub struct Target {
 }
 
 /// All of them.
-pub const TARGETS: [Target; 10] = [
+pub const TARGETS: &[Target] = &[
     Target { name: "project_xml", run: project_xml },
     Target { name: "mlib", run: mlib },
     Target { name: "cbo", run: cbo },
@@ -48,6 +50,8 @@ pub const TARGETS: [Target; 10] = [
     Target { name: "ogre", run: ogre },
     Target { name: "texture", run: texture },
     Target { name: "picture", run: picture::picture },
+    #[cfg(feature = "glsl")]
+    Target { name: "shader", run: shader::shader },
 ];
 
 /// A project file, beside [`LIBRARY`].

@@ -47,9 +47,35 @@ pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
             ("dxt1.dds", dds()),
         ],
         "picture" => pictures(),
+        "shader" => vec![
+            ("bands.glsl", [BANDS_VERTEX, "\0", BANDS_FRAGMENT].concat().into()),
+            ("quad.glsl", QUAD_SHADER.into()),
+            ("words.glsl", WORDS_SHADER.into()),
+        ],
         other => panic!("there is no target {other}"),
     }
 }
+
+const BANDS_VERTEX: &str = include_str!("../../../xml_projects/shaders/glsl/bands.vert");
+const BANDS_FRAGMENT: &str = include_str!("../../../xml_projects/shaders/glsl/bands.frag");
+
+/// As files of before OpenGL 3 are written.
+const QUAD_SHADER: &str = "#version 120\nattribute vec4 position;\nattribute vec4 texCoord0;\nvarying vec2 uv;
+void main() { uv = vec2(texCoord0); gl_Position = position; }\n\0uniform sampler2D a;\nvarying vec2 uv;
+void main() { gl_FragColor = texture2D(a, uv) + vec4(gl_FragCoord.xy, 0, 1.); if (uv.x < .5) discard; }\n";
+
+/// One of most things that are written otherwise.
+const WORDS_SHADER: &str = "#version 430 core\n#define N 3\n#if N > 2 && defined(N)\nstruct L { vec4 w[N]; vec3 d; float one; };\n#endif
+layout(std140) uniform M { mat4 pvm; mat3 n; L light; };\nuniform int count = 2;\nuniform int on;
+in vec4 position;\nflat out int id;\nout vec4 c;\nout vec4 e;\nsmooth out float f;
+float g(in vec3 a, inout float b) { b += a.x; return b; }
+void main() { float s = 0.; for (int i = 0; i < count; i++) { s += light.w[i].x * light.one; if (i == 1) continue; }
+switch (count) { case 1: s = 1.; break; default: s++; } do { s -= 1.0; } while (s > 3.);
+id = on > 0 ? 1 : 0; c = vec4(n * light.d, g(vec3(1), s)); e = c.wzyx; f = mod(s, 2.); gl_Position = pvm * position; }
+\0#version 330\nuniform M { mat4 pvm; mat3 n; };\nuniform sampler2D t;\nflat in int id;\nin vec4 c;\nin vec4 e;\nin float f;
+layout(location = 0) out vec4 one;\nlayout(location = 1) out vec4 two;\nconst vec2 k[2] = vec2[](vec2(0), vec2(1, 2));
+void main() { vec4 p = textureLod(t, k[id & 1], 0.); p.rgb *= float(textureSize(t, 0).x) / 2;
+one = p + e * pow(f, 2.) + texelFetch(t, ivec2(gl_FragCoord.xy), 0); two = mix(one, gl_FrontFacing ? e : p, dFdx(f)); }\n";
 
 const SMALLEST_PROJECT: &str = "<project name=\"p\"><assets>
 <scenes><scene name=\"S\"><file name=\"b.obj\"/></scene></scenes><cameras><camera name=\"C\"/></cameras></assets>

@@ -1,0 +1,67 @@
+//! Projects' own shaders: the body of the fuzz target `shader`.
+
+use super::SEPARATOR;
+use super::check::Outcome;
+use curitiba_pipeline::glsl::{Block, FRAME, MAX_OUTPUTS, Program, Source, Stage};
+
+/// A vertex shader and, after a [`SEPARATOR`], a fragment shader. That what is compiled is WGSL which the device's library reads is an
+/// assertion of the compiler's own, in builds that have them.
+pub fn shader(input: &[u8]) -> Outcome {
+    // Files that are not UTF-8 are refused before they are compiled.
+    let Ok(text) = std::str::from_utf8(input) else { return Outcome::Refused };
+    let (vertex, fragment) = text.split_once(char::from(SEPARATOR)).unwrap_or((text, ""));
+    let source = Source { vertex, fragment };
+    let file = |stage: Stage| if stage == Stage::Vertex { vertex } else { fragment };
+    match source.compile() {
+        Ok(program) => {
+            check(&program, file);
+            assert_eq!(source.compile().as_ref(), Ok(&program), "a second run differs");
+            Outcome::Loaded
+        }
+        Err(faults) => {
+            assert!((1..=64).contains(&faults.len()), "{} faults", faults.len());
+            for fault in &faults {
+                assert!(!fault.message.is_empty() && !fault.message.ends_with('.'), "{fault:?}");
+                assert!(file(fault.stage).get(fault.start..fault.end).is_some(), "no place in the file: {fault:?}");
+            }
+            Outcome::Refused
+        }
+    }
+}
+
+/// What a compiled shader promises.
+fn check<'a>(program: &Program, file: impl Fn(Stage) -> &'a str) {
+    for (text, stage) in [(&program.vertex, "@vertex"), (&program.fragment, "@fragment")] {
+        assert_eq!(text.matches(stage).count(), 1, "one entry point");
+    }
+    for block in &program.blocks {
+        check_block(block, file(block.stage));
+    }
+    for (index, sampler) in program.samplers.iter().enumerate() {
+        let [start, end] = sampler.at;
+        assert_eq!(file(sampler.stage).get(start..end), Some(sampler.name.as_str()), "where it is declared");
+        assert!(program.samplers[..index].iter().all(|other| other.name != sampler.name), "one of each name");
+    }
+    let attributes = &program.attributes;
+    assert!(attributes.iter().enumerate().all(|(index, one)| !attributes[..index].contains(one)), "{attributes:?}");
+    assert_eq!(program.outputs.len(), MAX_OUTPUTS);
+}
+
+/// Members lie one behind the other within their block, and are found in the file.
+fn check_block(block: &Block, file: &str) {
+    let mut free = 0;
+    for member in &block.members {
+        let [start, end] = member.at;
+        let declared = file.get(start..end);
+        assert!(
+            member.name == FRAME || declared == Some(member.name.as_str()),
+            "{member:?} is declared as {declared:?}"
+        );
+        assert!(member.offset >= free, "{member:?} lies over what is before it");
+        // An array or a structure takes at least one component.
+        let bytes = member.shape.map_or(4, |shape| 16 * (shape.columns - 1) + 4 * shape.rows);
+        free = member.offset + bytes;
+        assert!(free <= block.size, "{member:?} ends behind its block of {} bytes", block.size);
+        assert!(member.default.is_none() || member.shape.is_some(), "{member:?}");
+    }
+}
