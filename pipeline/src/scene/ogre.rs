@@ -32,12 +32,15 @@ pub(crate) fn read(bytes: &[u8], context: &mut Context<'_>) -> Result<Scene, Sce
     let text = std::str::from_utf8(bytes).map_err(|error| {
         SceneError::new(context.file, Place::Byte(error.valid_up_to() as u64), "this is not UTF-8").help("valid: UTF-8")
     })?;
+    // The reader does not count a byte order mark.
+    let (whole, text) = (text.len(), text.trim_start_matches('\u{feff}'));
+    let skipped = (whole - text.len()) as u64;
     let mut reader = quick_xml::Reader::from_str(text);
     reader.config_mut().check_end_names = false;
     let mut loader = Loader::default();
     let (mut is_mesh, mut booked) = (false, 0);
     loop {
-        let at = reader.buffer_position();
+        let at = skipped + reader.buffer_position();
         let fail = |what: String| SceneError::new(context.file, Place::Byte(at), what);
         let event = guard::call("quick-xml", || reader.read_event()).map_err(&fail)?;
         match event.map_err(|error| fail(error.to_string()))? {
@@ -222,6 +225,7 @@ mod tests {
         said("<skeleton/>", "no mesh of Ogre");
         said(&MESH.replace("v2=\"1\"", "v2=\"-1\""), "`v2` of <face> is missing or no number");
         said(&MESH.replace("<position x=\"5\" y=\"0\"", "<position x=\"5\""), "`y` of <position>");
+        said("\u{feff}<mesh><face/></mesh>", "at byte 9");
         let many = format!("<mesh>{}</mesh>", "<vertex/>".repeat(20_000));
         let error = load_text(&many, 1 << 20).expect_err("beyond the limit");
         assert!(error.contains("--max-memory"), "{error}");

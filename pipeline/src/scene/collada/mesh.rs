@@ -48,8 +48,11 @@ struct Attribute {
 }
 
 impl Attribute {
-    /// The values of an index, zeros for those that the source lacks.
+    /// The values of an index, zeros for those that the source lacks, and for [`NONE`].
     fn at<const N: usize>(&self, index: u32) -> [f32; N] {
+        if index == NONE {
+            return [0.0; N];
+        }
         let first = self.first + index as usize * self.stride;
         std::array::from_fn(|i| if i < self.stride { self.numbers[first + i] } else { 0.0 })
     }
@@ -148,10 +151,14 @@ pub(super) fn read(
             _ => fan(&corners).for_each(&mut draw),
         }
     }
-    let Builder { mut mesh, triangles, .. } = builder;
+    let Builder { mut mesh, triangles, lacking, .. } = builder;
     if bad > 0 {
-        let what = "triangles with indices out of range";
+        let what = "triangles with indices of positions out of range";
         warnings.add(file, what, "left out", || format!("{bad} in `{}`", mesh.name));
+    }
+    if lacking > 0 {
+        let what = "indices of normals, texture coordinates and colours out of range";
+        warnings.add(file, what, "read as zeros", || format!("{lacking} in `{}`", mesh.name));
     }
     mesh.groups.push(Group { material, triangles });
     Ok(mesh)
@@ -195,26 +202,34 @@ struct Builder {
     triangles: Vec<[u32; 3]>,
     /// Which vertex has which indices.
     vertices: HashMap<[u32; 4], u32>,
+    /// Indices out of range, but for those of positions.
+    lacking: u64,
 }
 
 impl Builder {
     fn new(attributes: Attributes, mesh: Mesh) -> Self {
-        Self { attributes, mesh, triangles: Vec::new(), vertices: HashMap::new() }
+        Self { attributes, mesh, triangles: Vec::new(), vertices: HashMap::new(), lacking: 0 }
     }
 
-    /// Adds a triangle unless an index is out of range.
+    /// Adds a triangle unless the index of a position is out of range. It does not depend on the other attributes, which are not
+    /// always read.
     fn triangle(&mut self, corners: [&[u32]; 3]) -> bool {
-        let Self { attributes, .. } = self;
         let mut keys = [[NONE; 4]; 3];
+        let mut lacking = 0;
         for (key, corner) in keys.iter_mut().zip(corners) {
-            for (index, attribute) in key.iter_mut().zip(attributes.iter()) {
+            for (index, attribute) in key.iter_mut().zip(&self.attributes) {
                 let Some(attribute) = attribute else { continue };
                 *index = corner[attribute.offset];
                 if *index as usize >= attribute.count {
-                    return false;
+                    *index = NONE;
+                    lacking += 1;
                 }
             }
+            if key[0] == NONE {
+                return false;
+            }
         }
+        self.lacking += lacking;
         let triangle = keys.map(|key| self.vertex(key));
         self.triangles.push(triangle);
         true

@@ -96,7 +96,7 @@ fn geometry_stands_in_metres_with_y_up_where_its_nodes_place_it() {
     assert_eq!(scene.meshes[1].groups[0].triangles, [[0, 1, 2]], "an index of 9 is out of range");
     let said = warnings(&scene);
     for words in [
-        "indices out of range",
+        "indices of positions out of range",
         "lines of COLLADA",
         "cameras and lights",
         "drawn as they were modelled",
@@ -163,7 +163,23 @@ fn wrong_files_are_errors_with_their_place_and_never_more() {
     assert!(nothing.meshes.iter().all(|mesh| mesh.positions.is_empty()), "{}", warnings(&nothing));
     // An index beyond all, and a corner of more numbers than there are.
     let far = HOUSE.replace("<p>0 1 2 0 1 9</p>", "<p>0 1 4294967295 0 1</p>");
-    assert!(warnings(&load_text(&far, Needs::ALL, 1 << 24).expect("it loads")).contains("indices out of range"));
+    assert!(
+        warnings(&load_text(&far, Needs::ALL, 1 << 24).expect("it loads"))
+            .contains("indices of positions out of range")
+    );
+    // One of another attribute takes no triangle away: without that attribute it would be there.
+    let lacking = HOUSE.replace("2 0 4 0 0 0</p></polylist>", "2 0 4 7 4 4294967295</p></polylist>");
+    let all = load_text(&lacking, Needs::ALL, 1 << 24).expect("it loads");
+    let bare = load_text(&lacking, Needs::NOTHING, 1 << 24).expect("it loads");
+    let triangles = |scene: &Scene| {
+        scene
+            .meshes
+            .iter()
+            .map(|mesh| mesh.groups.iter().map(|group| group.triangles.len()).sum())
+            .collect::<Vec<usize>>()
+    };
+    assert_eq!(triangles(&all), triangles(&bare));
+    assert!(warnings(&all).contains("3 in `house`"), "{}", warnings(&all));
     let wide = HOUSE.replace(
         "<input semantic=\"COLOR\" source=\"#c\" offset=\"3\"/>",
         "<input semantic=\"COLOR\" source=\"#c\" offset=\"18446744073709551615\"/>",
@@ -188,4 +204,20 @@ fn wrong_files_are_errors_with_their_place_and_never_more() {
     for end in (0..HOUSE.len()).step_by(7) {
         _ = load_text(&HOUSE[..end], Needs::ALL, 1 << 24);
     }
+}
+
+/// Windows tools begin their files with one.
+#[test]
+fn a_byte_order_mark_moves_nothing() {
+    let marked = format!("\u{feff}{HOUSE}");
+    let [plain, scene] = [HOUSE, &marked].map(|text| load_text(text, Needs::ALL, 1 << 24).expect("it loads"));
+    assert_eq!(format!("{:?}", scene.meshes), format!("{:?}", plain.meshes));
+    let wrong =
+        |text: &str| load_text(&text.replace("100 0 200", "100 x 200"), Needs::ALL, 1 << 24).expect_err("refused");
+    let byte = |message: String| -> u64 {
+        let digits: String =
+            message.split("at byte ").nth(1).expect("its place").chars().take_while(char::is_ascii_digit).collect();
+        digits.parse().expect("a number")
+    };
+    assert_eq!(byte(wrong(&marked)), byte(wrong(HOUSE)) + 3);
 }

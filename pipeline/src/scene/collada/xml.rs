@@ -35,6 +35,9 @@ impl<'a> Document<'a> {
     /// Reads a file; element 0 is its root.
     pub(super) fn read(text: &'a str, context: &mut Context<'_>) -> Result<Self, SceneError> {
         let file = context.file;
+        // The reader does not count a byte order mark.
+        let (whole, text) = (text.len(), text.trim_start_matches('\u{feff}'));
+        let skipped = (whole - text.len()) as u64;
         let mut reader = quick_xml::Reader::from_str(text);
         let config = reader.config_mut();
         config.check_end_names = false;
@@ -44,7 +47,7 @@ impl<'a> Document<'a> {
         let (mut held, mut booked) = (0, 0);
         loop {
             let start = reader.buffer_position() as usize;
-            let fail = |what: String| SceneError::new(file, Place::Byte(start as u64), what);
+            let fail = |what: String| SceneError::new(file, Place::Byte(skipped + start as u64), what);
             let event = guard::call("quick-xml", || reader.read_event()).map_err(&fail)?;
             let end = reader.buffer_position() as usize;
             match event.map_err(|error| fail(error.to_string()))? {
@@ -53,7 +56,7 @@ impl<'a> Document<'a> {
                     let raw = text[start..end].trim_start_matches('<').trim_end_matches('>');
                     let empty = raw.ends_with('/');
                     let raw = raw.trim_end_matches('/');
-                    let element = element(raw, start as u64).map_err(&fail)?;
+                    let element = element(raw, skipped + start as u64).map_err(&fail)?;
                     held += size_of::<Element<'_>>() + 24 + element.attributes.len() * 32;
                     let index = this.elements.len() as u32;
                     if let Some(id) = element.attribute("id") {
