@@ -16,9 +16,9 @@ fn main() -> std::io::Result<()> {
         eprintln!("usage: fuzz_seeds FOLDER");
         std::process::exit(2);
     };
-    let loaders = fuzz_targets::TARGETS.iter().flat_map(|target| {
-        seeds::of(target.name).into_iter().map(|(name, bytes)| (target.name, name.to_owned(), bytes))
-    });
+    let names = fuzz_targets::TARGETS.iter().map(|target| target.name).chain(["shader"]);
+    let loaders = names
+        .flat_map(|target| seeds::of(target).into_iter().map(move |(name, bytes)| (target, name.to_owned(), bytes)));
     let renders = input::seeds().into_iter().map(|(name, bytes)| ("render", name, bytes));
     for (target, name, bytes) in loaders.chain(renders) {
         let folder = corpus.join(target);

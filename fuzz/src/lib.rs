@@ -7,6 +7,8 @@ pub mod body;
 pub mod fuzz_targets;
 #[path = "../../passes/tests/fuzz_render/input.rs"]
 pub mod input;
+#[path = "../../pipeline/tests/fuzz_targets/shader.rs"]
+pub mod shader;
 
 /// Makes the calling thread the only one that works: an input then takes the same path in every run, and no time goes
 /// into waking others.

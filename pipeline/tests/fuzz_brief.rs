@@ -6,6 +6,9 @@ mod fuzz_targets;
 mod mutate;
 #[path = "fuzz_targets/seeds.rs"]
 mod seeds;
+#[cfg(feature = "glsl")]
+#[path = "fuzz_targets/shader.rs"]
+mod shader;
 
 use curitiba_pipeline::image::{Image, Picture, Variance};
 use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Object, RenderScene, Scene, load};
@@ -26,13 +29,22 @@ fn rounds() -> usize {
 /// What is changed about a thing, for messages, and how.
 type Change<T> = (&'static str, fn(&mut T));
 
+/// All targets that the features of this build have.
+fn targets() -> impl Iterator<Item = &'static Target> {
+    #[cfg(feature = "glsl")]
+    const WITH_FEATURES: &[Target] = &[Target { name: "shader", run: shader::shader }];
+    #[cfg(not(feature = "glsl"))]
+    const WITH_FEATURES: &[Target] = &[];
+    TARGETS.iter().chain(WITH_FEATURES)
+}
+
 fn seeds_of(target: &Target) -> Vec<Vec<u8>> {
     seeds::of(target.name).into_iter().map(|(_, bytes)| bytes).collect()
 }
 
 #[test]
 fn every_seed_loads() {
-    for target in TARGETS {
+    for target in targets() {
         for (name, bytes) in seeds::of(target.name) {
             assert_eq!((target.run)(&bytes), Outcome::Loaded, "{}: {name}", target.name);
         }
@@ -41,7 +53,7 @@ fn every_seed_loads() {
 
 #[test]
 fn mutated_seeds_load_as_promised_or_are_refused() {
-    for target in TARGETS {
+    for target in targets() {
         match run(target, &seeds_of(target), rounds()) {
             // What cannot be read of an OBJ file is left out and counted; the file is not refused for it.
             Ok(tally) => assert!(
@@ -60,7 +72,7 @@ fn mutated_seeds_load_as_promised_or_are_refused() {
 fn inputs_that_once_broke_a_loader_do_so_no_more() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz_regressions");
     let mut inputs = 0;
-    for target in TARGETS {
+    for target in targets() {
         let Ok(entries) = std::fs::read_dir(folder.join(target.name)) else { continue };
         for entry in entries {
             let path = entry.expect("an entry").path();

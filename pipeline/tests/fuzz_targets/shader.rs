@@ -1,7 +1,7 @@
 //! Projects' own shaders: the body of the fuzz target `shader`.
 
-use super::SEPARATOR;
-use super::check::Outcome;
+use super::fuzz_targets::SEPARATOR;
+use super::fuzz_targets::check::Outcome;
 use curitiba_pipeline::glsl::{Block, FRAME, MAX_OUTPUTS, Program, Source, Stage};
 
 /// A vertex shader and, after a [`SEPARATOR`], a fragment shader. That what is compiled is WGSL which the device's library reads is an
