@@ -9,7 +9,8 @@ use curitiba::pipeline::image::Image;
 use curitiba::pipeline::metrics::{self, Options};
 use curitiba::pipeline::pixel_samples::PixelSamples;
 use curitiba::pipeline::plan::Settings;
-use curitiba::reference::{ReferenceError, References};
+use curitiba::reference::{Made, Of, Part, Reference, ReferenceError, References};
+use curitiba::shard::Shard;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
@@ -29,6 +30,17 @@ fn of_size(size: [u32; 2], camera: &str, set: &[&str]) -> Settings {
 
 fn references(folder: &Path) -> References {
     References::new(folder.to_owned(), Duration::ZERO)
+}
+
+fn make(folder: &Path, case: &Case, samples: u32, shard: Shard) -> Result<Made, ReferenceError> {
+    references(folder).make(case, Of::Picture, samples, shard, &mut Silent)
+}
+
+fn made_of(folder: &Path, case: &Case, samples: u32) -> (Reference, Option<Duration>) {
+    match make(folder, case, samples, Shard::WHOLE).expect("rendered") {
+        Made::Whole(reference, took) => (reference, took),
+        Made::Part(part) => panic!("{part:?}"),
+    }
 }
 
 fn frame(case: &Case, samples: u32) -> Image {
@@ -56,7 +68,7 @@ fn many_samples_of_the_product_agree_with_the_reference_and_one_does_not() {
     ] {
         for camera in ["MainCamera", "Vidro"] {
             let case = case(name, of_size([64, 48], camera, set));
-            let (reference, _) = references(folder.path()).make_picture(&case, 64, &mut Silent).expect("rendered");
+            let (reference, _) = made_of(folder.path(), &case, 64);
             let best = rmse(&frame(&case, 64), &reference.picture);
             let plain = rmse(&frame(&case, 1), &reference.picture);
             println!(
@@ -90,9 +102,9 @@ fn it_is_kept_serves_the_raster_twin_and_every_other_row_says_how_it_is_made() {
     assert!(why.contains("curitiba reference") && why.contains("--camera MainCamera --size 20x16"), "{why}");
     assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0, "nothing is rendered unasked");
 
-    let (made, took) = references(folder.path()).make_picture(&rays, 64, &mut Silent).expect("rendered");
+    let (made, took) = made_of(folder.path(), &rays, 64);
     assert!(took.is_some() && made.samples == 64);
-    let (again, took) = references(folder.path()).make_picture(&rays, 64, &mut Silent).expect("read");
+    let (again, took) = made_of(folder.path(), &rays, 64);
     assert!(took.is_none() && again.picture == made.picture && again.own_error == made.own_error);
     for case in [&rays, &raster] {
         let error = compare(case, &picture);
@@ -121,7 +133,7 @@ fn it_is_kept_serves_the_raster_twin_and_every_other_row_says_how_it_is_made() {
         ("SceneSSAO.xml", "raster/SceneDepthOcclusion.xml"),
     ] {
         let [rays, raster] = [rays, raster].map(|name| case(name, of_size([4, 4], "Vidro", &[])));
-        let (made, _) = references(folder.path()).make_picture(&rays, 64, &mut Silent).expect("rendered");
+        let (made, _) = made_of(folder.path(), &rays, 64);
         let mut references = references(folder.path());
         let found = references.picture(&raster, &mut Silent).unwrap_or_else(|error| panic!("{raster:?}: {error}"));
         assert_eq!(found.key, made.key);
@@ -130,7 +142,7 @@ fn it_is_kept_serves_the_raster_twin_and_every_other_row_says_how_it_is_made() {
     let missing = references(folder.path()).picture(&shorter, &mut Silent).expect_err("another radius");
     assert!(matches!(missing, ReferenceError::NoPicture(_)), "{missing}");
     // A better one takes the place of the first; a damaged one is told and not used.
-    let (better, took) = references(folder.path()).make_picture(&rays, 128, &mut Silent).expect("rendered");
+    let (better, took) = made_of(folder.path(), &rays, 128);
     assert!(took.is_some() && better.samples == 128 && better.own_error < made.own_error);
     let kept = folder.path().join("pictures");
     let old = kept.join(format!("{}.exr", made.key));
@@ -152,23 +164,103 @@ fn what_it_does_not_know_is_refused_with_the_pass_and_the_remedy() {
     ] {
         let set = set.iter().map(|set| (*set).to_owned()).collect();
         let case = case(name, Settings { size: Some([8, 8]), set, ..Settings::default() });
-        let error = references(folder.path()).make_picture(&case, 64, &mut Silent).expect_err(name);
+        let error = make(folder.path(), &case, 64, Shard::WHOLE).expect_err(name);
         assert!(matches!(error, ReferenceError::Picture(_)), "{name}: {error}");
         assert!(error.to_string().contains(expected), "{name}: {error}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).expect("the folder").count(), 0);
 }
 
+/// Runs the program in a folder, with references in `cache` there: the exit code, and what it says.
+fn run_in(folder: &Path, words: &[&str]) -> (Option<i32>, String) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
+    let command = command.current_dir(folder).env("CURITIBA_CACHE", folder.join("cache"));
+    let output = command.args(words).output().expect("it runs");
+    let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    (output.status.code(), text)
+}
+
+/// By shards, by one process, and by one that goes on from what shards left: the same bits, and the sequences of all samples.
+#[test]
+fn references_in_blocks_are_the_same_whoever_renders_them() {
+    let case = case("SceneSSAO.xml", of_size([6, 4], "Vidro", &[]));
+    for (of, samples, blocks) in [(Of::Picture, 4096, 4), (Of::Effect, 16_384, 4)] {
+        let of_shard = |folder: &Path, samples: u32, shard: Shard| {
+            references(folder).make(&case, of, samples, shard, &mut Silent).expect("rendered")
+        };
+        let whole = |folder: &Path, samples: u32| match of_shard(folder, samples, Shard::WHOLE) {
+            Made::Whole(reference, _) => reference,
+            Made::Part(part) => panic!("{part:?}"),
+        };
+        let folders = [(); 4].map(|()| tempfile::tempdir().expect("a folder"));
+        let [alone, shared, goes_on, fewer] = folders.each_ref().map(tempfile::TempDir::path);
+        let once = whole(alone, samples);
+        for index in [2, 0, 1] {
+            let made = of_shard(shared, samples, Shard { index, count: 3 });
+            assert!(matches!(made, Made::Part(Part { found: 0, .. })), "{made:?}");
+        }
+        let Made::Part(part) = of_shard(shared, samples, Shard { index: 1, count: 2 }) else { panic!("a part") };
+        assert_eq!(part, Part { blocks, mine: 2, found: 2, kept: 4 });
+        of_shard(goes_on, samples, Shard { index: 0, count: 2 });
+        for joined in [whole(shared, samples), whole(goes_on, samples)] {
+            assert!(joined.picture == once.picture && joined.own_error.to_bits() == once.own_error.to_bits());
+            assert_eq!(joined.key, once.key);
+        }
+        // They are better than a block of theirs, and no more apart from it than its error says.
+        let block = whole(fewer, samples / blocks);
+        let apart = rmse(&block.picture, &once.picture);
+        println!("{of:?}: apart {apart:.2e}, own errors {:.2e} and {:.2e}", block.own_error, once.own_error);
+        assert!(once.own_error < block.own_error && apart < 3.0 * block.own_error && apart > 0.0);
+    }
+}
+
+#[test]
+fn shards_of_a_reference_are_commands_and_a_benchmark_finds_what_is_joined() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |words: &[&str]| run_in(folder.path(), words);
+    let path = project("SceneSSAO.xml");
+    let path = path.to_str().expect("a path");
+    let shard = |shard: &str| {
+        run(&["reference", path, "--of", "effect", "--size", "6x4", "--samples", "16384", "--shard", shard])
+    };
+    let (code, text) = shard("1/2");
+    assert!(code == Some(0) && text.contains("shard 1/2: 2 of 4 blocks, 0 of them were there"), "{text}");
+    let (code, text) = shard("1/2");
+    assert!(code == Some(0) && text.contains("2 of 4 blocks, 2 of them were there"), "{text}");
+    let (_, text) = shard("2/2");
+    assert!(text.contains("4 of 4 blocks are in"), "{text}");
+    let (code, text) =
+        run(&["reference", path, "--of", "effect", "--size", "6x4", "--samples", "16384", "-o", "right.exr"]);
+    assert!(code == Some(0) && text.contains("mean of 2 renders of 16384 samples"), "{text}");
+    assert_eq!(
+        std::fs::read_dir(folder.path().join("cache")).expect("the folder").count(),
+        2,
+        "joined blocks are gone"
+    );
+    let key = text.split("kept as ").nth(1).and_then(|rest| rest.split(' ').next()).expect("its key").to_owned();
+    let mut words = vec!["bench", path, "--size", "6x4", "--frames", "1", "--raster", "cpu", "--backend", "cpu"];
+    words.extend(["--reference-samples", "16384", "--json", "rows.json"]);
+    let (code, text) = run(&words);
+    assert_eq!(code, Some(0), "{text}");
+    let json = std::fs::read_to_string(folder.path().join("rows.json")).expect("written");
+    assert!(json.contains(&key), "{key} in {json}");
+    for (words, said) in [
+        (&["reference", path, "--shard", "1/2", "-o", "x.png"][..], "cannot be used with"),
+        (&["reference", path, "--shard", "3/2"], "is no shard"),
+        (&["reference", path, "--of", "frame"], "picture, effect"),
+    ] {
+        let (code, text) = run(words);
+        assert!(code == Some(2) && text.contains(said), "{text}");
+    }
+    let shadows = project("SceneShadows.xml");
+    let (code, text) = run(&["reference", shadows.to_str().expect("a path"), "--of", "effect"]);
+    assert!(code == Some(2) && text.contains("no noise"), "{text}");
+}
+
 #[test]
 fn the_command_makes_it_and_a_benchmark_finds_it() {
     let folder = tempfile::tempdir().expect("a folder");
-    let run = |words: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_curitiba"));
-        let command = command.current_dir(folder.path()).env("CURITIBA_CACHE", folder.path().join("cache"));
-        let output = command.args(words).output().expect("it runs");
-        let text = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
-        (output.status.code(), text)
-    };
+    let run = |words: &[&str]| run_in(folder.path(), words);
     let path = project("SceneShadows.xml");
     let path = path.to_str().expect("a path");
     let bench = |name: &str| {

@@ -3,11 +3,11 @@
 use super::progress::Bars;
 use super::reference_args::ReferenceArgs;
 use super::render_output::check_extension;
-use super::{Failure, check_references, failure, set_threads};
+use super::{Failure, bench_parts, check_references, failure, set_threads};
 use curitiba::bench::Case;
 use curitiba::pipeline::files::{check_outputs, record_files_read};
 use curitiba::pipeline::image::{Layer, write_displayed, write_exr_of};
-use curitiba::reference::{ReferenceError, References};
+use curitiba::reference::{Made, ReferenceError, References};
 use curitiba::{Choice, OpenError};
 use std::time::Duration;
 
@@ -16,8 +16,10 @@ impl From<ReferenceError> for Failure {
         match error {
             ReferenceError::Open(error) => error.into(),
             ReferenceError::Render(error) => OpenError::Render(error).into(),
-            error @ (ReferenceError::Picture(_) | ReferenceError::NoPicture(_)) => Self::Usage(error.to_string()),
-            error @ ReferenceError::Metric(_) => Self::work(error),
+            error @ (ReferenceError::Picture(_) | ReferenceError::NoPicture(_) | ReferenceError::NoNoise) => {
+                Self::Usage(error.to_string())
+            }
+            error @ (ReferenceError::Metric(_) | ReferenceError::Keep(_)) => Self::work(error),
         }
     }
 }
@@ -25,6 +27,7 @@ impl From<ReferenceError> for Failure {
 /// Renders the reference, keeps it, and writes it where it was asked for.
 pub fn run(args: &ReferenceArgs) -> Result<(), Failure> {
     set_threads(args.threads)?;
+    let shard = bench_parts::shard(args.shard)?;
     let output = args.output.as_deref();
     if let Some(path) = output {
         check_extension(path)?;
@@ -36,10 +39,19 @@ pub fn run(args: &ReferenceArgs) -> Result<(), Failure> {
     let case = Case::new(&args.path, args.settings(), Choice::CPU)?;
     let mut references = References::new(folder.clone(), Duration::ZERO);
     let mut bars = Bars::default();
-    let (reference, took) = references.make_picture(&case, args.samples, &mut bars)?;
+    let made = references.make(&case, args.of.into(), args.samples, shard, &mut bars)?;
     drop(bars);
     let warnings = references.take_warnings();
     warnings.iter().for_each(|warning| failure::print_warning(warning));
+    let (reference, took) = match made {
+        Made::Whole(reference, took) => (reference, took),
+        Made::Part(part) => {
+            crate::say!("shard {shard}: {} of {} blocks, {} of them were there", part.mine, part.blocks, part.found);
+            let joins = "the same command without --shard joins them";
+            crate::say!("{} of {} blocks are in {}; {joins}", part.kept, part.blocks, folder.display());
+            return Ok(());
+        }
+    };
     let size = [reference.picture.width, reference.picture.height];
     crate::say!("{}: {}, {} x {}", args.path.display(), reference.what, size[0], size[1]);
     crate::say!("standard error {:.5} (root mean square over pixels and colours)", reference.own_error);

@@ -1,11 +1,30 @@
 //! The arguments of `reference`.
 
-use clap::{Args, ValueHint};
+use clap::{Args, ValueEnum, ValueHint};
 use curitiba::args::{SceneFlags, parse_bytes, parse_size};
 use curitiba::pipeline::color::ColorSpace;
 use curitiba::pipeline::plan::Settings;
-use curitiba::reference::PICTURE_SAMPLES;
+use curitiba::reference::{Of, PICTURE_SAMPLES};
+use curitiba::shard::Request;
 use std::path::PathBuf;
+
+/// What `--of` may say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum OfArg {
+    /// The picture, from the camera
+    Picture,
+    /// The effect: occlusion from the cpu rasteriser's G-buffer
+    Effect,
+}
+
+impl From<OfArg> for Of {
+    fn from(of: OfArg) -> Self {
+        match of {
+            OfArg::Picture => Self::Picture,
+            OfArg::Effect => Self::Effect,
+        }
+    }
+}
 
 /// Arguments of `reference`.
 #[derive(Debug, Args)]
@@ -33,9 +52,15 @@ pub struct ReferenceArgs {
     /// Set a parameter of a ray or effect pass
     #[arg(long, value_name = "PASS.NAME=VALUE")]
     pub set: Vec<String>,
-    /// Samples of every pixel, a power of two from 64 to 65536
+    /// What it is the reference of
+    #[arg(long, value_name = "WHAT", default_value = "picture")]
+    pub of: OfArg,
+    /// Samples of every pixel, a power of two from 64 to 65536; of the effect those of each of its two renders
     #[arg(long, value_name = "N", default_value_t = PICTURE_SAMPLES.0, value_parser = parse_samples)]
     pub samples: u32,
+    /// Render a share of its blocks of samples alone: K/N, or auto or auto/N inside a scheduler. The same command without --shard joins them
+    #[arg(long, value_name = "K/N|auto", conflicts_with = "output")]
+    pub shard: Option<Request>,
     /// Also write the picture here, .png or .exr
     #[arg(short, long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub output: Option<PathBuf>,

@@ -13,9 +13,11 @@ const MOST_SIDECAR: u64 = 16 << 20;
 const MOST_EXR: u64 = 8 << 30;
 
 /// A folder of EXR files, each with a JSON file that says what it is and vouches for its bytes.
+#[derive(Debug, Clone)]
 pub(super) struct Folder(PathBuf);
 
 /// What is kept of a reference.
+#[derive(Debug)]
 pub(super) struct Entry {
     pub picture: Image,
     pub own_error: f64,
@@ -49,9 +51,14 @@ impl Folder {
         format!("{:032x}", fnv1a(material.as_bytes()))
     }
 
-    fn files(&self, material: &str) -> (PathBuf, PathBuf) {
+    pub fn files(&self, material: &str) -> (PathBuf, PathBuf) {
         let key = Self::key(material);
         (self.0.join(format!("{key}.exr")), self.0.join(format!("{key}.json")))
+    }
+
+    /// Whether a reference is there, and written to its end.
+    pub fn has(&self, material: &str) -> bool {
+        self.files(material).1.exists()
     }
 
     /// A reference of this size, if there is one; or why what is there is not trusted.

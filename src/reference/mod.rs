@@ -22,7 +22,7 @@
 //!
 //! All of these judge the effect alone: they share the G-buffer, the programs and their formulas with the rows. What a row shows of the
 //! *picture* is judged by another one, which [`reference`](crate::passes::reference) renders from the camera in `f64`, with many samples a pixel. It
-//! takes long, so it is made on demand alone ([`References::make_picture`]); rows are compared with it where it is kept
+//! takes long, so it is made on demand alone ([`References::make`]); rows are compared with it where it is kept
 //! ([`References::compare_picture`]).
 //!
 //! # Where they are kept
@@ -30,10 +30,13 @@
 //! determines the picture: the passes and their constants, the view, the lights, the size, the scene's content, the
 //! sample count, and [`FORMAT`] for the programs themselves. Two versions of this program share none.
 
+mod blocks;
 mod cache;
 mod picture;
 mod plan;
 mod rays;
+
+pub use blocks::Part;
 
 use crate::OpenError;
 use crate::bench::Case;
@@ -43,6 +46,8 @@ use crate::passes::reference as renderer_of_pictures;
 use crate::pipeline::executor::{Engines, Observer, Progress, RenderError, Renderer, StepKind};
 use crate::pipeline::image::Image;
 use crate::pipeline::metrics::{self, Comparison, MetricError};
+use crate::shard::Shard;
+use blocks::{Blocks, Done};
 use cache::{Entry, Folder};
 use plan::{Kind, Request};
 use rays::{ReferenceRays, Sampling};
@@ -68,6 +73,12 @@ const SAMPLES: (u32, u32) = (256, MOST_SAMPLES);
 /// Samples a pixel that a reference of a picture may have: powers of two from the first to the second.
 pub const PICTURE_SAMPLES: (u32, u32) = (64, 65_536);
 
+/// Samples a pixel of a block of a reference of the picture. Changing it changes references of more samples: see [`FORMAT`] and that of pictures.
+const PICTURE_BLOCK: u32 = 1024;
+
+/// The same of each of the two renders of a reference of the effect. Numbers of samples that are no multiple of it are not cut into blocks.
+const EFFECT_BLOCK: u32 = 4096;
+
 /// Seeds of the two renders; far from those that people choose.
 const SEEDS: [u32; 2] = [0x9e37_79b9, 0x7f4a_7c15];
 
@@ -86,6 +97,14 @@ pub enum ReferenceError {
     /// What the reference renderer does not know.
     #[error("the picture has no reference: {0}")]
     Picture(String),
+    /// A reference without noise has no samples to choose.
+    #[error(
+        "the reference of the effect has no noise, so it has no samples to share out: the first row that asks for it makes it"
+    )]
+    NoNoise,
+    /// A block of it cannot be kept for the others.
+    #[error("{0}")]
+    Keep(String),
     /// The reference of the picture is not kept; the command that makes it.
     #[error("the reference of the picture is not made; this makes it: {0}")]
     NoPicture(String),
@@ -115,6 +134,24 @@ pub struct Reference {
     pub own_error: f64,
     /// Samples of each of its two renders, of the picture's reference of both; 0 where it has no noise.
     pub samples: u32,
+}
+
+/// Which reference of a case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Of {
+    /// That of the picture.
+    Picture,
+    /// That of the effect.
+    Effect,
+}
+
+/// What [`References::make`] made.
+#[derive(Debug, Clone)]
+pub enum Made {
+    /// The reference, and how long rendering it took; `None` if it was kept already.
+    Whole(Reference, Option<Duration>),
+    /// A shard's blocks of it.
+    Part(Part),
 }
 
 /// Makes references, and keeps them.
@@ -283,17 +320,36 @@ impl References {
         self.kept_picture(&request, &base).ok_or_else(missing)
     }
 
-    /// The reference of a case's picture, of at least so many samples a pixel (a power of two within [`PICTURE_SAMPLES`]), and how long rendering
-    /// took; rendered and kept, unless one that is as good is kept already.
+    /// A reference of a case, rendered and kept unless one that is as good is kept already: of the picture, of at least so many samples a pixel (a
+    /// power of two within [`PICTURE_SAMPLES`]); of the effect, of that many in each of its two renders, 1 to [`MOST_SAMPLES`].
+    ///
+    /// Many samples are cut into blocks. A shard renders its blocks and keeps them; who asks for the whole afterwards joins
+    /// what is kept, and renders what is not. The picture is the same, bit for bit, whoever rendered the blocks.
     ///
     /// # Errors
-    /// If there is something in the picture that the reference renderer does not know; if it cannot be rendered.
-    pub fn make_picture(
+    /// If there is something in the picture that the reference renderer does not know; if the effect has no noise; if it cannot be rendered; if a
+    /// shard's block cannot be kept.
+    pub fn make(
+        &mut self,
+        case: &Case,
+        of: Of,
+        samples: u32,
+        shard: Shard,
+        observer: &mut dyn Observer,
+    ) -> Result<Made, ReferenceError> {
+        match of {
+            Of::Picture => self.make_picture(case, samples, shard, observer),
+            Of::Effect => self.make_effect(case, samples, shard, observer),
+        }
+    }
+
+    fn make_picture(
         &mut self,
         case: &Case,
         samples: u32,
+        shard: Shard,
         observer: &mut dyn Observer,
-    ) -> Result<(Reference, Option<Duration>), ReferenceError> {
+    ) -> Result<Made, ReferenceError> {
         let request = Request::of_picture(case)?;
         if let Some(why) = picture::unsupported(&request.plan) {
             return Err(ReferenceError::Picture(why));
@@ -301,26 +357,73 @@ impl References {
         let base = self.base_of_picture(&request, observer)?;
         let old = self.kept_picture(&request, &base).map(|reference| reference.samples);
         if let Some(reference) = self.pictures.get(&base).filter(|reference| reference.samples >= samples) {
-            return Ok((reference.clone(), None));
+            return Ok(Made::Whole(reference.clone(), None));
         }
+        let block = samples.min(PICTURE_BLOCK);
+        let folder = self.folder_of_pictures.clone();
+        let blocks = Blocks {
+            folder: &folder,
+            base: format!("{}, blocks of {block} samples", from_the_camera(&base)),
+            count: samples / block,
+            size: request.plan.window,
+        };
+        let mut warnings = Vec::new();
         let open = self.open(&request, observer)?;
-        let job = picture::job(&open.renderer, samples).map_err(ReferenceError::Picture)?;
-        let progress = Arc::new(Progress::until(&open.renderer.cancellation()));
-        observer.begin(StepKind::Rays, "reference of the picture", &progress);
-        let start = Instant::now();
-        let rendered = renderer_of_pictures::render(&job, &progress);
-        let took = start.elapsed();
-        observer.end();
-        let [first, second] = rendered?;
-        let (picture, own_error) = mean_of_two(first, &second);
-        let entry = Entry { picture, own_error, took };
-        match self.folder_of_pictures.store(&picture_material(&base, samples), &entry) {
+        let done = blocks.work(shard, &mut warnings, &mut |index| {
+            // Each of the two estimates takes half of the samples.
+            let range = index * (block / 2)..(index + 1) * (block / 2);
+            let job = picture::job(&open.renderer, range).map_err(ReferenceError::Picture)?;
+            let progress = Arc::new(Progress::until(&open.renderer.cancellation()));
+            let name =
+                if blocks.count == 1 { String::new() } else { format!(", block {} of {}", index + 1, blocks.count) };
+            observer.begin(StepKind::Rays, &format!("reference of the picture{name}"), &progress);
+            let rendered = renderer_of_pictures::render(&job, &progress);
+            observer.end();
+            Ok(rendered?)
+        })?;
+        self.warnings.append(&mut warnings);
+        let entry = match done {
+            Done::Part(part) => return Ok(Made::Part(part)),
+            Done::Whole(entry) => entry,
+        };
+        let took = entry.took;
+        match folder.store(&picture_material(&base, samples), &entry) {
             Err(why) => self.warnings.push(why),
-            Ok(()) => old.iter().for_each(|old| self.folder_of_pictures.forget(&picture_material(&base, *old))),
+            Ok(()) => {
+                old.iter().for_each(|old| folder.forget(&picture_material(&base, *old)));
+                blocks.forget();
+            }
         }
         let reference = picture_reference(&base, samples, entry);
         self.pictures.insert(base, reference.clone());
-        Ok((reference, Some(took)))
+        Ok(Made::Whole(reference, Some(took)))
+    }
+
+    fn make_effect(
+        &mut self,
+        case: &Case,
+        samples: u32,
+        shard: Shard,
+        observer: &mut dyn Observer,
+    ) -> Result<Made, ReferenceError> {
+        let request = Request::new(case)?;
+        if request.kind != Kind::Converged {
+            return Err(ReferenceError::NoNoise);
+        }
+        let base = self.base(&request, observer)?;
+        match self.folder.load(&material(&base, samples), request.plan.window) {
+            Ok(Some(entry)) => {
+                self.hold(&request, &base, samples, entry, Duration::ZERO);
+                return Ok(Made::Whole(self.held[&base].reference.clone(), None));
+            }
+            Ok(None) => {}
+            Err(why) => self.warnings.push(format!("{why}; it is rendered again")),
+        }
+        if let Some(part) = self.render(&request, &base, samples, shard, observer)? {
+            return Ok(Made::Part(part));
+        }
+        let Held { reference, took, .. } = &self.held[&base];
+        Ok(Made::Whole(reference.clone(), Some(*took)))
     }
 
     /// The best reference of a picture that is kept.
@@ -348,7 +451,7 @@ impl References {
             return Ok(base.clone());
         }
         let open = self.open(request, observer)?;
-        let job = picture::job(&open.renderer, PICTURE_SAMPLES.0).map_err(ReferenceError::Picture)?;
+        let job = picture::job(&open.renderer, 0..1).map_err(ReferenceError::Picture)?;
         let base = picture::material(&job, request.plan.display.space);
         self.materials_of_pictures.insert(identity, base.clone());
         Ok(base)
@@ -389,7 +492,7 @@ impl References {
             }
         }
         let samples = if request.kind == Kind::Converged { self.fixed.unwrap_or(SAMPLES.0) } else { 0 };
-        self.render(request, &base, samples, observer)?;
+        self.render(request, &base, samples, Shard::WHOLE, observer)?;
         Ok(base)
     }
 
@@ -416,41 +519,56 @@ impl References {
         match affordable {
             None | Some(0) => Ok(Some("the time allowed for it is used up")),
             Some(n) => {
-                self.render(request, base, (samples << n).min(SAMPLES.1), observer)?;
+                self.render(request, base, (samples << n).min(SAMPLES.1), Shard::WHOLE, observer)?;
                 Ok(None)
             }
         }
     }
 
+    /// Renders a reference, or a shard of its blocks, of which it says how far they are.
     fn render(
         &mut self,
         request: &Request,
         base: &str,
         samples: u32,
+        shard: Shard,
         observer: &mut dyn Observer,
-    ) -> Result<(), ReferenceError> {
+    ) -> Result<Option<Part>, ReferenceError> {
+        let folder = self.folder.clone();
+        let count = if is_in_blocks(samples) { samples / EFFECT_BLOCK } else { 1 };
+        let base_of_blocks = format!("{base}\nseeds {SEEDS:?}, blocks of {EFFECT_BLOCK} samples");
+        let blocks = Blocks { folder: &folder, base: base_of_blocks, count, size: request.plan.window };
+        let mut warnings = Vec::new();
         let open = self.open(request, observer)?;
-        let start = Instant::now();
-        let (picture, own_error) = if samples == 0 {
-            (open.renderer.frame(observer)?, 0.0)
+        let done = if samples == 0 {
+            let start = Instant::now();
+            let picture = open.renderer.frame(observer)?;
+            Done::Whole(Entry { picture, own_error: 0.0, took: start.elapsed() })
         } else {
-            let mut render = |seed: u32| {
-                open.sampling.set(Sampling { samples, seed });
-                open.renderer.frame(observer)
-            };
-            let (first, second) = (render(SEEDS[0])?, render(SEEDS[1])?);
-            mean_of_two(first, &second)
+            blocks.work(shard, &mut warnings, &mut |index| {
+                let length = samples / count;
+                let mut render = |seed: u32| {
+                    open.sampling.set(Sampling { all: samples, first: index * length, samples: length, seed });
+                    open.renderer.frame(observer)
+                };
+                Ok([render(SEEDS[0])?, render(SEEDS[1])?])
+            })?
         };
-        let took = start.elapsed();
-        let entry = Entry { picture, own_error, took };
-        if let Err(why) = self.folder.store(&material(base, samples), &entry) {
-            self.warnings.push(why);
+        self.warnings.append(&mut warnings);
+        let entry = match done {
+            Done::Part(part) => return Ok(Some(part)),
+            Done::Whole(entry) => entry,
+        };
+        match folder.store(&material(base, samples), &entry) {
+            Err(why) => self.warnings.push(why),
+            Ok(()) => blocks.forget(),
         }
         if let Some(held) = self.held.get(base) {
-            self.folder.forget(&material(base, held.reference.samples));
+            folder.forget(&material(base, held.reference.samples));
         }
+        let took = entry.took;
         self.hold(request, base, samples, entry, took);
-        Ok(())
+        Ok(None)
     }
 
     fn hold(&mut self, request: &Request, base: &str, samples: u32, entry: Entry, spent: Duration) {
@@ -470,7 +588,8 @@ impl References {
         if self.open.as_ref().is_none_or(|(open, _)| *open != identity) {
             // The old one is released first: two would not always fit.
             self.open = None;
-            let sampling = Rc::new(Cell::new(Sampling { samples: SAMPLES.0, seed: SEEDS[0] }));
+            let sampling =
+                Rc::new(Cell::new(Sampling { all: SAMPLES.0, first: 0, samples: SAMPLES.0, seed: SEEDS[0] }));
             let rays = ReferenceRays::new(request.kind == Kind::Exact, Rc::clone(&sampling));
             let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(rays));
             let renderer = Renderer::new(request.plan.clone(), engines, observer)?;
@@ -491,14 +610,25 @@ pub fn has_noise(case: &Case) -> Result<bool, OpenError> {
     Ok(Request::new(case)?.kind == Kind::Converged)
 }
 
+/// Whether a reference of so many samples is the mean of blocks.
+fn is_in_blocks(samples: u32) -> bool {
+    samples > EFFECT_BLOCK && samples.is_multiple_of(EFFECT_BLOCK)
+}
+
 /// Everything that determines a reference, in words.
 fn material(base: &str, samples: u32) -> String {
-    format!("{base}\nsamples {samples}, seeds {SEEDS:?}")
+    let blocks = if is_in_blocks(samples) { format!(" in blocks of {EFFECT_BLOCK}") } else { String::new() };
+    format!("{base}\nsamples {samples}{blocks}, seeds {SEEDS:?}")
 }
 
 /// The same of a reference of a picture.
 fn picture_material(base: &str, samples: u32) -> String {
-    format!("{base}\nfrom the camera, format {}, {samples} samples a pixel", picture::FORMAT)
+    let blocks = if samples > PICTURE_BLOCK { format!(" in blocks of {PICTURE_BLOCK}") } else { String::new() };
+    format!("{}, {samples} samples a pixel{blocks}", from_the_camera(base))
+}
+
+fn from_the_camera(base: &str) -> String {
+    format!("{base}\nfrom the camera, format {}", picture::FORMAT)
 }
 
 fn picture_reference(base: &str, samples: u32, entry: Entry) -> Reference {

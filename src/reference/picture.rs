@@ -11,6 +11,7 @@ use crate::pipeline::programs::RayProgram;
 use crate::pipeline::project::{ChannelRef, PassKind, QuadSource};
 use crate::pipeline::scene::fnv1a;
 use glam::{DVec3, DVec4, Vec4};
+use std::ops::Range;
 
 /// Changes whenever the reference renderer gives other pictures than before.
 pub(super) const FORMAT: u32 = 1;
@@ -132,11 +133,11 @@ pub(super) fn unsupported(plan: &Plan) -> Option<String> {
     Expression { plan, look: &nothing, bodies: &|_| false, drawn: None }.window().err()
 }
 
-/// What the reference renderer is asked for.
+/// What the reference renderer is asked for, with the samples of each of its two estimates.
 ///
 /// # Errors
 /// What it does not know, with the pass.
-pub(super) fn job(renderer: &Renderer, samples: u32) -> Result<Job<'_>, String> {
+pub(super) fn job(renderer: &Renderer, samples: Range<u32>) -> Result<Job<'_>, String> {
     let plan = renderer.plan();
     let look = |index: usize| {
         let materials = renderer.materials(index);

@@ -18,6 +18,11 @@ const BYTES_PER_TRIANGLE: u64 = 400;
 /// What a reference with noise takes in the place of a pass's own samples and seed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sampling {
+    /// All samples of the reference.
+    pub all: u32,
+    /// The first that is taken now.
+    pub first: u32,
+    /// How many are.
     pub samples: u32,
     pub seed: u32,
 }
@@ -84,9 +89,9 @@ impl RayBackend for ReferenceRays {
             fast.build(scene, filtered)?;
             self.fast = Some(fast);
         }
-        let Sampling { samples, seed } = self.sampling.get();
+        let Sampling { all, first, samples, seed } = self.sampling.get();
         // The plan of a reference takes one sample: of several samples a pixel, each goes on behind as many as this is told.
-        let [first, first_sun] = [job.params.first, job.params.first_sun].map(|first| first * samples);
+        let [first, first_sun] = [job.params.first, job.params.first_sun].map(|before| before * all + first);
         let of_occlusion = if job.params.samples > 0 { samples } else { 0 };
         let params = RayParams { samples: of_occlusion, sun_samples: samples, first, first_sun, ..job.params };
         let job = RayJob { params, seed, ..*job };

@@ -7,6 +7,7 @@ use curitiba_pipeline::image::PixelFormat;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use glam::{DVec3, DVec4};
+use std::ops::Range;
 
 /// How a pass sees the materials and the light. All slices are by material index.
 #[derive(Debug, Clone, Copy)]
@@ -106,6 +107,6 @@ pub struct Job<'a> {
     pub value: Value<'a>,
     /// Pixels a row, and rows.
     pub size: [u32; 2],
-    /// Samples of every pixel: even, at least 2. Half of them make each of two estimates.
-    pub samples: u32,
+    /// Which samples of every pixel each of the two estimates takes: at least one.
+    pub samples: Range<u32>,
 }

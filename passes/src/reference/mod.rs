@@ -57,15 +57,16 @@ pub enum ReferenceError {
     Cancelled,
 }
 
-/// Renders two independent estimates of a picture, whose mean is the picture.
+/// Renders two independent estimates of a picture, whose mean is the picture: each has as many samples a pixel as the job's range. Ranges that
+/// follow each other go on in the same sequences.
 ///
 /// # Errors
 /// If the scene has exact spheres, memory does not suffice, or it was asked to stop.
 ///
 /// # Panics
-/// If the number of samples is odd or 0, or a slice of a ray pass's [`Look`] is shorter than the scene's materials.
+/// If the range of samples is empty, or a slice of a ray pass's [`Look`] is shorter than the scene's materials.
 pub fn render(job: &Job<'_>, progress: &Progress) -> Result<[Image; 2], ReferenceError> {
-    assert!(job.samples > 0 && job.samples.is_multiple_of(2), "{} samples cannot be halved", job.samples);
+    assert!(!job.samples.is_empty(), "no samples");
     if !job.seen.scene.geometry.spheres.is_empty() {
         return Err(ReferenceError::Spheres);
     }
@@ -94,20 +95,21 @@ pub fn render(job: &Job<'_>, progress: &Progress) -> Result<[Image; 2], Referenc
     Ok(halves.map(|pixels| Image { width, height, pixels }))
 }
 
-/// The mean of half of a pixel's samples.
+/// The mean of a pixel's samples of one estimate.
 fn mean(job: &Job<'_>, world: &World<'_>, [x, y]: [u32; 2], half: u64) -> DVec4 {
     let key = mix(mix(u64::from(x) << 32 | u64::from(y)) ^ half);
     let places = Points::new(key, Purpose::Pixel);
     let size = DVec2::new(job.size[0].into(), job.size[1].into());
     let corner = DVec2::new(x.into(), y.into());
-    let samples = job.samples / 2;
-    let sum: DVec4 = (0..samples)
+    let samples = job.samples.clone();
+    let count = f64::from(samples.end - samples.start);
+    let sum: DVec4 = samples
         .map(|index| {
             let place = (corner + places.at(index)) / size;
             Sample::new(world, job, place, (key, index)).value(job, &job.value)
         })
         .sum();
-    sum / f64::from(samples)
+    sum / count
 }
 
 /// The materials whose hits somebody has to judge: those that are cut out, those that light passes, and those that are not seen from behind.

@@ -1,0 +1,252 @@
+//! References of many samples, in blocks that any number of processes may render.
+//!
+//! A reference is the mean of two estimates, and a block a fixed number of the samples of both. Its two pictures do not depend on who renders
+//! it. The reference is the mean of its blocks, in `f64` and in their order: the same, bit for bit, however they were shared out. Blocks are
+//! kept beside references until they are joined, so a run that was killed goes on where it was.
+
+use super::cache::{Entry, Folder};
+use super::{ReferenceError, mean_of_two};
+use crate::pipeline::executor::RenderError;
+use crate::pipeline::image::Image;
+use crate::pipeline::memory::{self, Refused};
+use crate::shard::Shard;
+use std::time::{Duration, Instant};
+
+/// The blocks of a reference.
+pub(super) struct Blocks<'a> {
+    /// Where they are kept.
+    pub folder: &'a Folder,
+    /// All that determines a block but for its index.
+    pub base: String,
+    /// How many there are; of one, nothing but the reference is kept.
+    pub count: u32,
+    /// Pixels a row, and rows, of the picture.
+    pub size: [u32; 2],
+}
+
+/// What a process did of a reference.
+#[derive(Debug)]
+pub(super) enum Done {
+    /// All of it: the picture, the estimated error of it, and how long rendering took, by whichever processes.
+    Whole(Entry),
+    /// Its shard.
+    Part(Part),
+}
+
+/// How far the blocks of a reference have come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    /// How many blocks there are.
+    pub blocks: u32,
+    /// Those of the shard.
+    pub mine: u32,
+    /// Those of the shard that were kept already.
+    pub found: u32,
+    /// Those of all shards that are kept now.
+    pub kept: u32,
+}
+
+/// Both estimates of a block, or of the whole.
+type Estimates = [Image; 2];
+
+impl Blocks<'_> {
+    /// Renders the blocks of a shard that are not kept, and joins them if it is all the work.
+    pub fn work(
+        &self,
+        shard: Shard,
+        warnings: &mut Vec<String>,
+        render: &mut dyn FnMut(u32) -> Result<Estimates, ReferenceError>,
+    ) -> Result<Done, ReferenceError> {
+        if shard == Shard::WHOLE {
+            return self.whole(warnings, render).map(Done::Whole);
+        }
+        let (mut mine, mut found) = (0, 0);
+        for block in (0..self.count).filter(|block| shard.has(*block as usize)) {
+            mine += 1;
+            if self.load(block, warnings).is_some() {
+                found += 1;
+                continue;
+            }
+            let start = Instant::now();
+            let estimates = render(block)?;
+            self.store(block, &estimates, start.elapsed())?.map_err(ReferenceError::Keep)?;
+        }
+        let kept = (0..self.count).filter(|block| self.folder.has(&self.material(*block))).count() as u32;
+        Ok(Done::Part(Part { blocks: self.count, mine, found, kept }))
+    }
+
+    fn whole(
+        &self,
+        warnings: &mut Vec<String>,
+        render: &mut dyn FnMut(u32) -> Result<Estimates, ReferenceError>,
+    ) -> Result<Entry, ReferenceError> {
+        if self.count == 1 {
+            let start = Instant::now();
+            let [first, second] = render(0)?;
+            let (picture, own_error) = mean_of_two(first, &second);
+            return Ok(Entry { picture, own_error, took: start.elapsed() });
+        }
+        let pixels = self.size[0] as usize * self.size[1] as usize;
+        let refused = |refused: Refused| RenderError::from(refused);
+        let mut sums = [vec![], vec![]];
+        for sum in &mut sums {
+            *sum = memory::filled([0.0_f64; 4], pixels).map_err(refused)?;
+        }
+        let mut took = Duration::ZERO;
+        for block in 0..self.count {
+            let (estimates, seconds) = match self.load(block, warnings) {
+                Some(kept) => kept,
+                None => {
+                    let start = Instant::now();
+                    let estimates = render(block)?;
+                    let seconds = start.elapsed();
+                    // All that is lost is that another run renders it again.
+                    self.store(block, &estimates, seconds)?.unwrap_or_else(|why| warnings.push(why));
+                    (estimates, seconds)
+                }
+            };
+            took += seconds;
+            for (sum, Image { pixels, .. }) in sums.iter_mut().zip(&estimates) {
+                for (sum, pixel) in sum.iter_mut().zip(pixels) {
+                    *sum = std::array::from_fn(|i| sum[i] + f64::from(pixel[i]));
+                }
+            }
+        }
+        let [width, height] = self.size;
+        let mut means = [Image { width, height, pixels: vec![] }, Image { width, height, pixels: vec![] }];
+        for (mean, sum) in means.iter_mut().zip(sums) {
+            mean.pixels = memory::with_capacity(pixels).map_err(refused)?;
+            let count = f64::from(self.count);
+            mean.pixels.extend(sum.iter().map(|sum| sum.map(|sum| (sum / count) as f32)));
+        }
+        let [first, second] = means;
+        let (picture, own_error) = mean_of_two(first, &second);
+        Ok(Entry { picture, own_error, took })
+    }
+
+    /// Removes the blocks of a reference that is kept.
+    pub fn forget(&self) {
+        if self.count > 1 {
+            (0..self.count).for_each(|block| self.folder.forget(&self.material(block)));
+        }
+    }
+
+    fn material(&self, block: u32) -> String {
+        format!("{}\nblock {block}", self.base)
+    }
+
+    /// A block that is kept, and how long it took.
+    fn load(&self, block: u32, warnings: &mut Vec<String>) -> Option<(Estimates, Duration)> {
+        let [width, height] = self.size;
+        match self.folder.load(&self.material(block), [width, 2 * height]) {
+            Ok(kept) => kept.map(|Entry { picture: mut first, took, .. }| {
+                let second = first.pixels.split_off(first.pixels.len() / 2);
+                first.height = height;
+                ([first, Image { width, height, pixels: second }], took)
+            }),
+            Err(why) => {
+                warnings.push(format!("{why}; it is rendered again"));
+                None
+            }
+        }
+    }
+
+    /// Keeps a block as one picture, the second estimate below the first; the inner error is why it cannot be kept.
+    fn store(
+        &self,
+        block: u32,
+        [first, second]: &Estimates,
+        took: Duration,
+    ) -> Result<Result<(), String>, RenderError> {
+        let mut pixels = memory::with_capacity(2 * first.pixels.len())?;
+        pixels.extend_from_slice(&first.pixels);
+        pixels.extend_from_slice(&second.pixels);
+        let picture = Image { width: first.width, height: 2 * first.height, pixels };
+        Ok(self.folder.store(&self.material(block), &Entry { picture, own_error: 0.0, took }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a block is made of: values whose sums in another order, or in `f32`, are others.
+    fn block(index: u32) -> Estimates {
+        let value = |half: u32, i: u32| (0.1 + f32::from(index as u16) * 0.37 + (half * 7 + i) as f32).sin();
+        [0, 1].map(|half| Image {
+            width: 3,
+            height: 2,
+            pixels: (0..6).map(|i| [value(half, i), 1.0 / 3.0, 0.7, 1.0]).collect(),
+        })
+    }
+
+    fn whole(done: Done) -> Entry {
+        match done {
+            Done::Whole(entry) => entry,
+            Done::Part(part) => panic!("{part:?}"),
+        }
+    }
+
+    #[test]
+    fn however_blocks_are_shared_out_their_mean_is_the_same() {
+        let render = &mut |index| Ok(block(index));
+        let mut means = Vec::new();
+        for shards in [1, 2, 3, 7, 20_u64] {
+            let place = tempfile::tempdir().expect("a folder");
+            let folder = Folder::new(place.path().to_owned());
+            let blocks = Blocks { folder: &folder, base: "base".to_owned(), count: 16, size: [3, 2] };
+            let mut warnings = Vec::new();
+            if shards > 1 {
+                for index in (0..shards).rev() {
+                    let done = blocks.work(Shard { index, count: shards }, &mut warnings, render).expect("rendered");
+                    let Done::Part(part) = done else { panic!("a shard joins nothing") };
+                    assert_eq!((part.blocks, part.found), (16, 0));
+                }
+                let again = blocks.work(Shard { index: 0, count: shards }, &mut warnings, &mut |_| panic!("again"));
+                let Ok(Done::Part(part)) = again else { panic!("{again:?}") };
+                assert_eq!((part.found, part.kept), (part.mine, 16));
+            }
+            let mut rendered = 0;
+            let mut count = |index| {
+                rendered += 1;
+                Ok(block(index))
+            };
+            let entry = whole(blocks.work(Shard::WHOLE, &mut warnings, &mut count).expect("joined"));
+            assert_eq!(rendered, if shards > 1 { 0 } else { 16 });
+            assert_eq!(warnings, Vec::<String>::new());
+            means.push((entry.picture, entry.own_error.to_bits()));
+            blocks.forget();
+            assert_eq!(std::fs::read_dir(place.path()).expect("the folder").count(), 0, "joined blocks are removed");
+        }
+        assert!(means.iter().all(|mean| *mean == means[0]));
+        // The mean is that of all values, by another way.
+        let of = |half: usize| (0..16).map(|index| f64::from(block(index)[half].pixels[4][0])).sum::<f64>() / 16.0;
+        let (expected, found) = (f64::midpoint(of(0), of(1)), f64::from(means[0].0.pixels[4][0]));
+        assert!((expected - found).abs() < 1e-7, "{expected} {found}");
+    }
+
+    #[test]
+    fn a_run_that_was_given_up_goes_on_and_a_damaged_block_is_rendered_again() {
+        let place = tempfile::tempdir().expect("a folder");
+        let folder = Folder::new(place.path().to_owned());
+        let blocks = Blocks { folder: &folder, base: "base".to_owned(), count: 4, size: [3, 2] };
+        let mut warnings = Vec::new();
+        let given_up = &mut |index| if index < 2 { Ok(block(index)) } else { Err(RenderError::Cancelled.into()) };
+        blocks.work(Shard::WHOLE, &mut warnings, given_up).expect_err("given up");
+        let (exr, _) = folder.files(&blocks.material(1));
+        std::fs::write(exr, b"torn").expect("written");
+        let mut rendered = Vec::new();
+        let mut render = |index| {
+            rendered.push(index);
+            Ok(block(index))
+        };
+        let entry = whole(blocks.work(Shard::WHOLE, &mut warnings, &mut render).expect("rendered"));
+        assert_eq!(rendered, [1, 2, 3]);
+        assert!(warnings[0].contains("rendered again"), "{warnings:?}");
+        let elsewhere = tempfile::tempdir().expect("a folder");
+        let folder = Folder::new(elsewhere.path().to_owned());
+        let alone = Blocks { folder: &folder, ..blocks };
+        let once = whole(alone.work(Shard::WHOLE, &mut Vec::new(), &mut |index| Ok(block(index))).expect("rendered"));
+        assert_eq!(entry.picture, once.picture);
+    }
+}
