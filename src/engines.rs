@@ -200,17 +200,51 @@ impl Choice {
 /// # Errors
 /// If one that was asked for by name cannot be had, and nothing may take over.
 pub fn choose(choice: Choice) -> Result<Engines, BackendError> {
-    let (raster, rays) = parts(choice)?;
-    Engines::first_of(raster, rays)
+    let (raster, rays, own) = parts(choice)?;
+    Ok(Engines::first_of(raster, rays)?.with_own(own))
 }
 
-/// The rasteriser, and what makes the ray backend and those that may take over: on one device where they can.
+/// The rasteriser, what makes the ray backend and those that may take over, and what makes those of single passes: on one device where
+/// they can.
 ///
 /// # Errors
 /// If the rasteriser was asked for by name and cannot be had.
-pub fn parts(choice: Choice) -> Result<(Box<dyn Rasteriser>, impl Iterator<Item = Spare>), BackendError> {
+pub(crate) fn parts(
+    choice: Choice,
+) -> Result<
+    (
+        Box<dyn Rasteriser>,
+        impl Iterator<Item = Spare>,
+        impl FnMut(&str) -> Result<Box<dyn RayBackend>, BackendError> + 'static,
+    ),
+    BackendError,
+> {
     let (raster, device) = rasteriser_and_device(choice)?;
-    Ok((raster, choice.ray_backends_on(device)))
+    Ok((raster, choice.ray_backends_on(device.clone()), own_rays(choice, device)))
+}
+
+/// The engines of a choice for a plan, with the ray backends of single passes; nothing takes the place of what cannot be had.
+///
+/// # Errors
+/// If one cannot be had: says what is missing, and what to do.
+pub fn exactly(choice: Choice, plan: &Plan) -> Result<Engines, BackendError> {
+    let (raster, device) = rasteriser_and_device(choice)?;
+    let rays = ray_backend_on(choice, device.as_ref())?;
+    let mut engines = Engines::new(raster, rays).with_own(own_rays(choice, device));
+    engines.serve(plan).map_err(|(_, error)| error)?;
+    Ok(engines)
+}
+
+/// Makes ray backends by their names, for single passes.
+fn own_rays(
+    choice: Choice,
+    device: Option<SharedDevice>,
+) -> impl FnMut(&str) -> Result<Box<dyn RayBackend>, BackendError> + 'static {
+    move |name| {
+        let known = BackendChoice::NAMES.into_iter().find(|(known, _)| *known == name);
+        let backend = known.map_or(BackendChoice::Auto, |(_, backend)| backend);
+        ray_backend_on(choice.traced_by(backend), device.as_ref())
+    }
 }
 
 /// Makes a rasteriser.

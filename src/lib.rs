@@ -124,7 +124,7 @@ pub fn open_project(
     observer: &mut dyn Observer,
 ) -> Result<Renderer, OpenError> {
     let plan = Plan::new(project, settings)?;
-    let (raster, rays) = engines::parts(choice.for_plan(&plan))?;
+    let (raster, rays, own) = engines::parts(choice.for_plan(&plan))?;
     let engines = Engines::first_of(raster, rays).map_err(|error| {
         // What is missing matters to the pass that would use it.
         let rays = |planned: &&PlannedPass| plan.traced(planned).is_some();
@@ -133,5 +133,5 @@ pub fn open_project(
             None => OpenError::Engine(error),
         }
     })?;
-    Ok(Renderer::new(plan, engines, observer)?)
+    Ok(Renderer::new(plan, engines.with_own(own), observer)?)
 }

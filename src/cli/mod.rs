@@ -156,30 +156,33 @@ fn tell_fastest(_: Choice) {
 /// Asks the engines that would do the work for what they cannot do: before anything is loaded, not at the first frame. What
 /// is not there is told, and only `render` fails for it.
 fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
-    let (raster, rays) = match (engines::rasteriser(choice.for_plan(plan)), engines::ray_backend(choice)) {
-        (Ok(raster), Ok(rays)) => (raster, rays),
-        (Err(error), _) | (_, Err(error)) => {
+    let engines = match engines::exactly(Choice { raster: choice.for_plan(plan).raster, ..choice }, plan) {
+        Ok(engines) => engines,
+        Err(error) => {
             failure::print_warning(&format!("what it cannot do is not known here: {error}"));
             return Ok(());
         }
     };
-    plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))
+    let (raster, rays_of) = (&*engines.raster, |pass: &str| engines.rays_of(pass));
+    plan.fit((raster.name(), raster.limits()), engines.ray_limits(plan))
         .map_err(|error| Failure::Usage(error.to_string()))?;
     // Where another backend may take over, it does.
     let stands_in = choice.for_plan(plan).fallback.iter().any(Option::is_some);
-    let untraced_sun = || if stands_in { None } else { plan.untraced_sun(&*rays) };
+    let untraced_sun = || if stands_in { None } else { plan.untraced_sun(rays_of) };
     let refused = plan
-        .undrawn_spheres(&*raster)
-        .or_else(|| plan.undrawn_shaders(&*raster))
-        .or_else(|| plan.untraced_spheres(&*rays))
+        .undrawn_spheres(raster)
+        .or_else(|| plan.undrawn_shaders(raster))
+        .or_else(|| plan.untraced_spheres(rays_of))
         .or_else(untraced_sun);
     if let Some((pass, error)) = refused {
         return Err(Failure::Work(format!("pass `{pass}`: {error}")));
     }
     for planned in &plan.passes {
+        let pass = &plan.pass(planned).name;
         if let Some(traced) = plan.traced(planned) {
-            rays.supports(traced.program, plan.settings.fidelity)
-                .map_err(|error| Failure::Work(format!("pass `{}`: {error}", plan.pass(planned).name)))?;
+            rays_of(pass)
+                .supports(traced.program, plan.settings.fidelity)
+                .map_err(|error| Failure::Work(format!("pass `{pass}`: {error}")))?;
         }
     }
     Ok(())

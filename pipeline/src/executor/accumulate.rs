@@ -336,7 +336,7 @@ impl Renderer {
             Traced::Done => Ok(()),
             Traced::NothingInHost => {
                 let error = crate::backend::BackendError::Device {
-                    backend: self.engines.rays.name(),
+                    backend: self.engines.rays_of(&pass.name).name(),
                     message: "it took over in the middle of an accumulation, and the G-buffer is not in host memory; begin again"
                         .to_owned(),
                 };

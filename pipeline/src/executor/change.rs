@@ -105,8 +105,7 @@ impl Renderer {
 
     pub(super) fn propose(&mut self, project: Project, settings: Settings) -> Result<(), ChangeError> {
         let mut plan = Plan::new(project, settings)?;
-        let (raster, rays) = (&self.engines.raster, &self.engines.rays);
-        plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))?;
+        plan.fit((self.engines.raster.name(), self.engines.raster.limits()), self.engines.ray_limits(&plan))?;
         if self.shows_everything {
             plan.read_back_everything();
         }
@@ -254,6 +253,13 @@ impl Renderer {
         match self.take_up(&before, keeps, observer) {
             Ok(()) => Ok(()),
             Err(error) => {
+                let other_plan = &before.plan;
+                match self.engines.serve(other_plan) {
+                    Ok(false) => {}
+                    Ok(true) => self.built = None,
+                    // No pass runs on another backend than it names: the next frame says what is missing.
+                    Err(_) => self.next = Some(other_plan.clone()),
+                }
                 if !keeps {
                     self.scenes = before.scenes;
                     (self.uploaded, self.built) = (None, None);
@@ -303,6 +309,11 @@ impl Renderer {
             self.resolve_materials(index);
         }
         self.check_drawn()?;
+        let others = self.engines.serve(&self.plan);
+        let others = others.map_err(|(pass, error)| RenderError::Pass { pass, frame: None, error })?;
+        if others {
+            self.built = None;
+        }
         if let Some((pass, error)) = self.unsupported() {
             self.stand_in(&pass, error, observer)?;
         }
@@ -329,7 +340,7 @@ impl Renderer {
             self.forget_writers(None);
         }
         self.clear_what_nobody_writes();
-        self.join_again(&before.plan);
+        self.join_again(&before.plan, others);
         Ok(())
     }
 
@@ -379,9 +390,9 @@ impl Renderer {
         }
     }
 
-    /// Lets the engines share the G-buffer of this plan, where that is another than the one before.
-    fn join_again(&mut self, before: &Plan) {
-        if shared_gbuffer(before) == shared_gbuffer(&self.plan) {
+    /// Lets the engines share the G-buffer of this plan, where that is another than the one before, or the engines are others.
+    fn join_again(&mut self, before: &Plan, others: bool) {
+        if !others && shared_gbuffer(before) == shared_gbuffer(&self.plan) {
             return;
         }
         let joined = self.joined.take();

@@ -15,6 +15,8 @@ pub(super) struct Given {
     sun: Option<Sun>,
     /// The seed; `None` for a pass that draws no random numbers.
     seed: Option<u32>,
+    /// The ray backend that it asks for.
+    backend: Option<String>,
     materials: PassMaterials,
     /// What own shaders are given.
     own: Vec<Option<OwnMaterial>>,
@@ -70,6 +72,7 @@ impl Renderer {
             work,
             sun: light.and_then(|light| self.sun(light)),
             seed: random.then_some(self.plan.settings.seed),
+            backend: self.plan.backend_of(planned).map(str::to_owned),
             materials: self.materials[index].clone(),
             own: self.own_shaders(index, planned).1,
             quad: match (&planned.work, &pass.kind) {

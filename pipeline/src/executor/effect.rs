@@ -134,7 +134,7 @@ impl Renderer {
         let (PassKind::Effect(effect), Some(target)) = (&pass.kind, pass.target) else { return Ok(()) };
         let (Some(traced), Some(position)) = (self.plan.traced(planned), effect.position) else { return Ok(()) };
         let (program, params) = (traced.program, traced.params);
-        let backend = self.engines.rays.name();
+        let backend = self.engines.rays_of(name).name();
         let refused = |refused: memory::Refused| BackendError::Device { backend, message: refused.to_string() };
         let materials = &self.materials[index];
         let scene = Arc::clone(&self.scenes[scene_set].scene);
@@ -153,7 +153,7 @@ impl Renderer {
             }
             _ => &[],
         };
-        let (params, seed) = self.random_of_sample(program, params);
+        let (params, seed) = self.random_of_sample(name, program, params);
         let job = RayJob {
             scene: &scene,
             program,
@@ -180,7 +180,7 @@ impl Renderer {
         let progress = Arc::new(Progress::until(&self.cancellation));
         observer.begin(StepKind::Rays, name, &progress);
         let start = Instant::now();
-        let result = self.engines.rays.run(&job, &mut output, &progress);
+        let result = self.engines.rays_of_mut(name).run(&job, &mut output, &progress);
         let elapsed = start.elapsed();
         observer.end();
         let stats = result?;
@@ -197,7 +197,7 @@ impl Renderer {
         if let Some(upload) = stats.upload {
             self.timeline.record(StepKind::Join, name, upload).note = "copied from the host".to_owned();
         }
-        self.timeline.rows.iter_mut().filter(|row| row.kind == StepKind::Rays).for_each(|row| row.bytes = 0);
+        self.forget_held_bytes(name);
         let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
         row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
         let mut rays = stats.rays;

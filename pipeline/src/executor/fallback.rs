@@ -33,7 +33,7 @@ impl Renderer {
         error: BackendError,
         observer: &mut dyn Observer,
     ) -> Result<(), RenderError> {
-        let (mut failed, mut error) = (self.engines.rays.name(), error);
+        let (mut failed, mut error) = (self.engines.rays_of(pass).name(), error);
         let frame = (self.frame > 0).then_some(self.frame);
         loop {
             self.engines.spares.retain(|spare| spare.name != failed);
@@ -52,7 +52,7 @@ impl Renderer {
             failed = spare.name;
             error = match (spare.make)() {
                 Ok(rays) => {
-                    self.engines.rays = rays;
+                    *self.engines.rays_of_mut(pass) = rays;
                     self.built = None;
                     self.joined = None;
                     match self.unsupported() {
@@ -67,16 +67,14 @@ impl Renderer {
 
     /// The first pass that the ray backend does not run, with its reason; what glass takes counts once the scenes are loaded.
     pub(super) fn unsupported(&self) -> Option<(String, BackendError)> {
-        if let Some(refused) = self.plan.untraced_spheres(&*self.engines.rays) {
-            return Some(refused);
-        }
-        if let Some(refused) = self.plan.untraced_sun(&*self.engines.rays) {
+        let rays_of = |pass: &str| self.engines.rays_of(pass);
+        if let Some(refused) = self.plan.untraced_spheres(rays_of).or_else(|| self.plan.untraced_sun(rays_of)) {
             return Some(refused);
         }
         self.plan.passes.iter().enumerate().find_map(|(index, planned)| {
             let pass = self.plan.pass(planned);
             let Traced { program, params, .. } = self.plan.traced(planned)?;
-            let rays = &self.engines.rays;
+            let rays = rays_of(&pass.name);
             let materials = self.materials.get(index).filter(|materials| materials.glass.contains(&true));
             let glass = || materials.map_or(Ok(()), |m| rays.supports_glass(program, &params, &m.dielectrics));
             let error = rays.supports(program, self.plan.settings.fidelity).and_then(|()| glass()).err()?;

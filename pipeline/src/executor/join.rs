@@ -9,8 +9,8 @@ impl Renderer {
     /// Lets the rasteriser and the ray backend share the G-buffer of the first ray pass that can read it in place, where
     /// both work on one device. Where they do not manage to, that is a warning, and the host copies.
     pub(super) fn join_engines(&mut self) {
-        // What is drawn in parts is not where a whole G-buffer would be.
-        if self.plan.in_parts() || self.plan.block.is_some() {
+        // What is drawn in parts is not where a whole G-buffer would be; what several backends read passes through the host.
+        if self.engines.differ() || self.plan.in_parts() || self.plan.block.is_some() {
             return;
         }
         let first = self.plan.passes.iter().find_map(|planned| match planned.work {

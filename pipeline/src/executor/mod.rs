@@ -195,9 +195,9 @@ impl Renderer {
     ///
     /// # Errors
     /// If a scene cannot be loaded, or a backend cannot run a pass.
-    pub fn new(mut plan: Plan, engines: Engines, observer: &mut dyn Observer) -> Result<Self, RenderError> {
-        let (raster, rays) = (&engines.raster, &engines.rays);
-        plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))?;
+    pub fn new(mut plan: Plan, mut engines: Engines, observer: &mut dyn Observer) -> Result<Self, RenderError> {
+        engines.serve(&plan).map_err(|(pass, error)| RenderError::Pass { pass, frame: None, error })?;
+        plan.fit((engines.raster.name(), engines.raster.limits()), engines.ray_limits(&plan))?;
         let sizes = change::buffer_sizes(&plan);
         let target =
             |(target, [width, height]): (&PlannedTarget, &[u32; 2])| GBuffer::try_new(*width, *height, target.stored);

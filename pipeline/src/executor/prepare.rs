@@ -266,7 +266,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Builds the acceleration structure of a scene set for a pass, unless it is built already or no pass traces in it; with
+    /// Builds the acceleration structures of a scene set for a pass, unless they are built already or no pass traces in it; with
     /// another backend where one fails and another is allowed.
     pub(super) fn build_or_stand_in(
         &mut self,
@@ -278,31 +278,48 @@ impl Renderer {
             if self.built != Some(set) {
                 self.check_structure_memory(set)?;
             }
-            match self.build(set, observer) {
-                Ok(()) => return Ok(()),
-                Err(error) => self.stand_in(pass, error, observer)?,
+            if self.built == Some(set) || !self.scenes[set].structure {
+                return Ok(());
+            }
+            // A backend releases what it held before.
+            self.built = None;
+            let filtered = self.filtered_materials(set);
+            let mut passes = self.engines.first_traced(&self.plan, Some(set));
+            if passes.is_empty() {
+                passes.push(pass.to_owned());
+            }
+            let built = passes
+                .into_iter()
+                .try_for_each(|pass| self.build(set, &pass, &filtered, observer).map_err(|error| (pass, error)));
+            match built {
+                Ok(()) => {
+                    self.built = Some(set);
+                    self.built_filtered = filtered;
+                    return Ok(());
+                }
+                Err((pass, error)) => self.stand_in(&pass, error, observer)?,
             }
         }
     }
 
-    fn build(&mut self, set: usize, observer: &mut dyn Observer) -> Result<(), BackendError> {
-        if self.built == Some(set) || !self.scenes[set].structure {
-            return Ok(());
-        }
-        let name = self.engines.rays.name();
-        let filtered = self.filtered_materials(set);
+    /// Builds the structure of a scene set in the ray backend of a pass.
+    fn build(
+        &mut self,
+        set: usize,
+        pass: &str,
+        filtered: &[bool],
+        observer: &mut dyn Observer,
+    ) -> Result<(), BackendError> {
+        let rays = self.engines.rays_of_mut(pass);
+        let name = rays.name();
         observer.begin(StepKind::Build, name, &Arc::new(Progress::default()));
         let start = Instant::now();
-        // A backend releases what it held before.
-        self.built = None;
-        let built = self.engines.rays.build(&self.scenes[set].scene, &filtered);
+        let built = rays.build(&self.scenes[set].scene, filtered);
         observer.end();
         let stats = built?;
         let row = self.timeline.record(StepKind::Build, name, start.elapsed());
         row.bytes = stats.bytes;
         row.note = format!("{} nodes, {}", stats.nodes, mebibytes(stats.bytes));
-        self.built = Some(set);
-        self.built_filtered = filtered;
         Ok(())
     }
 
@@ -329,7 +346,9 @@ impl Renderer {
         let textures: u64 = texels.map(|level| 4 * level.texels.len() as u64).sum();
         let held = geometry.positions.len() as u64 * 32 + geometry.triangles.len() as u64 * 12 + textures;
         let left = self.plan.settings.max_memory.saturating_sub(self.plan.target_bytes() + held);
-        let needed = geometry.triangles.len() as u64 * self.engines.rays.bytes_per_triangle();
+        let passes = self.engines.first_traced(&self.plan, Some(set));
+        let each: u64 = passes.iter().map(|pass| self.engines.rays_of(pass).bytes_per_triangle()).sum();
+        let needed = geometry.triangles.len() as u64 * each;
         if needed > left {
             return Err(RenderError::Memory {
                 what: format!("the acceleration structure of {} triangles", geometry.triangles.len()),

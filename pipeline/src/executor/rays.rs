@@ -1,6 +1,6 @@
 //! Ray passes: building what they need, and running them.
 
-use super::{Estimate, Observer, Progress, RenderError, Renderer, StepKind, channel_of};
+use super::{Estimate, Observer, Progress, RenderError, Renderer, Row, StepKind, channel_of};
 use crate::backend::{BackendError, FromCamera, GBuffer, RayCounts, RayJob};
 use crate::image::Image;
 use crate::plan::{PlannedPass, Work};
@@ -74,7 +74,7 @@ impl Renderer {
         };
         let materials = &self.materials[index];
         let scene = Arc::clone(&self.scenes[scene_set].scene);
-        let (params, seed) = self.random_of_sample(ray.program, params);
+        let (params, seed) = self.random_of_sample(name, ray.program, params);
         let is_lamp = ray.from_camera.as_ref().is_some_and(|start| start.lamp);
         let job = RayJob {
             scene: &scene,
@@ -107,7 +107,7 @@ impl Renderer {
         let progress = Arc::new(Progress::until(&self.cancellation));
         observer.begin(StepKind::Rays, name, &progress);
         let start = Instant::now();
-        let traced = self.engines.rays.run(&job, &mut output, &progress);
+        let traced = self.engines.rays_of_mut(name).run(&job, &mut output, &progress);
         let elapsed = start.elapsed();
         observer.end();
         if traced.is_ok() && in_host {
@@ -126,8 +126,7 @@ impl Renderer {
             self.timeline.record(StepKind::Join, name, upload).note = from.to_owned();
         }
         let copies = stats.upload.unwrap_or_default() + stats.read_back.unwrap_or_default();
-        // What the backend holds is one number for all of its passes: it stands in the row of the last.
-        self.timeline.rows.iter_mut().filter(|row| row.kind == StepKind::Rays).for_each(|row| row.bytes = 0);
+        self.forget_held_bytes(name);
         let row = self.timeline.record(StepKind::Rays, name, elapsed.saturating_sub(copies));
         row.device_ms.extend(stats.device_time.map(|time| time.as_secs_f64() * 1e3));
         let mut rays = stats.rays;
@@ -136,7 +135,7 @@ impl Renderer {
         }
         row.rays = Some(rays);
         row.bytes = stats.held_bytes;
-        row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays.name(), by_kind(rays));
+        row.note = format!("{} on {}{}", ray.program.info().stem, self.engines.rays_of(name).name(), by_kind(rays));
         // Times of two backends stand in one row.
         for fallback in &self.engines.fallbacks {
             if let Some(frame) = fallback.frame.filter(|frame| *frame > 1) {
@@ -147,6 +146,15 @@ impl Renderer {
             self.timeline.record(StepKind::ReadBack, name, read_back);
         }
         Ok(())
+    }
+}
+
+impl Renderer {
+    /// What a backend holds is one number for all of its passes: it stands in the row of the last.
+    pub(super) fn forget_held_bytes(&mut self, name: &str) {
+        let engines = &self.engines;
+        let of_backend = |row: &&mut Row| row.kind == StepKind::Rays && engines.is_shared(&row.name, name);
+        self.timeline.rows.iter_mut().filter(of_backend).for_each(|row| row.bytes = 0);
     }
 }
 

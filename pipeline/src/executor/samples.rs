@@ -143,13 +143,13 @@ impl Renderer {
 
     /// The constants and the seed of a ray pass for the sample that is being rendered: sequences go on where the sample before ended;
     /// what is no sequence, or is continued by no engine, has other random numbers.
-    pub(super) fn random_of_sample(&self, program: RayProgram, params: RayParams) -> (RayParams, u32) {
+    pub(super) fn random_of_sample(&self, pass: &str, program: RayProgram, params: RayParams) -> (RayParams, u32) {
         let (settings, sample) = (&self.plan.settings, self.sample);
         if sample == 0 {
             return (params, settings.seed);
         }
         let sequence = settings.fidelity == Fidelity::Corrected && params.sampler == Sampler::Sobol;
-        if !(sequence && self.engines.rays.continues_sequences()) {
+        if !(sequence && self.engines.rays_of(pass).continues_sequences()) {
             return (params, PixelSamples::seed(settings.seed, sample));
         }
         let info = program.info();

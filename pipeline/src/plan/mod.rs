@@ -18,7 +18,7 @@ pub use access::{Access, Slot, TRIANGLES};
 pub use effect::Traced;
 pub use off::Instead;
 pub use parts::{BLOCK, Part, Parts};
-pub use settings::{PlanError, Settings};
+pub use settings::{OWN_BACKEND, PlanError, Settings, may_trace};
 
 use crate::backend::{Attachments, Rect, View};
 use crate::color::{ColorSpace, Display, Tone};

@@ -1,14 +1,14 @@
 //! What the user asks for beyond the project file, checked against it.
 
-use super::Plan;
+use super::{Plan, PlannedPass};
 use crate::backend::Rect;
 use crate::color::{ColorSpace, Display, Tone};
 use crate::diagnostic::valid_names;
 use crate::image::MAX_SIDE;
 use crate::image::PixelFormat;
 use crate::pixel_samples::PixelSamples;
-use crate::programs::{Fidelity, Fresnel, RayParams, Sampler};
-use crate::project::{self, ChannelRef, PassKind, Project, SceneOptions, SourceError};
+use crate::programs::{Fidelity, Fresnel, ParamInfo, RayParams, Sampler, Values};
+use crate::project::{self, ChannelRef, Pass, PassKind, Project, SceneOptions, SourceError};
 use crate::raster_effects::EffectParams;
 use std::path::Path;
 
@@ -33,8 +33,8 @@ pub struct Settings {
     pub seed: u32,
     /// Channels to keep for inspection, `target channel` names or `library::channel`; `all` keeps every one.
     pub show: Vec<String>,
-    /// Set from outside: parameters of ray and effect passes, `pass.name=value`, and formats of channels of render targets,
-    /// `texture.format=RGBA16F`.
+    /// Set from outside: parameters of ray and effect passes, `pass.name=value`; ray backends of single passes, `pass.backend=cpu`; and
+    /// formats of channels of render targets, `texture.format=RGBA16F`.
     pub set: Vec<String>,
     /// Names of passes that are switched off. A ray or effect pass then writes what it would leave as it is: the colour that it
     /// reads, or of a share of light 1. A raster or quad pass leaves its target as it is.
@@ -147,6 +147,30 @@ fn program(kind: &PassKind) -> Option<(&'static str, &'static [&'static str])> {
 /// What stands behind the dot in the assignment of a format.
 const FORMAT: &str = "format";
 
+/// The same in that of a pass's ray backend.
+const BACKEND: &str = "backend";
+
+/// Names of ray backends that a pass may have for itself; `auto` is that of all.
+const BACKENDS: &[&str] = &["auto", "cpu", "wgpu", "cuda", "optix"];
+
+/// The ray backend of a single pass, as `--set PASS.backend=NAME` names it: of every pass that [`may_trace`].
+pub const OWN_BACKEND: ParamInfo = ParamInfo {
+    name: BACKEND,
+    about: "ray backend of this pass alone; auto is that of all passes",
+    valid: "auto, cpu, wgpu, cuda, optix",
+    values: Values::Names(BACKENDS),
+};
+
+/// Whether a pass traces rays, or may leave pixels to them.
+#[must_use]
+pub fn may_trace(kind: &PassKind) -> bool {
+    match kind {
+        PassKind::Ray(_) => true,
+        PassKind::Effect(effect) => effect.program.marches(),
+        PassKind::Raster(_) | PassKind::Quad(_) => false,
+    }
+}
+
 /// `KEY.NAME=VALUE` in its parts.
 fn parts(assignment: &str) -> Result<(&str, &str, &str), PlanError> {
     let parts = assignment.split_once('=').and_then(|(key, value)| Some((key.rsplit_once('.')?, value.trim())));
@@ -212,6 +236,10 @@ pub(super) fn constants(
         if name == FORMAT {
             continue;
         }
+        if name == BACKEND {
+            check_backend(passes, pass, value)?;
+            continue;
+        }
         let Some(index) = passes.iter().position(|candidate| candidate.name == pass) else {
             return Err(PlanError::new(format!("there is no pass `{pass}`"), valid_names(pass, tunable())));
         };
@@ -246,6 +274,38 @@ pub(super) fn constants(
         }
     }
     Ok(constants)
+}
+
+/// Refuses a backend of its own for a pass that traces no rays, or of which there is none.
+fn check_backend(passes: &[Pass], pass: &str, value: &str) -> Result<(), PlanError> {
+    let tracing = || passes.iter().filter(|pass| may_trace(&pass.kind)).map(|pass| pass.name.as_str());
+    if !tracing().any(|name| name == pass) {
+        let message = match passes.iter().any(|other| other.name == pass) {
+            true => format!("pass `{pass}` traces no rays, so it has no ray backend"),
+            false => format!("there is no pass `{pass}`"),
+        };
+        return Err(PlanError::new(message, valid_names(pass, tracing())));
+    }
+    if !BACKENDS.contains(&value) {
+        return Err(PlanError::new(
+            format!("there is no ray backend `{value}`"),
+            valid_names(value, BACKENDS.iter().copied()),
+        ));
+    }
+    Ok(())
+}
+
+impl Plan {
+    /// The ray backend that a pass has for itself, as `--set PASS.backend=NAME` names it; `None` for that of all.
+    #[must_use]
+    pub fn backend_of(&self, planned: &PlannedPass) -> Option<&str> {
+        let name = &self.pass(planned).name;
+        let of_pass = |set: &String| match parts(set) {
+            Ok((pass, BACKEND, value)) if pass == name => BACKENDS.iter().copied().find(|backend| *backend == value),
+            _ => None,
+        };
+        self.settings.set.iter().rev().find_map(of_pass).filter(|backend| *backend != BACKENDS[0])
+    }
 }
 
 /// The channels that passes of a pipeline write, with their full names: `library::channel`.

@@ -53,11 +53,13 @@ impl Plan {
         })
     }
 
-    /// The first pass that shows exact spheres which the ray backend does not trace, with what to do.
+    /// The first pass that shows exact spheres which its ray backend, by the pass's name, does not trace; with what to do.
     #[must_use]
-    pub fn untraced_spheres(&self, rays: &dyn RayBackend) -> Option<(String, BackendError)> {
+    pub fn untraced_spheres<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {
-            let PassKind::Ray(ray) = &self.pass(planned).kind else { return None };
+            let pass = self.pass(planned);
+            let PassKind::Ray(ray) = &pass.kind else { return None };
+            let rays = rays_of(&pass.name);
             let runs = matches!(planned.work, Work::Rays { .. });
             if rays.traces_spheres() || !runs || ray.program == RayProgram::Dummy {
                 return None;

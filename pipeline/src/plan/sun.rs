@@ -14,11 +14,13 @@ impl Plan {
         }
     }
 
-    /// The first pass that asks for a disc of the light which the ray backend does not trace, with what to do.
+    /// The first pass that asks for a disc of the light which its ray backend, by the pass's name, does not trace; with what to do.
     #[must_use]
-    pub fn untraced_sun(&self, rays: &dyn RayBackend) -> Option<(String, BackendError)> {
+    pub fn untraced_sun<'a>(&self, rays_of: impl Fn(&str) -> &'a dyn RayBackend) -> Option<(String, BackendError)> {
         self.first_refused(|planned| {
-            let PassKind::Ray(ray) = &self.pass(planned).kind else { return None };
+            let pass = self.pass(planned);
+            let PassKind::Ray(ray) = &pass.kind else { return None };
+            let rays = rays_of(&pass.name);
             let asked = self.asks_of_sun(planned).filter(|_| !rays.traces_sun_discs())?;
             let why = "its programs know a light that is a point; use --backend cpu, or allow it with --fallback cpu, or set sun=0 on \
                        the pass";

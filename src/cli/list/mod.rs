@@ -9,6 +9,7 @@ use curitiba::passes::raster::cpu::CpuRasteriser;
 use curitiba::passes::raster::gpu::abilities;
 use curitiba::pipeline::backend::{Rasteriser as _, RayBackend};
 use curitiba::pipeline::diagnostic::valid_names;
+use curitiba::pipeline::plan::OWN_BACKEND;
 use curitiba::pipeline::programs::{
     Fidelity, PARAMS, ParamInfo, QUAD_PROGRAMS, RASTER_PROGRAMS, RAY_PROGRAMS, RayProgramInfo,
 };
@@ -126,6 +127,7 @@ fn one_ray(info: &RayProgramInfo) {
     for param in PARAMS.iter().filter(|param| info.params.contains(&param.name)) {
         describe(param, &info.defaults().get(param.name));
     }
+    own_backend();
     crate::say!("\n{}", snippet::ray(info));
 }
 
@@ -137,7 +139,16 @@ fn one_effect(info: &EffectProgramInfo) {
     for param in EFFECT_PARAMS.iter().filter(|param| info.params.contains(&param.name)) {
         describe(param, &defaults.get(param.name));
     }
+    if info.program.marches() {
+        own_backend();
+    }
     crate::say!("\n{}", snippet::effect(info));
+}
+
+/// What the command line gives a pass, and no project does: machines differ.
+fn own_backend() {
+    crate::say!("\n{HEADER}by --set PASS.NAME=VALUE alone{HEADER:#}");
+    describe(&OWN_BACKEND, "auto");
 }
 
 fn describe(param: &ParamInfo, default: &str) {

@@ -2,6 +2,7 @@
 
 use crate::app::App;
 use crate::worker::{Command, Parameter, PassFacts};
+use curitiba::pipeline::plan::OWN_BACKEND;
 use curitiba::pipeline::programs::Values;
 use egui::{ComboBox, DragValue, Grid, Response, Role, Slider, Ui, WidgetInfo};
 
@@ -11,7 +12,7 @@ pub fn draw(app: &App, ui: &mut Ui, pass: &PassFacts) {
         for parameter in &pass.parameters {
             let help = format!("{}\nvalid: {}", parameter.info.about, parameter.info.valid);
             ui.label(parameter.info.name).on_hover_text(&help);
-            if let Some(value) = edit(ui, pass, parameter) {
+            if let Some(value) = edit(app, ui, pass, parameter) {
                 let (pass, name) = (pass.name.clone(), parameter.info.name.to_owned());
                 app.worker.send(Command::Parameter { pass, name, value });
             }
@@ -21,7 +22,7 @@ pub fn draw(app: &App, ui: &mut Ui, pass: &PassFacts) {
 }
 
 /// The value that the user gave it now.
-fn edit(ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Option<String> {
+fn edit(app: &App, ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Option<String> {
     let label = format!("{} {}", pass.name, parameter.info.name);
     match parameter.info.values {
         Values::Names(names) => {
@@ -29,7 +30,8 @@ fn edit(ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Option<String> 
             let combo = ComboBox::from_id_salt(&label).width(110.0).selected_text(&chosen);
             combo.show_ui(ui, |ui| {
                 for name in names {
-                    ui.selectable_value(&mut chosen, (*name).to_owned(), *name);
+                    let missing = missing(app, parameter, name);
+                    super::passes::offer(ui, &mut chosen, (*name).to_owned(), name, missing.as_deref());
                 }
             });
             (chosen != parameter.value).then_some(chosen)
@@ -56,6 +58,15 @@ fn edit(ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Option<String> 
             response.changed().then(|| value.to_string())
         }
     }
+}
+
+/// Why a ray backend that a pass may be given is not there.
+fn missing(app: &App, parameter: &Parameter, name: &str) -> Option<String> {
+    if parameter.info.name != OWN_BACKEND.name {
+        return None;
+    }
+    let available = app.available()?;
+    available.rays.into_iter().find(|(backend, _)| backend.name() == name)?.1
 }
 
 fn named(response: &Response, label: &str, value: f64) {

@@ -62,7 +62,7 @@ fn engine(ui: &mut Ui, [name, device]: &[String; 2]) {
     ui.add(egui::Label::new(text).truncate()).on_hover_text(device);
 }
 
-fn offer<T: PartialEq>(ui: &mut Ui, chosen: &mut T, value: T, name: &str, missing: Option<&str>) {
+pub(super) fn offer<T: PartialEq>(ui: &mut Ui, chosen: &mut T, value: T, name: &str, missing: Option<&str>) {
     let label = egui::Button::selectable(*chosen == value, name);
     let response = ui.add_enabled(missing.is_none(), label);
     if response.on_disabled_hover_text(missing.unwrap_or_default()).clicked() {

@@ -5,6 +5,7 @@ use curitiba::pipeline::color::{ColorSpace, Display, decode};
 use curitiba::pipeline::executor::{Renderer, Silent};
 use curitiba::pipeline::image::{Image, read_image};
 use curitiba::pipeline::metrics::{Options, compare_with_map, heat_map};
+use curitiba::pipeline::plan::OWN_BACKEND;
 use curitiba::{BackendChoice, Choice};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -80,7 +81,10 @@ pub(super) fn read(path: &Path, display: Display) -> Result<Picture, String> {
 
 /// The result of the same settings on another ray backend, by a renderer of its own.
 pub(super) fn on_backend(renderer: &Renderer, choice: Choice, backend: BackendChoice) -> Result<Picture, String> {
-    let (project, settings) = (renderer.project().clone(), renderer.settings().clone());
+    let (project, mut settings) = (renderer.project().clone(), renderer.settings().clone());
+    // Passes with a backend of their own have it, too.
+    let own = format!(".{}=", OWN_BACKEND.name);
+    settings.set.retain(|assignment| !assignment.contains(&own));
     let choice = choice.traced_by(backend);
     let mut other =
         curitiba::open_project(project, settings, choice, &mut Silent).map_err(|error| error.to_string())?;

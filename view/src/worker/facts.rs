@@ -4,7 +4,7 @@ use crate::camera::Bounds;
 use curitiba::Choice;
 use curitiba::pipeline::diagnostic::Severity;
 use curitiba::pipeline::executor::{Renderer, Row, StepKind};
-use curitiba::pipeline::plan::{Plan, Settings, Work};
+use curitiba::pipeline::plan::{OWN_BACKEND, Plan, Settings, Work, may_trace};
 use curitiba::pipeline::programs::{PARAMS, ParamInfo, RayParams};
 use curitiba::pipeline::project::{Pass, PassKind, Pose};
 use curitiba::pipeline::raster_effects::{EFFECT_PARAMS, EffectParams};
@@ -253,7 +253,9 @@ pub(super) fn ray_parameters(pass: &str, mut values: RayParams, settings: &Setti
 fn parameters(pass: &Pass, settings: &Settings) -> Vec<Parameter> {
     let prefix = format!("{}.", pass.name);
     let set = settings.set.iter().filter_map(|set| set.strip_prefix(&prefix)?.split_once('='));
-    match &pass.kind {
+    let backend = set.clone().filter(|(name, _)| *name == OWN_BACKEND.name).last().map_or("auto", |(_, value)| value);
+    let backend = may_trace(&pass.kind).then(|| Parameter { info: &OWN_BACKEND, value: backend.to_owned() });
+    let mut parameters: Vec<Parameter> = match &pass.kind {
         PassKind::Ray(ray) => {
             let values = ray_parameters(&pass.name, ray.params, settings);
             let read = PARAMS.iter().filter(|info| ray.program.info().reads(info.name));
@@ -268,5 +270,7 @@ fn parameters(pass: &Pass, settings: &Settings) -> Vec<Parameter> {
             read.map(|info| Parameter { info, value: values.get(info.name) }).collect()
         }
         PassKind::Raster(_) | PassKind::Quad(_) => Vec::new(),
-    }
+    };
+    parameters.extend(backend);
+    parameters
 }

@@ -303,6 +303,30 @@ fn other_engines_take_over_and_what_is_not_there_changes_nothing() {
 }
 
 #[test]
+fn a_pass_takes_a_ray_backend_of_its_own_and_one_that_is_not_there_changes_nothing() {
+    let mut window = Window::open(source(project("SceneShadows"), settings()));
+    let before = window.shown();
+    let mut give = |backend: &str| {
+        let [pass, name, value] = ["pass2", "backend", backend].map(str::to_owned);
+        window.app().worker.send(Command::Parameter { pass, name, value });
+        window.rest();
+        let facts = window.pass("pass2");
+        let shown = facts.parameters.iter().find(|parameter| parameter.info.name == "backend").expect("it is offered");
+        (shown.value.clone(), window.app().state.error.clone(), window.shown())
+    };
+    let (value, error, shown) = give("cpu");
+    assert!(value == "cpu" && error.is_none() && shown == before, "{value} {error:?}");
+    let (value, error, shown) = give("optix");
+    match error {
+        Some(error) => {
+            assert!(error.contains("pass2") && error.contains("optix") && value == "cpu" && shown == before, "{error}");
+        }
+        None => println!("skipped: OptiX is there"),
+    }
+    assert!(window.pass("pass1").parameters.is_empty(), "a raster pass has none");
+}
+
+#[test]
 fn a_saved_picture_says_how_to_render_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut window = Window::open(source(project("SceneSSAO"), few()));

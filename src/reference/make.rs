@@ -1,0 +1,141 @@
+//! References that are made on demand: of the picture, or of the effect with a chosen number of samples; whole, or a shard of their blocks.
+
+use super::blocks::{Blocks, Done, Part};
+use super::picture;
+use super::plan::{Kind, Request};
+use super::{
+    Held, PICTURE_BLOCK, Reference, ReferenceError, References, from_the_camera, material, picture_material,
+    picture_reference,
+};
+use crate::bench::Case;
+use crate::passes::reference as renderer_of_pictures;
+use crate::pipeline::executor::{Observer, Progress, StepKind};
+use crate::shard::Shard;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Which reference of a case.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Of {
+    /// That of the picture.
+    Picture,
+    /// That of the effect.
+    Effect,
+}
+
+/// What [`References::make`] made.
+#[derive(Debug, Clone)]
+pub enum Made {
+    /// The reference, and how long rendering it took; `None` if it was kept already.
+    Whole(Reference, Option<Duration>),
+    /// A shard's blocks of it.
+    Part(Part),
+}
+
+impl References {
+    /// A reference of a case, rendered and kept unless one that is as good is kept already: of the picture, of at least so many samples a pixel (a
+    /// power of two within [`PICTURE_SAMPLES`]); of the effect, of that many in each of its two renders, 1 to [`MOST_SAMPLES`].
+    ///
+    /// Many samples are cut into blocks. A shard renders its blocks and keeps them; who asks for the whole afterwards joins
+    /// what is kept, and renders what is not. The picture is the same, bit for bit, whoever rendered the blocks.
+    ///
+    /// # Errors
+    /// If there is something in the picture that the reference renderer does not know; if the effect has no noise; if it cannot be rendered; if a
+    /// shard's block cannot be kept.
+    pub fn make(
+        &mut self,
+        case: &Case,
+        of: Of,
+        samples: u32,
+        shard: Shard,
+        observer: &mut dyn Observer,
+    ) -> Result<Made, ReferenceError> {
+        match of {
+            Of::Picture => self.make_picture(case, samples, shard, observer),
+            Of::Effect => self.make_effect(case, samples, shard, observer),
+        }
+    }
+
+    fn make_picture(
+        &mut self,
+        case: &Case,
+        samples: u32,
+        shard: Shard,
+        observer: &mut dyn Observer,
+    ) -> Result<Made, ReferenceError> {
+        let request = Request::of_picture(case)?;
+        if let Some(why) = picture::unsupported(&request.plan) {
+            return Err(ReferenceError::Picture(why));
+        }
+        let base = self.base_of_picture(&request, observer)?;
+        let old = self.kept_picture(&request, &base).map(|reference| reference.samples);
+        if let Some(reference) = self.pictures.get(&base).filter(|reference| reference.samples >= samples) {
+            return Ok(Made::Whole(reference.clone(), None));
+        }
+        let block = samples.min(PICTURE_BLOCK);
+        let folder = self.folder_of_pictures.clone();
+        let blocks = Blocks {
+            folder: &folder,
+            base: format!("{}, blocks of {block} samples", from_the_camera(&base)),
+            count: samples / block,
+            size: request.plan.window,
+        };
+        let mut warnings = Vec::new();
+        let open = self.open(&request, observer)?;
+        let done = blocks.work(shard, &mut warnings, &mut |index| {
+            // Each of the two estimates takes half of the samples.
+            let range = index * (block / 2)..(index + 1) * (block / 2);
+            let job = picture::job(&open.renderer, range).map_err(ReferenceError::Picture)?;
+            let progress = Arc::new(Progress::until(&open.renderer.cancellation()));
+            let name =
+                if blocks.count == 1 { String::new() } else { format!(", block {} of {}", index + 1, blocks.count) };
+            observer.begin(StepKind::Rays, &format!("reference of the picture{name}"), &progress);
+            let rendered = renderer_of_pictures::render(&job, &progress);
+            observer.end();
+            Ok(rendered?)
+        })?;
+        self.warnings.append(&mut warnings);
+        let entry = match done {
+            Done::Part(part) => return Ok(Made::Part(part)),
+            Done::Whole(entry) => entry,
+        };
+        let took = entry.took;
+        match folder.store(&picture_material(&base, samples), &entry) {
+            Err(why) => self.warnings.push(why),
+            Ok(()) => {
+                old.iter().for_each(|old| folder.forget(&picture_material(&base, *old)));
+                blocks.forget();
+            }
+        }
+        let reference = picture_reference(&base, samples, entry);
+        self.pictures.insert(base, reference.clone());
+        Ok(Made::Whole(reference, Some(took)))
+    }
+
+    fn make_effect(
+        &mut self,
+        case: &Case,
+        samples: u32,
+        shard: Shard,
+        observer: &mut dyn Observer,
+    ) -> Result<Made, ReferenceError> {
+        let request = Request::new(case)?;
+        if request.kind != Kind::Converged {
+            return Err(ReferenceError::NoNoise);
+        }
+        let base = self.base(&request, observer)?;
+        match self.folder.load(&material(&base, samples), request.plan.window) {
+            Ok(Some(entry)) => {
+                self.hold(&request, &base, samples, entry, Duration::ZERO);
+                return Ok(Made::Whole(self.held[&base].reference.clone(), None));
+            }
+            Ok(None) => {}
+            Err(why) => self.warnings.push(format!("{why}; it is rendered again")),
+        }
+        if let Some(part) = self.render(&request, &base, samples, shard, observer)? {
+            return Ok(Made::Part(part));
+        }
+        let Held { reference, took, .. } = &self.held[&base];
+        Ok(Made::Whole(reference.clone(), Some(*took)))
+    }
+}
