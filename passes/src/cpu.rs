@@ -4,7 +4,9 @@ pub mod check;
 
 use crate::effects::{
     AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined, deferred_shadows,
-    dielectric, dielectric::Media, reflection, refraction, ssao,
+    dielectric,
+    dielectric::{Lenses, Media},
+    reflection, refraction, ssao,
 };
 use crate::sampling::HemisphereSampler;
 use crate::trace::{Bvh, Quality, SphereTree, Tracer, WithSpheres};
@@ -229,11 +231,13 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
         around_eye,
         spectrum: dielectric::spectrum(job),
         facets: dielectric::facets(job),
+        lenses: Lenses::default(),
         disc,
         eye,
     };
     if !job.dielectrics.is_empty() {
         pass.around_eye = dielectric::around_eye(&pass);
+        pass.lenses = dielectric::lenses(&pass).map_err(|why| check::missing(NAME, job, &why))?;
     }
     Ok(pass)
 }

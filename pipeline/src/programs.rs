@@ -3,7 +3,7 @@
 //! Help, XML validation, `curitiba list`, docs, bench ids and conformance tests iterate these tables.
 
 use crate::camera_programs::{CameraParams, LONGEST, MOST_GLOSS};
-use crate::glass::{Background, GlassRule, GlassShadow, MOST_STRATA};
+use crate::glass::{Background, GlassRule, GlassShadow, MOST_BOUNCES, MOST_STRATA, PathLimits};
 
 /// What a raster pass runs per pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -125,6 +125,8 @@ pub struct RayParams {
     pub wavelengths: u32,
     /// Ways on from the first rough glass of a path.
     pub paths: u32,
+    /// Where light in glass is no longer followed.
+    pub limits: PathLimits,
     /// Angular diameter of the light's disc, in degrees: 0 is a point, whose shadows are hard. Corrected fidelity only.
     pub sun: f32,
     /// Shadow rays over the light's disc per lit point; without a disc it is one.
@@ -157,6 +159,7 @@ impl Default for RayParams {
             shadow: GlassShadow::Report,
             wavelengths: 16,
             paths: 16,
+            limits: PathLimits::DEFAULT,
             sun: 0.0,
             sun_samples: 16,
             first: 0,
@@ -260,9 +263,10 @@ pub const PARAMS: &[ParamInfo] = &[
     },
     ParamInfo {
         name: "shadow",
-        about: "light behind glass: 0.9 a surface as in the report, none, or straight on by Fresnel's share and absorption",
-        valid: "report, opaque, straight (thesis fidelity: report)",
-        values: Values::Names(&["report", "opaque", "straight"]),
+        about: "light behind glass: 0.9 a surface as in the report, none, or straight on by Fresnel's share and absorption; with caustic, where \
+                exact spheres bend it",
+        valid: "report, opaque, straight, caustic (thesis fidelity: report)",
+        values: Values::Names(&["report", "opaque", "straight", "caustic"]),
     },
     ParamInfo {
         name: "wavelengths",
@@ -276,6 +280,36 @@ pub const PARAMS: &[ParamInfo] = &[
                 their noise falls as their number grows",
         valid: "1..=4096",
         values: Values::Integer(1, 4096),
+    },
+    ParamInfo {
+        name: "cutoff",
+        about: "with glass=auto, ways in glass of which less than this share of a pixel depends are not followed; 0 follows all",
+        valid: "0..=1",
+        values: Values::Number(0.0, 1.0),
+    },
+    ParamInfo {
+        name: "cutoffcolor",
+        about: "what stands for ways in glass that are not followed: nothing, or the background",
+        valid: "black, background",
+        values: Values::Names(&["black", "background"]),
+    },
+    ParamInfo {
+        name: "roulette",
+        about: "whether ways below the cutoff are followed by chance, and counted by so much more: noise, and no error in the mean",
+        valid: "off, on",
+        values: Values::Names(&["off", "on"]),
+    },
+    ParamInfo {
+        name: "reflections",
+        about: "with glass=auto, most reflections on a path in glass",
+        valid: "0..=128",
+        values: Values::Integer(0, MOST_BOUNCES),
+    },
+    ParamInfo {
+        name: "refractions",
+        about: "with glass=auto, most refractions on a path in glass",
+        valid: "0..=128",
+        values: Values::Integer(0, MOST_BOUNCES),
     },
     ParamInfo {
         name: "sun",
@@ -380,7 +414,10 @@ impl RayParams {
                 let valid = |count: &u32| (1..=MOST_SUN_SAMPLES).contains(count);
                 self.sun_samples = value.parse().ok().filter(valid).ok_or_else(wrong)?;
             }
-            _ => return if self.camera.set(name, value) { Ok(()) } else { Err(wrong()) },
+            _ => {
+                let known = self.limits.set(name, value) || self.camera.set(name, value);
+                return if known { Ok(()) } else { Err(wrong()) };
+            }
         }
         Ok(())
     }
@@ -411,7 +448,11 @@ impl RayParams {
             "paths" => self.paths.to_string(),
             "sun" => self.sun.to_string(),
             "sunsamples" => self.sun_samples.to_string(),
-            _ => self.camera.get(name).unwrap_or_else(|| panic!("`{name}` is not a parameter")),
+            _ => self
+                .limits
+                .get(name)
+                .or_else(|| self.camera.get(name))
+                .unwrap_or_else(|| panic!("`{name}` is not a parameter")),
         }
     }
 }
@@ -580,7 +621,20 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             required("Miss", "Phong", "miss"),
             optional("Closest_Hit", "Phong", "closest_hit_glass"),
         ],
-        params: &["index", "depth", "fresnel", "glass", "background", "wavelengths", "paths"],
+        params: &[
+            "index",
+            "depth",
+            "fresnel",
+            "glass",
+            "background",
+            "wavelengths",
+            "paths",
+            "cutoff",
+            "cutoffcolor",
+            "roulette",
+            "reflections",
+            "refractions",
+        ],
     },
     RayProgramInfo {
         program: RayProgram::Ssao,
@@ -630,6 +684,11 @@ pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
             "shadow",
             "wavelengths",
             "paths",
+            "cutoff",
+            "cutoffcolor",
+            "roulette",
+            "reflections",
+            "refractions",
             "sun",
             "sunsamples",
         ],
@@ -861,6 +920,7 @@ pub const QUAD_PROGRAMS: &[ShaderInfo<QuadProgram>] = &[ShaderInfo {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::glass::{CutoffColor, Roulette};
 
     #[test]
     fn what_a_program_calls_is_in_its_file() {
@@ -889,6 +949,11 @@ pub(crate) mod tests {
             ("shadow", "straight"),
             ("wavelengths", "24"),
             ("paths", "48"),
+            ("cutoff", "0.01"),
+            ("cutoffcolor", "background"),
+            ("roulette", "on"),
+            ("reflections", "3"),
+            ("refractions", "12"),
             ("sun", "0.53"),
             ("sunsamples", "32"),
             ("lightwidth", "0.4"),
@@ -916,6 +981,13 @@ pub(crate) mod tests {
             shadow: GlassShadow::Straight,
             wavelengths: 24,
             paths: 48,
+            limits: PathLimits {
+                cutoff: 0.01,
+                cutoff_color: CutoffColor::Background,
+                roulette: Roulette::On,
+                reflections: 3,
+                refractions: 12,
+            },
             sun: 0.53,
             sun_samples: 32,
             first: 0,
@@ -933,7 +1005,7 @@ pub(crate) mod tests {
             },
         };
         assert_eq!(params, expected);
-        assert_eq!(PARAMS.len(), 22, "this test sets every parameter");
+        assert_eq!(PARAMS.len(), 27, "this test sets every parameter");
     }
 
     #[test]
@@ -974,6 +1046,8 @@ pub(crate) mod tests {
         assert!(params.set("depth", "17").unwrap_err().contains("0..=16"));
         assert!(["0", "257", "-1", "16.0"].iter().all(|count| params.set("wavelengths", count).is_err()));
         assert!(["0", "4097", "-1"].iter().all(|count| params.set("paths", count).is_err()));
+        assert!(["-0.1", "1.1", "NaN"].iter().all(|share| params.set("cutoff", share).is_err()));
+        assert!(["129", "-1"].iter().all(|count| params.set("reflections", count).is_err()));
         assert!(["-0.1", "90.1", "NaN", "inf"].iter().all(|angle| params.set("sun", angle).is_err()));
         assert!(["0", "65537"].iter().all(|count| params.set("sunsamples", count).is_err()));
         assert_eq!(params, RayParams::default());

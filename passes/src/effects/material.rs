@@ -20,9 +20,7 @@ impl<T: Tracer, C> Pass<'_, T, C> {
         let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
         let diffuse = shade.diffuse.truncate();
         let flat = self.sphere(hit.triangle).is_none();
-        let faces_light = shade.normal_map.is_none() || !flat || self.vertices_face_light(hit, normal);
-        let cosine = if faces_light { self.to_light.dot(normal).max(0.0) } else { 0.0 };
-        let lit = diffuse * (self.light_color * cosine);
+        let lit = diffuse * (self.light_color * self.light_cosine(hit, normal));
         let reflected = match shade.texture.filter(|_| flat) {
             None => lit + AMBIENT * diffuse,
             Some(texture) => {
@@ -36,6 +34,20 @@ impl<T: Tracer, C> Pass<'_, T, C> {
             reflected
         };
         if shade.glow.is_some() { reflected + self.glow(hit) } else { reflected }
+    }
+
+    /// The cosine by which light falls on a surface of this unit normal; 0 where it is turned away.
+    pub(super) fn light_cosine(&self, hit: &Hit, normal: Vec3) -> f32 {
+        let shade = &self.job.shades[self.material_of(hit.triangle) as usize];
+        let bent = shade.normal_map.is_some() && self.sphere(hit.triangle).is_none();
+        if bent && !self.vertices_face_light(hit, normal) { 0.0 } else { self.to_light.dot(normal).max(0.0) }
+    }
+
+    /// What light of 1 adds to the colour of a triangle or sphere, by its cosine, beside [`AMBIENT`] and in units of its texture or colour.
+    pub(super) fn tint(&self, id: u32) -> Vec3 {
+        let shade = &self.job.shades[self.material_of(id) as usize];
+        let textured = shade.texture.is_some() && self.sphere(id).is_none();
+        if textured { shade.diffuse.truncate() } else { Vec3::ONE }
     }
 
     /// The light that a surface sends out at a hit.

@@ -2,7 +2,7 @@
 
 use super::camera::Eye;
 use super::coverage::Coverage;
-use super::dielectric::Media;
+use super::dielectric::{Lenses, Media};
 use crate::sampling::HemisphereSampler;
 use crate::sampling::cone::ConeSampler;
 use crate::sampling::hash::pixel_key;
@@ -41,6 +41,8 @@ pub struct Pass<'a, T, C> {
     pub spectrum: Vec<Stratum>,
     /// Sobol points, bits reversed, by which rough glass is sampled, one a path; none where no glass is rough.
     pub facets: Vec<[u32; 2]>,
+    /// The spheres that focus light, with `shadow=caustic`; else none.
+    pub lenses: Lenses,
     /// Directions to the light's disc; `None` where the light is a point.
     pub disc: Option<ConeSampler>,
     /// Where rays start; `None` for programs that read a G-buffer.

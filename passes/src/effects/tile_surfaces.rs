@@ -208,7 +208,7 @@ pub(super) fn prepare_light<T: Tracer, C: Coverage>(
 mod tests {
     use super::{Survey, TileSurfaces};
     use crate::effects::coverage::Opaque;
-    use crate::effects::dielectric::Media;
+    use crate::effects::dielectric::{Lenses, Media};
     use crate::effects::pass::Pass;
     use crate::effects::tests::world::{Shot, World, grid};
     use crate::effects::tile::{Area, PART, TILE, corner_of, part_of};
@@ -264,6 +264,7 @@ mod tests {
             around_eye: Media::NONE,
             spectrum: Vec::new(),
             facets: Vec::new(),
+            lenses: Lenses::default(),
             disc: None,
             eye: None,
         };

@@ -74,10 +74,11 @@ impl Traced<'_> {
                 "glass as its materials say (glass=auto) has no reference of the picture: set glass=pane".to_owned(),
             );
         }
-        if params.shadow == GlassShadow::Straight && info.reads("shadow") {
-            return Some(
-                "light that falls straight through glass (shadow=straight) has no reference of the picture: set shadow=report".to_owned(),
-            );
+        if matches!(params.shadow, GlassShadow::Straight | GlassShadow::Caustic) && info.reads("shadow") {
+            let rule = params.shadow.name();
+            return Some(format!(
+                "light that falls through glass by shadow={rule} has no reference of the picture: set shadow=report"
+            ));
         }
         None
     }

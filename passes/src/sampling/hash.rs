@@ -12,6 +12,9 @@ pub const DISC: u32 = u32::MAX - 2;
 /// The first of those for the choices of paths from the camera, which take it and some below.
 pub const PATHS: u32 = u32::MAX - 3;
 
+/// The same for paths in glass that are followed by chance.
+pub const ROULETTE: u32 = 1 << 31;
+
 /// The last word that [`pixel_key`] hashes: what is hashed for one purpose is never hashed for another.
 pub const PIXEL: u32 = 0;
 /// The same for [`path_key`].

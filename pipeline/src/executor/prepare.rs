@@ -12,7 +12,7 @@ use crate::memory::{self, Refused};
 use crate::plan::{PlannedPass, Work};
 use crate::programs::{Fidelity, RayParams};
 use crate::project::{CameraStart, ColorMap, MaterialPattern, PassKind};
-use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene};
+use crate::scene::{BuildOptions, LoadOptions, Material, RenderScene, Sphere};
 use glam::{DVec3, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Instant;
@@ -214,6 +214,7 @@ impl Renderer {
             resolved.culled = materials.iter().enumerate().map(culled).collect();
         }
         let traced = self.plan.traced(&planned);
+        let mut focused = None;
         if let PassKind::Effect(effect) = &pass.kind {
             resolved.glass = matching(&effect.glass);
             resolved.shadow_glass = vec![false; materials.len()];
@@ -237,8 +238,15 @@ impl Renderer {
                     *shadow_glass |= own;
                 }
             }
-            if let Work::Rays { params: RayParams { shadow: GlassShadow::Opaque, .. }, .. } = &planned.work {
-                resolved.shadow_glass.fill(false);
+            match &planned.work {
+                Work::Rays { params: RayParams { shadow: GlassShadow::Opaque, .. }, .. } => {
+                    resolved.shadow_glass.fill(false);
+                }
+                Work::Rays { params: RayParams { shadow: GlassShadow::Caustic, .. }, .. } => {
+                    let spheres = &self.scenes[set].scene.geometry.spheres;
+                    focused = Some(caustics(&pass.name, spheres, &resolved.dielectrics));
+                }
+                _ => {}
             }
         }
         if traced.is_some() {
@@ -247,6 +255,7 @@ impl Renderer {
             self.plan.decisions.push(Decision { what, built: needed, why });
             self.scenes[set].structure |= needed;
         }
+        self.plan.decisions.extend(focused);
         self.materials.push(resolved);
     }
 
@@ -377,6 +386,20 @@ impl PassMaterials {
             *shadow_glass |= kind.passes_light();
         }
     }
+}
+
+/// Whether a pass with `shadow=caustic` finds spheres that focus light.
+fn caustics(pass: &str, spheres: &[Sphere], dielectrics: &[Dielectric]) -> Decision {
+    let bends = |sphere: &&Sphere| {
+        let dielectric = dielectrics.get(sphere.material as usize);
+        dielectric.is_some_and(|dielectric| dielectric.shape == Shape::Solid && dielectric.index > 1.0)
+    };
+    let count = spheres.iter().filter(bends).count();
+    let why = match count {
+        0 => "no exact sphere is a body of glass that bends light: it goes straight on".to_owned(),
+        _ => format!("{count} exact spheres of glass bend light: those that stand alone focus it"),
+    };
+    Decision { what: format!("caustics for pass `{pass}`"), built: count > 0, why }
 }
 
 /// Colours of a project are display values.

@@ -6,10 +6,12 @@
 
 mod closed;
 mod decide;
+mod limits;
 mod spectrum;
 
 pub use closed::{Closedness, closedness};
 pub use decide::{Decided, TRANSPARENT, decide};
+pub use limits::{CutoffColor, MOST_BOUNCES, PathLimits, Roulette};
 pub use spectrum::{MOST_STRATA, Stratum, color_matching, daylight, strata};
 
 use crate::scene::dispersion::{CAUCHY, CAUCHY_AT_D};
@@ -47,11 +49,13 @@ pub enum GlassShadow {
     Opaque,
     /// As if it went straight on, weakened by Fresnel's share at each surface and by absorption on each way inside.
     Straight,
+    /// As [`Self::Straight`], but exact spheres that are bodies of glass send light where they bend it.
+    Caustic,
 }
 
 named!(GlassRule, "pane" => Pane, "auto" => Auto);
 named!(Background, "black" => Black, "clear" => Clear, "blue" => Blue);
-named!(GlassShadow, "report" => Report, "opaque" => Opaque, "straight" => Straight);
+named!(GlassShadow, "report" => Report, "opaque" => Opaque, "straight" => Straight, "caustic" => Caustic);
 
 /// How a surface of glass stands in the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]

@@ -1,7 +1,8 @@
 //! Where glass is what each material says (`glass=auto`).
 
 use super::corrected;
-use crate::effects::dielectric::{Media, Walk};
+use crate::effects::dielectric::{Lit, Media, Walk};
+use crate::effects::light::SHADOWED;
 use crate::effects::surface::Surface;
 use crate::effects::tile_surfaces::Known;
 use crate::effects::{Area, Coverage, Pass, Pixel, Workspace, opaque};
@@ -20,39 +21,52 @@ pub fn pixel<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, pixel: Pixel, work: 
     if pass.is_glass(triangle) {
         let shade = |hit: &Hit, surface: &Surface, _: Media, key: u32, work: &mut Workspace| {
             let color = pass.lit_color(hit, surface.normal);
-            visible(pass, color, surface, ((surface.facing, hit.triangle), Known::NOTHING), key, work)
+            let normal = surface.normal;
+            let lit = || Lit { normal, cosine: pass.light_cosine(hit, normal), tint: pass.tint(hit.triangle) };
+            visible(pass, (color, lit), (surface, (surface.facing, hit.triangle)), Known::NOTHING, key, work)
         };
         return opaque(Walk { pass, shade }.pixel(pixel, triangle, seen, key, work));
     }
-    let lit_side = (corrected::lit_side(&surface, stored_normal), triangle);
-    opaque(visible(pass, Vec4::from_array(color).truncate(), &surface, (lit_side, known), key, work))
+    let side = (corrected::lit_side(&surface, stored_normal), triangle);
+    let lit = || {
+        let cosine = pass.position(pixel).w.max(0.0);
+        Lit { normal: stored_normal.normalize_or(side.0), cosine, tint: pass.tint(triangle) }
+    };
+    opaque(visible(pass, (Vec4::from_array(color).truncate(), lit), (&surface, side), known, key, work))
 }
 
 /// As [`corrected::prepare`]; light that falls through glass is left to the pixels where its colour matters.
 pub fn prepare<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, area: Area, work: &mut Workspace) {
     corrected::prepare(pass, area, work);
-    if falls_straight(pass) {
+    if matters(pass) {
         work.surfaces.forget_light_through_glass();
     }
 }
 
-fn falls_straight<T, C>(pass: &Pass<'_, T, C>) -> bool {
-    pass.job.params.shadow == GlassShadow::Straight
+/// Whether the colour of light behind glass does.
+fn matters<T, C>(pass: &Pass<'_, T, C>) -> bool {
+    matches!(pass.job.params.shadow, GlassShadow::Straight | GlassShadow::Caustic)
 }
 
-/// As [`corrected::visible`], with coloured light behind glass.
+/// As [`corrected::visible`], with coloured light behind glass, and what spheres focus.
 fn visible<T: Tracer, C: Coverage>(
     pass: &Pass<'_, T, C>,
-    color: Vec3,
-    surface: &Surface,
-    (lit_side, known): ((Vec3, u32), Known),
+    (color, lit): (Vec3, impl FnOnce() -> Lit),
+    (surface, side): (&Surface, (Vec3, u32)),
+    known: Known,
     key: u32,
     work: &mut Workspace,
 ) -> Vec3 {
-    if color == Vec3::ZERO || known.light.is_some() || !falls_straight(pass) {
-        return corrected::visible(pass, color, surface, (lit_side, known), key, work);
+    if color == Vec3::ZERO || !matters(pass) || (known.light.is_some() && pass.lenses.is_empty()) {
+        return corrected::visible(pass, color, surface, (side, known), key, work);
     }
-    let light = pass.straight_light(surface, lit_side, key, work);
+    let mut light = match known.light {
+        Some(share) => Vec3::splat(share),
+        None => pass.straight_light(surface, side, key, work),
+    };
+    if !pass.lenses.is_empty() {
+        light += (1.0 - SHADOWED) * pass.focused_light(surface, side.0, &lit(), work);
+    }
     // Occlusion alone is left to be found out.
-    light * corrected::visible(pass, color, surface, (lit_side, Known { light: Some(1.0), ..known }), key, work)
+    light * corrected::visible(pass, color, surface, (side, Known { light: Some(1.0), ..known }), key, work)
 }

@@ -1,9 +1,10 @@
-//! What the camera is in.
+//! What the camera, or another point, is in.
 
+use super::lenses::Lenses;
 use super::media::{Crossing, Media};
 use crate::effects::{Coverage, Pass};
 use crate::trace::Tracer;
-use curitiba_pipeline::glass::Shape;
+use curitiba_pipeline::glass::{GlassShadow, Shape};
 use glam::Vec3;
 
 /// Surfaces that are looked at, at most: a line through a scene of any size meets fewer.
@@ -12,13 +13,18 @@ const MOST: u32 = 4096;
 /// Along no axis, no diagonal and no likely edge.
 const DIRECTION: Vec3 = Vec3::new(0.352_071, 0.631_593, 0.690_733);
 
-/// The bodies of glass that the camera is in: those that a line from it leaves without having entered them.
+/// The bodies of glass that the camera is in.
 pub fn around_eye<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Media {
+    around(pass, pass.job.eye)
+}
+
+/// The bodies of glass that a point is in: those that a line from it leaves without having entered them.
+fn around<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, point: Vec3) -> Media {
     let solid = |material: u32| pass.job.dielectrics[material as usize].shape == Shape::Solid;
     if !pass.job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
         return Media::NONE;
     }
-    let (direction, mut origin) = (DIRECTION.normalize(), pass.job.eye);
+    let (direction, mut origin) = (DIRECTION.normalize(), point);
     let mut crossings = Vec::new();
     for _ in 0..MOST {
         let (ray, Some(hit)) = pass.closest(origin, direction) else { break };
@@ -30,4 +36,16 @@ pub fn around_eye<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Media {
         origin = surface.origin(direction);
     }
     Media::at_start_of(crossings, pass.job.dielectrics)
+}
+
+/// The spheres that focus light, with the rule of shadows that asks for it; else none.
+///
+/// # Errors
+/// As [`Lenses::of`].
+pub fn lenses<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Result<Lenses, String> {
+    let asked = pass.job.params.shadow == GlassShadow::Caustic && pass.job.program.info().reads("shadow");
+    if !(T::SPHERES && asked && !pass.job.dielectrics.is_empty()) {
+        return Ok(Lenses::default());
+    }
+    Lenses::of(&pass.job.scene.geometry, pass.job.dielectrics, |center| around(pass, center).count() > 1)
 }

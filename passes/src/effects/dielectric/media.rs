@@ -52,6 +52,11 @@ impl Media {
         self.materials().last().copied()
     }
 
+    /// How many bodies they are.
+    pub(super) fn count(&self) -> usize {
+        self.materials().len()
+    }
+
     /// Index of refraction of what fills the place, at the line d.
     #[must_use]
     pub fn index(&self, dielectrics: &[Dielectric]) -> f32 {

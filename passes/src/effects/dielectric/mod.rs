@@ -2,16 +2,20 @@
 //!
 //! From the ground up: `media` knows in which bodies a point of a path lies, `eye` in which the camera is,
 //! `slab` what a wall with two faces does, `filter` what a surface takes beside Fresnel's share, `shadow` what is
-//! left of light that falls straight through, `variant` says what device programs know, `branch` is a way on from a surface, `facets` are those of a rough one, `walk` follows paths, and
+//! left of light that falls straight through, `ball` what a sphere does with parallel light, `lenses` which spheres focus it, `caustic` what that adds to surfaces, `variant` says what device programs know, `branch` is a way on from a surface, `limits` where it is not followed, `facets` are those of a rough one, `walk` follows paths, and
 //! `solid` is the surface of a body. May use: what is about one point, beside this folder.
 //!
 //! Radiance is not scaled by the square of the index inside a body, as basic radiance would be: it cancels where light leaves again,
 //! and the light that falls on a surface inside is not scaled either.
 
+mod ball;
 mod branch;
+mod caustic;
 mod eye;
 mod facets;
 mod filter;
+mod lenses;
+mod limits;
 mod media;
 mod shadow;
 mod slab;
@@ -19,7 +23,9 @@ mod solid;
 mod variant;
 mod walk;
 
-pub(crate) use eye::around_eye;
+pub(super) use caustic::Lit;
+pub(crate) use eye::{around_eye, lenses};
+pub use lenses::Lenses;
 pub use media::{Border, Crossing, MOST, Media};
 pub use slab::{Slab, slab};
 pub use variant::{Variant, check_glass};

@@ -28,7 +28,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
     ) -> Vec3 {
         let Some(disc) = &self.disc else {
             let Some(origin) = self.light_origin(surface, side, work) else { return Vec3::splat(SHADOWED) };
-            return SHADOWED + (1.0 - SHADOWED) * self.straight_along(&self.light_ray(origin), 1.0, work);
+            return SHADOWED + (1.0 - SHADOWED) * self.straight_along(&self.light_ray(origin), 1.0, None, work);
         };
         let ((facing, triangle), weight) = (side, 1.0 / disc.samples() as f32);
         let side = LitSide { point: surface.point(), facing, triangle };
@@ -40,20 +40,24 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             |hit| self.stops_light(hit),
             |origin, direction| {
                 let ray = Ray { direction, ..self.light_ray(origin) };
-                sum += self.straight_along(&ray, weight, work);
+                sum += self.straight_along(&ray, weight, None, work);
             },
         );
         work.rays.shadow += rays;
         SHADOWED + (1.0 - SHADOWED) * weight * sum
     }
 
-    /// The share of light that comes along a ray, by colour: 0 where something opaque is in the way. `weight` is the ray's, for who records it.
-    fn straight_along(&self, ray: &Ray, weight: f32, work: &mut Workspace) -> Vec3 {
+    /// The share of light that comes along a ray, by colour: 0 where something opaque is in the way, or glass that sends the light elsewhere.
+    /// `weight` is the ray's, for who records it; the sphere `without` is not there.
+    pub(super) fn straight_along(&self, ray: &Ray, weight: f32, without: Option<u32>, work: &mut Workspace) -> Vec3 {
         work.rays.shadow += 1;
         let mut through = std::mem::take(&mut work.through);
         through.clear();
         self.announce_visibility(Purpose::Shadow, weight);
-        let blocked = self.tracer.occluded(ray, |hit| self.blocks_light(hit, || through.push(*hit)));
+        let blocked = self.tracer.occluded(ray, |hit| {
+            let there = without != Some(hit.triangle);
+            there && (self.focuses(hit.triangle, ray.origin) || self.blocks_light(hit, || through.push(*hit)))
+        });
         let passes = if blocked { Vec3::ZERO } else { self.straight(ray, &mut through, work) };
         work.through = through;
         passes
@@ -107,7 +111,7 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
                 Shape::Pane | Shape::Opaque => Vec3::splat(THROUGH_GLASS),
             };
         }
-        passes * self.on_the_way(media, f32::INFINITY)
+        passes * self.on_the_way(media, ray.t_max - from)
     }
 
     fn on_the_way(&self, media: Media, length: f32) -> Vec3 {

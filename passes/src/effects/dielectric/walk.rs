@@ -32,12 +32,16 @@ pub(super) struct Path {
     pub(super) wavelength: Option<f32>,
     /// Which of the ways on from rough glass it is; `None` before.
     pub(super) sample: Option<u32>,
+    /// The share of the pixel's colour that depends on it; larger where it is one of few that were followed by chance.
+    pub(super) importance: f32,
+    /// Reflections and refractions before.
+    pub(super) bounces: [u32; 2],
 }
 
 impl Path {
     /// The key of what the path meets. The ways on from rough glass share the keys of their surfaces, so that their points fill each
     /// other's gaps; what is sampled where they end is each one's own.
-    fn own_key(&self) -> u32 {
+    pub(super) fn own_key(&self) -> u32 {
         self.sample.map_or(self.key, |sample| path_key(self.key, SCATTERED + sample))
     }
 }
@@ -69,7 +73,16 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             Some(_) => Hit { t: 0.0, triangle, u: 0.0, v: 0.0 },
             None => locate(&self.pass.job.scene.geometry, triangle, stored),
         };
-        let path = Path { media: self.pass.around_eye, surfaces: 0, splits: 0, key, wavelength: None, sample: None };
+        let path = Path {
+            media: self.pass.around_eye,
+            surfaces: 0,
+            splits: 0,
+            key,
+            wavelength: None,
+            sample: None,
+            importance: 1.0,
+            bounces: [0; 2],
+        };
         let length = stored.distance(self.pass.job.eye);
         transmittance(self.extinction(path.media), length)
             * self.glass(Met { hit: &hit, surface: &surface, view }, path, work)
@@ -178,7 +191,8 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         each: impl Fn(Path, &mut Workspace) -> Vec3,
     ) -> Vec3 {
         let count = self.pass.facets.len() as u32;
-        let sum: Vec3 = (0..count).map(|sample| each(Path { sample: Some(sample), ..path }, work)).sum();
+        let importance = path.importance / count as f32;
+        let sum: Vec3 = (0..count).map(|sample| each(Path { sample: Some(sample), importance, ..path }, work)).sum();
         sum / count as f32
     }
 
@@ -228,19 +242,24 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         work: &mut Workspace,
     ) -> Vec3 {
         let reflected = branch.purpose == Purpose::Reflected;
-        let counter = if reflected { &mut work.rays.reflected } else { &mut work.rays.refracted };
-        *counter += 1;
-        let announced =
-            Announcement { purpose: branch.purpose, bounce: path.surfaces, weight: branch.weight.max_element() };
-        self.pass.tracer.announce(announced);
-        let path = Path {
+        let mut path = Path {
             media: branch.media,
             surfaces: path.surfaces + 1,
             splits: path.splits + splits,
             key: path_key(path.key, if reflected { REFLECTED } else { REFRACTED }),
             ..path
         };
-        branch.weight * self.radiance(surface, branch.direction, path, work)
+        let weight = match self.kept(branch, &mut path) {
+            None => return self.cut_off(branch),
+            Some(0.0) => return Vec3::ZERO,
+            Some(more) => more * branch.weight,
+        };
+        let counter = if reflected { &mut work.rays.reflected } else { &mut work.rays.refracted };
+        *counter += 1;
+        let announced =
+            Announcement { purpose: branch.purpose, bounce: path.surfaces - 1, weight: weight.max_element() };
+        self.pass.tracer.announce(announced);
+        weight * self.radiance(surface, branch.direction, path, work)
     }
 
     /// What arrives at a surface from a direction.
@@ -250,13 +269,14 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             return transmittance(extinction, f32::INFINITY) * self.pass.job.beyond;
         };
         let surface = self.pass.surface_hit(&ray, &hit);
-        let color = if self.pass.is_glass(hit.triangle) {
+        // From surface to surface: the ray starts a little off its own.
+        let length = (surface.position() - at.position()).dot(direction).max(0.0);
+        let kept = transmittance(extinction, length);
+        kept * if self.pass.is_glass(hit.triangle) {
+            let path = Path { importance: path.importance * kept.max_element(), ..path };
             self.glass(Met { hit: &hit, surface: &surface, view: direction }, path, work)
         } else {
             (self.shade)(&hit, &surface, path.media, path.own_key(), work)
-        };
-        // From surface to surface: the ray starts a little off its own.
-        let length = (surface.position() - at.position()).dot(direction).max(0.0);
-        transmittance(extinction, length) * color
+        }
     }
 }

@@ -2,7 +2,7 @@ use crate::effects::tests::world::{Shot, World, grid};
 use crate::trace::{Bvh, Hit, Quality, Ray, Tracer};
 use curitiba_pipeline::backend::{GBuffer, RayCounts, RayJob};
 use curitiba_pipeline::camera_programs::CameraParams;
-use curitiba_pipeline::glass::{Background, GlassRule, GlassShadow};
+use curitiba_pipeline::glass::{Background, GlassRule, GlassShadow, PathLimits};
 use curitiba_pipeline::programs::Fidelity::{self, Corrected, Thesis};
 use curitiba_pipeline::programs::{Fresnel, RayParams, RayProgram, Sampler};
 use glam::{Mat3, Vec3};
@@ -22,6 +22,7 @@ const DEFAULTS: RayParams = RayParams {
     shadow: GlassShadow::Report,
     wavelengths: 16,
     paths: 16,
+    limits: PathLimits::DEFAULT,
     first: 0,
     first_path: 0,
     sun: 0.0,

@@ -1,6 +1,9 @@
 //! Closed forms of bodies of glass, traced.
 
+mod ball;
+mod caustics;
 mod dispersion;
+mod limits;
 mod rough;
 mod spheres;
 

@@ -3,19 +3,24 @@
 use super::*;
 use crate::trace::WithSpheres;
 
-fn run(world: &World, shot: &Shot<'_>, program: RayProgram, params: RayParams) -> (Vec<[f32; 4]>, RayCounts) {
+pub(super) fn run(
+    world: &World,
+    shot: &Shot<'_>,
+    program: RayProgram,
+    params: RayParams,
+) -> (Vec<[f32; 4]>, RayCounts) {
     let (triangles, spheres) = (&world.tree(), &world.spheres());
     shot.run_on(&WithSpheres { triangles, spheres }, &shot.job(program, Corrected, params))
 }
 
-fn look(world: &World, eye: Vec3, direction: Vec3, params: RayParams) -> ([f32; 4], RayCounts) {
+pub(super) fn look(world: &World, eye: Vec3, direction: Vec3, params: RayParams) -> ([f32; 4], RayCounts) {
     let shot = Shot::of(world, eye, [eye + direction]);
     let (pixels, rays) = run(world, &shot, RayProgram::Refraction, params);
     (pixels[0], rays)
 }
 
 /// R of an interface where a sphere is met at impact `b` (in radii), and the length of the way inside, in `f64`.
-fn impact(b: f64, index: f64) -> (f64, f64) {
+pub(super) fn impact(b: f64, index: f64) -> (f64, f64) {
     let (r, inner) = interface(b.asin().to_degrees(), index);
     (r, 2.0 * inner)
 }

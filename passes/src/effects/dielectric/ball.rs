@@ -1,0 +1,303 @@
+//! What a sphere of glass does with parallel light, in the plane of its axis: closed forms, in `f64`.
+//!
+//! The sphere has radius 1 and lies about the origin; light travels along the axis z. A ray that meets it at the angle of incidence i, at
+//! the distance sin i from the axis, leaves it at that distance from the centre too, turned by delta = 2 (i - t) towards the axis, where
+//! sin t = sin i / n. So it passes a point (x, z) of its plane at the distance
+//!
+//! ```text
+//! m(i) = x cos delta + z sin delta - sin i
+//! ```
+//!
+//! and where m = 0 it lights the point with T sin i cos i / (|x| |dm/di|) times the light's irradiance across its direction: the area of
+//! a tube of light before and behind the sphere, with the share T that is let through. That is infinite on caustics, where dm/di or x
+//! is 0. What is computed is its mean over a disc of some width across the ray, which is finite everywhere and keeps the sum.
+
+use glam::{DVec2, DVec3};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Steps of the angle of incidence between which rays that turn back are looked for.
+const CELLS: usize = 64;
+
+/// Points of a quadrature, and their number for points so near to the axis that rays of all sides reach them.
+const POINTS: usize = 8;
+const POINTS_AT_AXIS: usize = 32;
+
+/// Refraction by a sphere of this index, above 1.
+#[derive(Debug, Clone)]
+pub struct Ball {
+    index: f64,
+    nodes: Vec<Turned>,
+    points: [Vec<DVec2>; 2],
+}
+
+/// A ray that has passed the sphere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Turned {
+    /// Sine and cosine of the angle of incidence: also the distance at which the ray passes the centre.
+    pub sin: f64,
+    /// See [`Self::sin`].
+    pub cos: f64,
+    /// Cosine of the angle inside.
+    pub inner: f64,
+    /// Its direction: x is away from the axis, on the side where it met the sphere.
+    pub direction: DVec2,
+    /// By how much more it is turned for a larger angle of incidence.
+    rate: f64,
+}
+
+impl Turned {
+    /// The one of an angle of incidence, by a sphere of this index.
+    #[must_use]
+    pub fn at(incidence: f64, index: f64) -> Self {
+        let (sin, cos) = incidence.sin_cos();
+        let inner_sin = sin / index;
+        let inner = (1.0 - inner_sin * inner_sin).sqrt();
+        // Of i - t, and of twice that.
+        let (half_sin, half_cos) = (sin * inner - cos * inner_sin, cos * inner + sin * inner_sin);
+        let direction = DVec2::new(-2.0 * half_sin * half_cos, half_cos * half_cos - half_sin * half_sin);
+        Self { sin, cos, inner, direction, rate: 2.0 * (1.0 - cos / (index * inner)) }
+    }
+
+    /// How far it passes a point, signed: m of the module's text.
+    fn miss(&self, at: DVec2) -> f64 {
+        at.x * self.direction.y - at.y * self.direction.x - self.sin
+    }
+
+    /// Its derivative by the angle of incidence.
+    fn miss_rate(&self, at: DVec2) -> f64 {
+        self.rate * self.along(at) - self.cos
+    }
+
+    /// How far along the ray a point lies, from where the ray passes the centre.
+    fn along(&self, at: DVec2) -> f64 {
+        at.dot(self.direction)
+    }
+
+    /// Whether a point lies behind the sphere, as the ray sees it.
+    fn reaches(&self, at: DVec2) -> bool {
+        self.along(at) > self.cos
+    }
+
+    /// Where it meets the sphere.
+    #[must_use]
+    pub fn entry(&self) -> DVec2 {
+        DVec2::new(self.sin, -self.cos)
+    }
+
+    /// Where it leaves the sphere.
+    #[must_use]
+    pub fn exit(&self) -> DVec2 {
+        self.sin * DVec2::new(self.direction.y, -self.direction.x) + self.cos * self.direction
+    }
+
+    /// Half of the angle, around the axis, by which the ray may be turned about it either way and still passes the point nearer than `width`.
+    ///
+    /// Turned by psi, with u = 1 - cos psi, it passes at a distance D with D² = x² (2u - u²) + (m - x u cos delta)².
+    fn half_angle(&self, at: DVec2, width: f64) -> f64 {
+        let (miss, x, c, s) = (self.miss(at), at.x, self.direction.y, self.direction.x);
+        // Nearer where a u² - b u + c0 > 0, for u from 0 to 1: the other half of the circle is the ray of the other side.
+        let (a, b, c0) = (x * x * s * s, 2.0 * x * (x - miss * c), (width - miss) * (width + miss));
+        let discriminant = b * b - 4.0 * a * c0;
+        if discriminant < 0.0 || (b <= 0.0 && c0 >= 0.0) {
+            return FRAC_PI_2;
+        }
+        if x == 0.0 {
+            return 0.0;
+        }
+        let angle = |u: f64| 2.0 * (0.5 * u.clamp(0.0, 1.0)).sqrt().asin();
+        let root = discriminant.sqrt();
+        if b <= 0.0 {
+            return FRAC_PI_2 - angle(2.0 * c0 / (b - root));
+        }
+        let q = b + root;
+        angle(2.0 * c0 / q) + if 2.0 * a > q { 0.0f64.max(FRAC_PI_2 - angle(0.5 * q / a)) } else { 0.0 }
+    }
+}
+
+/// Rays that are neighbours, and reach a point together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bundle {
+    /// The mean of its rays.
+    pub ray: Turned,
+    /// Whether it met the sphere on the point's side of the axis, 1, or on the other side, -1.
+    pub side: f64,
+    /// What it brings across its direction, by colour: the light's own is 1.
+    pub strength: DVec3,
+}
+
+/// Sums over the rays of a bundle.
+#[derive(Clone, Copy)]
+struct Sum {
+    strength: DVec3,
+    /// Weights, and angles of incidence times weights.
+    weight: f64,
+    incidence: f64,
+    end: f64,
+}
+
+impl Ball {
+    /// That of an index of refraction above 1.
+    #[must_use]
+    pub fn new(index: f64) -> Self {
+        let nodes = (0..=CELLS).map(|node| Turned::at(at_node(node), index)).collect();
+        let points = [POINTS, POINTS_AT_AXIS].map(|count| {
+            let on_sine = |DVec2 { x, y }| {
+                let (sin, cos) = (FRAC_PI_2 * x).sin_cos();
+                DVec2::new(sin, FRAC_PI_2 * y * cos)
+            };
+            gauss_legendre(count).map(on_sine).collect()
+        });
+        Self { index, nodes, points }
+    }
+
+    /// The light that reaches a point outside the sphere (its distance from the axis, at least 0, and its place along it), as the mean over
+    /// discs of radius `width` (above 0) across the rays. `kept` is the share of the light that a ray brings, by colour.
+    pub fn bundles(&self, at: DVec2, width: f64, kept: impl Fn(&Turned) -> DVec3, mut each: impl FnMut(Bundle)) {
+        for side in [1.0, -1.0] {
+            let at = DVec2::new(at.x * side, at.y);
+            let mut open: Option<Sum> = None;
+            // Who passes the point at a greater distance may pass it nearer where he is turned about the axis: near the axis alone.
+            let reach = if at.x.abs() < width { width + at.x.abs() } else { width };
+            self.pieces(at, reach, |low, high| {
+                let sum = self.sum(at, width, [low, high], &kept);
+                match &mut open {
+                    Some(before) if before.end >= low => {
+                        before.strength += sum.strength;
+                        before.weight += sum.weight;
+                        before.incidence += sum.incidence;
+                        before.end = high;
+                    }
+                    _ => self.close(open.replace(sum), side, &mut each),
+                }
+            });
+            self.close(open, side, &mut each);
+        }
+    }
+
+    fn close(&self, sum: Option<Sum>, side: f64, each: &mut impl FnMut(Bundle)) {
+        if let Some(Sum { strength, weight, incidence, .. }) = sum.filter(|sum| sum.weight > 0.0) {
+            each(Bundle { ray: Turned::at(incidence / weight, self.index), side, strength });
+        }
+    }
+
+    /// Finds the angles of incidence, in ascending pieces, whose rays pass a point nearer than `reach`; within a piece the distance rises
+    /// or falls.
+    fn pieces(&self, at: DVec2, reach: f64, mut each: impl FnMut(f64, f64)) {
+        let step = FRAC_PI_2 / CELLS as f64;
+        let known = |ray: &Turned| ([ray.miss(at), ray.miss_rate(at)], ray.reaches(at));
+        let (mut before, mut reached) = known(&self.nodes[0]);
+        for (cell, node) in self.nodes[1..].iter().enumerate() {
+            let (after, reaches) = known(node);
+            let turns = before[1] * after[1] < 0.0;
+            let slack = if turns { step * before[1].abs().max(after[1].abs()) } else { 0.0 };
+            let beyond = |side: f64| (before[0] * side).min(after[0] * side) > reach + slack;
+            if (reached || reaches) && !beyond(1.0) && !beyond(-1.0) {
+                let ends = [at_node(cell), at_node(cell + 1)];
+                if turns {
+                    let top = root(ends, before[1], |i| (Turned::at(i, self.index).miss_rate(at), None), 1e-9);
+                    let middle = Turned::at(top, self.index).miss(at);
+                    self.piece(at, reach, [(ends[0], before[0]), (top, middle)], &mut each);
+                    self.piece(at, reach, [(top, middle), (ends[1], after[0])], &mut each);
+                } else {
+                    self.piece(at, reach, [(ends[0], before[0]), (ends[1], after[0])], &mut each);
+                }
+            }
+            (before, reached) = (after, reaches);
+        }
+    }
+
+    /// The part within reach of angles between two whose distances are known.
+    fn piece(&self, at: DVec2, reach: f64, [low, high]: [(f64, f64); 2], each: &mut impl FnMut(f64, f64)) {
+        if low.1.min(high.1) > reach || low.1.max(high.1) < -reach {
+            return;
+        }
+        let end = |own: (f64, f64)| {
+            if own.1.abs() <= reach {
+                return own.0;
+            }
+            let border = reach.copysign(own.1);
+            let miss = |i: f64| {
+                let ray = Turned::at(i, self.index);
+                (ray.miss(at) - border, Some(ray.miss_rate(at)))
+            };
+            root([low.0, high.0], low.1 - border, miss, 1e-9 * reach)
+        };
+        let (low, high) = (end(low), end(high));
+        if low < high {
+            each(low, high);
+        }
+    }
+
+    /// The light of angles of incidence between two. Towards the ends it falls as the root of the distance from them, which is smooth in
+    /// the angle whose sine they are.
+    fn sum(&self, at: DVec2, width: f64, [low, high]: [f64; 2], kept: impl Fn(&Turned) -> DVec3) -> Sum {
+        let mut sum = Sum { strength: DVec3::ZERO, weight: 0.0, incidence: 0.0, end: high };
+        let points = &self.points[usize::from(at.x.abs() < 2.0 * width)];
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        for point in points {
+            let incidence = middle + half * point.x;
+            let ray = Turned::at(incidence, self.index);
+            if ray.reaches(at) {
+                let area = half * point.y * ray.sin * ray.cos * 2.0 * ray.half_angle(at, width) / (PI * width * width);
+                sum.strength += area * kept(&ray);
+                sum.weight += area;
+                sum.incidence += area * incidence;
+            }
+        }
+        sum
+    }
+}
+
+/// The points and weights of Gauss and Legendre from -1 to 1, by Newton's steps on the recurrence of Legendre's polynomials.
+fn gauss_legendre(count: usize) -> impl Iterator<Item = DVec2> {
+    (0..count).map(move |point| {
+        let mut x = (PI * (point as f64 + 0.75) / (count as f64 + 0.5)).cos();
+        let mut slope = 1.0;
+        for _ in 0..8 {
+            let (mut value, mut before) = (x, 1.0);
+            for degree in 2..=count {
+                let degree = degree as f64;
+                (value, before) = (((2.0 * degree - 1.0) * x * value - (degree - 1.0) * before) / degree, value);
+            }
+            slope = count as f64 * (x * value - before) / (x * x - 1.0);
+            x -= value / slope;
+        }
+        DVec2::new(x, 2.0 / ((1.0 - x * x) * slope * slope))
+    })
+}
+
+fn at_node(node: usize) -> f64 {
+    FRAC_PI_2 * node as f64 / CELLS as f64
+}
+
+/// Where a function is 0 between two places at which it has different signs, at the first that of `first`: Newton's steps where there is a
+/// derivative, else secants, and halves where they lead away. Ends where the function is below `tolerance`.
+fn root(
+    [mut low, mut high]: [f64; 2],
+    first: f64,
+    function: impl Fn(f64) -> (f64, Option<f64>),
+    tolerance: f64,
+) -> f64 {
+    let mut place = 0.5 * (low + high);
+    let mut known: Option<(f64, f64)> = None;
+    for _ in 0..60 {
+        let (value, rate) = function(place);
+        if value.abs() <= tolerance {
+            break;
+        }
+        if (value < 0.0) == (first < 0.0) {
+            low = place
+        } else {
+            high = place
+        }
+        let rate = rate.or_else(|| known.map(|(other, its)| (value - its) / (place - other)));
+        known = Some((place, value));
+        let next = rate.map_or(f64::NAN, |rate| place - value / rate);
+        let inside = next > low && next < high;
+        place = if inside { next } else { 0.5 * (low + high) };
+        if high - low <= f64::EPSILON {
+            break;
+        }
+    }
+    place
+}

@@ -1,0 +1,128 @@
+//! Light that exact spheres of glass focus on surfaces.
+
+use super::ball::{Bundle, Turned};
+use super::lenses::Lens;
+use crate::effects::material::AMBIENT;
+use crate::effects::optics::interface;
+use crate::effects::surface::Surface;
+use crate::effects::{Coverage, Pass, Workspace};
+use crate::trace::{Ray, Tracer};
+use glam::{DVec2, DVec3, Vec3};
+
+/// Half the width over which the light of a point is spread, as a share of the sphere's radius. Where the light is a disc that blurs more,
+/// that serves.
+const WIDTH: f64 = 1e-3;
+
+/// How a surface takes light, and what of it is in its colour.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::effects) struct Lit {
+    /// Unit normal by which it was lit.
+    pub(in crate::effects) normal: Vec3,
+    /// Its cosine with the light, in its colour.
+    pub(in crate::effects) cosine: f32,
+    /// The share of the light, by colour, that is in its colour beside [`AMBIENT`].
+    pub(in crate::effects) tint: Vec3,
+}
+
+/// The plane of a point, a sphere's centre and the light.
+struct Plane {
+    /// Away from the axis, towards the point.
+    side: DVec3,
+    /// Where the light goes.
+    axis: DVec3,
+}
+
+impl Plane {
+    /// A vector of the plane; its first coordinate is on the side of a bundle.
+    fn vector(&self, bundle: &Bundle, vector: DVec2) -> DVec3 {
+        self.side * (bundle.side * vector.x) + self.axis * vector.y
+    }
+}
+
+impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
+    /// What focused light adds to a surface, as a share of its colour: each bundle of rays that falls on the side with the unit normal
+    /// `facing` lights it as a light of its direction and strength would.
+    #[inline(never)]
+    pub(in crate::effects) fn focused_light(
+        &self,
+        surface: &Surface,
+        facing: Vec3,
+        lit: &Lit,
+        work: &mut Workspace,
+    ) -> Vec3 {
+        let axis = -self.to_light.as_dvec3().normalize_or_zero();
+        let blur = (0.5 * f64::from(self.job.params.sun)).to_radians().tan();
+        let mut light = Vec3::ZERO;
+        for (lens, ball) in self.lenses.iter() {
+            let from = (surface.position().as_dvec3() - lens.center) / lens.radius;
+            // In the sphere no light is focused.
+            if from.length_squared() <= 1.0 {
+                continue;
+            }
+            let along = from.dot(axis);
+            let across = from - along * axis;
+            let at = DVec2::new(across.length(), along);
+            let side = across.try_normalize().unwrap_or_else(|| axis.any_orthonormal_vector());
+            let plane = Plane { side, axis };
+            // Another place of the light turns everything about the centre.
+            let width = WIDTH.max(from.length() * blur);
+            ball.bundles(at, width, self.kept(lens), |bundle| {
+                if facing.dot(plane.vector(&bundle, bundle.ray.direction).as_vec3()) < 0.0 {
+                    light += self.bundle_light(surface, lit, (lens, &plane, &bundle), work);
+                }
+            });
+        }
+        light
+    }
+
+    /// The share of light that a ray keeps in a sphere.
+    fn kept(&self, lens: &Lens) -> impl Fn(&Turned) -> DVec3 {
+        let dielectric = self.job.dielectrics[lens.material as usize];
+        let weights = self.job.params.fresnel;
+        let face = (1.0 - dielectric.veil) * dielectric.filter;
+        let faces = (face * face).as_dvec3();
+        let diameter = 2.0 * lens.radius;
+        move |ray| {
+            let reflectance = f64::from(interface(weights, ray.cos as f32, dielectric.index).reflectance);
+            let inside = dielectric.transmittance((diameter * ray.inner) as f32);
+            (1.0 - reflectance) * (1.0 - reflectance) * faces * inside.as_dvec3()
+        }
+    }
+
+    /// That of one bundle, where nothing is in its way: from the surface to the sphere, in it, and on to the light.
+    fn bundle_light(
+        &self,
+        surface: &Surface,
+        lit: &Lit,
+        (lens, plane, bundle): (&Lens, &Plane, &Bundle),
+        work: &mut Workspace,
+    ) -> Vec3 {
+        let to_sphere = -plane.vector(bundle, bundle.ray.direction).as_vec3();
+        let taken = |cosine: f32| lit.tint * self.light_color * cosine + AMBIENT;
+        let share = taken(lit.normal.dot(to_sphere).max(0.0)) / taken(lit.cosine);
+        let place = |at: DVec2| (lens.center + lens.radius * plane.vector(bundle, at)).as_vec3();
+        let [exit, entry] = [bundle.ray.exit(), bundle.ray.entry()].map(place);
+        let ways = [segment(surface.origin(to_sphere), exit), segment(exit, entry), self.light_ray(entry)];
+        let mut light = share * bundle.strength.as_vec3();
+        for way in ways {
+            if light == Vec3::ZERO {
+                break;
+            }
+            light *= self.straight_along(&way, light.max_element(), Some(lens.id), work);
+        }
+        light
+    }
+
+    /// Whether light that meets this is focused by it, and so does not go straight on to `to`.
+    pub(super) fn focuses(&self, id: u32, to: Vec3) -> bool {
+        let outside =
+            || self.sphere(id).is_some_and(|sphere| sphere.center.distance_squared(to) > sphere.radius.powi(2));
+        T::SPHERES && self.lenses.contains(id) && outside()
+    }
+}
+
+/// The ray from one place to another.
+fn segment(origin: Vec3, end: Vec3) -> Ray {
+    let way = end - origin;
+    Ray { origin, direction: way.normalize_or(Vec3::Z), t_min: 0.0, t_max: way.length() }
+}

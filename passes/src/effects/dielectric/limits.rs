@@ -1,0 +1,66 @@
+//! Where paths end that a pass does not want to follow.
+
+use super::branch::Branch;
+use super::media::Media;
+use super::walk::{Path, Walk};
+use crate::effects::surface::Surface;
+use crate::effects::{Coverage, Workspace};
+use crate::sampling::hash::{ROULETTE, dimensions, path_key, unit};
+use crate::trace::{Hit, Purpose, Tracer};
+use curitiba_pipeline::glass::{CutoffColor, Roulette};
+use glam::Vec3;
+
+impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -> Vec3> Walk<'_, '_, T, C, F> {
+    /// By what a branch that is followed, as `path`, counts: 1, or more where it was followed by chance. `None` where it is not followed.
+    #[inline(always)]
+    pub(super) fn kept(&self, branch: &Branch, path: &mut Path) -> Option<f32> {
+        if !self.pass.job.params.limits.cut() {
+            return Some(1.0);
+        }
+        self.kept_within_limits(branch, path)
+    }
+
+    #[inline(never)]
+    fn kept_within_limits(&self, branch: &Branch, path: &mut Path) -> Option<f32> {
+        let limits = &self.pass.job.params.limits;
+        let (kind, most) = match branch.purpose {
+            Purpose::Reflected => (0, limits.reflections),
+            _ => (1, limits.refractions),
+        };
+        path.bounces[kind] += 1;
+        if path.bounces[kind] > most {
+            return None;
+        }
+        // Weights of wavelengths may be negative.
+        path.importance *= branch.weight.abs().max_element();
+        if path.importance >= limits.cutoff {
+            return Some(1.0);
+        }
+        match limits.roulette {
+            Roulette::Off => None,
+            Roulette::On => {
+                let chance = path.importance / limits.cutoff;
+                let chosen = self.chance(path) < chance;
+                path.importance = limits.cutoff;
+                // A branch that is not followed counts nothing: no colour stands for it.
+                Some(if chosen { 1.0 / chance } else { 0.0 })
+            }
+        }
+    }
+
+    /// A random number from 0 to 1 that belongs to a path: to its wavelength and sample too, and to the samples of the pixel.
+    fn chance(&self, path: &Path) -> f32 {
+        let params = &self.pass.job.params;
+        let wavelength = path.wavelength.map_or(0, f32::to_bits);
+        let sample = params.first ^ params.first_path.rotate_left(16);
+        unit(dimensions(path_key(path_key(path.own_key(), wavelength), sample), ROULETTE)[0])
+    }
+
+    /// What stands for a branch that is not followed.
+    pub(super) fn cut_off(&self, branch: &Branch) -> Vec3 {
+        match self.pass.job.params.limits.cutoff_color {
+            CutoffColor::Black => Vec3::ZERO,
+            CutoffColor::Background => branch.weight * self.pass.job.beyond,
+        }
+    }
+}
