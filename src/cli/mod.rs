@@ -39,6 +39,7 @@ pub use failure::Failure;
 
 use clap::CommandFactory as _;
 use curitiba::pipeline::diagnostic::Warnings;
+use curitiba::pipeline::executor::Engines;
 use curitiba::pipeline::files;
 use curitiba::pipeline::plan::Plan;
 use curitiba::{Choice, engines, fastest};
@@ -156,15 +157,19 @@ fn tell_fastest(_: Choice) {
 /// Asks the engines that would do the work for what they cannot do: before anything is loaded, not at the first frame. What
 /// is not there is told, and only `render` fails for it.
 fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
-    let (raster, rays) = match (engines::rasteriser(choice.for_plan(plan)), engines::ray_backend(choice)) {
-        (Ok(raster), Ok(rays)) => (raster, rays),
-        (Err(error), _) | (_, Err(error)) => {
+    // On one device, where both use it.
+    let alone = Choice { fallback: [None; 4], ..choice.for_plan(plan) };
+    let (mut raster, mut rays) = match engines::choose(alone) {
+        Ok(Engines { raster, rays, .. }) => (raster, rays),
+        Err(error) => {
             failure::print_warning(&format!("what it cannot do is not known here: {error}"));
             return Ok(());
         }
     };
     plan.fit((raster.name(), raster.limits()), (rays.name(), rays.limits()))
         .map_err(|error| Failure::Usage(error.to_string()))?;
+    let shared = raster.shares().is_some_and(|device| rays.joins(device));
+    _ = plan.decide_showing_quad(&mut *raster, &mut *rays, shared);
     // Where another backend may take over, it does.
     let stands_in = choice.for_plan(plan).fallback.iter().any(Option::is_some);
     let untraced_sun = || if stands_in { None } else { plan.untraced_sun(&*rays) };

@@ -263,6 +263,7 @@ impl Renderer {
                 }
                 (self.plan, self.materials, self.warnings) = (before.plan, before.materials, before.warnings);
                 self.scene_notes = before.notes;
+                self.decide_showing_quad();
                 Err(error)
             }
         }
@@ -382,6 +383,7 @@ impl Renderer {
     /// Lets the engines share the G-buffer of this plan, where that is another than the one before.
     fn join_again(&mut self, before: &Plan) {
         if shared_gbuffer(before) == shared_gbuffer(&self.plan) {
+            self.decide_showing_quad();
             return;
         }
         let joined = self.joined.take();
