@@ -3,6 +3,7 @@
 pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
 
 use crate::camera_programs::SurfaceKind;
+use crate::device_quad::{DeviceQuad, DeviceQuadStats, Shown};
 use crate::glass::Dielectric;
 use crate::glsl::Program;
 use crate::image::Image;
@@ -402,6 +403,30 @@ pub trait Rasteriser {
         output: &mut Image,
         progress: &Progress,
     ) -> Result<EffectStats, BackendError>;
+    /// Whether it fills quads on its device, and runs [`Rasteriser::effect_in_place`].
+    fn fills_quads(&self) -> bool {
+        false
+    }
+    /// Runs a raster effect whose picture stays on the device under a number, for [`Rasteriser::fill_on_device`].
+    ///
+    /// # Errors
+    /// As [`Rasteriser::effect`]; if pictures do not stay.
+    fn effect_in_place(&mut self, _: &EffectJob<'_>, _: usize, _: &Progress) -> Result<EffectStats, BackendError> {
+        Err(not_in_place(self.name()))
+    }
+    /// Fills a quad from what was drawn, computed and traced on the device, waits, and brings it into host memory in the form that is asked for.
+    ///
+    /// # Errors
+    /// If the device fails, or what the quad reads is not there.
+    fn fill_on_device(&mut self, _: &DeviceQuad, _: Shown<'_>) -> Result<DeviceQuadStats, BackendError> {
+        Err(not_in_place(self.name()))
+    }
+}
+
+/// The error of an engine whose pictures are in host memory.
+fn not_in_place(backend: &'static str) -> BackendError {
+    let (what, why) = ("pictures that stay on a device".to_owned(), "it leaves them in host memory".to_owned());
+    BackendError::Unsupported { backend, what, why }
 }
 
 /// One effect pass. All images have the same size.
@@ -746,4 +771,11 @@ pub trait RayBackend {
     /// # Errors
     /// If the device fails or the job lacks what the program reads.
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError>;
+    /// Runs one pass whose picture stays, under a number, on the device of the rasteriser that lent what [`RayBackend::reads`] accepted.
+    ///
+    /// # Errors
+    /// As [`RayBackend::run`]; if nothing was accepted.
+    fn run_in_place(&mut self, _: &RayJob<'_>, _: usize, _: &Progress) -> Result<RayStats, BackendError> {
+        Err(not_in_place(self.name()))
+    }
 }

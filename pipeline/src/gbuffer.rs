@@ -59,6 +59,17 @@ impl Attachments {
             triangle: self.triangle || other.triangle,
         }
     }
+
+    /// What it has and the other has not.
+    #[must_use]
+    pub fn without(self, other: Self) -> Self {
+        Self {
+            color: self.color && !other.color,
+            position: self.position && !other.position,
+            normal: self.normal && !other.normal,
+            triangle: self.triangle && !other.triangle,
+        }
+    }
 }
 
 /// The triangle id of a pixel that nothing covers.

@@ -11,6 +11,7 @@ mod named;
 pub mod backend;
 pub mod camera_programs;
 pub mod color;
+pub mod device_quad;
 pub mod diagnostic;
 pub mod executor;
 pub mod files;

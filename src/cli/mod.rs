@@ -156,16 +156,19 @@ fn tell_fastest(_: Choice) {
 /// Asks the engines that would do the work for what they cannot do: before anything is loaded, not at the first frame. What
 /// is not there is told, and only `render` fails for it.
 fn ask_engines(plan: &mut Plan, choice: Choice) -> Result<(), Failure> {
-    let engines = match engines::exactly(Choice { raster: choice.for_plan(plan).raster, ..choice }, plan) {
+    let mut engines = match engines::exactly(Choice { raster: choice.for_plan(plan).raster, ..choice }, plan) {
         Ok(engines) => engines,
         Err(error) => {
             failure::print_warning(&format!("what it cannot do is not known here: {error}"));
             return Ok(());
         }
     };
-    let (raster, rays_of) = (&*engines.raster, |pass: &str| engines.rays_of(pass));
-    plan.fit((raster.name(), raster.limits()), engines.ray_limits(plan))
+    plan.fit((engines.raster.name(), engines.raster.limits()), engines.ray_limits(plan))
         .map_err(|error| Failure::Usage(error.to_string()))?;
+    let shared = engines.raster.shares().is_some_and(|device| engines.rays.joins(device));
+    let apart = shared || engines.differ();
+    _ = plan.decide_showing_quad(&mut *engines.raster, &mut *engines.rays, apart);
+    let (raster, rays_of) = (&*engines.raster, |pass: &str| engines.rays_of(pass));
     // Where another backend may take over, it does.
     let stands_in = choice.for_plan(plan).fallback.iter().any(Option::is_some);
     let untraced_sun = || if stands_in { None } else { plan.untraced_sun(rays_of) };

@@ -73,7 +73,10 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
         renderer.read_back_everything();
     }
     for _ in 1..frames {
-        let frame = renderer.draw_frame(&mut inspector);
+        let frame = match args.accumulate {
+            Some(_) => renderer.draw_frame(&mut inspector),
+            None => renderer.draw_frame_for(&output, &mut inspector),
+        };
         frame.map_err(|error| Failure::of_rendering(error, may_fall_back))?;
         inspector.print_pixel()?;
     }

@@ -17,7 +17,7 @@ const OF_PIPELINE: &Floors = &[
     &["named", "paths", "diagnostic", "files", "guard", "memory", "progress", "pixel_samples"],
     &["color", "gbuffer", "glsl"],
     &["image", "shared"],
-    &["scene", "metrics"],
+    &["scene", "metrics", "device_quad"],
     &["square", "glass", "camera_programs"],
     &["programs"],
     &["raster_effects"],

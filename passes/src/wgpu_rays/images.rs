@@ -3,6 +3,7 @@
 use super::NAME;
 use crate::cpu::check;
 use crate::raster::gpu::device::Gpu;
+use crate::raster::gpu::lend::PICTURE_USAGE;
 use crate::raster::gpu::targets::{CHANNEL_FORMATS, CHANNELS, TRIANGLE};
 use curitiba_pipeline::backend::{BackendError, RayJob};
 
@@ -100,11 +101,15 @@ impl Images {
 
     /// The picture.
     pub fn output(&mut self, gpu: &Gpu, job: &RayJob<'_>) -> Result<&wgpu::Texture, BackendError> {
-        let usage = wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC;
         let size = [job.width, job.height];
-        let output = kept(&mut self.output, size, || texture(gpu, "picture", OUTPUT_FORMAT, size, usage));
+        let output = kept(&mut self.output, size, || texture(gpu, "picture", OUTPUT_FORMAT, size, PICTURE_USAGE));
         gpu.check("creation of the picture")?;
         Ok(output)
+    }
+
+    /// Writes into another picture from now on, `None` for one that is made when it is needed; gives the one before.
+    pub fn exchange_output(&mut self, other: Option<wgpu::Texture>) -> Option<wgpu::Texture> {
+        std::mem::replace(&mut self.output, other)
     }
 
     /// What group 0 binds of a G-buffer and of the picture, from binding 1 on.

@@ -151,7 +151,13 @@ impl WgpuRays {
         Ok(group)
     }
 
-    fn trace(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
+    /// Runs a job, and reads its picture back where there is a place for it.
+    fn trace(
+        &mut self,
+        job: &RayJob<'_>,
+        output: Option<&mut Image>,
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
         let gpu = Arc::clone(&self.gpu);
         let start = Instant::now();
         let (views, upload) = match job.shared {
@@ -204,8 +210,13 @@ impl WgpuRays {
         let device_time = launches::run(&gpu, self.clock.as_ref(), &work, params, size, progress)?;
         let start = Instant::now();
         let picture = self.images.output(&gpu, job)?;
-        self.staging.read(&gpu, picture, &mut output.pixels)?;
-        let read_back = Some(start.elapsed());
+        let read_back = match output {
+            Some(output) => {
+                self.staging.read(&gpu, picture, &mut output.pixels)?;
+                Some(start.elapsed())
+            }
+            None => None,
+        };
         let held_bytes = self.images.bytes() + words.size() + self.points.size() + COUNTS_BUFFER_BYTES;
         Ok(RayStats { rays: self.read_counts()?, upload, read_back, device_time, held_bytes })
     }
@@ -252,6 +263,15 @@ impl WgpuRays {
             self.points = self.gpu.buffer("points", wgpu::BufferUsages::STORAGE, tiles * tile_bytes)?;
         }
         Ok(tiles as u32)
+    }
+
+    /// Refuses what it does not run.
+    fn check(&self, job: &RayJob<'_>) -> Result<(), BackendError> {
+        self.supports(job.program, job.fidelity)?;
+        check::scene(NAME, job, false)?;
+        check::sun(NAME, job)?;
+        check_glass(NAME, &job.params, job.dielectrics)?;
+        Images::check_size(&self.gpu, job)
     }
 
     fn clear_counts(&self) -> Result<(), BackendError> {
@@ -342,12 +362,27 @@ impl RayBackend for WgpuRays {
     }
 
     fn run(&mut self, job: &RayJob<'_>, output: &mut Image, progress: &Progress) -> Result<RayStats, BackendError> {
-        self.supports(job.program, job.fidelity)?;
+        self.check(job)?;
         check::images(NAME, job, output)?;
-        check::scene(NAME, job, false)?;
-        check::sun(NAME, job)?;
-        check_glass(NAME, &job.params, job.dielectrics)?;
-        Images::check_size(&self.gpu, job)?;
-        self.trace(job, output, progress).map_err(of_rays)
+        self.trace(job, Some(output), progress).map_err(of_rays)
+    }
+
+    fn run_in_place(
+        &mut self,
+        job: &RayJob<'_>,
+        picture: usize,
+        progress: &Progress,
+    ) -> Result<RayStats, BackendError> {
+        self.check(job)?;
+        check::buffers(NAME, job)?;
+        let Some(lending) = self.lending.clone() else {
+            return Err(check::missing(NAME, job, "no rasteriser on its device takes its picture"));
+        };
+        let own = self.images.exchange_output(lending.take(picture));
+        let traced = self.trace(job, None, progress).map_err(of_rays);
+        if let Some(texture) = self.images.exchange_output(own) {
+            lending.keep(picture, texture);
+        }
+        traced
     }
 }

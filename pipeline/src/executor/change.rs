@@ -269,6 +269,7 @@ impl Renderer {
                 }
                 (self.plan, self.materials, self.warnings) = (before.plan, before.materials, before.warnings);
                 self.scene_notes = before.notes;
+                self.decide_showing_quad();
                 Err(error)
             }
         }
@@ -393,6 +394,7 @@ impl Renderer {
     /// Lets the engines share the G-buffer of this plan, where that is another than the one before, or the engines are others.
     fn join_again(&mut self, before: &Plan, others: bool) {
         if !others && shared_gbuffer(before) == shared_gbuffer(&self.plan) {
+            self.decide_showing_quad();
             return;
         }
         let joined = self.joined.take();

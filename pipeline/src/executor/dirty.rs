@@ -26,6 +26,8 @@ pub(super) struct Given {
     formats: Vec<PixelFormat>,
     /// What a raster pass draws, and what of it is in host memory.
     drawn: [Attachments; 2],
+    /// Whether its picture is on the rasteriser's device alone.
+    stays: bool,
     /// Samples a pixel and, where there are several, the channels that hold their mean.
     averaged: (PixelSamples, Vec<ChannelRef>),
 }
@@ -40,6 +42,16 @@ impl Given {
 }
 
 impl Renderer {
+    /// Whether the pass at an index of the pipeline left its picture on the rasteriser's device when it last ran.
+    pub(super) fn left_on_device(&self, pass: usize) -> bool {
+        self.ran.get(pass).and_then(Option::as_ref).is_some_and(|ran| ran.stays)
+    }
+
+    /// What of a raster pass was brought into host memory when it last ran, if that is known.
+    pub(super) fn was_in_host(&self, pass: usize) -> Option<Attachments> {
+        self.ran.get(pass)?.as_ref().map(|ran| ran.drawn[1])
+    }
+
     /// What the pass at an index of the plan is given now.
     pub(super) fn given(&self, index: usize) -> Given {
         let planned = &self.plan.passes[index];
@@ -83,6 +95,7 @@ impl Renderer {
             },
             formats: channels.iter().map(|channel| channel.format).collect(),
             drawn,
+            stays: self.stays(index) && !matches!(planned.work, Work::Raster { .. }),
             averaged: (samples, kept),
         }
     }

@@ -32,7 +32,9 @@ impl Renderer {
             Some(answers) if answers.rays > 0 => self.left_to_rays(index, planned, *scene_set, name, observer)?,
             _ => Traced::Done,
         };
-        self.round_to_formats(Some(target));
+        if !self.stays(index) {
+            self.round_to_formats(Some(target));
+        }
         Ok(traced)
     }
 
@@ -45,10 +47,10 @@ impl Renderer {
         name: &str,
         observer: &mut dyn Observer,
     ) -> Result<Traced, RenderError> {
-        let joined = self.joined;
+        let before = (self.joined, self.in_place().is_some());
         loop {
             self.build_or_stand_in(scene_set, name, observer)?;
-            if self.joined != joined {
+            if (self.joined, self.in_place().is_some()) != before {
                 return Ok(Traced::NothingInHost);
             }
             match self.trace_left(index, planned, name, observer) {
@@ -113,7 +115,10 @@ impl Renderer {
         };
         let progress = Arc::new(Progress::until(&self.cancellation));
         observer.begin(StepKind::Effect, name, &progress);
-        let computed = self.engines.raster.effect(&job, &mut output, &progress);
+        let computed = match self.stays(index) {
+            true => self.engines.raster.effect_in_place(&job, target, &progress),
+            false => self.engines.raster.effect(&job, &mut output, &progress),
+        };
         observer.end();
         self.targets[target] = GBuffer { color: output.pixels, ..buffer };
         let stats = computed?;

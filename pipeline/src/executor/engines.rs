@@ -119,7 +119,8 @@ impl Engines {
     }
 
     /// Whether some passes have a ray backend of their own.
-    pub(super) fn differ(&self) -> bool {
+    #[must_use]
+    pub fn differ(&self) -> bool {
         !self.own.is_empty()
     }
 

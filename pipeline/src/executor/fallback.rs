@@ -54,7 +54,8 @@ impl Renderer {
                 Ok(rays) => {
                     *self.engines.rays_of_mut(pass) = rays;
                     self.built = None;
-                    self.joined = None;
+                    (self.joined, self.lent) = (None, false);
+                    self.decide_showing_quad();
                     match self.unsupported() {
                         None => return Ok(()),
                         Some((_, error)) => error,

@@ -9,6 +9,12 @@ impl Renderer {
     /// Lets the rasteriser and the ray backend share the G-buffer of the first ray pass that can read it in place, where
     /// both work on one device. Where they do not manage to, that is a warning, and the host copies.
     pub(super) fn join_engines(&mut self) {
+        self.lent = false;
+        self.join_gbuffer();
+        self.decide_showing_quad();
+    }
+
+    fn join_gbuffer(&mut self) {
         // What is drawn in parts is not where a whole G-buffer would be; what several backends read passes through the host.
         if self.engines.differ() || self.plan.in_parts() || self.plan.block.is_some() {
             return;
@@ -23,7 +29,7 @@ impl Renderer {
             && let Some(lent) = self.engines.raster.lends()
             && self.engines.rays.reads(&lent)
         {
-            self.joined = Some(target);
+            (self.joined, self.lent) = (Some(target), true);
             return;
         }
         if !self.engines.raster.shares().is_some_and(|device| self.engines.rays.joins(device)) {
@@ -71,16 +77,22 @@ impl Renderer {
 
     /// What of a raster pass is read in host memory.
     pub(super) fn in_host(&self, target: Option<usize>, host: Attachments, traced: Attachments) -> Attachments {
+        let host = host.without(self.read_in_place(target));
         if self.is_joined(target) { host } else { host.union(traced) }
     }
 
-    /// What of a raster pass is brought into shared memory.
+    /// What of a raster pass is brought into shared memory, or lent.
     pub(super) fn in_shared_memory(&self, target: Option<usize>, traced: Attachments) -> Attachments {
-        if self.is_joined(target) { traced } else { Attachments::default() }
+        let traced = if self.is_joined(target) { traced } else { Attachments::default() };
+        traced.union(self.read_in_place(target))
     }
 
     /// Records what that took.
     pub(super) fn record_hand_over(&mut self, name: &str, handed: HandOver) {
+        self.drawn_value = handed.value;
+        if self.joined.is_none() {
+            return;
+        }
         self.handed_over = handed.value;
         let row = self.timeline.record(StepKind::Join, name, handed.host);
         row.device_ms.extend(handed.device.map(|time| time.as_secs_f64() * 1e3));

@@ -7,6 +7,7 @@ mod effect;
 mod engines;
 mod estimate;
 mod fallback;
+mod in_place;
 mod join;
 mod observer;
 mod output;
@@ -37,12 +38,13 @@ use crate::diagnostic::{Decision, Warnings};
 use crate::glass::Dielectric;
 use crate::image::{Image, PixelFormat};
 use crate::memory::{self, Refused};
-use crate::plan::{Instead, Plan, PlanError, PlannedPass, PlannedTarget, Work};
+use crate::plan::{Instead, Plan, PlanError, PlannedPass, PlannedTarget, ShowingQuad, Work};
 use crate::project::{ChannelRef, PassKind, QuadSource};
 use crate::scene::texture::Texture;
 use crate::scene::{RenderScene, SceneError};
 use engines::of_frame;
 use glam::Vec4;
+use in_place::{DisplayedWindow, Takes};
 use rays::Traced;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -166,8 +168,17 @@ pub struct Renderer {
     built_filtered: Vec<bool>,
     /// The target whose G-buffer the rasteriser and the ray backend share.
     joined: Option<usize>,
+    /// Whether they do so since the rasteriser lends it, on a device that both use.
+    lent: bool,
     /// What its semaphore reaches when the last G-buffer is there.
     handed_over: u64,
+    /// The quad that the rasteriser's device may fill, and the number of what it drew last for it.
+    showing: Option<ShowingQuad>,
+    drawn_value: u64,
+    /// What of the frame that is rendered is taken.
+    takes: Takes,
+    /// The picture of the last frame, where a device displayed it.
+    displayed: Option<DisplayedWindow>,
     /// Frames begun.
     frame: u32,
     /// The part of the picture that the targets hold: an index of its list.
@@ -219,7 +230,12 @@ impl Renderer {
             uploaded: None,
             built: None,
             joined: None,
+            lent: false,
             handed_over: 0,
+            showing: None,
+            drawn_value: 0,
+            takes: Takes::default(),
+            displayed: None,
             frame: 0,
             part: 0,
             sample: 0,
@@ -403,8 +419,9 @@ impl Renderer {
         if part == 0 {
             self.passes_run.push(index);
         }
-        // Of several parts only the last is there.
-        if self.plan.parts.list.len() == 1 {
+        // Of several parts only the last is there; of a window that a device displayed, there are no floats.
+        let displayed = self.displayed.is_some() && self.plan.pass(&self.plan.passes[index]).target.is_none();
+        if self.plan.parts.list.len() == 1 && !displayed {
             self.ran[self.plan.passes[index].pass] = Some(self.given(index));
         }
     }
@@ -431,11 +448,14 @@ impl Renderer {
                 self.switched_off(&planned, &name, *instead, observer);
                 Ok(())
             }
+            Work::Quad { .. } if self.in_place().is_some_and(|quad| quad.index == index) => {
+                self.fill_on_device(&planned, &name, observer)
+            }
             Work::Quad { viewport } => self.quad(&planned, &name, *viewport, observer),
         };
         self.check_cancelled()?;
         result.map_err(|error| RenderError::Pass { pass: name, frame, error })?;
-        self.show_outputs(&planned, observer);
+        self.show_outputs(index, &planned, observer);
         Ok(Traced::Done)
     }
 
@@ -444,13 +464,14 @@ impl Renderer {
     }
 
     /// The picture as the last frame left it, what is cut off left out; black before the first. Of one that is rendered in
-    /// bands, the last band.
+    /// bands, the last band; of one that a device displayed ([`Self::displayed_frame`]), its 8-bit codes.
     ///
     /// # Panics
     /// If there is no memory for it.
     #[must_use]
     pub fn window_image(&self) -> Image {
-        self.picture(self.plan.parts.list[self.part].written).unwrap_or_else(|error| panic!("{error}"))
+        let picture = || self.picture(self.plan.parts.list[self.part].written);
+        self.displayed_image().unwrap_or_else(|| picture().unwrap_or_else(|error| panic!("{error}")))
     }
 
     /// A channel that the plan keeps for inspection or for a later pass.

@@ -36,6 +36,7 @@ impl Renderer {
     /// A frame begins.
     pub(super) fn begin_frame(&mut self) {
         self.frame = self.frame.saturating_add(1);
+        self.displayed = None;
         if self.runs_often() {
             self.timeline.begin_parts();
         }

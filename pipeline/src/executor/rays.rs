@@ -30,10 +30,10 @@ impl Renderer {
         mut batch: Batch<'_>,
         observer: &mut dyn Observer,
     ) -> Result<Traced, RenderError> {
-        let joined = self.joined;
+        let before = (self.joined, self.in_place().is_some());
         loop {
             self.build_or_stand_in(scene_set, name, observer)?;
-            if self.joined != joined {
+            if (self.joined, self.in_place().is_some()) != before {
                 return Ok(Traced::NothingInHost);
             }
             match self.trace(index, planned, name, &mut batch, observer) {
@@ -107,10 +107,14 @@ impl Renderer {
         let progress = Arc::new(Progress::until(&self.cancellation));
         observer.begin(StepKind::Rays, name, &progress);
         let start = Instant::now();
-        let traced = self.engines.rays_of_mut(name).run(&job, &mut output, &progress);
+        let stays = self.stays(index);
+        let traced = match stays {
+            true => self.engines.rays_of_mut(name).run_in_place(&job, target, &progress),
+            false => self.engines.rays_of_mut(name).run(&job, &mut output, &progress),
+        };
         let elapsed = start.elapsed();
         observer.end();
-        if traced.is_ok() && in_host {
+        if traced.is_ok() && in_host && !stays {
             observer.traced(name, &job, &output);
         }
         let mut sums = self.part > 0 || self.sample > 0;
@@ -119,7 +123,9 @@ impl Renderer {
             estimate.add(&output.pixels, *samples);
         }
         self.targets[target] = GBuffer { color: output.pixels, ..buffer };
-        self.round_to_formats(Some(target));
+        if !stays {
+            self.round_to_formats(Some(target));
+        }
         let stats = traced?;
         if let Some(upload) = stats.upload {
             let from = if in_host { "copied from the host" } else { "copied from GPU to GPU" };

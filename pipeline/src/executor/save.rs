@@ -7,7 +7,7 @@ use crate::image::{
     Colors, Content, Image, Layer, RowLayer, VisibleRows, count_non_finite, write_exr_of, write_exr_rows_of,
     write_png_rows,
 };
-use crate::image::{DisplayRows, write_displayed};
+use crate::image::{DisplayRows, write_codes, write_displayed};
 use crate::memory::{self, Refused};
 use crate::project::ChannelRef;
 use std::io;
@@ -64,16 +64,33 @@ impl Renderer {
         let mut written = Vec::new();
         let files = self.outputs(path);
         let (window_file, channel_files) = files.split_at(1);
-        let window = self.lend(None)?;
-        let result = self.timed(&window_file[0], &mut written, observer, |path| {
-            if exr {
-                write_exr_of(path, Layer { name: "window", channels: RGBA, image: &window }, Some(display.space))
-            } else {
-                write_displayed(path, &window, display)
+        match self.displayed.take() {
+            Some(displayed) if !exr => {
+                let write = |path: &Path| write_codes(path, &displayed.codes);
+                let result = self.timed(&window_file[0], &mut written, observer, write);
+                self.displayed = Some(displayed);
+                result?;
             }
-        });
-        self.take_back(None, window);
-        result?;
+            displayed => {
+                let window = match &displayed {
+                    Some(displayed) => displayed.codes.decoded(display.space)?,
+                    None => self.lend(None)?,
+                };
+                let result = self.timed(&window_file[0], &mut written, observer, |path| {
+                    if exr {
+                        let layer = Layer { name: "window", channels: RGBA, image: &window };
+                        write_exr_of(path, layer, Some(display.space))
+                    } else {
+                        write_displayed(path, &window, display)
+                    }
+                });
+                if displayed.is_none() {
+                    self.take_back(None, window);
+                }
+                self.displayed = displayed;
+                result?;
+            }
+        }
         for (channel, files) in self.plan.shown.clone().into_iter().zip(channel_files.chunks_exact(2)) {
             self.save_channel(channel, [&files[0], &files[1]], &mut written, observer)?;
         }
@@ -154,7 +171,10 @@ impl Renderer {
     /// As [`Self::save`].
     pub fn save_checked(&mut self, path: &Path, observer: &mut dyn Observer) -> io::Result<Saved> {
         let pixels = &self.window.color;
-        let (not_finite, is_blank) = (count_non_finite(pixels), Colors::of(pixels).is_one());
+        let (not_finite, is_blank) = match &self.displayed {
+            Some(displayed) => (displayed.not_finite, displayed.is_blank),
+            None => (count_non_finite(pixels), Colors::of(pixels).is_one()),
+        };
         Ok(Saved { files: self.save(path, observer)?, not_finite, is_blank })
     }
 
@@ -166,7 +186,7 @@ impl Renderer {
     pub fn render_and_save(&mut self, path: &Path, observer: &mut dyn Observer) -> Result<Saved, RenderError> {
         self.settle(observer)?;
         if self.plan.parts.list.len() == 1 {
-            self.draw_frame(observer)?;
+            self.draw_frame_for(path, observer)?;
             return Ok(self.save_checked(path, observer)?);
         }
         let (exr, display) = (is_exr(path)?, self.plan.display);
@@ -237,7 +257,7 @@ impl Renderer {
 }
 
 /// Whether a picture is written as EXR, and not as PNG, by the ending of its name.
-fn is_exr(path: &Path) -> io::Result<bool> {
+pub(super) fn is_exr(path: &Path) -> io::Result<bool> {
     let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
     match extension.as_str() {
         "png" => Ok(false),

@@ -37,10 +37,15 @@ impl Renderer {
         let slot = (Some(channel.target), channel.channel);
         let mut writers = self.plan.passes.iter().filter(|planned| self.plan.access(planned).writes.contains(&slot));
         let held = |planned: &PlannedPass| {
-            let Work::Raster { attachments, host, traced, .. } = planned.work else { return true };
-            let held = match self.engines.raster.needs_read_back() {
-                true => self.in_host(Some(channel.target), host, traced),
-                false => attachments,
+            let Work::Raster { attachments, host, traced, .. } = planned.work else {
+                return !self.left_on_device(planned.pass);
+            };
+            let held = match self.was_in_host(planned.pass) {
+                Some(held) => held,
+                None => match self.engines.raster.needs_read_back() {
+                    true => self.in_host(Some(channel.target), host, traced),
+                    false => attachments,
+                },
             };
             [held.color, held.position, held.normal].get(channel.channel) == Some(&true)
         };
@@ -49,7 +54,7 @@ impl Renderer {
     }
 
     /// Shows what a pass wrote.
-    pub(super) fn show_outputs(&self, planned: &PlannedPass, observer: &mut dyn Observer) {
+    pub(super) fn show_outputs(&self, index: usize, planned: &PlannedPass, observer: &mut dyn Observer) {
         let pass = self.plan.pass(planned);
         let buffer: &GBuffer = pass.target.map_or(&self.window, |target| &self.targets[target]);
         let mut show = |channel: usize, range: Range| {
@@ -86,6 +91,8 @@ impl Renderer {
                     observer.wrote_triangles(&Triangles { pass: &pass.name, count, width, ids });
                 }
             }
+            Work::Rays { .. } | Work::Effect { .. } if self.stays(index) => {}
+            Work::Quad { .. } if self.displayed.is_some() && pass.target.is_none() => {}
             _ => show(
                 0,
                 match pass.kind.writes() {

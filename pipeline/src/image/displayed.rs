@@ -1,7 +1,7 @@
 //! Pictures as a screen shows them.
 
-use super::{Image, ImageRows, Rows, write_png_rows};
-use crate::color::{ColorSpace, Display};
+use super::{Image, ImageRows, Rows, byte, write_png_codes, write_png_rows};
+use crate::color::{ColorSpace, DECODED, Display};
 use crate::memory::{self, Refused};
 use rayon::prelude::*;
 use std::io;
@@ -54,4 +54,87 @@ pub fn displayed(image: &Image, display: Display) -> Result<Image, Refused> {
 /// Whatever the file system reports.
 pub fn write_displayed(path: &Path, image: &Image, display: Display) -> io::Result<()> {
     write_png_rows(path, &mut DisplayRows::new(&mut ImageRows::from(image), display))
+}
+
+/// The 8-bit code that is displayed of a grey of this value, as PNG files store it.
+#[must_use]
+pub fn code_of(display: Display, value: f32) -> u8 {
+    byte(display.stored([value; 4])[0])
+}
+
+/// A picture as a screen shows it: exposed and encoded, 8 bits a channel.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Codes {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Red, green and blue as PNG files store them, and alpha, 0 to 255; `width * height` pixels, top row first.
+    pub pixels: Vec<[u8; 4]>,
+}
+
+impl Codes {
+    /// Of a picture.
+    ///
+    /// # Errors
+    /// If there is no memory for it.
+    pub fn of(image: &Image, display: Display) -> Result<Self, Refused> {
+        let mut pixels = memory::with_capacity(image.pixels.len())?;
+        let codes = |pixel: &[f32; 4]| display.stored(*pixel).map(byte);
+        image.pixels.par_iter().with_min_len(1024).map(codes).collect_into_vec(&mut pixels);
+        Ok(Self { width: image.width, height: image.height, pixels })
+    }
+
+    /// The picture that is displayed as this one: each value is the middle of those with its code.
+    ///
+    /// # Errors
+    /// If there is no memory for it.
+    pub fn decoded(&self, space: ColorSpace) -> Result<Image, Refused> {
+        let mut pixels = memory::with_capacity(self.pixels.len())?;
+        let value = |code: u8| match space {
+            ColorSpace::Report => f32::from(code) / 255.0,
+            ColorSpace::Linear => DECODED[usize::from(code)],
+        };
+        let pixel = |&[r, g, b, a]: &[u8; 4]| [value(r), value(g), value(b), f32::from(a) / 255.0];
+        self.pixels.par_iter().with_min_len(1024).map(pixel).collect_into_vec(&mut pixels);
+        Ok(Image { width: self.width, height: self.height, pixels })
+    }
+}
+
+/// Writes such a picture as an 8-bit RGB PNG: the file that [`write_displayed`] writes of the picture that it was made of.
+///
+/// # Errors
+/// Whatever the file system reports.
+pub fn write_codes(path: &Path, codes: &Codes) -> io::Result<()> {
+    write_png_codes(path, codes.width, codes.height, &codes.pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture() -> Image {
+        let pixel = |i: u32| {
+            let value = (i as f32 / 900.0 - 0.1) * 1.3;
+            [value, value * value, if i.is_multiple_of(97) { f32::NAN } else { 1.0 - value }, value]
+        };
+        Image { width: 30, height: 40, pixels: (0..1200).map(pixel).collect() }
+    }
+
+    #[test]
+    fn codes_are_what_a_png_file_holds() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for display in [
+            Display::default(),
+            Display { exposure: 0.7, tone: crate::color::Tone::Reinhard, ..Display::of(ColorSpace::Linear) },
+        ] {
+            let (image, [a, b]) = (picture(), ["a.png", "b.png"].map(|name| folder.path().join(name)));
+            write_displayed(&a, &image, display).expect("written");
+            let codes = Codes::of(&image, display).expect("made");
+            write_codes(&b, &codes).expect("written");
+            assert!(std::fs::read(a).expect("read") == std::fs::read(b).expect("read"), "{display:?}");
+            let again = Codes::of(&codes.decoded(display.space).expect("made"), Display::of(display.space));
+            assert_eq!(again.expect("made"), codes, "{display:?}");
+        }
+    }
 }

@@ -55,12 +55,43 @@ pub fn write_png_rows(path: &Path, rows: &mut dyn Rows) -> io::Result<()> {
     write_whole(path, |file| encode_png(file, rows))
 }
 
+/// Writes an 8-bit RGB PNG of bytes: `width * height` pixels, top row first, of which the fourth byte is left out.
+///
+/// # Errors
+/// If there are fewer pixels, or whatever the file system reports.
+pub fn write_png_codes(path: &Path, width: u32, height: u32, pixels: &[[u8; 4]]) -> io::Result<()> {
+    let mut left = pixels;
+    write_whole(path, |file| {
+        encode_png_bytes(file, width, height, |count, bytes| {
+            let (rows, rest) = left.split_at((width as usize * count as usize).min(left.len()));
+            left = rest;
+            bytes.clear();
+            bytes.extend(complete(rows, width, count)?.iter().map(|[r, g, b, _]| [*r, *g, *b]));
+            Ok(())
+        })
+    })
+}
+
 /// Encodes an 8-bit RGB PNG as [`write_png`] writes it.
 ///
 /// # Errors
 /// Whatever the rows or the writer report.
 pub fn encode_png(file: impl Write, rows: &mut dyn Rows) -> io::Result<()> {
     let [width, height] = rows.size();
+    encode_png_bytes(file, width, height, |count, bytes| {
+        let pixels = complete(rows.next(count)?, width, count)?;
+        pixels.par_iter().with_min_len(4096).map(|pixel| [0, 1, 2].map(|i| byte(pixel[i]))).collect_into_vec(bytes);
+        Ok(())
+    })
+}
+
+/// Encodes an 8-bit RGB PNG whose next rows `next` gives, so many of them as it is told.
+fn encode_png_bytes(
+    file: impl Write,
+    width: u32,
+    height: u32,
+    mut next: impl FnMut(u32, &mut Vec<[u8; 3]>) -> io::Result<()>,
+) -> io::Result<()> {
     let mut encoder = png::Encoder::new(file, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
@@ -70,13 +101,7 @@ pub fn encode_png(file: impl Write, rows: &mut dyn Rows) -> io::Result<()> {
     let mut writer = header.stream_writer_with_size(BUFFER)?;
     let mut bytes: Vec<[u8; 3]> = memory::with_capacity(width as usize * ROWS.min(height) as usize)?;
     for first in (0..height).step_by(ROWS as usize) {
-        let count = ROWS.min(height - first);
-        let pixels = complete(rows.next(count)?, width, count)?;
-        pixels
-            .par_iter()
-            .with_min_len(4096)
-            .map(|pixel| [0, 1, 2].map(|i| byte(pixel[i])))
-            .collect_into_vec(&mut bytes);
+        next(ROWS.min(height - first), &mut bytes)?;
         writer.write_all(bytes.as_flattened())?;
     }
     writer.finish()?;
@@ -91,7 +116,7 @@ pub fn byte(value: f32) -> u8 {
 }
 
 /// Rows that fall short would be a file that ends early.
-fn complete(pixels: &[[f32; 4]], width: u32, rows: u32) -> io::Result<&[[f32; 4]]> {
+fn complete<T>(pixels: &[T], width: u32, rows: u32) -> io::Result<&[T]> {
     if pixels.len() == width as usize * rows as usize {
         return Ok(pixels);
     }

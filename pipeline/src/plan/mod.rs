@@ -4,6 +4,7 @@
 //! wanted. [`Plan::decisions`] holds every choice with its reason, and `curitiba plan` prints them.
 
 mod access;
+mod device_quad;
 mod effect;
 mod liveness;
 mod off;
@@ -15,6 +16,7 @@ mod spheres;
 mod sun;
 
 pub use access::{Access, Slot, TRIANGLES};
+pub use device_quad::{QuadInput, ShowingQuad};
 pub use effect::Traced;
 pub use off::Instead;
 pub use parts::{BLOCK, Part, Parts};

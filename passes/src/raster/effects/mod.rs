@@ -107,9 +107,11 @@ impl SceneCache {
 ///
 /// # Errors
 /// What is wrong, and what would be valid.
-pub fn check(job: &EffectJob<'_>, output: &Image, own_copy: bool) -> Result<(), String> {
+pub fn check(job: &EffectJob<'_>, output: Option<&Image>, own_copy: bool) -> Result<(), String> {
     let pixels = job.width as usize * job.height as usize;
-    if (output.width, output.height) != (job.width, job.height) || output.pixels.len() != pixels {
+    if let Some(output) = output
+        && ((output.width, output.height) != (job.width, job.height) || output.pixels.len() != pixels)
+    {
         let (width, height) = (output.width, output.height);
         return Err(format!("the output has {width} x {height} pixels, the job {} x {}", job.width, job.height));
     }

@@ -2,13 +2,22 @@
 
 use super::device::Gpu;
 use super::targets::Targets;
+use curitiba_pipeline::backend::BackendError;
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What the rasteriser and the ray backend both hold: the device, and what was drawn last for rays.
+/// How pictures that stay on the device are used: written by programs or copied to, and read by others or copied from.
+pub(crate) const PICTURE_USAGE: wgpu::TextureUsages = wgpu::TextureUsages::STORAGE_BINDING
+    .union(wgpu::TextureUsages::TEXTURE_BINDING)
+    .union(wgpu::TextureUsages::COPY_SRC)
+    .union(wgpu::TextureUsages::COPY_DST);
+
+/// What the rasteriser and the ray backend both hold: the device, what was drawn last for rays, and pictures that stay there.
 #[derive(Debug)]
 pub(crate) struct Lending {
     pub gpu: Arc<Gpu>,
     last: Mutex<Lent>,
+    pictures: Mutex<BTreeMap<usize, wgpu::Texture>>,
 }
 
 /// The attachments of one pass.
@@ -24,7 +33,53 @@ pub(crate) struct Lent {
 
 impl Lending {
     pub fn new(gpu: Arc<Gpu>) -> Self {
-        Self { gpu, last: Mutex::default() }
+        Self { gpu, last: Mutex::default(), pictures: Mutex::default() }
+    }
+
+    /// Takes the picture of a number out, if there is one: who writes it anew gives it back with [`Self::keep`].
+    pub fn take(&self, number: usize) -> Option<wgpu::Texture> {
+        self.pictures.lock().unwrap_or_else(PoisonError::into_inner).remove(&number)
+    }
+
+    /// Keeps a picture, of 32-bit floats.
+    pub fn keep(&self, number: usize, picture: wgpu::Texture) {
+        self.pictures.lock().unwrap_or_else(PoisonError::into_inner).insert(number, picture);
+    }
+
+    /// Keeps a copy of a picture, of 32-bit floats.
+    pub(in crate::raster::gpu) fn keep_copy(&self, number: usize, made: &wgpu::Texture) -> Result<(), BackendError> {
+        let (gpu, size) = (&self.gpu, made.size());
+        let doing = "keeping the picture of an effect";
+        let make = || {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(doing),
+                size,
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: made.format(),
+                usage: PICTURE_USAGE,
+                view_formats: &[],
+            })
+        };
+        let picture = self.take(number).filter(|picture| picture.size() == size).unwrap_or_else(make);
+        gpu.check(doing)?;
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(doing) });
+        encoder.copy_texture_to_texture(made.as_image_copy(), picture.as_image_copy(), size);
+        gpu.submit_and_wait(Some(encoder.finish()), doing)?;
+        self.keep(number, picture);
+        Ok(())
+    }
+
+    /// The picture of a number.
+    pub fn picture(&self, number: usize) -> Option<wgpu::Texture> {
+        self.pictures.lock().unwrap_or_else(PoisonError::into_inner).get(&number).cloned()
+    }
+
+    /// Bytes of device memory that pictures take.
+    pub fn picture_bytes(&self) -> u64 {
+        let pictures = self.pictures.lock().unwrap_or_else(PoisonError::into_inner);
+        pictures.values().map(|picture| 16 * u64::from(picture.width()) * u64::from(picture.height())).sum()
     }
 
     /// What was drawn last.

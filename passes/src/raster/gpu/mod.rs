@@ -16,6 +16,7 @@ mod geometry;
 mod job;
 pub(crate) mod lend;
 mod pipelines;
+mod quads;
 mod shader;
 mod shaders;
 mod share;
@@ -33,6 +34,7 @@ use curitiba_pipeline::backend::{
     Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, OwnShaders, QuadJob,
     RasterJob, Rasteriser, Rect, drawn_part,
 };
+use curitiba_pipeline::device_quad::{DeviceQuad, DeviceQuadStats, Shown};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
@@ -44,6 +46,7 @@ use faults::{NAME, failure, unsupported};
 use geometry::DeviceGeometry;
 use lend::Lending;
 use pipelines::{Layouts, Pipelines};
+use quads::Quads;
 use shaders::Shaders;
 use std::sync::Arc;
 use targets::{Staging, Stored, TargetCache};
@@ -73,6 +76,8 @@ pub struct WgpuRasteriser {
     sharing: Option<share::Sharing>,
     /// Once attachments are lent.
     lending: Option<Arc<Lending>>,
+    /// Once a window was filled on the device.
+    quads: Option<Quads>,
 }
 
 /// A scene in device memory.
@@ -115,6 +120,8 @@ pub struct DeviceMemory {
     pub attachments: u64,
     /// Maps, outputs and uploaded G-buffers of raster effects.
     pub effects: u64,
+    /// Pictures of passes that stay on the device, and the window that is filled from them.
+    pub pictures: u64,
 }
 
 impl WgpuRasteriser {
@@ -139,6 +146,7 @@ impl WgpuRasteriser {
             uuid: share::uuid(&gpu.device),
             sharing: None,
             lending: None,
+            quads: None,
             gpu,
             layouts,
             pipelines: Pipelines::default(),
@@ -174,6 +182,8 @@ impl WgpuRasteriser {
                 + self.shaders.as_ref().map_or(0, Shaders::texture_bytes),
             attachments: self.targets.bytes(),
             effects: self.effects.as_ref().map_or(0, Effects::bytes),
+            pictures: self.lending.as_ref().map_or(0, |lending| lending.picture_bytes())
+                + self.quads.as_ref().map_or(0, Quads::bytes),
         }
     }
 }
@@ -352,6 +362,43 @@ impl Rasteriser for WgpuRasteriser {
         &mut self,
         job: &EffectJob<'_>,
         output: &mut Image,
+        progress: &Progress,
+    ) -> Result<EffectStats, BackendError> {
+        self.run_effect(job, Some(output), progress)
+    }
+
+    fn fills_quads(&self) -> bool {
+        true
+    }
+
+    fn effect_in_place(
+        &mut self,
+        job: &EffectJob<'_>,
+        picture: usize,
+        progress: &Progress,
+    ) -> Result<EffectStats, BackendError> {
+        let stats = self.run_effect(job, None, progress)?;
+        if let (Some(lending), Some(made)) = (&self.lending, self.effects.as_ref().and_then(Effects::picture)) {
+            lending.keep_copy(picture, made)?;
+        }
+        Ok(stats)
+    }
+
+    fn fill_on_device(&mut self, quad: &DeviceQuad, shown: Shown<'_>) -> Result<DeviceQuadStats, BackendError> {
+        let Some(lending) = &self.lending else { return Err(failure("nothing is lent that a quad could read")) };
+        let quads = match &mut self.quads {
+            Some(quads) => quads,
+            none => none.insert(Quads::new(&self.gpu)?),
+        };
+        quads.fill(&self.gpu, self.timer.as_ref(), lending, quad, shown)
+    }
+}
+
+impl WgpuRasteriser {
+    fn run_effect(
+        &mut self,
+        job: &EffectJob<'_>,
+        output: Option<&mut Image>,
         progress: &Progress,
     ) -> Result<EffectStats, BackendError> {
         let uploaded = self.scene.as_mut().filter(|uploaded| std::ptr::eq(&*uploaded.scene, job.scene));

@@ -69,7 +69,7 @@ impl Effects {
             what: job.program.info().name.to_owned(),
             why,
         };
-        effects::check(job, output, false).map_err(refuse)?;
+        effects::check(job, Some(output), false).map_err(refuse)?;
         if !self.scene.is_of(job.scene) {
             return Err(refuse("its scene was not uploaded".to_owned()));
         }

@@ -176,18 +176,18 @@ impl Effects {
         maps + marching + 16 * self.outputs.values().map(pixels).sum::<u64>() + self.inputs.bytes()
     }
 
-    /// Runs a pass. `drawn` is what was drawn last, if that is a whole picture.
+    /// Runs a pass. `drawn` is what was drawn last, if that is a whole picture. Without an `output` the picture stays in [`Self::picture`].
     pub fn run(
         &mut self,
         context: &mut Context<'_>,
         drawn: Option<&Targets>,
         job: &EffectJob<'_>,
-        output: &mut Image,
+        output: Option<&mut Image>,
         progress: &Progress,
     ) -> Result<EffectStats, BackendError> {
         let gpu = context.gpu;
         let what = job.program.info().name;
-        check(job, output, job.resident).map_err(|why| unsupported(what, &format!("{why};")))?;
+        check(job, output.as_deref(), job.resident).map_err(|why| unsupported(what, &format!("{why};")))?;
         inputs::check_size(gpu, job)?;
         if job.width == 0 || job.height == 0 {
             return Ok(EffectStats::default());
@@ -247,11 +247,20 @@ impl Effects {
         }
 
         let start = Instant::now();
-        if let Some(texture) = self.outputs.last().map(|output| &output.texture) {
+        let Some(output) = output else {
+            stats.transfer = upload;
+            return Ok(stats);
+        };
+        if let Some(texture) = self.picture() {
             context.staging.read(gpu, texture, &mut output.pixels)?;
         }
         stats.transfer = Some(upload.unwrap_or(Duration::ZERO) + start.elapsed());
         Ok(stats)
+    }
+
+    /// What the last pass wrote.
+    pub fn picture(&self) -> Option<&wgpu::Texture> {
+        self.outputs.last().map(|output| &output.texture)
     }
 
     /// The depths of the pixels that ask the program's maps, 0 if these pixels are glass. `None` without such a pixel: then

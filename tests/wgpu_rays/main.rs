@@ -2,6 +2,8 @@
 //!
 //! Without an adapter these tests say `skipped: why`, and pass; with `CURITIBA_REQUIRE_GPU_TESTS=1` they fail instead.
 
+mod in_place;
+
 use curitiba::conformance::{Beside, Found, Record, compare};
 use curitiba::engines::ray_backend;
 use curitiba::passes::raster::cpu::CpuRasteriser;

@@ -1,0 +1,293 @@
+//! Quads that fill a window from what was drawn, computed and traced on the device: the picture is read back once, in floats or as it is
+//! displayed.
+
+use super::device::Gpu;
+use super::faults::failure;
+use super::lend::Lending;
+use super::timer::Timer;
+use curitiba_pipeline::backend::BackendError;
+use curitiba_pipeline::color::{ColorSpace, Display, Tone};
+use curitiba_pipeline::device_quad::{
+    DeviceQuad, DeviceQuadStats, DeviceSource, OnDevice, Shown, byte_steps, code_steps,
+};
+use curitiba_pipeline::image::PixelFormat;
+use std::time::{Duration, Instant};
+
+/// Threads of a group a side.
+const GROUP: u32 = 16;
+/// Bytes of a launch at most: what is larger comes in several.
+const MOST_BYTES: u64 = 64 << 20;
+/// Pixels of a launch at most: about a millisecond of a GPU, and 50 of a software driver on two cores.
+const MOST_PIXELS: u64 = 1 << 22;
+/// Bytes of what is found besides the pixels, in front of them where the host reads both.
+const FOUND_BYTES: u64 = 8;
+/// Where the pixels start there.
+const PIXELS_AT: u64 = 256;
+/// Stands for the format of a factor that there is none of.
+const NO_FACTOR: u32 = 99;
+
+/// `Params` of `quads.wgsl`.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Params {
+    width: u32,
+    first_row: u32,
+    rows: u32,
+    unused: u32,
+    formats: [u32; 2],
+    codes: u32,
+    linear: u32,
+    exposure: u32,
+    tone: u32,
+    end: [u32; 2],
+}
+
+/// The program, and buffers that are kept from frame to frame.
+#[derive(Debug)]
+pub(super) struct Quads {
+    pipeline: wgpu::ComputePipeline,
+    uniform: wgpu::Buffer,
+    found: wgpu::Buffer,
+    /// The tables of a space of colours.
+    tables: Option<(ColorSpace, wgpu::Buffer)>,
+    pixels: Option<wgpu::Buffer>,
+    staging: Option<wgpu::Buffer>,
+}
+
+/// The number of a format in `quads.wgsl`.
+fn number(format: PixelFormat) -> u32 {
+    match format {
+        PixelFormat::Rgba32Float => 0,
+        PixelFormat::Rgba16Float => 1,
+        PixelFormat::Rgba8Unorm => 2,
+        PixelFormat::R8Unorm => 3,
+        PixelFormat::R32Float => 4,
+    }
+}
+
+/// Four tables of 256 words: steps of codes, steps of bytes, bytes over 255, steps of alpha.
+fn words(space: ColorSpace) -> Vec<u32> {
+    let mut words = Vec::with_capacity(4 * 256);
+    let mut part = |table: &[u32]| {
+        words.extend_from_slice(table);
+        words.resize(words.len().next_multiple_of(256), u32::MAX);
+    };
+    part(&code_steps(space));
+    part(&byte_steps());
+    let byte = |byte: u16| (f32::from(byte) / 255.0).to_bits();
+    part(&(0..256).map(byte).collect::<Vec<_>>());
+    part(&code_steps(ColorSpace::Report));
+    words
+}
+
+/// A buffer in a slot, made anew where it is too small.
+fn kept<'a>(
+    gpu: &Gpu,
+    slot: &'a mut Option<wgpu::Buffer>,
+    label: &str,
+    usage: wgpu::BufferUsages,
+    bytes: u64,
+) -> Result<&'a wgpu::Buffer, BackendError> {
+    if slot.as_ref().is_none_or(|buffer| buffer.size() < bytes) {
+        // What is there goes first: both need not fit at once.
+        *slot = None;
+        *slot = Some(gpu.buffer(label, usage, bytes)?);
+    }
+    slot.as_ref().ok_or_else(|| failure(label))
+}
+
+impl Quads {
+    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("quads"),
+            source: wgpu::ShaderSource::Wgsl(include_str!("quads.wgsl").into()),
+        });
+        gpu.check("compiling the program of quads")?;
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("quads"),
+            layout: None,
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        gpu.check("compiling the program of quads")?;
+        let copy_to = wgpu::BufferUsages::COPY_DST;
+        let found = wgpu::BufferUsages::STORAGE | copy_to | wgpu::BufferUsages::COPY_SRC;
+        Ok(Self {
+            pipeline,
+            uniform: gpu.buffer("quads", wgpu::BufferUsages::UNIFORM | copy_to, size_of::<Params>() as u64)?,
+            found: gpu.buffer("quads", found, FOUND_BYTES)?,
+            tables: None,
+            pixels: None,
+            staging: None,
+        })
+    }
+
+    /// Bytes of device memory.
+    pub fn bytes(&self) -> u64 {
+        self.pixels.iter().chain(&self.staging).map(wgpu::Buffer::size).sum()
+    }
+
+    /// Fills a quad, waits, and brings it into host memory.
+    pub fn fill(
+        &mut self,
+        gpu: &Gpu,
+        timer: Option<&Timer>,
+        lending: &Lending,
+        quad: &DeviceQuad,
+        mut shown: Shown<'_>,
+    ) -> Result<DeviceQuadStats, BackendError> {
+        let (display, pixel_bytes, length) = match &shown {
+            Shown::Floats(pixels) => (Display::default(), 16_u64, pixels.len()),
+            Shown::Codes(display, pixels) => (*display, 4, pixels.len()),
+        };
+        if length as u64 != u64::from(quad.width) * u64::from(quad.height) {
+            let (width, height) = (quad.width, quad.height);
+            return Err(failure(&format!("a quad of {width} x {height} pixels into a place for {length}")));
+        }
+        let color = source(lending, quad, quad.color)?;
+        let factor = quad.factor.map(|factor| source(lending, quad, factor)).transpose()?;
+        if self.tables.as_ref().is_none_or(|(space, _)| *space != display.space) {
+            let words = words(display.space);
+            let usage = wgpu::BufferUsages::STORAGE;
+            self.tables = Some((display.space, gpu.upload_buffer("quads", usage, bytemuck::cast_slice(&words))?));
+        }
+        let most = MOST_BYTES.min(gpu.limits.max_storage_buffer_binding_size).min(gpu.max_buffer_bytes - PIXELS_AT);
+        let row = pixel_bytes * u64::from(quad.width.max(1));
+        let rows = (most / row).min(MOST_PIXELS / u64::from(quad.width.max(1))).clamp(1, u64::from(quad.height.max(1)));
+        let capacity = row * rows;
+        let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        kept(gpu, &mut self.pixels, "the picture of a quad", storage, capacity)?;
+        let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        kept(gpu, &mut self.staging, "the read-back of a quad", read, PIXELS_AT + capacity)?;
+        let group = self.group(gpu, &color, factor.as_ref().unwrap_or(&color))?;
+        let mut params = Params {
+            width: quad.width,
+            first_row: 0,
+            rows: 0,
+            unused: 0,
+            formats: [number(quad.color.format), quad.factor.map_or(NO_FACTOR, |factor| number(factor.format))],
+            codes: u32::from(pixel_bytes == 4),
+            linear: u32::from(display.space == ColorSpace::Linear),
+            exposure: display.exposure.exp2().to_bits(),
+            tone: u32::from(display.tone == Tone::Reinhard),
+            end: [0; 2],
+        };
+        let mut stats = DeviceQuadStats::default();
+        let mut found = [0; 2];
+        for first in (0..quad.height).step_by(rows as usize) {
+            (params.first_row, params.rows) = (first, (quad.height - first).min(rows as u32));
+            let (host, device) = self.launch(gpu, timer, &group, params)?;
+            stats.host += host;
+            stats.device = device.map(|device| device + stats.device.unwrap_or_default());
+            let start = Instant::now();
+            let pixels = first as usize * quad.width as usize..;
+            let pixels = pixels.start..pixels.start + params.rows as usize * quad.width as usize;
+            let place: &mut [u8] = match &mut shown {
+                Shown::Floats(floats) => bytemuck::cast_slice_mut(&mut floats[pixels]),
+                Shown::Codes(_, codes) => bytemuck::cast_slice_mut(&mut codes[pixels]),
+            };
+            let counted = self.read(gpu, place)?;
+            found[0] += counted[0];
+            found[1] |= counted[1];
+            stats.read_back += start.elapsed();
+        }
+        (stats.not_finite, stats.is_blank) = (found[0], found[1] == 0 && length > 0);
+        Ok(stats)
+    }
+
+    fn group(
+        &self,
+        gpu: &Gpu,
+        color: &wgpu::TextureView,
+        factor: &wgpu::TextureView,
+    ) -> Result<wgpu::BindGroup, BackendError> {
+        let (Some((_, tables)), Some(pixels)) = (&self.tables, &self.pixels) else {
+            return Err(failure("the buffers of a quad are not there"));
+        };
+        let resources = [
+            self.uniform.as_entire_binding(),
+            wgpu::BindingResource::TextureView(color),
+            wgpu::BindingResource::TextureView(factor),
+            tables.as_entire_binding(),
+            pixels.as_entire_binding(),
+            self.found.as_entire_binding(),
+        ];
+        let entries: Vec<wgpu::BindGroupEntry<'_>> =
+            (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let layout = self.pipeline.get_bind_group_layout(0);
+        let descriptor = wgpu::BindGroupDescriptor { label: Some("quads"), layout: &layout, entries: &entries };
+        let group = gpu.device.create_bind_group(&descriptor);
+        gpu.check("binding of a quad")?;
+        Ok(group)
+    }
+
+    /// Fills some rows, and waits.
+    fn launch(
+        &self,
+        gpu: &Gpu,
+        timer: Option<&Timer>,
+        group: &wgpu::BindGroup,
+        params: Params,
+    ) -> Result<(Duration, Option<Duration>), BackendError> {
+        let doing = "filling a quad";
+        let start = Instant::now();
+        gpu.queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&params));
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(doing) });
+        encoder.clear_buffer(&self.found, 0, None);
+        {
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                label: Some(doing),
+                timestamp_writes: timer.and_then(|timer| timer.compute_span(true, true)),
+            });
+            pass.set_pipeline(&self.pipeline);
+            pass.set_bind_group(0, group, &[]);
+            pass.dispatch_workgroups(params.width.div_ceil(GROUP), params.rows.div_ceil(GROUP), 1);
+        }
+        let device = match timer {
+            Some(timer) => Some(timer.submit_and_wait(gpu, encoder, doing)?),
+            None => {
+                gpu.submit_and_wait(Some(encoder.finish()), doing)?;
+                None
+            }
+        };
+        Ok((start.elapsed(), device))
+    }
+
+    /// Copies the pixels of the last launch, and gives what it found.
+    fn read(&self, gpu: &Gpu, place: &mut [u8]) -> Result<[u32; 2], BackendError> {
+        let doing = "read-back of a quad";
+        let (Some(pixels), Some(staging)) = (&self.pixels, &self.staging) else { return Err(failure(doing)) };
+        let bytes = place.len() as u64;
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(doing) });
+        encoder.copy_buffer_to_buffer(&self.found, 0, staging, 0, FOUND_BYTES);
+        encoder.copy_buffer_to_buffer(pixels, 0, staging, PIXELS_AT, bytes);
+        let mut found = [0; 2];
+        gpu.read_mapped(staging, PIXELS_AT + bytes, Some(encoder.finish()), doing, |mapped| {
+            found.copy_from_slice(bytemuck::cast_slice(&mapped[..FOUND_BYTES as usize]));
+            place.copy_from_slice(&mapped[PIXELS_AT as usize..]);
+        })?;
+        Ok(found)
+    }
+}
+
+/// What a quad reads, if it is there and has the quad's size.
+fn source(lending: &Lending, quad: &DeviceQuad, source: DeviceSource) -> Result<wgpu::TextureView, BackendError> {
+    let size = (quad.width, quad.height);
+    let view = match source.place {
+        OnDevice::Drawn { value, channel } => {
+            let last = lending.last();
+            let is_it = last.value == value && last.size == size && channel < 3;
+            if is_it { last.channels[channel].clone() } else { None }
+        }
+        OnDevice::Made(number) => lending
+            .picture(number)
+            .filter(|picture| (picture.width(), picture.height()) == size)
+            .map(|picture| picture.create_view(&wgpu::TextureViewDescriptor::default())),
+    };
+    view.ok_or_else(|| failure(&format!("a quad reads what is not on the device: {source:?}")))
+}
+
+#[cfg(test)]
+mod tests;

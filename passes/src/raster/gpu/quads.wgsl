@@ -1,0 +1,280 @@
+// A quad over a window, in floats or in the codes that are displayed. Pixels are patterns of bits, and what changes them counts in integers,
+// so that they are the processor's whatever a driver does with subnormal numbers and with products before sums. The tone curve alone
+// is in floats.
+
+struct Params {
+    width: u32,
+    // The first row of this launch, and how many it has.
+    first_row: u32,
+    rows: u32,
+    unused: u32,
+    // Formats of colour and factor; the second is NO_FACTOR where there is none.
+    formats: vec2u,
+    // Whether codes are written, and pixels are radiance.
+    codes: u32,
+    linear: u32,
+    // 2 to the power of the exposure, its bits; whether there is a tone curve.
+    exposure: u32,
+    tone: u32,
+}
+
+const STEPS: u32 = 255u;
+// Where the parts of the tables begin.
+const CODE_STEPS: u32 = 0u;
+const BYTE_STEPS: u32 = 256u;
+const BYTES: u32 = 512u;
+const ALPHA_STEPS: u32 = 768u;
+// Stands for the format of a factor that there is none of.
+const NO_FACTOR: u32 = 99u;
+
+const INFINITE: u32 = 0x7f800000u;
+const QUIET: u32 = 0x00400000u;
+const NO_NUMBER: u32 = 0x7fc00000u;
+const ONE: u32 = 0x3f800000u;
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var color_texture: texture_2d<f32>;
+@group(0) @binding(2) var factor_texture: texture_2d<f32>;
+@group(0) @binding(3) var<storage, read> tables: array<u32>;
+@group(0) @binding(4) var<storage, read_write> pixels: array<u32>;
+// Pixels that are not finite, and pixels whose colour is not the first one's.
+@group(0) @binding(5) var<storage, read_write> found: array<atomic<u32>, 2>;
+
+var<workgroup> first: vec4u;
+
+fn magnitude(x: u32) -> u32 {
+    return x & 0x7fffffffu;
+}
+
+fn is_nan(x: u32) -> bool {
+    return magnitude(x) > INFINITE;
+}
+
+// The number of steps that are not above a number; 0 for what is not a number or below 0.
+fn count(table: u32, x: u32) -> u32 {
+    if (x >> 31u) != 0u || is_nan(x) {
+        return 0u;
+    }
+    var low = 0u;
+    var high = STEPS;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if tables[table + middle] <= x {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+// The nearest byte over 255. What is not a number stays so, and so does -0.
+fn to_byte(x: u32) -> u32 {
+    if is_nan(x) || x == 0x80000000u {
+        return x;
+    }
+    return tables[BYTES + count(BYTE_STEPS, x)];
+}
+
+// Shifts right by at least 1, and rounds to the nearest, ties to even; `rest` is whether something is below the lowest bit.
+fn round_shift(x: u32, shift: u32, rest: bool) -> u32 {
+    if shift > 25u {
+        return 0u;
+    }
+    let kept = x >> shift;
+    let below = x & ((1u << shift) - 1u);
+    let half = 1u << (shift - 1u);
+    return kept + u32(below > half || (below == half && (rest || (kept & 1u) == 1u)));
+}
+
+// The nearest 16-bit float, ties to the even one.
+fn to_half(x: u32) -> u32 {
+    let sign = x & 0x80000000u;
+    let size = magnitude(x);
+    if size > INFINITE {
+        return x | QUIET;
+    }
+    if size >= 0x477ff000u {
+        return sign | INFINITE;
+    }
+    if size >= 0x38800000u {
+        return sign | (round_shift(size, 13u, false) << 13u);
+    }
+    // In units of 2^-24.
+    let exponent = size >> 23u;
+    let units = round_shift((size & 0x7fffffu) | 0x800000u, 126u - exponent, false);
+    if exponent == 0u || units == 0u {
+        return sign;
+    }
+    let top = firstLeadingBit(units);
+    return sign | ((top + 103u) << 23u) | ((units << (23u - top)) & 0x7fffffu);
+}
+
+fn stored(pixel: vec4u, format: u32) -> vec4u {
+    switch format {
+        case 1u: {
+            return vec4u(to_half(pixel.x), to_half(pixel.y), to_half(pixel.z), to_half(pixel.w));
+        }
+        case 2u: {
+            return vec4u(to_byte(pixel.x), to_byte(pixel.y), to_byte(pixel.z), to_byte(pixel.w));
+        }
+        case 3u: {
+            return vec4u(to_byte(pixel.x), 0u, 0u, ONE);
+        }
+        case 4u: {
+            return vec4u(pixel.x, 0u, 0u, ONE);
+        }
+        default: {
+            return pixel;
+        }
+    }
+}
+
+// A number that is not 0 as a fraction of 24 bits, the highest of which is set, times 2 to the power of the second less 150.
+fn parts(size: u32) -> vec2i {
+    let fraction = size & 0x7fffffu;
+    if size >= 0x800000u {
+        return vec2i(i32(fraction | 0x800000u), i32(size >> 23u));
+    }
+    let shift = countLeadingZeros(fraction) - 8u;
+    return vec2i(i32(fraction << shift), 1 - i32(shift));
+}
+
+// The product as IEEE 754 has it, rounded to the nearest, ties to even.
+fn product(x: u32, y: u32) -> u32 {
+    let a = magnitude(x);
+    let b = magnitude(y);
+    let sign = (x ^ y) & 0x80000000u;
+    if a > INFINITE || b > INFINITE {
+        return select(y, x, a > INFINITE) | QUIET;
+    }
+    if a == INFINITE || b == INFINITE {
+        return select(sign | INFINITE, NO_NUMBER, a == 0u || b == 0u);
+    }
+    if a == 0u || b == 0u {
+        return sign;
+    }
+    let p = parts(a);
+    let q = parts(b);
+    // 24 times 24 bits, by halves of 12.
+    let ph = u32(p.x) >> 12u;
+    let pl = u32(p.x) & 0xfffu;
+    let qh = u32(q.x) >> 12u;
+    let ql = u32(q.x) & 0xfffu;
+    let middle = ph * ql + pl * qh;
+    let lower = pl * ql + ((middle & 0xfffu) << 12u);
+    var high = ph * qh + (middle >> 12u) + (lower >> 24u);
+    var low = lower & 0xffffffu;
+    var exponent = p.y + q.y - 126;
+    if high < 0x800000u {
+        high = (high << 1u) | (low >> 23u);
+        low = (low << 1u) & 0xffffffu;
+        exponent -= 1;
+    }
+    if exponent < 1 {
+        return sign | round_shift(high, u32(1 - exponent), low != 0u);
+    }
+    let up = u32(low > 0x800000u || (low == 0x800000u && (high & 1u) == 1u));
+    if exponent > 254 {
+        return sign | INFINITE;
+    }
+    // A carry goes into the exponent, and to infinity from the largest.
+    return sign | ((u32(exponent) << 23u) + (high - 0x800000u) + up);
+}
+
+fn load(texture: texture_2d<f32>, at: vec2u) -> vec4u {
+    return bitcast<vec4u>(textureLoad(texture, at, 0));
+}
+
+fn shown(at: vec2u) -> vec4u {
+    let color = stored(load(color_texture, at), params.formats.x);
+    if params.formats.y == NO_FACTOR {
+        return color;
+    }
+    let factor = stored(load(factor_texture, at), params.formats.y).x;
+    return vec4u(product(color.x, factor), product(color.y, factor), product(color.z, factor), product(color.w, factor));
+}
+
+// The factor of Reinhard's curve: `Tone` of the crate `curitiba-pipeline`.
+fn tone_scale(color: vec3u) -> u32 {
+    let weighted = vec3u(
+        product(color.x, bitcast<u32>(0.2126f)),
+        product(color.y, bitcast<u32>(0.7152f)),
+        product(color.z, bitcast<u32>(0.0722f)),
+    );
+    let sizes = vec3u(magnitude(weighted.x), magnitude(weighted.y), magnitude(weighted.z));
+    let infinite = sizes == vec3u(INFINITE);
+    let negative = (weighted >> vec3u(31u)) == vec3u(1u);
+    let opposite = any(infinite & negative) && any(infinite & !negative);
+    if any(sizes > vec3u(INFINITE)) || opposite {
+        // The maximum of 0 and what is not a number is 0, of which the factor is 1.
+        return ONE;
+    }
+    if any(infinite) {
+        return select(NO_NUMBER, ONE, any(infinite & negative));
+    }
+    let parts = bitcast<vec3f>(weighted);
+    let luminance = max(parts.x + parts.y + parts.z, 0.0);
+    if magnitude(bitcast<u32>(luminance)) >= INFINITE {
+        return NO_NUMBER;
+    }
+    return bitcast<u32>(1.0 / (1.0 + luminance) + luminance / (1.0 + luminance) / 16.0);
+}
+
+fn code(pixel: vec4u) -> u32 {
+    var color = pixel.xyz;
+    if params.linear != 0u {
+        color = vec3u(
+            product(color.x, params.exposure),
+            product(color.y, params.exposure),
+            product(color.z, params.exposure),
+        );
+        if params.tone != 0u {
+            let scale = tone_scale(color);
+            color = vec3u(product(color.x, scale), product(color.y, scale), product(color.z, scale));
+        }
+    }
+    let red = count(CODE_STEPS, color.x);
+    let green = count(CODE_STEPS, color.y);
+    let blue = count(CODE_STEPS, color.z);
+    return red | (green << 8u) | (blue << 16u) | (alpha(pixel.w) << 24u);
+}
+
+// Alpha is stored as PNG files store any value.
+fn alpha(x: u32) -> u32 {
+    return count(ALPHA_STEPS, x);
+}
+
+fn differ(a: u32, b: u32) -> bool {
+    return is_nan(a) || is_nan(b) || (a != b && (magnitude(a) | magnitude(b)) != 0u);
+}
+
+@compute @workgroup_size(16, 16)
+fn main(@builtin(global_invocation_id) id: vec3u, @builtin(local_invocation_index) local: u32) {
+    if local == 0u {
+        first = shown(vec2u(0u));
+    }
+    workgroupBarrier();
+    if id.x >= params.width || id.y >= params.rows {
+        return;
+    }
+    let at = vec2u(id.x, params.first_row + id.y);
+    let pixel = shown(at);
+    let sizes = vec4u(magnitude(pixel.x), magnitude(pixel.y), magnitude(pixel.z), magnitude(pixel.w));
+    if any(sizes >= vec4u(INFINITE)) {
+        atomicAdd(&found[0], 1u);
+    }
+    let is_first = at.x == 0u && at.y == 0u;
+    if !is_first && (differ(pixel.x, first.x) || differ(pixel.y, first.y) || differ(pixel.z, first.z)) {
+        atomicStore(&found[1], 1u);
+    }
+    let place = id.y * params.width + id.x;
+    if params.codes != 0u {
+        pixels[place] = code(pixel);
+        return;
+    }
+    pixels[4u * place] = pixel.x;
+    pixels[4u * place + 1u] = pixel.y;
+    pixels[4u * place + 2u] = pixel.z;
+    pixels[4u * place + 3u] = pixel.w;
+}

@@ -1,0 +1,179 @@
+//! The quad that shows the picture, where it may be filled on the rasteriser's device.
+
+use super::{Plan, PlannedPass, Slot, Work};
+use crate::backend::{Attachments, Rasteriser, RayBackend, Rect};
+use crate::diagnostic::Decision;
+use crate::project::{ChannelRef, PassKind, QuadSource};
+use crate::raster_effects::Missing;
+
+/// A channel that a quad reads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct QuadInput {
+    /// The channel.
+    pub channel: ChannelRef,
+    /// Index into [`Plan::passes`] of the only pass that writes it.
+    pub writer: usize,
+}
+
+/// The pass that shows the picture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ShowingQuad {
+    /// Its index into [`Plan::passes`].
+    pub index: usize,
+    /// What it shows.
+    pub color: QuadInput,
+    /// What that is multiplied by.
+    pub factor: Option<QuadInput>,
+}
+
+impl ShowingQuad {
+    /// What it reads.
+    pub fn inputs(&self) -> impl Iterator<Item = QuadInput> {
+        [Some(self.color), self.factor].into_iter().flatten()
+    }
+
+    /// Whether it reads what a pass writes.
+    #[must_use]
+    pub fn reads(&self, writer: usize) -> bool {
+        self.inputs().any(|input| input.writer == writer)
+    }
+
+    /// What of a target it reads.
+    #[must_use]
+    pub fn attachments(&self, target: Option<usize>) -> Attachments {
+        let reads = |channel| self.inputs().any(|i| Some(i.channel.target) == target && i.channel.channel == channel);
+        Attachments { color: reads(0), position: reads(1), normal: reads(2), triangle: false }
+    }
+}
+
+impl Plan {
+    /// The last quad pass that fills the window, and whether the plan leaves it to a device: then nothing else reads in host memory what it
+    /// reads. The error says why not. `None` where no quad pass fills the window.
+    #[must_use]
+    pub fn showing_quad(&self) -> Option<(usize, Result<ShowingQuad, String>)> {
+        let window = |planned: &PlannedPass| self.pass(planned).target.is_none();
+        let index = self.passes.iter().rposition(window)?;
+        let PassKind::Quad(quad) = &self.pass(&self.passes[index]).kind else { return None };
+        Some((index, self.for_device(index, quad.source)))
+    }
+
+    /// Adds to the decisions whether the quad that fills the window is filled on the rasteriser's device, where that has one, and gives the
+    /// quad or why not. `apart` is whether a ray backend reads the G-buffer through another interface of the device, or passes have several.
+    pub fn decide_showing_quad(
+        &mut self,
+        raster: &mut dyn Rasteriser,
+        rays: &mut dyn RayBackend,
+        apart: bool,
+    ) -> Option<Result<ShowingQuad, String>> {
+        let (index, planned) = self.showing_quad()?;
+        if !raster.fills_quads() {
+            return None;
+        }
+        let decided = planned.and_then(|quad| self.engines_fill(quad, raster, rays, apart));
+        let what = format!("pass `{}` on the rasteriser's device", self.pass(&self.passes[index]).name);
+        let why = match &decided {
+            Ok(_) => "what it reads is there; a PNG file takes 4 bytes a pixel of the window, an EXR file 16",
+            Err(why) => why.as_str(),
+        };
+        let decision = Decision { what, built: decided.is_ok(), why: why.to_owned() };
+        self.decisions.retain(|before| before.what != decision.what);
+        self.decisions.push(decision);
+        Some(decided)
+    }
+
+    fn engines_fill(
+        &self,
+        quad: ShowingQuad,
+        raster: &mut dyn Rasteriser,
+        rays: &mut dyn RayBackend,
+        apart: bool,
+    ) -> Result<ShowingQuad, String> {
+        let is_traced = |input: QuadInput| matches!(self.passes[input.writer].work, Work::Rays { .. });
+        let traced = quad.inputs().any(is_traced);
+        if apart && traced {
+            return Err("ray passes leave their pictures in memory of their own backends".to_owned());
+        }
+        let lent = if apart { None } else { raster.lends() };
+        match lent {
+            Some(lent) if !traced || rays.reads(&lent) => Ok(quad),
+            _ => Err(format!("{} leaves its pictures in memory of its own", rays.name())),
+        }
+    }
+
+    fn for_device(&self, index: usize, source: QuadSource) -> Result<ShowingQuad, String> {
+        let (color, factor) = match source {
+            QuadSource::Show(channel) => (channel, None),
+            QuadSource::Combine { color, factor } => (color, Some(factor)),
+            QuadSource::Own => return Err("its own shader reads copies of the textures".into()),
+        };
+        let [width, height] = self.window;
+        let Work::Quad { viewport } = self.passes[index].work else { return Err("it is switched off".into()) };
+        if viewport != (Rect { x: 0, y: 0, width, height }) || self.passes.iter().filter(|p| self.fills(p)).count() > 1
+        {
+            return Err("several passes share the window".into());
+        }
+        if self.in_parts()
+            || self.parts.list.len() != 1
+            || self.parts.list[0].written != viewport
+            || self.block.is_some()
+        {
+            return Err("a part of the picture is rendered at a time, or written".into());
+        }
+        if self.settings.aa.are_several() {
+            return Err("samples of a pixel are summed in f64".into());
+        }
+        let color = self.input(index, color)?;
+        let factor = factor.map(|channel| self.input(index, channel)).transpose()?;
+        Ok(ShowingQuad { index, color, factor })
+    }
+
+    fn fills(&self, planned: &PlannedPass) -> bool {
+        self.pass(planned).target.is_none()
+    }
+
+    fn input(&self, quad: usize, channel: ChannelRef) -> Result<QuadInput, String> {
+        let target = &self.project.targets[channel.target];
+        let name = target.channels.get(channel.channel).map_or("?", |channel| &channel.name);
+        let refuse = |why: &str| Err(format!("`{}::{name}` {why}", target.library));
+        if self.target_size(Some(channel.target)) != self.window {
+            return refuse("has another size than the window, and is filtered");
+        }
+        if self.shown.contains(&channel) {
+            return refuse("is shown, too");
+        }
+        let slot: Slot = (Some(channel.target), channel.channel);
+        let writes = |(_, planned): &(usize, &PlannedPass)| self.access(planned).writes.contains(&slot);
+        let writers: Vec<(usize, &PlannedPass)> = self.passes.iter().enumerate().filter(writes).collect();
+        let [(writer, planned)] = writers[..] else { return refuse("is written by several passes, or by none") };
+        match &planned.work {
+            Work::Raster { viewport, .. } => {
+                let [width, height] = self.window;
+                let whole = *viewport == Rect { x: 0, y: 0, width, height };
+                let drawn = self.passes.iter().filter(|planned| matches!(planned.work, Work::Raster { .. })).count();
+                if !whole || drawn > 1 {
+                    return refuse("is not all of what is drawn in a frame");
+                }
+            }
+            Work::Effect { params, .. } if params.missing == Missing::Rays => {
+                return refuse("has pixels that rays add in host memory");
+            }
+            Work::Rays { .. } | Work::Effect { .. } => {}
+            Work::Off { .. } | Work::Quad { .. } => return refuse("is filled in host memory"),
+        }
+        for (index, planned) in self.passes.iter().enumerate() {
+            let in_place = match planned.work {
+                Work::Rays { resident, .. } => resident == Some(channel.target),
+                Work::Effect { resident, .. } => resident,
+                _ => false,
+            };
+            if index != quad && !in_place && self.access(planned).reads.contains(&slot) {
+                return Err(format!(
+                    "pass `{}` reads `{}::{name}` in host memory",
+                    self.pass(planned).name,
+                    target.library
+                ));
+            }
+        }
+        Ok(QuadInput { channel, writer })
+    }
+}
