@@ -2,6 +2,7 @@
 
 mod scene_support;
 
+use curitiba_pipeline::color::ColorSpace;
 use curitiba_pipeline::scene::texture::Wrap;
 use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource, load};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
@@ -367,8 +368,7 @@ fn vertex_colours_of_every_component_type_are_linear_and_have_alpha_where_the_ma
                 };
                 assert_eq!(scene.materials[0].alpha_cutoff, cutoff, "{kind} {mode}");
                 // In linear light the file's numbers come back.
-                let options =
-                    BuildOptions { color: curitiba_pipeline::color::ColorSpace::Linear, ..BuildOptions::default() };
+                let options = BuildOptions { color: ColorSpace::Linear, ..BuildOptions::default() };
                 let (built, _) = RenderScene::build(scene, &options).unwrap();
                 for (found, [r, g, b, _]) in built.geometry.colors.iter().zip(linear) {
                     let expected = Vec3::new(r as f32, g as f32, b as f32);
@@ -412,6 +412,46 @@ fn vertex_colours_cost_nothing_where_nobody_asks_and_wrong_ones_are_errors_or_me
     json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 2.into();
     let error = read(&json, &binary).unwrap_err();
     assert!(error.contains("accessor 2: it is not of type VEC4"), "{error}");
+}
+
+#[test]
+fn textures_of_roughness_are_read_of_glass_where_a_pass_asks() {
+    let folder = Folder::new();
+    folder.png("r.png", 1, 1, [7, 128, 9, 255]);
+    let (mut json, binary) = square();
+    json["textures"] = json!([{"source": 0}]);
+    json["images"] = json!([{"uri": "r.png"}]);
+    let glass = |map: Value, factor: f64| {
+        json!({
+            "pbrMetallicRoughness": {"metallicRoughnessTexture": map, "roughnessFactor": factor, "metallicFactor": 0.0},
+            "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1.0}}
+        })
+    };
+    let turned = json!({"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2.0, 2.0]}}});
+    let mut elsewhere = glass(turned, 0.5);
+    elsewhere["normalTexture"] = json!({"index": 0});
+    let opaque = json!({"pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}}});
+    json["materials"] = json!([glass(json!({"index": 0}), 0.5), glass(json!({"index": 0}), 0.0), elsewhere, opaque]);
+    let path = folder.write("a.glb", glb(&json, &binary));
+    let read = |needs: Needs| {
+        let scene = load(&[path.clone()], &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
+        let maps: Vec<bool> = scene.materials.iter().map(|material| material.roughness_texture.is_some()).collect();
+        (scene, maps)
+    };
+    let (scene, maps) = read(Needs::ALL);
+    assert_eq!(maps, [true, false, false, false], "of glass that is rough; with the coordinates of its other textures");
+    assert_eq!(count(&scene.warnings, "roughness textures with coordinates of their own"), 1);
+    assert_eq!(count(&scene.warnings, "texture maps that no program reads"), 1, "that of the opaque material");
+    let texture = scene.materials[0].roughness_texture.unwrap() as usize;
+    assert!(scene.textures[texture].is_data(), "numbers are not decoded from sRGB");
+    let options = BuildOptions { color: ColorSpace::Linear, ..BuildOptions::default() };
+    let (built, _) = RenderScene::build(scene, &options).unwrap();
+    let texture = built.materials[0].roughness_texture.unwrap() as usize;
+    assert!((built.textures[texture].sample(Vec2::splat(0.5), 0.0).y - 128.0 / 255.0).abs() < 1e-6);
+
+    let (scene, maps) = read(Needs { roughness_maps: false, ..Needs::ALL });
+    assert_eq!(maps, [false; 4]);
+    assert_eq!(count(&scene.warnings, "texture maps that no program reads"), 4);
 }
 
 #[test]

@@ -15,7 +15,6 @@ use curitiba_pipeline::image::{Image, read_image};
 use curitiba_pipeline::plan::{Plan, Settings};
 use curitiba_pipeline::programs::Fidelity;
 use curitiba_pipeline::project;
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// What a run may hold.
@@ -56,12 +55,7 @@ pub fn pictures(bytes: &[u8]) -> Vec<Written> {
 fn frames(folder: &Folder, settings: Settings) -> Result<Vec<Written>, String> {
     let project = project::load(&folder.path().join("project.xml")).map_err(|problems| problems.to_string())?;
     let plan = Plan::new(project, settings).map_err(|error| error.to_string())?;
-    let engines = Engines {
-        raster: Box::new(CpuRasteriser::new()),
-        rays: Box::new(CpuRays::new()),
-        spares: VecDeque::new(),
-        fallbacks: Vec::new(),
-    };
+    let engines = Engines::new(Box::new(CpuRasteriser::new()), Box::new(CpuRays::new()));
     let (window, fidelity) = (plan.window, plan.settings.fidelity);
     let mut watcher = Watcher::new(fidelity);
     let mut renderer = Renderer::new(plan, engines, &mut watcher).map_err(|error| error.to_string())?;

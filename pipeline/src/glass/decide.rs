@@ -75,6 +75,7 @@ fn properties(material: &Material) -> Dielectric {
         index: material.ior.clamp(1.0, Dielectric::MIRROR),
         spread: spread(material),
         alpha: alpha(material),
+        roughness_texture: material.roughness_texture.filter(|_| alpha(material) > 0.0),
         extinction: Dielectric::extinction_of(material.attenuation_color, material.attenuation_distance),
         filter: material.filter,
         filter_texture: material.texture.filter(|_| material.filter_textured),
@@ -95,7 +96,10 @@ fn alpha(material: &Material) -> f32 {
 fn roughness(material: &Material) -> String {
     match alpha(material) {
         0.0 => String::new(),
-        alpha => format!("; rough: alpha {alpha:.4}, the square of its roughness {}", material.roughness),
+        alpha => {
+            let texture = if material.roughness_texture.is_some() { ", times its texture" } else { "" };
+            format!("; rough: alpha {alpha:.4}, the square of its roughness {}{texture}", material.roughness)
+        }
     }
 }
 

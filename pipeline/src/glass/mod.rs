@@ -96,6 +96,8 @@ pub struct Dielectric {
     pub spread: f32,
     /// Width alpha of the distribution of microfacets, 0 (smooth) or [`Self::SMOOTH`] to 1.
     pub alpha: f32,
+    /// A texture whose green channel, squared, the width is multiplied by: an index into the scene's textures.
+    pub roughness_texture: Option<u32>,
     /// Extinction by colour, per scene unit: light keeps `exp(-extinction * length)`. At least 0, finite.
     pub extinction: Vec3,
     /// Share of the light by colour that passes a surface, beside Fresnel's: 0 to 1.

@@ -344,7 +344,10 @@ impl Plan {
         let colors = textures && self.settings.fidelity == Fidelity::Corrected;
         let normals = lit || !hits.is_empty();
         let normal_maps = normals && self.settings.fidelity == Fidelity::Corrected;
-        self.needs = Needs { normals: normals || own.normals, textures: textures || own.textures, colors, normal_maps };
+        let roughness_maps = self.settings.fidelity == Fidelity::Corrected
+            && self.passes.iter().any(|planned| self.asks_materials(planned));
+        let (normals_needed, textures_needed) = (normals || own.normals, textures || own.textures);
+        self.needs = Needs { normals: normals_needed, textures: textures_needed, colors, normal_maps, roughness_maps };
         let why = match (normals, own.normals) {
             (true, _) => "the light's cosine needs them",
             (false, true) => "own shaders read them",
@@ -364,6 +367,9 @@ impl Plan {
         self.decide("vertex attribute `texCoord0` and textures".into(), self.needs.textures, why);
         if self.needs.colors {
             self.decide("vertex colours".into(), true, "where files have them, they are part of these colours".into());
+        }
+        if self.needs.roughness_maps {
+            self.decide("textures of roughness".into(), true, "where glass has them, it is rough by them".into());
         }
         if self.needs.normal_maps {
             let what = "normal maps, and the tangents and texture coordinates that they take";

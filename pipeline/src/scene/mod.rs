@@ -292,6 +292,9 @@ pub struct Material {
     /// Roughness of the surface as glass (glTF `roughnessFactor`, MTL `Pr`), 0..=1: its square is the width alpha of the distribution of
     /// microfacets.
     pub roughness: f32,
+    /// What the roughness is multiplied by: the green channel, as a number, at the coordinates of [`Self::texture`] (glTF
+    /// `metallicRoughnessTexture`). Index into [`Scene::textures`].
+    pub roughness_texture: Option<u32>,
     /// Thickness (glTF `KHR_materials_volume`), of use only where a surface with a volume is not closed. In scene units, as the file
     /// has it.
     pub thickness: f32,
@@ -328,6 +331,7 @@ impl Default for Material {
             ior: 1.5,
             dispersion: 0.0,
             roughness: 0.0,
+            roughness_texture: None,
             thickness: 0.0,
             attenuation_color: Vec3::ONE,
             attenuation_distance: f32::INFINITY,
@@ -337,13 +341,13 @@ impl Default for Material {
 
 impl Material {
     /// Every reference to a texture.
-    pub(crate) fn textures_mut(&mut self) -> [&mut Option<u32>; 3] {
-        [&mut self.texture, &mut self.emission_texture, &mut self.normal_texture]
+    pub(crate) fn textures_mut(&mut self) -> [&mut Option<u32>; 4] {
+        [&mut self.texture, &mut self.emission_texture, &mut self.normal_texture, &mut self.roughness_texture]
     }
 
     /// Every texture.
     pub(crate) fn textures(&self) -> impl Iterator<Item = u32> + use<> {
-        [self.texture, self.emission_texture, self.normal_texture].into_iter().flatten()
+        [self.texture, self.emission_texture, self.normal_texture, self.roughness_texture].into_iter().flatten()
     }
 
     /// What the alpha of texture and vertices alone is compared with, from [`Self::alpha_cutoff`] and the diffuse opacity;
@@ -367,14 +371,18 @@ pub struct Needs {
     pub colors: bool,
     /// Normal maps, where materials have them, and the tangents and texture coordinates that they take; only with [`Self::normals`].
     pub normal_maps: bool,
+    /// Textures of the roughness of glass, where materials have them; only with [`Self::textures`].
+    pub roughness_maps: bool,
 }
 
 impl Needs {
     /// Everything, for conversions.
-    pub const ALL: Needs = Needs { normals: true, textures: true, colors: true, normal_maps: true };
+    pub const ALL: Needs =
+        Needs { normals: true, textures: true, colors: true, normal_maps: true, roughness_maps: true };
 
     /// Positions alone.
-    pub const NOTHING: Needs = Needs { normals: false, textures: false, colors: false, normal_maps: false };
+    pub const NOTHING: Needs =
+        Needs { normals: false, textures: false, colors: false, normal_maps: false, roughness_maps: false };
 }
 
 /// Triangles and spheres in world space, sorted by material: what rasterisers draw and tracers build on.

@@ -158,7 +158,7 @@ pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
     let geometry = &built.geometry;
     let vertices = geometry.positions.len();
     assert!(geometry.positions.iter().all(|position| position.is_finite()));
-    let Needs { normals, textures, colors, normal_maps } = options.needs;
+    let Needs { normals, textures, colors, normal_maps, .. } = options.needs;
     assert!(geometry.colors.is_empty() || (colors && geometry.colors.len() == vertices));
     assert!(geometry.colors.iter().all(|color| color.min_element() >= 0.0 && color.max_element() <= 1.0));
     assert_eq!(geometry.normals.len(), if normals { vertices } else { 0 });
@@ -171,6 +171,8 @@ pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
         built.materials.iter().all(|m| m.normal_texture.is_none_or(|t| mapped && (t as usize) < built.textures.len()))
     );
     assert!(built.materials.iter().all(|m| m.normal_scale.abs() <= 1e6));
+    let rough = |m: &Material| m.roughness_texture.is_none_or(|texture| (texture as usize) < built.textures.len());
+    assert!(built.materials.iter().all(rough), "a roughness texture that is not there");
     assert!(geometry.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-5), "unit normals");
     assert!(geometry.texcoords.iter().all(|texcoord| texcoord.is_finite()));
     if options.unitize {

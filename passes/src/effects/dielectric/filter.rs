@@ -26,4 +26,16 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         };
         (1.0 - dielectric.veil) * dielectric.filter * texel * vertices
     }
+
+    /// The width of the distribution of microfacets at a hit; 0 where the surface is smooth. The texture is read at level 0.
+    pub(in crate::effects) fn alpha(&self, hit: &Hit, dielectric: &Dielectric) -> f32 {
+        let Some(texture) = dielectric.roughness_texture.filter(|_| self.sphere(hit.triangle).is_none()) else {
+            return dielectric.alpha;
+        };
+        let scene = self.job.scene;
+        let at = texture_coordinates(&scene.geometry, hit);
+        let roughness = scene.textures[texture as usize].sample(at, 0.0).y;
+        let alpha = dielectric.alpha * roughness * roughness;
+        if alpha < Dielectric::SMOOTH { 0.0 } else { alpha }
+    }
 }

@@ -54,7 +54,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             let ways = self.ways(met, dielectric, ratio, path);
             self.follow_ways(met, dielectric, (&ways, filter), (border.after, path), work)
         };
-        if self.scatters(dielectric, path) { self.scattered(path, work, ways) } else { ways(path, work) }
+        if self.scatters(met, dielectric, path) { self.scattered(path, work, ways) } else { ways(path, work) }
     }
 
     /// What the surface of a body shows to light of one wavelength, or of all where it bends none apart.

@@ -124,7 +124,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
 
     /// A wall with two faces.
     fn thin(&self, met: Met<'_>, dielectric: &Dielectric, path: Path, work: &mut Workspace) -> Vec3 {
-        if self.scatters(dielectric, path) {
+        if self.scatters(met, dielectric, path) {
             return self.scattered(path, work, |path, work| self.thin(met, dielectric, path, work));
         }
         let Met { hit, surface, view } = met;
@@ -178,8 +178,9 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
     }
 
     /// Whether a surface is rough, and the path has not been divided by one.
-    pub(super) fn scatters(&self, dielectric: &Dielectric, path: Path) -> bool {
-        dielectric.alpha > 0.0 && path.sample.is_none() && !self.pass.facets.is_empty()
+    pub(super) fn scatters(&self, met: Met<'_>, dielectric: &Dielectric, path: Path) -> bool {
+        let may = dielectric.alpha > 0.0 && path.sample.is_none() && !self.pass.facets.is_empty();
+        may && self.pass.alpha(met.hit, dielectric) > 0.0
     }
 
     /// The mean of the ways on from rough glass.
@@ -199,9 +200,13 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
     /// The microfacet that a path meets; `None` where the surface is smooth.
     pub(super) fn facet(&self, met: Met<'_>, dielectric: &Dielectric, path: Path) -> Option<Facet> {
         let point = self.pass.facets.get(path.sample? as usize).filter(|_| dielectric.alpha > 0.0)?;
+        let alpha = self.pass.alpha(met.hit, dielectric);
+        if alpha <= 0.0 {
+            return None;
+        }
         let seeds = dimensions(path.key, FACETS);
         let [x, y] = [0, 1].map(|axis| unit(scramble_reversed(point[axis], seeds[axis])));
-        Some(Facet::seen(dielectric.alpha, met.surface.interface_normal(met.view), met.view, Vec2::new(x, y)))
+        Some(Facet::seen(alpha, met.surface.interface_normal(met.view), met.view, Vec2::new(x, y)))
     }
 
     /// Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.

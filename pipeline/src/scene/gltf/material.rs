@@ -134,6 +134,20 @@ impl Materials {
                     material.normal_scale = normal_scale(context, map.scale, &material.name, warnings);
                 }
             }
+            let pbr = &written.pbr_metallic_roughness;
+            let wanted = context.needs.textures && context.needs.roughness_maps && material.roughness > 0.0;
+            if let Some(info) = pbr.metallic_roughness_texture.as_ref().filter(|_| wanted) {
+                let own = coordinates_of(info);
+                if material.textures().next().is_some() && own != coordinates {
+                    let what = "roughness textures with coordinates of their own";
+                    warnings.add(context.file, what, NO_ROUGHNESS_MAP, || format!("`{}`", material.name));
+                } else {
+                    coordinates = own;
+                    let source = image(info, data, &mut images, (&material.name, NO_ROUGHNESS_MAP), context, warnings)?;
+                    let source = source.map(TextureSource::data);
+                    material.roughness_texture = source.map(|source| add_texture(&mut materials.textures, source));
+                }
+            }
             let mapped = material.normal_texture.is_some();
             let alpha = match written.alpha_mode {
                 Checked::Valid(AlphaMode::Mask) => Alpha::Cut,
@@ -277,9 +291,13 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         warn("materials that disperse and have no volume", "drawn without dispersion", "");
     }
     let pbr = &written.pbr_metallic_roughness;
+    let mapped = pbr.metallic_roughness_texture.is_some();
+    // That of glass is read where a pass asks.
+    let rough_glass = material.transmission > 0.0 && context.needs.roughness_maps;
     for (present, what) in [
         (written.occlusion_texture.is_some(), "occlusion of "),
-        (pbr.metallic_roughness_texture.is_some(), "metalness and roughness of "),
+        (mapped && !rough_glass, "metalness and roughness of "),
+        (mapped && rough_glass && pbr.metallic_factor.0 > 0.0, "metalness of "),
     ] {
         if present {
             warn("texture maps that no program reads", "ignored", what);
@@ -326,6 +344,8 @@ fn dispersion(extensions: Option<&json::extensions::material::Material>) -> Resu
 
 /// What serves without a texture of a colour.
 const NO_TEXTURE: &str = "the diffuse colour serves";
+/// The same of a roughness texture.
+const NO_ROUGHNESS_MAP: &str = "the factor alone serves";
 
 /// A normal texture as the other textures are written; the crate `gltf` leaves its extensions as they are.
 fn normal_info(map: &json::material::NormalTexture) -> Result<json::texture::Info, String> {

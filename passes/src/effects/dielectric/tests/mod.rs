@@ -13,7 +13,7 @@ use curitiba_pipeline::backend::RayCounts;
 use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
 use curitiba_pipeline::programs::Fidelity::Corrected;
 use curitiba_pipeline::programs::{RayParams, RayProgram};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 const FRONT: Vec3 = Vec3::new(0.9, 0.2, 0.1);
 const BEHIND: Vec3 = Vec3::new(0.1, 0.6, 0.3);

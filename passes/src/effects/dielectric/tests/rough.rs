@@ -109,6 +109,41 @@ fn smooth_glass_beside_rough_is_as_it_was_to_the_bit() {
     assert!(one != other && many.refracted > 3 * few.refracted, "control: {many:?} {few:?}");
 }
 
+/// Texels of one green value over all of a wall are another factor; one of 0 is smooth glass, to the bit.
+#[test]
+fn a_texture_of_roughness_multiplies_the_factor_by_its_green_channel() {
+    let place = |alpha: f32, texels: Option<[[u8; 4]; 2]>| {
+        let mut world = World::lit_along(Vec3::new(0.3, -1.0, 0.4));
+        let roughness_texture = texels.map(|texels| {
+            world.picture(texels, None);
+            world.scene.textures.len() as u32 - 1
+        });
+        let wall = world.dielectric(Dielectric { alpha, roughness_texture, ..thin(1.5) });
+        world.quad(wall, Vec3::ZERO, Vec3::X * 3.0, Vec3::Y * 3.0);
+        room(&mut world);
+        world
+    };
+    let render = |world: &World, x: f32| {
+        let targets = (0..9).map(|i| Vec3::new(x, i as f32 * 0.3 - 1.2, 0.0));
+        let shot = Shot::of(world, Vec3::new(x, 0.2, 5.0), targets);
+        shot.run_on(&world.tree(), &shot.job(RayProgram::Refraction, Corrected, paths(16, 3)))
+    };
+    let half = 128.0 / 255.0_f32;
+    let even = render(&place(0.36, Some([[255, 128, 9, 255]; 2])), 0.0);
+    let apart = |other: &(Vec<[f32; 4]>, RayCounts)| {
+        let pairs = even.0.iter().zip(&other.0);
+        pairs.map(|(a, b)| (Vec4::from(*a) - Vec4::from(*b)).abs().max_element()).fold(0.0, f32::max)
+    };
+    let [same, other] = [0.36 * half * half, 0.36].map(|alpha| apart(&render(&place(alpha, None), 0.0)));
+    assert!(same < 1e-4 && other > 1e-3, "{same}; control, the factor alone: {other}");
+    // At the centres of both texels.
+    let split = place(0.36, Some([[255, 0, 255, 255], [0, 255, 0, 255]]));
+    let (clear, rough) = (render(&split, -1.5), render(&split, 1.5));
+    assert!(rough.1.refracted > 8 * clear.1.refracted, "{:?} {:?}", clear.1, rough.1);
+    let smooth = place(0.36, Some([[255, 0, 255, 255]; 2]));
+    assert_eq!(render(&smooth, 0.0), render(&place(0.0, None), 0.0), "no path is divided");
+}
+
 #[test]
 fn rough_glass_is_the_same_for_any_number_of_threads() {
     let mut world = World::lit_along(Vec3::new(0.3, -1.0, 0.4));
