@@ -367,14 +367,17 @@ pub struct Needs {
     pub colors: bool,
     /// Normal maps, where materials have them, and the tangents and texture coordinates that they take; only with [`Self::normals`].
     pub normal_maps: bool,
+    /// Tangents of all meshes, for shaders that read them; only with [`Self::normals`] and [`Self::textures`].
+    pub tangents: bool,
 }
 
 impl Needs {
-    /// Everything, for conversions.
-    pub const ALL: Needs = Needs { normals: true, textures: true, colors: true, normal_maps: true };
+    /// Everything that files hold, for conversions.
+    pub const ALL: Needs = Needs { normals: true, textures: true, colors: true, normal_maps: true, tangents: false };
 
     /// Positions alone.
-    pub const NOTHING: Needs = Needs { normals: false, textures: false, colors: false, normal_maps: false };
+    pub const NOTHING: Needs =
+        Needs { normals: false, textures: false, colors: false, normal_maps: false, tangents: false };
 }
 
 /// Triangles and spheres in world space, sorted by material: what rasterisers draw and tracers build on.

@@ -158,7 +158,7 @@ pub fn render_scene(built: &RenderScene, options: &BuildOptions) {
     let geometry = &built.geometry;
     let vertices = geometry.positions.len();
     assert!(geometry.positions.iter().all(|position| position.is_finite()));
-    let Needs { normals, textures, colors, normal_maps } = options.needs;
+    let Needs { normals, textures, colors, normal_maps, .. } = options.needs;
     assert!(geometry.colors.is_empty() || (colors && geometry.colors.len() == vertices));
     assert!(geometry.colors.iter().all(|color| color.min_element() >= 0.0 && color.max_element() <= 1.0));
     assert_eq!(geometry.normals.len(), if normals { vertices } else { 0 });
