@@ -29,6 +29,14 @@ struct Shader<'a> {
     vertex: &'a str,
     fragment: &'a str,
     values: &'a str,
+    /// The fragment shader of the material `depth`, which draws depth maps.
+    depth: &'a str,
+}
+
+impl Default for Shader<'_> {
+    fn default() -> Self {
+        Self { vertex: VERTEX, fragment: "", values: "", depth: "#version 330\nvoid main() {}\n" }
+    }
 }
 
 const VERTEX: &str =
@@ -59,6 +67,8 @@ impl Scene {
         let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
         write("own.vert", shader.vertex);
         write("own.frag", shader.fragment);
+        write("depth.vert", VERTEX);
+        write("depth.frag", shader.depth);
         write(
             "own.mlib",
             &format!(
@@ -66,9 +76,12 @@ impl Scene {
 <textures><texture name="rows" filename="rows.png"/></textures>
 <renderTargets><renderTarget name="buffers"><SIZE width="{SIDE}" height="{SIDE}"/><CLEAR_VALUES r="0" g="0" b="0" a="0"/>
 <colors><color name="shaded" internalFormat="RGBA32F"/><color name="place" internalFormat="RGBA32F"/><color name="side" internalFormat="RGBA32F"/></colors>
-<depth name="depth" internalFormat="DEPTH_COMPONENT32F"/></renderTarget></renderTargets>
-<shaders><shader name="own" vs="own.vert" ps="own.frag"/></shaders>
-<materials><material name="own">
+<depth name="depth" internalFormat="DEPTH_COMPONENT32F"/></renderTarget>
+<renderTarget name="map"><SIZE width="256" height="256"/><depth name="seen" internalFormat="DEPTH_COMPONENT32F"/></renderTarget></renderTargets>
+<shaders><shader name="own" vs="own.vert" ps="own.frag"/><shader name="depth" vs="depth.vert" ps="depth.frag"/></shaders>
+<materials><material name="depth"><shader name="depth"><values>
+<valueof uniform="pvm" type="RENDERER" context="CURRENT" component="PROJECTION_VIEW_MODEL"/></values></shader></material>
+<material name="own">
 <color><DIFFUSE r="0.25" g="0.5" b="0.75"/><SHININESS value="7"/></color>
 <shader name="own"><values>
 <valueof uniform="pvm" type="RENDERER" context="CURRENT" component="PROJECTION_VIEW_MODEL"/>
@@ -89,10 +102,16 @@ impl Scene {
             &format!(
                 r#"<project name="own" width="{SIDE}" height="{SIDE}">
 <assets>
-<attributes><attribute name="level" type="RENDERER" data="FLOAT" value="0.625"/></attributes>
+<attributes><attribute name="level" type="RENDERER" data="FLOAT" value="0.625"/>
+<attribute name="FROM" type="PASS" data="FLOAT" value="1"/><attribute name="TO" type="PASS" data="FLOAT" value="9"/></attributes>
 <scenes>
 <scene name="Square"><geometry name="near" type="SQUARE" material="near"><ROTATE x="1" y="0" z="0" w="90"/></geometry></scene>
 <scene name="Ball"><geometry name="ball" type="SPHERE" slices="24" stacks="16" material="ball"/></scene>
+<scene name="Step">
+<geometry name="near" type="SQUARE" material="near"><ROTATE x="1" y="0" z="0" w="90"/><SCALE x="0.5" y="0.5" z="0.5"/></geometry>
+<geometry name="far" type="SQUARE" material="far"><ROTATE x="1" y="0" z="0" w="90"/><SCALE x="3" y="3" z="3"/><TRANSLATE x="0" y="0" z="-1"/></geometry>
+<geometry name="behind" type="SQUARE" material="near"><ROTATE x="1" y="0" z="0" w="90"/><SCALE x="0.2" y="0.2" z="0.2"/><TRANSLATE x="-6" y="0" z="6"/></geometry>
+</scene>
 <scene name="Both">
 <geometry name="near" type="SQUARE" material="near"><ROTATE x="1" y="0" z="0" w="90"/></geometry>
 <geometry name="far" type="SQUARE" material="far"><ROTATE x="1" y="0" z="0" w="90"/><SCALE x="3" y="3" z="3"/><TRANSLATE x="0" y="0" z="-1"/></geometry>
@@ -164,7 +183,7 @@ fn assert_near(picture: &Image, known: impl Fn(u32, u32) -> [f32; 4], most: f32)
 #[cfg(not(feature = "glsl"))]
 #[test]
 fn a_build_without_the_feature_says_so() {
-    let scene = Scene::square(&Shader { vertex: VERTEX, fragment: "", values: "" });
+    let scene = Scene::square(&Shader { vertex: VERTEX, fragment: "", values: "", ..Shader::default() });
     assert!(scene.picture_is_refused(), "{}", scene.refused(RasterChoice::Cpu));
 }
 
@@ -194,12 +213,12 @@ mod drawn {
             + &value("shine", "COLOR", "CURRENT", "SHININESS")
             + &value("two", "RENDERER", "CURRENT", "TEXTURE_COUNT")
             + r#"<valueof uniform="diffuse" block="Paint" type="COLOR" context="CURRENT" component="DIFFUSE"/>"#;
-        let scene = Scene::square(&Shader { vertex: VERTEX, fragment, values: &values });
+        let scene = Scene::square(&Shader { vertex: VERTEX, fragment, values: &values, ..Shader::default() });
         let Some(picture) = scene.picture() else { return };
         // Two textures are bound, and no other number.
         assert_near(&picture, |_, _| [0.125, 0.125, 0.75, 0.625], 1e-6);
         let one = fragment.replace("two == 2", "two == 1");
-        let scene = Scene::square(&Shader { vertex: VERTEX, fragment: &one, values: &values });
+        let scene = Scene::square(&Shader { vertex: VERTEX, fragment: &one, values: &values, ..Shader::default() });
         assert_near(&scene.picture().expect("a driver"), |_, _| [0.125, 0.5, 0.75, 0.625], 1e-6);
     }
 
@@ -210,13 +229,17 @@ mod drawn {
                         void main() { color = vec4(gl_FragCoord.xy / 64.0, dFdy(place.y) * 32.0, 1.0); }\n";
         let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nout vec2 place;\n\
                       void main() { place = position.xy; gl_Position = pvm * position; }\n";
-        let Some(picture) = Scene::square(&Shader { vertex, fragment, values: "" }).picture() else { return };
+        let Some(picture) = Scene::square(&Shader { vertex, fragment, values: "", ..Shader::default() }).picture()
+        else {
+            return;
+        };
         let centre = |pixel: u32| (pixel as f32 + 0.5) / SIDE as f32;
         assert_near(&picture, |x, y| [centre(x), 1.0 - centre(y), 1.0, 1.0], 1e-4);
         let fragment = "#version 330\nuniform sampler2D rows;\nin vec2 place;\nout vec4 color;\n\
                         void main() { color = texelFetch(rows, ivec2(0, place.y > 0.0 ? 1 : 0), 0); }\n";
         let values = r#"<valueof uniform="rows" type="TEXTURE_BINDING" context="CURRENT" component="UNIT" id="0"/>"#;
-        let picture = Scene::square(&Shader { vertex, fragment, values }).picture().expect("a driver");
+        let picture =
+            Scene::square(&Shader { vertex, fragment, values, ..Shader::default() }).picture().expect("a driver");
         // The file's upper row is blue.
         assert_near(&picture, |_, y| if y < SIDE / 2 { [0.0, 0.0, 1.0, 1.0] } else { [1.0, 0.0, 0.0, 1.0] }, 1e-6);
     }
@@ -230,7 +253,9 @@ mod drawn {
             let map =
                 format!(r#"<materialMaps><map fromMaterial="{own}" toLibrary="Own" toMaterial="own"/></materialMaps>"#);
             let pass = format!(r#"<scenes><scene name="Both"/></scenes>{map}"#);
-            let Some(picture) = Scene::new(&Shader { vertex: VERTEX, fragment, values: "" }, &pass).picture() else {
+            let Some(picture) =
+                Scene::new(&Shader { vertex: VERTEX, fragment, values: "", ..Shader::default() }, &pass).picture()
+            else {
                 return;
             };
             // Near plane 1 and far plane 9, camera at 5: z = 0 is in the middle.
@@ -260,7 +285,7 @@ mod drawn {
             + &value("normals", "RENDERER", "CURRENT", "NORMAL")
             + &value("light", "LIGHT", "Sun", "DIRECTION")
             + &value("diffuse", "COLOR", "CURRENT", "DIFFUSE");
-        let shader = Shader { vertex, fragment, values: &values };
+        let shader = Shader { vertex, fragment, values: &values, ..Shader::default() };
         for channel in ["shaded", "place", "side"] {
             let Some(own) = Scene::ball(&shader, true, channel).picture() else { return };
             let plain = Scene::ball(&shader, false, channel);
@@ -290,7 +315,7 @@ mod drawn {
                       void main() { place = position; corner = position; gl_Position = pvm * position; }\n";
         let fragment = "#version 330\nflat in vec4 corner;\nin vec4 place;\nout vec4 color;\n\
                         void main() { color = vec4(corner.xy * 0.5 + 0.5, 0, 1); }\n";
-        let scene = Scene::square(&Shader { vertex, fragment, values: "" });
+        let scene = Scene::square(&Shader { vertex, fragment, values: "", ..Shader::default() });
         let Some(picture) = scene.picture() else { return };
         let renderer = scene.open(RasterChoice::Wgpu).unwrap_or_else(|error| panic!("{}", error.joined()));
         let geometry = &renderer.scenes().next().expect("a scene").geometry;
@@ -318,14 +343,18 @@ mod drawn {
     fn only_what_the_maps_are_for_is_drawn_with_them_and_what_is_not_bound_is_black() {
         let fragment = "#version 330\nuniform sampler2D t;\nout vec4 color;\nvoid main() { color = texture(t, vec2(0.5)) + vec4(0.25, 0, 0, 0); }\n";
         let values = r#"<valueof uniform="t" type="TEXTURE_BINDING" context="CURRENT" component="UNIT" id="3"/>"#;
-        let Some(picture) = Scene::square(&Shader { vertex: VERTEX, fragment, values }).picture() else { return };
+        let Some(picture) = Scene::square(&Shader { vertex: VERTEX, fragment, values, ..Shader::default() }).picture()
+        else {
+            return;
+        };
         assert_near(&picture, |_, _| [0.25, 0.0, 0.0, 1.0], 1e-6);
     }
 
     #[test]
     fn the_processor_s_rasteriser_says_which_one_runs_them() {
         let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(1); }\n";
-        let said = Scene::square(&Shader { vertex: VERTEX, fragment, values: "" }).refused(RasterChoice::Cpu);
+        let said = Scene::square(&Shader { vertex: VERTEX, fragment, values: "", ..Shader::default() })
+            .refused(RasterChoice::Cpu);
         assert!(said.contains("pass `draw`") && said.contains("own.xml:") && said.contains("--raster wgpu"), "{said}");
     }
 
@@ -333,7 +362,8 @@ mod drawn {
     #[test]
     fn errors_are_in_the_shader_s_own_file() {
         let fragment = "#version 330\nout vec4 color;\n\nvoid main() {\n    color = vec4(nothing, 1);\n}\n";
-        let said = Scene::square(&Shader { vertex: VERTEX, fragment, values: "" }).refused(RasterChoice::Wgpu);
+        let said = Scene::square(&Shader { vertex: VERTEX, fragment, values: "", ..Shader::default() })
+            .refused(RasterChoice::Wgpu);
         assert!(said.contains("own.frag:5:18") && said.contains("nothing"), "{said}");
         let fine = "#version 330\nuniform vec4 tint;\nout vec4 color;\nvoid main() { color = tint; }\n";
         for (values, expected) in [
@@ -345,12 +375,12 @@ mod drawn {
             (value("tint", "LIGHT", "Moon", "COLOR"), "there is no light `Moon`"),
             (value("tint", "RENDERER", "CURRENT", "VIEW"), "declare it as mat4"),
         ] {
-            let said =
-                Scene::square(&Shader { vertex: VERTEX, fragment: fine, values: &values }).refused(RasterChoice::Wgpu);
+            let said = Scene::square(&Shader { vertex: VERTEX, fragment: fine, values: &values, ..Shader::default() })
+                .refused(RasterChoice::Wgpu);
             assert!(said.contains(expected) && said.contains("own.mlib:"), "{said}");
         }
         // Not mapped: 0, and a warning that says so.
-        let scene = Scene::square(&Shader { vertex: VERTEX, fragment: fine, values: "" });
+        let scene = Scene::square(&Shader { vertex: VERTEX, fragment: fine, values: "", ..Shader::default() });
         let project = Settings::default().open(&scene.path()).expect("it is read");
         let warnings = project.problems.to_string();
         assert!(
@@ -364,7 +394,7 @@ mod drawn {
     #[test]
     fn what_own_shaders_cannot_be_joined_with_is_refused_before_anything_is_loaded() {
         let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(1); }\n";
-        let scene = Scene::square(&Shader { vertex: VERTEX, fragment, values: "" });
+        let scene = Scene::square(&Shader { vertex: VERTEX, fragment, values: "", ..Shader::default() });
         let linear = Settings { color: Some(curitiba::pipeline::color::ColorSpace::Linear), ..Settings::default() };
         let thesis = Settings { fidelity: curitiba::pipeline::programs::Fidelity::Thesis, ..Settings::default() };
         for (settings, expected) in [(linear, "--color report"), (thesis, "--fidelity corrected")] {
@@ -395,7 +425,7 @@ mod drawn {
         };
         let own = r#"<material name="own" fromLibrary="Own"/>"#;
         // The matrix is not read, and so it is not asked for.
-        let shader = Shader { vertex, fragment, values: &values };
+        let shader = Shader { vertex, fragment, values: &values, ..Shader::default() };
         let Some(picture) = Scene::with_passes(&shader, &quad(own)).picture() else { return };
         let shown = Scene::with_passes(&shader, &quad(r#"<texture name="shaded" fromLibrary="Own"/>"#));
         let shown = shown.open(RasterChoice::Cpu).expect("it opens").frame(&mut Silent).expect("it renders");
@@ -428,9 +458,164 @@ mod drawn {
         assert!(said.contains("the uniform `pvm` is of the pass's camera, and a quad has none"), "{said}");
     }
 
+    /// A step lit from its side: what the light sees is drawn first, and every pixel is compared with it.
+    fn lit_step(fragment: &str, pass: &str, textures: &str) -> Scene {
+        let vertex = "#version 330\nuniform mat4 pvm, model, toMap;\nin vec4 position;\nout vec4 inMap;\n\
+                      void main() { inMap = toMap * model * position; gl_Position = pvm * position; }\n";
+        let values = value("model", "RENDERER", "CURRENT", "MODEL")
+            + &value("toMap", "CAMERA", "p#light-LightCam", "TS05_PVM_MATRIX")
+            + &value("reach", "PASS", "p#light", "TO")
+            + r#"<valueof uniform="seen" type="TEXTURE_BINDING" context="CURRENT" component="UNIT" id="3"/>"#;
+        let passes = format!(
+            r#"{pass}<pass class="default" name="draw"><scenes><scene name="Step"/><scene name="C"/></scenes>
+<injectionMaps><map toMaterial="*"><shader fromMaterial="own" fromLibrary="Own"/><textures>{textures}</textures></map></injectionMaps></pass>"#
+        );
+        Scene::with_passes(&Shader { vertex, fragment, values: &values, ..Shader::default() }, &passes)
+    }
+
+    const LIT: &str = "#version 330\nuniform sampler2DShadow seen;\nuniform float reach;\nin vec4 inMap;\nout vec4 color;\n\
+                       void main() { color = vec4(vec3(textureProj(seen, inMap - vec4(0, 0, 0.01, 0))), reach); }\n";
+    const SEEN: &str = r#"<texture name="seen" fromLibrary="Own" toUnit="3"/>"#;
+
+    fn seen_by(light: &str, inside: &str, map: &str) -> String {
+        format!(
+            r#"<pass class="depthmap" name="light"><scenes><scene name="Step"/></scenes>{inside}<camera name="C"/>
+<lights><light name="{light}"/></lights><renderTarget name="map" fromLibrary="Own"/>{map}</pass>"#
+        )
+    }
+
+    const DEPTHS: &str = r#"<materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="depth"/></materialMaps>"#;
+
+    /// The light falls along (0.6, 0, -0.8): a shadow lies 0.75 farther to the right for each unit of depth. The square behind the camera is
+    /// before the near plane of the map, and throws its shadow all the same.
     #[test]
-    fn the_shipped_project_renders() {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/shaders/Bands.xml");
+    fn a_depth_map_throws_the_shadows_that_its_light_does() {
+        let scene = lit_step(LIT, &seen_by("Sun", r#"<TO value="8"/>"#, DEPTHS), SEEN);
+        let Some(picture) = scene.picture() else { return };
+        let (mut lit, mut dark) = (0, 0);
+        for (index, pixel) in (0..).zip(&picture.pixels) {
+            let at = |pixel: u32| (pixel as f32 + 0.5) / (SIDE / 2) as f32 - 1.0;
+            let (x, y) = (at(index % SIDE), -at(index / SIDE));
+            // How far inside a square that is centred at `middle`.
+            let inside = |middle: f32, half: f32| half - (x - middle).abs().max(y.abs());
+            let (step, shadow, behind) = (inside(0.0, 0.5), inside(0.75, 0.5), inside(-0.75, 0.2));
+            if [step, shadow, behind].iter().any(|edge| edge.abs() < 0.09) {
+                continue;
+            }
+            let is_dark = step < 0.0 && (shadow > 0.0 || behind > 0.0);
+            *(if is_dark { &mut dark } else { &mut lit }) += 1;
+            assert_eq!(pixel[0], f32::from(u8::from(!is_dark)), "at {x}, {y}");
+            // The pass's own number, not the project's.
+            assert_eq!(pixel[3], 8.0);
+        }
+        assert!(lit > 1000 && dark > 200, "{lit} lit pixels and {dark} in shadow");
+    }
+
+    #[test]
+    fn depth_maps_that_cannot_be_drawn_are_refused_with_their_places() {
+        let injected = r#"<injectionMaps><map toMaterial="near"><shader fromMaterial="depth" fromLibrary="Own"/></map></injectionMaps>"#;
+        let greater = r#"<texture name="seen" fromLibrary="Own" toUnit="3"><COMPARE_FUNC value="GREATER"/></texture>"#;
+        let drawn = seen_by("Sun", "", DEPTHS).replace("depthmap", "default");
+        for (pass, textures, expected) in [
+            (seen_by("Sun", "", ""), SEEN, "draws a depth map by other shaders than own ones"),
+            (seen_by("Sun", "", injected), SEEN, "draws a depth map by other shaders than own ones"),
+            (seen_by("Sun", r#"<FROM value="5"/><TO value="3"/>"#, DEPTHS), SEEN, "covers distances FROM 5 TO 3"),
+            (seen_by("Moon", "", DEPTHS), SEEN, "there is no light `Moon`"),
+            (seen_by("Sun", "", DEPTHS), greater, "COMPARE_FUNC `GREATER` of `seen` is not supported"),
+            (drawn, SEEN, "there is no camera `p#light-LightCam`"),
+            (seen_by("Sun", "", "").replace("depthmap", "default"), SEEN, "has no colour channel"),
+        ] {
+            let said = lit_step(LIT, &pass, textures).refused(RasterChoice::Wgpu);
+            assert!(said.contains("own.xml:") && said.contains(expected), "{expected}: {said}");
+        }
+    }
+
+    /// Depth of a pass from a camera, in a target without colours, shown by a quad: 0 at the near plane, 1 at the far plane.
+    #[test]
+    fn a_depth_is_a_texture_of_later_passes() {
+        let passes = format!(
+            r#"<pass class="default" name="draw"><scenes><scene name="Step"/></scenes><renderTarget name="map" fromLibrary="Own"/>{DEPTHS}</pass>
+<pass class="quad" name="show"><texture name="Own::seen"/></pass>"#
+        );
+        let Some(picture) = Scene::with_passes(&Shader::default(), &passes).picture() else { return };
+        // The camera stands at z = 5, its near plane at 1 and its far plane at 9; the two squares are at z = 0 and -1.
+        let known = |x: u32, y: u32| {
+            let near = (16..48).contains(&x) && (16..48).contains(&y);
+            let depth = if near { 0.5 } else { 0.625 };
+            [depth, depth, depth, 1.0]
+        };
+        assert_near(&picture, known, 1e-6);
+        let depth = "#version 330\nout vec4 nowhere;\nvoid main() { nowhere = vec4(7.0); gl_FragDepth = gl_FragCoord.z * 0.5; }\n";
+        let scene = Scene::with_passes(&Shader { depth, ..Shader::default() }, &passes);
+        let half = |x, y| known(x, y).map(|value| if value == 1.0 { 1.0 } else { value * 0.5 });
+        assert_near(&scene.picture().expect("a driver"), half, 1e-6);
+        // Beside what `deferred` draws it is not kept.
+        let other = passes.replace(DEPTHS, "").replace(r#"name="map""#, r#"name="buffers""#);
+        let other = other
+            .replace("Own::seen", "Own::depth")
+            .replace("</scenes>", r#"</scenes><lights><light name="Sun"/></lights>"#);
+        let said = Scene::with_passes(&Shader::default(), &other).refused(RasterChoice::Wgpu);
+        assert!(said.contains("`depth`") || said.contains("depth buffer"), "{said}");
+    }
+
+    /// The engine's square has its texture's `u` along x; turned it keeps that.
+    #[test]
+    fn tangents_point_along_u_in_the_world() {
+        let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nin vec4 tangent;\nin vec3 normal;\nout vec4 t;\nout vec3 n;\n\
+                      void main() { t = tangent; n = normal; gl_Position = pvm * position; }\n";
+        let fragment = "#version 330\nin vec4 t;\nin vec3 n;\nout vec4 color;\n\
+                        void main() { color = vec4(abs(t.x), length(t.yz), abs(dot(t.xyz, n)), t.w); }\n";
+        let Some(picture) = Scene::square(&Shader { vertex, fragment, ..Shader::default() }).picture() else { return };
+        assert_near(&picture, |_, _| [1.0, 0.0, 0.0, 0.0], 1e-6);
+    }
+
+    /// A raster pass reads what another drew, upside down in neither; truth values and arrays are what the files say.
+    #[test]
+    fn a_raster_pass_samples_what_another_drew() {
+        let fragment = "#version 330\nuniform sampler2D shaded;\nuniform bool on = true;\nuniform float w[2] = { 0.25, 0.75 };\n\
+                        out vec4 color;\nvoid main() { vec4 p = texelFetch(shaded, ivec2(gl_FragCoord.xy), 0);\n\
+                        color = vec4(p.rgb * (on ? w[0] + w[1] : 0.0), 1.0); }\n";
+        let values = r#"<valueof uniform="shaded" type="TEXTURE_BINDING" context="CURRENT" component="UNIT" id="1"/>"#;
+        let drawn = |second: &str| {
+            format!(
+                r#"<pass class="default" name="draw"><scenes><scene name="Ball"/></scenes><renderTarget name="buffers" fromLibrary="Own"/>
+<lights><light name="Sun"/></lights></pass>{second}"#
+            )
+        };
+        let own = r#"<pass class="default" name="again"><scenes><scene name="Square"/></scenes>
+<materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="own"/></materialMaps></pass>"#;
+        let show = r#"<pass class="quad" name="show"><texture name="shaded" fromLibrary="Own"/></pass>"#;
+        let shader = Shader { fragment, values, ..Shader::default() };
+        let picture = |passes: &str| Scene::with_passes(&shader, &drawn(passes)).open(RasterChoice::Wgpu);
+        if Scene::with_passes(&shader, &drawn(own)).picture().is_none() {
+            return;
+        }
+        let [sampled, shown] =
+            [own, show].map(|passes| picture(passes).expect("it opens").frame(&mut Silent).expect("it renders"));
+        assert_near(
+            &sampled,
+            |x, y| {
+                let [r, g, b, _] = shown.pixels[(y * SIDE + x) as usize];
+                [r, g, b, 1.0]
+            },
+            1e-5,
+        );
+        assert!(shown.pixels.iter().filter(|pixel| pixel[0] > 0.0).count() > 1000, "the ball is seen");
+        let said = Scene::with_passes(&shader, own).refused(RasterChoice::Wgpu);
+        assert!(said.contains("reads `Own::shaded`, which no pass writes"), "{said}");
+        let mapped = values.to_owned() + &value("w", "RENDERER", "CURRENT", "level");
+        let said = Scene::with_passes(&Shader { values: &mapped, ..shader }, &drawn(own)).refused(RasterChoice::Wgpu);
+        assert!(said.contains("own.mlib:") && said.contains("`w` is an array"), "{said}");
+    }
+
+    #[test]
+    fn the_shipped_projects_render() {
+        shipped("Bands.xml");
+        shipped("DepthMap.xml");
+    }
+
+    fn shipped(name: &str) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("xml_projects/shaders").join(name);
         let settings = Settings { size: Some([SIDE; 2]), ..Settings::default() };
         let choice = Choice { raster: RasterChoice::Wgpu, ..Choice::CPU };
         if let Err(error) = curitiba::engines::rasteriser(choice) {

@@ -5,7 +5,7 @@ pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
 use crate::camera_programs::SurfaceKind;
 use crate::device_quad::{DeviceQuad, DeviceQuadStats, Shown};
 use crate::glass::Dielectric;
-use crate::glsl::Program;
+use crate::glsl::{Program, Side};
 use crate::image::Image;
 use crate::pixel_samples::PixelSamples;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
@@ -215,8 +215,21 @@ pub struct OwnMaterial {
     pub program: usize,
     /// By block of the program: its bytes.
     pub uniforms: Vec<Vec<u8>>,
-    /// By sampler of the program: index into [`RenderScene::textures`]; `None` is black and opaque.
-    pub textures: Vec<Option<u32>>,
+    /// By sampler of the program.
+    pub textures: Vec<OwnTexture>,
+    /// Which side of triangles is left out, where the shader's states say so.
+    pub culled: Option<Side>,
+}
+
+/// What a sampler of an own shader reads in a raster pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OwnTexture {
+    /// Black and opaque.
+    Nothing,
+    /// Index into [`RenderScene::textures`].
+    Scene(u32),
+    /// Index into [`OwnShaders::channels`].
+    Channel(usize),
 }
 
 /// The own shaders of a raster pass.
@@ -226,6 +239,17 @@ pub struct OwnShaders<'a> {
     pub programs: &'a [Arc<Program>],
     /// By material index; `None` for what the job's own program draws.
     pub materials: &'a [Option<OwnMaterial>],
+    /// What earlier passes wrote.
+    pub channels: &'a [QuadTexture<'a>],
+    /// The attachment that holds depth, of colour, position and normal: it is cleared to 1, the far plane. `None` where depth is not kept.
+    pub depth: Option<usize>,
+    /// Whether what lies before the near plane or behind the far plane is drawn at that plane's depth, instead of left out.
+    pub clamped: bool,
+}
+
+impl OwnShaders<'_> {
+    /// None.
+    pub const NONE: Self = Self { programs: &[], materials: &[], channels: &[], depth: None, clamped: false };
 }
 
 /// What a sampler of a quad's own shader reads.

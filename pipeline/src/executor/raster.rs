@@ -1,7 +1,7 @@
 //! Raster passes.
 
-use super::{Observer, PassMaterials, Progress, Renderer, StepKind, parts};
-use crate::backend::{Attachments, BackendError, OwnShaders, RasterJob};
+use super::{Observer, PassMaterials, Progress, Renderer, StepKind, channel_of, parts, shaders};
+use crate::backend::{Attachments, BackendError, OwnShaders, QuadTexture, RasterJob};
 use crate::plan::{PlannedPass, Work};
 use crate::programs::Fidelity;
 use crate::project::PassKind;
@@ -22,6 +22,8 @@ impl Renderer {
         let pass = self.plan.pass(planned);
         let PassKind::Raster(raster) = &pass.kind else { return Ok(()) };
         let (program, target) = (raster.program, pass.target);
+        let sampled = shaders::own_channels(raster);
+        let clamped = self.plan.project.is_of_light(raster.camera);
         let sun = raster.light.and_then(|light| self.sun(light));
         self.upload(scene_set, observer)?;
         let mut buffer = std::mem::take(self.buffer(target));
@@ -30,7 +32,19 @@ impl Renderer {
         let (shared, half) = (self.in_shared_memory(target, traced), self.half_floats(target));
         let blocks = self.blocks(view, viewport, &buffer);
         let (own_programs, own_materials) = self.own_shaders(index, planned);
-        let own = OwnShaders { programs: &own_programs, materials: &own_materials };
+        let sampled = if own_materials.is_empty() { Vec::new() } else { sampled };
+        let channels: Vec<QuadTexture<'_>> = sampled
+            .iter()
+            .map(|channel| {
+                let read = &self.targets[channel.target];
+                let texels = channel_of(read, channel.channel);
+                QuadTexture::Channel { width: read.width, height: read.height, texels }
+            })
+            .collect();
+        let depth = target.and_then(|target| self.plan.project.targets[target].depth());
+        // The engine's depth maps keep what stands between the light and the view.
+        let own =
+            OwnShaders { programs: &own_programs, materials: &own_materials, channels: &channels, depth, clamped };
         let job = RasterJob {
             scene: &scene,
             program,

@@ -1,14 +1,14 @@
 //! Own shaders of raster passes: the values of their uniforms, and their textures.
 
 use super::{RenderError, Renderer, Surface, channel_of};
-use crate::backend::{BackendError, GBuffer, OwnMaterial, QuadJob, QuadTexture, Rect, Shade, View};
+use crate::backend::{BackendError, GBuffer, OwnMaterial, OwnTexture, QuadJob, QuadTexture, Rect, Shade, View};
 use crate::glsl::{CameraValue, ColorValue, FRAME, LightValue, Matrix, Member, Program, Scalar, Value};
 use crate::memory;
 use crate::plan::{PlannedPass, Work};
-use crate::project::{Camera, ColorMap, OwnShader, PassKind, RasterPass, ShaderTexture};
+use crate::project::{Camera, ChannelRef, ColorMap, OwnShader, PassKind, RasterPass, ShaderTexture};
 use crate::scene::{Material, RenderScene, image_file};
 use glam::camera::rh;
-use glam::{DMat4, Mat4, Vec3, Vec4};
+use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -42,6 +42,19 @@ pub(super) fn surfaces(
         Some(surface)
     };
     materials.iter().zip(shades).map(surface).collect()
+}
+
+/// What the own shaders of a pass sample of what earlier passes wrote, each once.
+pub(super) fn own_channels(raster: &RasterPass) -> Vec<ChannelRef> {
+    let mut channels = Vec::new();
+    for texture in raster.shaders.iter().flat_map(|map| &map.shader.textures) {
+        if let ShaderTexture::Channel(channel) = texture
+            && !channels.contains(channel)
+        {
+            channels.push(*channel);
+        }
+    }
+    channels
 }
 
 /// What the uniforms of a pass have in common.
@@ -108,17 +121,24 @@ impl Renderer {
             height: self.plan.target_size(self.plan.pass(planned).target)[1],
         };
         let images = &self.scenes[*scene_set].images;
+        let channels = own_channels(raster);
         let made = |surface: &Surface| {
             let shader = &raster.shaders[surface.shader].shader;
             let texture = |texture: &ShaderTexture| match texture {
-                ShaderTexture::Material => surface.texture,
-                ShaderTexture::File(path) => images.iter().find(|(file, _)| file == path).map(|(_, index)| *index),
-                ShaderTexture::Nothing | ShaderTexture::Channel(_) => None,
+                ShaderTexture::Material => surface.texture.map(OwnTexture::Scene),
+                ShaderTexture::File(path) => {
+                    images.iter().find(|(file, _)| file == path).map(|(_, index)| OwnTexture::Scene(*index))
+                }
+                ShaderTexture::Channel(channel) => {
+                    channels.iter().position(|other| other == channel).map(OwnTexture::Channel)
+                }
+                ShaderTexture::Nothing => None,
             };
             OwnMaterial {
                 program: surface.shader,
                 uniforms: self.uniforms(shader, surface, &scope),
-                textures: shader.textures.iter().map(texture).collect(),
+                textures: shader.textures.iter().map(|of| texture(of).unwrap_or(OwnTexture::Nothing)).collect(),
+                culled: shader.culled,
             }
         };
         let programs = raster.shaders.iter().map(|map| Arc::clone(&map.shader.program)).collect();
@@ -251,7 +271,7 @@ impl Renderer {
             (Value::Color(ColorValue::Shininess), _) => number(surface.shininess),
             (Value::TextureCount, _) => {
                 let own = u32::from(surface.texture.is_some());
-                number(shader.bound.unwrap_or(own) as f32)
+                number(shader.bound.unwrap_or(own + shader.injected) as f32)
             }
             (Value::Constant(constant), _) => vec![Vec4::from_array(constant)],
             (Value::Unit(unit), _) => number(unit as f32),
@@ -270,6 +290,11 @@ impl Renderer {
         self.view_model(camera) * DMat4::from_translation(-self.plan.origin)
     }
 
+    /// World to OpenGL's clip space.
+    fn to_clip(&self, Seen { camera, view }: Seen<'_>) -> DMat4 {
+        in_opengl(view.clip_from_world) * self.view_model(camera).inverse() * self.world_view(camera)
+    }
+
     fn matrix(&self, Seen { camera, view }: Seen<'_>, matrix: Matrix) -> Vec<Vec4> {
         let clip = in_opengl(view.clip_from_world);
         let projection = || clip * self.view_model(camera).inverse();
@@ -279,7 +304,7 @@ impl Renderer {
             Matrix::View => self.world_view(camera),
             Matrix::ViewModel => self.view_model(camera),
             Matrix::ProjectionViewModel => clip,
-            Matrix::ProjectionView => projection() * self.world_view(camera),
+            Matrix::ProjectionView => self.to_clip(Seen { camera, view }),
         })
     }
 
@@ -293,6 +318,10 @@ impl Renderer {
             CameraValue::ViewMatrix => self.matrix(seen, Matrix::View),
             CameraValue::ProjectionMatrix => self.matrix(seen, Matrix::Projection),
             CameraValue::ProjectionViewMatrix => self.matrix(seen, Matrix::ProjectionView),
+            CameraValue::TextureMatrix => {
+                let half = DVec3::splat(0.5);
+                columns(DMat4::from_translation(half) * DMat4::from_scale(half) * self.to_clip(seen))
+            }
             CameraValue::Fov => number(camera.fov_y.to_degrees()),
             CameraValue::Near => number(camera.near),
             CameraValue::Far => number(camera.far),

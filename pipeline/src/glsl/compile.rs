@@ -34,7 +34,7 @@ fn compile(source: Source<'_>) -> Result<Program, Vec<Fault>> {
     let first = vertex.as_ref().map_or(0, |vertex| next_binding(vertex, 0));
     let fragment = fragment.and_then(|tokens| read(Stage::Fragment, &tokens, first));
     let (vertex, fragment) = both(vertex, fragment)?;
-    let linked = link(&vertex, &fragment)?;
+    let linked = link(&vertex, &fragment, source.depth)?;
     let (vertex_done, fragment_done) = both(
         translate(Stage::Vertex, &linked.vertex, &vertex),
         translate(Stage::Fragment, &linked.fragment, &fragment),
@@ -50,6 +50,7 @@ fn compile(source: Source<'_>) -> Result<Program, Vec<Fault>> {
         samplers: linked.samplers,
         outputs: linked.outputs,
         flat: linked.flat,
+        fixed: [vertex.fixed, fragment.fixed].concat(),
     })
 }
 

@@ -1,10 +1,13 @@
 //! Joins two stages: locations of what passes between them, of attributes and results, and our `main` around the file's.
 
-use super::rewrite::{OURS, Origin, Stated, Variable, attribute, loose_block, sampler_name, texture_name};
-use super::{Attribute, FRAME, Fault, MAX_OUTPUTS, Sampler, Stage};
+use super::rewrite::{
+    OURS, Origin, Stated, TRUTH, Variable, attribute, compare_name, compare_projected_name, loose_block, sampler_name,
+    texture_name,
+};
+use super::{Attribute, FRAME, Fault, MAX_OUTPUTS, Sampler, SamplerKind, Stage};
 use std::fmt::Write;
 
-/// Most variables that pass between the stages: what every device has.
+/// Most variables, elements of arrays and columns that pass between the stages: what every device has.
 const MAX_VARYINGS: usize = 15;
 
 /// A stage as the compiler reads it.
@@ -36,8 +39,8 @@ pub(super) fn next_binding(stated: &Stated, first: usize) -> usize {
     loose_binding(stated, first) + usize::from(!loose_block(stated, 0).is_empty())
 }
 
-/// Joins the stages.
-pub(super) fn link(vertex: &Stated, fragment: &Stated) -> Result<Linked, Vec<Fault>> {
+/// Joins the stages. `depth` is the location at which the fragment shader also writes the depth of pixels.
+pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> Result<Linked, Vec<Fault>> {
     let mut faults = Vec::new();
     let mut samplers = vertex.samplers.clone();
     for sampler in &fragment.samplers {
@@ -47,7 +50,7 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated) -> Result<Linked, Vec<Fau
     }
     let attributes = attributes(vertex, &mut faults);
     let passed = passed(vertex, fragment, &mut faults);
-    let results = results(fragment, &mut faults);
+    let results = results(fragment, depth, &mut faults);
     if !faults.is_empty() {
         return Err(faults);
     }
@@ -60,16 +63,29 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated) -> Result<Linked, Vec<Fau
                 let _ = writeln!(text, "layout(set = 1, binding = {}) uniform sampler {own};", 2 * index + 1);
             }
         }
-        text + &loose_block(stated, binding)
+        text += &loose_block(stated, binding);
+        stated.samplers.iter().filter(|own| own.kind == SamplerKind::Compared).for_each(|own| text += &compare(own));
+        text
+    };
+    let truths = |stated: &Stated| {
+        let made = |uniform: &super::rewrite::Uniform| {
+            let (kind, name) = (&uniform.kind, &uniform.name);
+            let value = match kind.as_str() {
+                "bool" => format!("{TRUTH}{name} != 0u"),
+                _ => format!("notEqual({TRUTH}{name}, {}(0u))", kind.replace("bvec", "uvec")),
+            };
+            format!("{name} = {value};\n")
+        };
+        stated.uniforms.iter().filter(|uniform| uniform.is_truth()).map(made).collect::<String>()
     };
 
     let mut head = begin(vertex, loose_binding(vertex, 0));
-    let (mut before, mut after) = (String::new(), String::new());
+    let (mut before, mut after) = (truths(vertex), String::new());
     for attribute in &attributes {
         let (name, location) = (attribute.name(), attribute.location());
         let (kind, ending) = match attribute {
             Attribute::Position => ("vec3", "1.0"),
-            Attribute::Normal => ("vec3", "0.0"),
+            Attribute::Normal | Attribute::Tangent => ("vec3", "0.0"),
             Attribute::TexCoord => ("vec2", "0.0, 1.0"),
         };
         let _ = writeln!(head, "layout(location = {location}) in {kind} {OURS}a_{name};");
@@ -85,23 +101,36 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated) -> Result<Linked, Vec<Fau
             let _ = writeln!(before, "{name} = {whole}{part};");
         }
     }
-    for (location, (output, input, flat)) in passed.iter().enumerate() {
+    for (location, Passed { output, kind, part, flat, .. }) in passed.iter().enumerate() {
         let flat = if *flat { "flat " } else { "" };
-        let _ = writeln!(head, "layout(location = {location}) {flat}out {} {OURS}v{location};", input.kind);
-        let _ = writeln!(after, "{OURS}v{location} = {};", output.global);
+        let _ = writeln!(head, "layout(location = {location}) {flat}out {kind} {OURS}v{location};");
+        let _ = writeln!(after, "{OURS}v{location} = {}{part};", output.global);
     }
     // OpenGL's depth is -1 at the near plane and 1 at the far plane; ours is 1 and 0.
     after += "gl_Position.z = (gl_Position.w - gl_Position.z) * 0.5;\n";
     let vertex_text = around(vertex, head, &before, &after);
 
     let mut head = begin(fragment, loose_binding(fragment, next_binding(vertex, 0)));
-    let (mut before, mut after) = (String::new(), String::new());
-    for (location, (_, input, flat)) in passed.iter().enumerate() {
+    let (mut before, mut after) = (truths(fragment), String::new());
+    for (location, Passed { input, kind, part, flat, .. }) in passed.iter().enumerate() {
         let flat = if *flat { "flat " } else { "" };
-        let _ = writeln!(head, "layout(location = {location}) {flat}in {} {OURS}v{location};", input.kind);
-        let _ = writeln!(before, "{} = {OURS}v{location};", input.global);
+        let _ = writeln!(head, "layout(location = {location}) {flat}in {kind} {OURS}v{location};");
+        let _ = writeln!(before, "{}{part} = {OURS}v{location};", input.global);
+    }
+    if fragment.depth || depth.is_some() {
+        // OpenGL's depth is 0 at the near plane and 1 at the far plane; ours is 1 and 0.
+        let _ = writeln!(head, "float {OURS}FragDepth;");
+        let _ = writeln!(before, "{OURS}FragDepth = 1.0 - gl_FragCoord.z;");
+    }
+    if fragment.depth {
+        let _ = writeln!(after, "gl_FragDepth = 1.0 - {OURS}FragDepth;");
     }
     let mut outputs = [false; MAX_OUTPUTS];
+    if let Some(location) = depth.filter(|location| *location < MAX_OUTPUTS) {
+        outputs[location] = true;
+        let _ = writeln!(head, "layout(location = {location}) out vec4 {OURS}o{location};");
+        let _ = writeln!(after, "{OURS}o{location} = vec4(vec3(clamp({OURS}FragDepth, 0.0, 1.0)), 1.0);");
+    }
     for (location, output) in &results {
         outputs[*location] = true;
         let _ = writeln!(head, "layout(location = {location}) out vec4 {OURS}o{location};");
@@ -130,7 +159,7 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated) -> Result<Linked, Vec<Fau
         }
     }
     let fragment_text = around(fragment, head, &before, &after);
-    let flat = passed.iter().any(|(_, _, flat)| *flat);
+    let flat = passed.iter().any(|passed| passed.flat);
     Ok(Linked { vertex: vertex_text, fragment: fragment_text, attributes, samplers, outputs, flat })
 }
 
@@ -148,7 +177,7 @@ fn around(stated: &Stated, head: String, before: &str, after: &str) -> Text {
 fn attributes(vertex: &Stated, faults: &mut Vec<Fault>) -> Vec<Attribute> {
     let mut found = Vec::new();
     for input in vertex.inputs.iter().filter(|input| input.used) {
-        let floats = input.kind == "float" || input.kind.starts_with("vec");
+        let floats = input.parts.is_none() && (input.kind == "float" || input.kind.starts_with("vec"));
         match attribute(&input.key).filter(|_| floats) {
             Some(attribute) if !found.contains(&attribute) => found.push(attribute),
             Some(_) => {}
@@ -164,12 +193,47 @@ fn attributes(vertex: &Stated, faults: &mut Vec<Fault>) -> Vec<Attribute> {
     found
 }
 
-/// What the fragment stage reads of the vertex stage: the two declarations, and whether it is not interpolated.
-fn passed<'a>(
-    vertex: &'a Stated,
-    fragment: &'a Stated,
-    faults: &mut Vec<Fault>,
-) -> Vec<(&'a Variable, &'a Variable, bool)> {
+/// The function that compares depths with those of a texture, as OpenGL filters them: each of the four texels is 1 where the reference is
+/// at most its depth, else 0, and the four are weighted.
+fn compare(sampler: &Sampler) -> String {
+    let (name, projected) = (compare_name(&sampler.name), compare_projected_name(&sampler.name));
+    let whole = format!("sampler2D({}, {})", texture_name(&sampler.name), sampler_name(&sampler.name));
+    // Coordinates repeat; whole numbers beyond 2^24 are no texel's.
+    let text = "float @t(vec2 at, float depth) {
+vec2 size = vec2(textureSize(@s, 0));
+vec2 texel = at - size * floor(at / size);
+return depth <= texelFetch(@s, ivec2(clamp(texel, vec2(0.0), size - vec2(1.0))), 0).x ? 1.0 : 0.0; }
+float @c(vec3 p) {
+vec2 at = p.xy * vec2(textureSize(@s, 0)) - vec2(0.5);
+vec2 first = floor(at);
+vec2 part = at - first;
+float depth = clamp(p.z, 0.0, 1.0);
+float low = mix(@t(first, depth), @t(first + vec2(1.0, 0.0), depth), part.x);
+float high = mix(@t(first + vec2(0.0, 1.0), depth), @t(first + vec2(1.0, 1.0), depth), part.x);
+return mix(low, high, part.y); }
+float @c(vec3 p, float unread) { return @c(p); }
+vec4 @c_4(vec3 p) { return vec4(vec3(@c(p)), 1.0); }
+float @p(vec4 p) { return @c(p.xyz / p.w); }
+vec4 @p_4(vec4 p) { return vec4(vec3(@p(p)), 1.0); }
+";
+    text.replace("@t", &format!("{OURS}t1_{}", sampler.name))
+        .replace("@s", &whole)
+        .replace("@c", &name)
+        .replace("@p", &projected)
+}
+
+/// One location between the stages: a variable, an element of an array, or a column of a matrix.
+struct Passed<'a> {
+    output: &'a Variable,
+    input: &'a Variable,
+    kind: String,
+    /// `[1]`, or nothing.
+    part: String,
+    flat: bool,
+}
+
+/// What the fragment stage reads of the vertex stage, location by location.
+fn passed<'a>(vertex: &'a Stated, fragment: &'a Stated, faults: &mut Vec<Fault>) -> Vec<Passed<'a>> {
     let mut found = Vec::new();
     for input in fragment.inputs.iter().filter(|input| input.used) {
         let same = |output: &&Variable| match (output.location, input.location) {
@@ -187,21 +251,34 @@ fn passed<'a>(
             faults.push(input.token.fault(Stage::Fragment, message, &help));
             continue;
         };
-        if output.kind != input.kind {
-            let message = format!("`{name}` is a {} here and a {} in the vertex shader", input.kind, output.kind);
+        if (&output.kind, output.parts) != (&input.kind, input.parts) {
+            let (here, there) = (declared(input), declared(output));
+            let message = format!("`{name}` is a {here} here and a {there} in the vertex shader");
             faults.push(input.token.fault(Stage::Fragment, message, "valid: the same type in both"));
+            continue;
         }
-        found.push((output, input, input.flat || output.flat));
-        if found.len() == MAX_VARYINGS + 1 {
+        let before = found.len();
+        let kind = input.kind.strip_prefix("mat").map_or(input.kind.clone(), |side| format!("vec{}", &side[..1]));
+        for part in 0..input.parts.unwrap_or(1) {
+            let part = input.parts.map_or(String::new(), |_| format!("[{part}]"));
+            found.push(Passed { output, input, kind: kind.clone(), part, flat: input.flat || output.flat });
+        }
+        if before <= MAX_VARYINGS && found.len() > MAX_VARYINGS {
             let message = format!("more than {MAX_VARYINGS} variables pass from the vertex shader");
-            faults.push(input.token.fault(Stage::Fragment, message, ""));
+            faults.push(input.token.fault(Stage::Fragment, message, "elements of arrays and columns count"));
         }
     }
     found
 }
 
-/// Locations of the results.
-fn results<'a>(fragment: &'a Stated, faults: &mut Vec<Fault>) -> Vec<(usize, &'a Variable)> {
+/// A variable's type, as in `vec4[2]`.
+fn declared(variable: &Variable) -> String {
+    let array = variable.parts.filter(|_| !variable.kind.starts_with("mat"));
+    format!("{}{}", variable.kind, array.map_or(String::new(), |length| format!("[{length}]")))
+}
+
+/// Locations of the results; from that of the depth on they go nowhere, as OpenGL has it where a target has no such channel.
+fn results<'a>(fragment: &'a Stated, depth: Option<usize>, faults: &mut Vec<Fault>) -> Vec<(usize, &'a Variable)> {
     let mut found: Vec<(usize, &Variable)> = Vec::new();
     let taken: Vec<u32> = fragment.outputs.iter().filter_map(|output| output.location).collect();
     for output in &fragment.outputs {
@@ -209,6 +286,9 @@ fn results<'a>(fragment: &'a Stated, faults: &mut Vec<Fault>) -> Vec<(usize, &'a
             (0..).find(|location| !taken.contains(location) && !found.iter().any(|(l, _)| l == &(*location as usize)))
         };
         let location = output.location.or_else(free).unwrap_or(0) as usize;
+        if depth.is_some_and(|depth| location >= depth) {
+            continue;
+        }
         let fault = if location >= MAX_OUTPUTS {
             Some((
                 format!(
@@ -219,6 +299,8 @@ fn results<'a>(fragment: &'a Stated, faults: &mut Vec<Fault>) -> Vec<(usize, &'a
             ))
         } else if found.iter().any(|(other, _)| *other == location) {
             Some((format!("a second result goes to location {location}"), ""))
+        } else if output.parts.is_some() {
+            Some((format!("the result `{}` is an array or a matrix", output.token.text), "valid: vec4"))
         } else if !(output.kind == "float" || output.kind.starts_with("vec")) {
             Some((
                 format!("`{}` is a result of whole numbers, which no target holds", output.token.text),

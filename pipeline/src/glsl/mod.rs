@@ -27,7 +27,7 @@ mod tokens;
 mod translate;
 mod value;
 
-pub use value::{CameraValue, ColorValue, LightValue, Matrix, Value};
+pub use value::{CameraValue, ColorValue, LightValue, Matrix, Side, Value};
 
 use std::fmt;
 
@@ -69,6 +69,9 @@ pub struct Source<'a> {
     pub vertex: &'a str,
     /// What runs for each pixel.
     pub fragment: &'a str,
+    /// Where the depth of pixels is written as well, 0 at the near plane and 1 at the far plane, below [`MAX_OUTPUTS`]: the location behind
+    /// those of the target's colours. Results from there on go nowhere, as OpenGL has it where a target has no such channel.
+    pub depth: Option<usize>,
 }
 
 #[cfg(not(feature = "glsl"))]
@@ -107,11 +110,13 @@ pub enum Attribute {
     Normal,
     /// Texture coordinates of unit 0, `v = 0` at the bottom row; `z` is 0, `w` is 1.
     TexCoord,
+    /// Unit tangent in the world, along which `u` grows, as normal maps are made with (MikkTSpace); `w` is 0. 0 where there is none.
+    Tangent,
 }
 
 impl Attribute {
     /// All of them; their places are the locations in [`Program::vertex`].
-    pub const ALL: [Self; 3] = [Self::Position, Self::Normal, Self::TexCoord];
+    pub const ALL: [Self; 4] = [Self::Position, Self::Normal, Self::TexCoord, Self::Tangent];
 
     /// As shaders declare it.
     #[must_use]
@@ -120,6 +125,7 @@ impl Attribute {
             Self::Position => "position",
             Self::Normal => "normal",
             Self::TexCoord => "texCoord0",
+            Self::Tangent => "tangent",
         }
     }
 
@@ -184,12 +190,34 @@ pub struct Block {
 /// down. Users cannot declare one of this name.
 pub const FRAME: &str = "curitiba_frame";
 
+/// What a sampler does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SamplerKind {
+    /// `sampler2D`.
+    Color,
+    /// `sampler2DShadow`: it compares a depth with those of the texture, which is read unfiltered.
+    Compared,
+}
+
 /// A texture of the project, sampled.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sampler {
     /// As shaders declare it.
     pub name: String,
+    /// What it does.
+    pub kind: SamplerKind,
     /// Who reads it first.
+    pub stage: Stage,
+    /// Where its declaration is in the file, bytes.
+    pub at: [usize; 2],
+}
+
+/// A uniform array with the values that it begins with, to which nothing can be mapped: a constant.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fixed {
+    /// As shaders declare it.
+    pub name: String,
+    /// Who reads it.
     pub stage: Stage,
     /// Where its declaration is in the file, bytes.
     pub at: [usize; 2],
@@ -215,4 +243,6 @@ pub struct Program {
     pub outputs: [bool; MAX_OUTPUTS],
     /// Whether something is not interpolated: OpenGL then takes it from a triangle's last corner.
     pub flat: bool,
+    /// Uniforms that keep the values that they begin with.
+    pub fixed: Vec<Fixed>,
 }

@@ -8,7 +8,7 @@ const VERTEX: &str =
 const FRAGMENT: &str = "#version 330\nout vec4 color;\nvoid main() { color = vec4(1.0); }\n";
 
 fn compile(vertex: &str, fragment: &str) -> Result<Program, Vec<Fault>> {
-    Source { vertex, fragment }.compile()
+    Source { vertex, fragment, depth: None }.compile()
 }
 
 /// Line and column of each fault, from 1, with its file and message.
@@ -116,6 +116,97 @@ fn what_passes_between_the_stages_is_joined_by_name() {
     assert_eq!(found.len(), 2);
 }
 
+/// Arrays and matrices take a location for each part.
+#[test]
+fn arrays_and_matrices_pass_between_the_stages_part_by_part() {
+    let vertex = "#version 330\nin vec4 position;\nout vec4 p[3];\nout mat3 m;\n\
+                  void main() { for (int i = 0; i < 3; i++) p[i] = position * float(i); m = mat3(2.0); gl_Position = position; }\n";
+    let fragment =
+        "#version 330\nin vec4 p[3];\nin mat3 m;\nout vec4 color;\nvoid main() { color = p[2] + vec4(m[1], 1.0); }\n";
+    let program = compile(vertex, fragment).expect("it compiles");
+    assert_eq!(program.vertex.matches("@location(").count(), 1 + 3 + 3, "{}", program.vertex);
+    for (wrong, said) in [
+        (
+            fragment.replace("p[3]", "p[2]").replace("p[2] +", "p[1] +"),
+            "`p` is a vec4[2] here and a vec4[3] in the vertex",
+        ),
+        (fragment.replace("mat3 m", "vec3 m[3]"), "`m` is a vec3[3] here and a mat3 in the vertex"),
+    ] {
+        let found = faults(vertex, &wrong);
+        assert!(found.iter().any(|fault| fault.3.contains(said)), "{found:?}");
+    }
+    let many = |count: usize| {
+        let names: Vec<String> = (0..count).map(|i| format!("vec4 q{i}[8]")).collect();
+        let declared = |way: &str| names.iter().map(|name| format!("{way} {name};\n")).collect::<String>();
+        let sum: String = (0..count).map(|i| format!(" + q{i}[7]")).collect();
+        let vertex = format!("{}in vec4 position;\nvoid main() {{ gl_Position = position; }}\n", declared("out"));
+        compile(&vertex, &format!("{}out vec4 color;\nvoid main() {{ color = vec4(1.0){sum}; }}\n", declared("in")))
+    };
+    assert!(many(1).is_ok());
+    let found = many(2).expect_err("refused");
+    assert!(found[0].message.contains("more than 15"), "{found:?}");
+}
+
+/// Blocks hold no truth values: they are numbers there, and what the file has is made of them.
+#[test]
+fn truth_values_are_uniforms_by_the_names_that_the_file_gives_them() {
+    let fragment = "#version 330\nuniform bool on = true;\nuniform bvec2 two;\nout vec4 color;\n\
+                    void main() { bool off = !on; color = vec4(off ? 0.0 : 1.0, two.x ? 1.0 : 0.0, 0, 1); }\n";
+    let program = compile(VERTEX, fragment).expect("it compiles");
+    let members: Vec<_> = program.blocks[1]
+        .members
+        .iter()
+        .map(|member| (member.name.as_str(), member.shape.map(|shape| (shape.scalar, shape.rows)), member.default))
+        .collect();
+    let expected =
+        [("on", Some((Scalar::Uint, 1)), Some([1.0, 0.0, 0.0, 0.0])), ("two", Some((Scalar::Uint, 2)), None)];
+    assert_eq!(members, expected);
+}
+
+#[test]
+fn arrays_that_begin_with_values_are_constants() {
+    for values in ["{ 0.5, 1.0, 2.0 }", "float[3](0.5, 1.0, 2.0)", "float[](0.5, 1.0, 2.0)", "{ 0.5, 1.0, 2.0, }"] {
+        let fragment = format!(
+            "#version 330\nuniform float w[3] = {values};\nout vec4 color;\n\
+             void main() {{ color = vec4(0); for (int i = 0; i < w.length(); i++) color.r += w[i]; }}\n"
+        );
+        let program = compile(VERTEX, &fragment).unwrap_or_else(|faults| panic!("{values}: {faults:?}"));
+        assert_eq!(program.fixed.iter().map(|fixed| fixed.name.as_str()).collect::<Vec<_>>(), ["w"]);
+        assert_eq!(program.blocks.len(), 1, "no block holds it");
+        assert_eq!(&fragment[program.fixed[0].at[0]..program.fixed[0].at[1]], "w");
+    }
+    let short = "#version 330\nuniform float w[3] = { 0.5 };\nout vec4 color;\nvoid main() { color = vec4(w[1]); }\n";
+    assert_eq!(fault(short).0, 2, "too few values");
+}
+
+#[test]
+fn samplers_that_compare_are_known_and_every_call_of_them_has_its_coordinates() {
+    let fragment = "#version 330\nuniform sampler2DShadow s;\nuniform sampler2D t;\nin vec4 p;\nout vec4 color;\n\
+                    void main() { color = vec4(texture(s, p.xyz), textureProj(s, p), textureLod(s, p.xyz, 0.0),\n\
+                    float(textureSize(s, 0).x)) + texture(t, p.xy) + shadow2D(s, p.xyz) + shadow2DProj(s, p); }\n";
+    let vertex =
+        "#version 330\nin vec4 position;\nout vec4 p;\nvoid main() { p = position; gl_Position = position; }\n";
+    let program = compile(vertex, fragment).expect("it compiles");
+    let kinds: Vec<_> = program.samplers.iter().map(|sampler| sampler.kind).collect();
+    assert_eq!(kinds, [SamplerKind::Compared, SamplerKind::Color]);
+    let wrong = fragment.replace("texture(s, p.xyz)", "texture(s, p.xy)");
+    let found = faults(vertex, &wrong);
+    assert!(found[0].1 == 6 && found[0].0 == Stage::Fragment, "two coordinates and no depth: {found:?}");
+}
+
+/// A depth takes the location behind the colours; what the file writes there goes nowhere.
+#[test]
+fn the_depth_is_written_behind_the_colours() {
+    let depth_only = "#version 330\nout float depth;\nvoid main() { depth = 0.0; }\n";
+    let two = "#version 330\nlayout(location = 0) out vec4 a;\nlayout(location = 2) out vec4 b;\nvoid main() { a = b = vec4(1); gl_FragDepth = 0.5; }\n";
+    let outputs = |fragment, depth| Source { vertex: VERTEX, fragment, depth }.compile().map(|program| program.outputs);
+    assert_eq!(outputs(depth_only, Some(0)), Ok([true, false, false]));
+    assert_eq!(outputs("void main() {}", Some(0)), Ok([true, false, false]));
+    assert_eq!(outputs("void main() {}", None), Ok([false; 3]));
+    assert_eq!(outputs(two, Some(1)), Ok([true, true, false]));
+    assert_eq!(outputs(two, None), Ok([true, false, true]));
+}
+
 #[test]
 fn functions_may_stand_in_any_order_with_declarations_before() {
     let fragment = "#version 330\nfloat last(float x);\nfloat first(float x) { return last(x) + last(2.0 * x); }\nout vec4 color;\n\
@@ -138,7 +229,7 @@ fn faults_are_where_the_file_has_them() {
         ("color = vec4(missing);", 15, "missing"),
         ("color = TWO * absent;", 16, "absent"),
         ("float x = 1.0 +;", 17, ""),
-        ("gl_FragDepth = 1.0;", 2, "gl_FragDepth"),
+        ("color.x = float(gl_PrimitiveID);", 18, "gl_PrimitiveID"),
         ("color = vec4(gl_PointCoord, 0, 0);", 15, "gl_PointCoord"),
     ] {
         let (line, found, message) = fault(&body(statement));
@@ -166,7 +257,12 @@ fn what_is_not_supported_is_named_with_its_reason() {
         ("writeonly uniform image2D i;", "imageStore(i, ivec2(0), color);", "stores to"),
         ("uniform atomic_uint a;", "atomicCounterIncrement(a);", "atomic counters"),
         ("uniform samplerCube c;", "color = texture(c, vec3(1));", "samplerCube"),
-        ("uniform bool b;", "if (b) discard;", "truth"),
+        ("uniform bool b[2];", "if (b[1]) discard;", "array of truth values"),
+        ("uniform sampler2DShadow s;", "color = textureGather(s, vec2(0), 0.5);", "of a sampler2DShadow"),
+        ("uniform sampler2D s;", "color = shadow2D(s, vec3(0));", "is a sampler2D"),
+        ("uniform float w[2] = float;", "color.r = w[1];", "begins with"),
+        ("in vec3 a[9];", "color = vec4(a[0], 1);", "`a` is an array of a kind"),
+        ("in mat2x3 a;", "color = vec4(a[0], 1);", "`mat2x3`"),
         ("uniform float w[9];", "color.r = w[3];", "`w` out as `std140`"),
         ("uniform M { vec4 a; vec2 w[2]; };", "color.rg = w[1];", "`w` out as `std140`"),
         (
@@ -180,7 +276,6 @@ fn what_is_not_supported_is_named_with_its_reason() {
         ("#define F(x) x", "color = vec4(F(1.0));", "parameters"),
         ("#extension GL_ARB_bindless_texture : enable", "", "GL_ARB_bindless_texture"),
         ("layout(location = 3) out vec4 fourth;", "fourth = color;", "location 3"),
-        ("in vec3 a[2];", "color = vec4(a[0], 1);", "array"),
         ("uniform vec4 curitiba_x;", "color = curitiba_x;", "reserved"),
         ("layout(location = 0) out vec4 again;", "again = color;", "location 0"),
     ] {
@@ -246,7 +341,7 @@ fn a_panic_of_the_compiler_is_an_error() {
                 let stated = rewrite::read(Stage::Fragment, &text, 0).expect("read");
                 let vertex = tokens::tokens(Stage::Vertex, VERTEX).expect("tokens");
                 let vertex = rewrite::read(Stage::Vertex, &vertex, 0).expect("read");
-                let linked = link::link(&vertex, &stated).expect("linked");
+                let linked = link::link(&vertex, &stated, None).expect("linked");
                 guard::plant::in_crate(name, || {
                     let translated = translate::translate(Stage::Fragment, &linked.fragment, &stated);
                     translated.expect_err("refused").remove(0)

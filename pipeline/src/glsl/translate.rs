@@ -1,7 +1,7 @@
 //! From the rewritten text to WGSL, and what the compiler knows of uniform blocks.
 
 use super::link::Text;
-use super::rewrite::{LOOSE, Stated};
+use super::rewrite::{LOOSE, Stated, TRUTH};
 use super::{Block, FRAME, Fault, Member, Scalar, Shape, Stage};
 use crate::guard;
 use naga::front::glsl::{Frontend, Options};
@@ -136,6 +136,10 @@ fn blocks(stage: Stage, module: &Module, stated: &Stated) -> Vec<(u32, Block)> {
         let name = ty.name.clone().filter(|name| name != LOOSE);
         let members = members.iter().filter_map(|member| {
             let declared = member.name.clone()?;
+            let declared = match (&name, declared.strip_prefix(TRUTH)) {
+                (None, Some(truth)) => truth.to_owned(),
+                _ => declared,
+            };
             let loose = stated.uniforms.iter().find(|uniform| name.is_none() && uniform.name == declared);
             let in_block =
                 name.as_ref().and_then(|name| stated.members.get(&(name.clone(), declared.clone())).copied());

@@ -53,6 +53,8 @@ pub enum CameraValue {
     ProjectionMatrix,
     /// World to clip.
     ProjectionViewMatrix,
+    /// World to a texture that the camera fills: from 0 to 1 in each direction and in depth.
+    TextureMatrix,
     /// Degrees, vertical.
     Fov,
     /// Distance of the near plane.
@@ -88,4 +90,13 @@ pub enum ColorValue {
     Emission,
     /// Phong exponent.
     Shininess,
+}
+
+/// A side of triangles; the front is where their corners go counter-clockwise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// `CULL_TYPE` `FRONT`.
+    Front,
+    /// `CULL_TYPE` `BACK`.
+    Back,
 }

@@ -47,6 +47,7 @@ impl Plan {
             (Work::Effect { reads_triangle, .. }, PassKind::Effect(pass)) => {
                 effect::inputs(pass).map(slot).chain(ids(*reads_triangle, pass.position)).collect()
             }
+            (Work::Raster { .. }, PassKind::Raster(raster)) => liveness::sampled(raster).map(slot).collect(),
             (Work::Off { instead: Instead::Copy(channel) }, _) => vec![slot(*channel)],
             (Work::Quad { .. }, PassKind::Quad(quad)) => liveness::sources(quad).into_iter().map(slot).collect(),
             _ => Vec::new(),

@@ -9,7 +9,7 @@ use crate::diagnostic::Decision;
 use crate::glass::{Background, GlassRule, GlassShadow};
 use crate::image::PixelFormat;
 use crate::programs::{Fidelity, RayParams, Traces};
-use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RayPass, ShaderTexture, Viewport};
+use crate::project::{ChannelRef, Pass, PassKind, QuadPass, QuadSource, RasterPass, RayPass, ShaderTexture, Viewport};
 use glam::{Vec3, Vec4};
 use std::collections::BTreeSet;
 
@@ -49,9 +49,10 @@ impl Plan {
                 self.decide(format!("pass `{}`", pass.name), false, why.into());
                 continue;
             }
-            let live = attachments(pass, &wanted.channels, &wanted.triangles);
-            let host = attachments(pass, &wanted.host, &wanted.host_triangles);
-            let traced = attachments(pass, &wanted.traced, &wanted.traced_triangles);
+            let written = self.channels_written(pass);
+            let live = attachments(pass, written, &wanted.channels, &wanted.triangles);
+            let host = attachments(pass, written, &wanted.host, &wanted.host_triangles);
+            let traced = attachments(pass, written, &wanted.traced, &wanted.traced_triangles);
             if let Some(reason) = dead(pass, live, &wanted) {
                 self.decide(format!("pass `{}`", pass.name), false, reason.into());
                 continue;
@@ -61,16 +62,17 @@ impl Plan {
             let rect = rectangle(viewport.as_ref(), size);
             let fills = rect == Rect { x: 0, y: 0, width: size[0], height: size[1] };
             if fills || matches!(pass.kind, PassKind::Ray(_) | PassKind::Effect(_)) {
-                wanted.satisfied_by(pass);
+                wanted.satisfied_by(pass, written);
             }
             let work = match &pass.kind {
                 PassKind::Ray(_) | PassKind::Effect(_) if off => self.off_work(pass, &mut wanted),
                 PassKind::Raster(raster) => {
                     self.explain_attachments(pass, live);
                     self.check_shaders(pass, raster, live)?;
+                    wanted.read_in_host(sampled(raster).collect());
                     Work::Raster {
                         scene_set: self.scene_set(&raster.scenes),
-                        view: view(&self.project.cameras[camera.unwrap_or(raster.camera)], rect, self.origin),
+                        view: view(&self.project.cameras[self.seen_from(camera, raster.camera)], rect, self.origin),
                         viewport: rect,
                         clear_color: self.clear_color(pass, viewport.as_ref()),
                         attachments: live,
@@ -269,7 +271,7 @@ impl Plan {
     pub(super) fn viewport_of(&self, pass: &Pass, camera: Option<usize>) -> Option<&Viewport> {
         let camera = match (&pass.kind, pass.target) {
             (_, Some(_)) | (PassKind::Quad(_), None) => None,
-            (PassKind::Raster(raster), None) => Some(camera.unwrap_or(raster.camera)),
+            (PassKind::Raster(raster), None) => Some(self.seen_from(camera, raster.camera)),
             (PassKind::Ray(ray), None) => Some(camera.unwrap_or(ray.camera)),
             (PassKind::Effect(effect), None) => Some(camera.unwrap_or(effect.camera)),
         };
@@ -277,9 +279,16 @@ impl Plan {
         pass.viewport.or_else(from_camera).map(|viewport| &self.project.viewports[viewport])
     }
 
+    /// Channels of its target that a pass writes, from the first.
+    fn channels_written(&self, pass: &Pass) -> usize {
+        pass.target.map_or(0, |target| pass.kind.channels_of(&self.project.targets[target]))
+    }
+
     /// What clears the colour that a pass draws: the target's colour, or in the window the viewport's.
     fn clear_color(&self, pass: &Pass, viewport: Option<&Viewport>) -> Vec4 {
         let color = match pass.target {
+            // Nothing is at the far plane.
+            Some(target) if self.project.targets[target].depth() == Some(0) => Vec4::ONE,
             Some(target) => self.project.targets[target].clear_color,
             None => viewport.map_or(Vec4::W, |viewport| viewport.clear_color),
         };
@@ -295,11 +304,10 @@ impl Wanted {
     }
 
     /// What a pass writes completely is not wanted from the passes before it.
-    fn satisfied_by(&mut self, pass: &Pass) {
+    fn satisfied_by(&mut self, pass: &Pass, written: usize) {
         match pass.target {
             None => self.window_filled = true,
             Some(target) => {
-                let written = pass.kind.channels_written();
                 for channels in [&mut self.channels, &mut self.host, &mut self.traced] {
                     channels.retain(|channel| channel.target != target || channel.channel >= written);
                 }
@@ -314,11 +322,15 @@ impl Wanted {
 }
 
 /// What of a pass's target is among these channels and triangle ids; the window only ever takes the colour.
-fn attachments(pass: &Pass, channels: &BTreeSet<ChannelRef>, triangles: &BTreeSet<usize>) -> Attachments {
+fn attachments(
+    pass: &Pass,
+    written: usize,
+    channels: &BTreeSet<ChannelRef>,
+    triangles: &BTreeSet<usize>,
+) -> Attachments {
     let Some(target) = pass.target else { return Attachments { color: true, ..Attachments::default() } };
     let raster = matches!(pass.kind, PassKind::Raster(_));
-    let channel =
-        |channel: usize| channel < pass.kind.channels_written() && channels.contains(&ChannelRef { target, channel });
+    let channel = |channel: usize| channel < written && channels.contains(&ChannelRef { target, channel });
     Attachments {
         color: channel(0),
         position: channel(1),
@@ -342,6 +354,15 @@ pub(super) fn inputs(ray: &RayPass, params: &RayParams) -> Vec<ChannelRef> {
     let buffers = [("pos_buffer", ray.position), ("norm_buffer", ray.normal), ("color_buffer", ray.color)];
     let read = buffers.into_iter().filter(|(name, _)| ray.program.info().buffers.contains(name));
     read.filter(|(name, _)| !idle || *name == "color_buffer").filter_map(|(_, channel)| channel).collect()
+}
+
+/// The channels that the own shaders of a raster pass sample.
+pub(super) fn sampled(raster: &RasterPass) -> impl Iterator<Item = ChannelRef> {
+    let textures = raster.shaders.iter().flat_map(|map| &map.shader.textures);
+    textures.filter_map(|texture| match texture {
+        ShaderTexture::Channel(channel) => Some(*channel),
+        _ => None,
+    })
 }
 
 /// The channels that a quad pass reads.

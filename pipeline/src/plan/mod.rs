@@ -168,9 +168,15 @@ impl Plan {
         let camera = settings.camera.as_deref().map(|name| project.camera(name)).transpose().map_err(name_error)?;
         let window = settings.size.unwrap_or(project.window);
         check_size("the window", window)?;
+        project.place_light_cameras(camera, window, rectangle);
         let mut targets = Vec::new();
         for target in &project.targets {
+            // What a light sees does not grow with the window.
+            let alone = target.channels.iter().all(|channel| channel.depth);
             let scaled = |axis: usize| {
+                if alone {
+                    return f64::from(target.size[axis]);
+                }
                 let scale = f64::from(window[axis]) / f64::from(project.window[axis]);
                 (f64::from(target.size[axis]) * scale).round().max(1.0)
             };
@@ -247,7 +253,7 @@ impl Plan {
                 }
                 PassKind::Quad(_) => continue,
             };
-            let moved = view(&self.project.cameras[chosen.unwrap_or(own)], rect, origin);
+            let moved = view(&self.project.cameras[self.seen_from(chosen, own)], rect, origin);
             match &mut self.passes[index].work {
                 Work::Raster { view, .. } | Work::Rays { view, .. } | Work::Effect { view, .. } => *view = moved,
                 Work::Off { .. } | Work::Quad { .. } => {}
@@ -346,8 +352,14 @@ impl Plan {
         let normal_maps = normals && self.settings.fidelity == Fidelity::Corrected;
         let roughness_maps = self.settings.fidelity == Fidelity::Corrected
             && self.passes.iter().any(|planned| self.asks_materials(planned));
-        let (normals_needed, textures_needed) = (normals || own.normals, textures || own.textures);
-        self.needs = Needs { normals: normals_needed, textures: textures_needed, colors, normal_maps, roughness_maps };
+        self.needs = Needs {
+            normals: normals || own.normals,
+            textures: textures || own.textures,
+            colors,
+            normal_maps,
+            roughness_maps,
+            tangents: own.tangents,
+        };
         let why = match (normals, own.normals) {
             (true, _) => "the light's cosine needs them",
             (false, true) => "own shaders read them",
@@ -365,6 +377,9 @@ impl Plan {
             "no pass writes a textured colour".into()
         };
         self.decide("vertex attribute `texCoord0` and textures".into(), self.needs.textures, why);
+        if tangents {
+            self.decide("vertex attribute `tangent`".into(), true, "own shaders read them".into());
+        }
         if self.needs.colors {
             self.decide("vertex colours".into(), true, "where files have them, they are part of these colours".into());
         }

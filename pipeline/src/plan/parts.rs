@@ -101,6 +101,17 @@ impl Plan {
                 (Work::Raster { viewport, .. } | Work::Quad { viewport }, _) if *viewport != whole => {
                     Some(format!("pass `{}` fills a part of its target", pass.name))
                 }
+                (Work::Raster { .. }, PassKind::Raster(raster)) if self.project.is_of_light(raster.camera) => {
+                    Some(format!("pass `{}` draws what a light sees, which is not the picture", pass.name))
+                }
+                (Work::Raster { .. }, PassKind::Raster(raster))
+                    if super::liveness::sampled(raster).next().is_some() =>
+                {
+                    Some(format!(
+                        "pass `{}` draws by an own shader, which may read all of what other passes wrote",
+                        pass.name
+                    ))
+                }
                 (Work::Quad { .. }, PassKind::Quad(quad)) if quad.shader.is_some() => Some(format!(
                     "pass `{}` fills its target by an own shader, which may read all of a texture",
                     pass.name

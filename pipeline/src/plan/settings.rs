@@ -313,8 +313,8 @@ fn written_channels(project: &Project, pipeline: usize) -> Vec<(ChannelRef, Stri
     let mut writable: Vec<(ChannelRef, String)> = Vec::new();
     for pass in &project.pipelines[pipeline].passes {
         let Some(target) = pass.target else { continue };
-        let written = pass.kind.channels_written();
         let declared = &project.targets[target];
+        let written = pass.kind.channels_of(declared);
         for (channel, declared_channel) in declared.channels.iter().take(written).enumerate() {
             let channel = ChannelRef { target, channel };
             if !writable.iter().any(|(known, _)| *known == channel) {

@@ -48,8 +48,11 @@ impl Plan {
         for map in self.passes.iter().filter_map(|planned| self.own_raster(planned)).flat_map(|raster| &raster.shaders)
         {
             let reads = |attribute| map.shader.program.attributes.contains(&attribute);
-            needs.normals |= reads(Attribute::Normal);
-            needs.textures |= reads(Attribute::TexCoord) || map.shader.textures.contains(&ShaderTexture::Material);
+            // Tangents follow from normals and texture coordinates.
+            needs.tangents |= reads(Attribute::Tangent);
+            needs.normals |= reads(Attribute::Normal) || needs.tangents;
+            needs.textures |=
+                needs.tangents || reads(Attribute::TexCoord) || map.shader.textures.contains(&ShaderTexture::Material);
         }
         needs
     }
@@ -98,7 +101,12 @@ impl Plan {
     /// The index of the camera of a raster pass, after `--camera`.
     pub(crate) fn camera_of(&self, raster: &RasterPass) -> usize {
         let chosen = self.settings.camera.as_deref().and_then(|name| self.project.camera(name).ok());
-        chosen.unwrap_or(raster.camera)
+        self.seen_from(chosen, raster.camera)
+    }
+
+    /// The camera of a pass, after `--camera`: depth maps keep that of their light.
+    pub(super) fn seen_from(&self, chosen: Option<usize>, own: usize) -> usize {
+        chosen.filter(|_| !self.project.is_of_light(own)).unwrap_or(own)
     }
 
     /// The view of a camera in the window, from the scenes' origin.

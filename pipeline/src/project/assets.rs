@@ -75,7 +75,7 @@ impl Loader {
     fn viewport(&mut self, element: &Element) {
         self.expect(
             element,
-            &["geometry", "origin", "size", "bgcolor", "clear_color"],
+            &["geometry", "origin", "size", "ratio", "bgcolor", "clear_color"],
             &["name", "fixed", "ratio", "type"],
         );
         let rectangle = self.rectangle(element);
@@ -117,17 +117,23 @@ impl Loader {
             };
             self.expect(part, &[], valid);
         }
+        let has_ratio =
+            element.attribute("ratio").is_some() || element.children.iter().any(|child| child.is(&["ratio"]));
         let mut component =
             |part: Option<&Element>, name: &str, default: f32| match part.and_then(|part| part.attribute(name)) {
+                // The ratio then says how high it is.
+                Some(value) if has_ratio && name == "height" && value.text.parse::<f32>() == Ok(0.0) => Some(0.0),
                 Some(value) => self.number(value).filter(|number| self.in_rectangle(*number, name, value)),
                 None => Some(default),
             };
         let (x, y) = (component(geometry, "x", 0.0), component(geometry, "y", 0.0));
         let (width, height) = (component(sizes, "width", 1.0), component(sizes, "height", f32::NAN));
         let (origin, width, mut height) = ([x?, y?], width?, height?);
-        if height.is_nan() {
+        let ratio = self.single(element, &["ratio"]).and_then(|ratio| ratio.attribute("value"));
+        let ratio = element.attribute("ratio").or(ratio);
+        if height.is_nan() || height == 0.0 && ratio.is_some() {
             // The engine's `ratio` is height over width.
-            height = match element.attribute("ratio") {
+            height = match ratio {
                 Some(ratio) => {
                     let height = self.number(ratio)? * width;
                     self.in_rectangle(height, "height", ratio).then_some(height)?

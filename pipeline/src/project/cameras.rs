@@ -145,7 +145,14 @@ impl Loader {
                 Some(DVec3::ZERO)
             }
         };
-        let target = self.single(element, &["view", "look_at_point"]);
+        let mut targets = element.children.iter().filter(|child| child.is(&["view", "look_at_point"]));
+        let target = match (targets.next(), targets.next(), targets.next()) {
+            // Files that the engine wrote have both, and both say the same.
+            (Some(one), Some(other), None) if one.is(&["view"]) != other.is(&["view"]) => {
+                self.agree([one, other], position)
+            }
+            _ => self.single(element, &["view", "look_at_point"]),
+        };
         let direction = match target {
             Some(view) if view.is(&["view"]) => self.direction(view),
             Some(point) => self.point(point).and_then(|target| {
@@ -168,6 +175,19 @@ impl Loader {
             return None;
         }
         Some((position, direction, up))
+    }
+
+    /// The view of two elements, in their order, of which the other is the point that is looked at; where they disagree there is an error.
+    fn agree<'e>(&mut self, both: [&'e Element; 2], position: Option<DVec3>) -> Option<&'e Element> {
+        let [first, second] = both;
+        let (view, point) = if first.is(&["view"]) { (first, second) } else { (second, first) };
+        let looks = self.point(point).zip(position).and_then(|(point, from)| (point - from).try_normalize());
+        let same = looks.zip(self.direction(view)).is_some_and(|(looks, view)| looks.dot(view.as_dvec3()) > 0.999);
+        if !same {
+            let message = format!("<{}> contradicts <{}> of line {}", second.name, first.name, first.line);
+            self.report.error(second.span, message);
+        }
+        Some(view)
     }
 
     /// The direction that `<ZX_ANGLE>` and `<ELEVATION_ANGLE>` give, in radians: from z towards x, and from there upwards. Without both,

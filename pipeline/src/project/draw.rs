@@ -19,13 +19,25 @@ const QUAD_MATERIAL: &str = "__Quad";
 impl Loader {
     /// Reads a pass of class `default`.
     pub fn raster_pass(&mut self, context: &mut PassContext<'_>) -> Option<RasterPass> {
+        self.draw_pass(context, None, &[])
+    }
+
+    /// Reads a pass that draws, from a camera that is known, or from its own. `others` are elements that its class has beside.
+    pub fn draw_pass(
+        &mut self,
+        context: &mut PassContext<'_>,
+        camera: Option<usize>,
+        others: &[&str],
+    ) -> Option<RasterPass> {
         const CHILDREN: &[&str] =
             &["scenes", "camera", "viewport", "renderTarget", "lights", "materialMaps", "injectionMaps", "depth"];
         let element = context.element;
-        self.expect_children(element, CHILDREN);
+        self.expect_children(element, &[CHILDREN, others].concat());
         self.no_parameters(context, "default");
         context.facts.writes_first(RASTER_CHANNELS);
-        let (scenes, camera, light) = (self.pass_scenes(context), self.pass_camera(context), self.pass_light(context));
+        let scenes = self.pass_scenes(context);
+        let camera = camera.or_else(|| self.pass_camera(context));
+        let light = self.pass_light(context);
         if let Some(depth) = self.single(element, &["depth"]) {
             self.depth_state(depth);
         }
@@ -35,16 +47,26 @@ impl Loader {
         let injected = self.injection_maps(element, &mut colors);
         let replaced = maps.iter().flatten().filter(|map| map.material.shader.is_some()).map(|map| {
             let MaterialMap { to, library, material, at } = map;
-            ShaderUse { to, library: *library, material, at: *at, replaces: true, quad: false }
+            ShaderUse { to, library: *library, material, at: *at, replaces: true, injected: &[], quad: false }
         });
         let injected_shaders = injected.iter().flatten().map(|shader| {
-            let InjectedShader { to, library, material, at } = shader;
-            ShaderUse { to, library: *library, material, at: *at, replaces: false, quad: false }
+            let InjectedShader { to, library, material, textures, at } = shader;
+            ShaderUse { to, library: *library, material, at: *at, replaces: false, injected: textures, quad: false }
         });
         let mut shaders = Some(Vec::new());
-        for used in replaced.chain(injected_shaders) {
+        let uses: Vec<ShaderUse<'_>> = replaced.chain(injected_shaders).collect();
+        let all_own =
+            uses.iter().any(|used| *used.to == MaterialPattern::All && self.is_own_shader(used.library, used.material));
+        context.facts.draws(all_own);
+        self.check_colors(context, all_own);
+        for used in uses {
             if self.is_own_shader(used.library, used.material) {
                 let own = self.own_shader(context, &used, light.flatten().map(|(index, _)| index));
+                for texture in own.iter().flat_map(|own| &own.textures) {
+                    if let ShaderTexture::Channel(channel) = texture {
+                        Self::reads(context, Some(*channel), used.at);
+                    }
+                }
                 shaders = shaders.zip(own).map(|(mut shaders, own)| {
                     shaders.push(ShaderMap { to: used.to.clone(), shader: own });
                     shaders
@@ -68,6 +90,18 @@ impl Loader {
         }
         let light = light.map(|(index, _)| index);
         Some(RasterPass { scenes: scenes?, camera: camera?, light, program, colors, shaders })
+    }
+
+    /// Reports a target without colours, unless own shaders draw all: they leave the depth.
+    fn check_colors(&mut self, context: &PassContext<'_>, all_own: bool) {
+        let Some((target, at)) = context.facts.colorless() else { return };
+        let target = &self.libraries.targets[target];
+        if !(all_own && target.depth().is_some()) {
+            let message = format!("the render target `{}` has no colour channel", target.name);
+            self.report.error_help(at, message, || {
+                "own shaders that draw all materials (*) leave a depth that has a name: <depth name=\"…\"/>".to_owned()
+            });
+        }
     }
 
     /// `<depth test=true write=true/>`: the only state that is drawn.
@@ -135,9 +169,16 @@ impl Loader {
         }
         if let Some(texture) = texture {
             self.expect(texture, &[], &["name", "fromLibrary"]);
-            let (name, library) = (self.required(texture, "name"), self.required(texture, "fromLibrary"));
-            let (name, library) = (name?, self.find_library(library?)?);
-            let channel = self.find_channel(library, &name.text, name);
+            let name = self.required(texture, "name")?;
+            let whole = texture.attribute("fromLibrary").is_none() && name.text.contains("::");
+            let channel = match whole {
+                true => self.find_texture(name, None),
+                false => {
+                    let library = self.required(texture, "fromLibrary");
+                    let library = self.find_library(library?)?;
+                    self.find_channel(library, &name.text, name)
+                }
+            };
             Self::reads(context, channel, name.span);
             return Some(QuadPass::new(QuadSource::Show(channel?)));
         }
@@ -153,7 +194,7 @@ impl Loader {
         if self.is_own_shader(library, &material) {
             let light = self.pass_light(context)?.map(|(index, _)| index);
             let to = &MaterialPattern::All;
-            let used = ShaderUse { to, library, material: &material, at, replaces: true, quad: true };
+            let used = ShaderUse { to, library, material: &material, at, replaces: true, injected: &[], quad: true };
             let shader = self.own_shader(context, &used, light)?;
             for texture in &shader.textures {
                 if let ShaderTexture::Channel(channel) = texture {
@@ -196,7 +237,7 @@ impl Loader {
         unit: u32,
         at: Span,
     ) -> Option<super::ChannelRef> {
-        let Some((_, texture)) = material.textures.iter().find(|(bound, _)| *bound == unit) else {
+        let Some(binding) = material.textures.iter().find(|binding| binding.unit == unit) else {
             let message = format!(
                 "pass `{}`: material `{}` binds no texture to unit {unit}",
                 shown(&context.name),
@@ -205,7 +246,7 @@ impl Loader {
             self.report.error_help(at, message, || format!("valid: <texture unit=\"{unit}\" name=\"…\"/>"));
             return None;
         };
-        let channel = self.find_texture(texture, Some(library));
+        let channel = self.find_texture(&binding.name, Some(library));
         Self::reads(context, channel, at);
         channel
     }

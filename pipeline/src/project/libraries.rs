@@ -3,7 +3,9 @@
 use super::dom::{Element, Value};
 use super::report::{Found, Names, Span};
 use super::{ChannelRef, RenderTarget};
+use crate::glsl::Side;
 use glam::Vec4;
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::rc::Rc;
 
@@ -79,6 +81,26 @@ impl ValueOf {
     }
 }
 
+/// What a `<state>` says of how triangles are drawn.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct State {
+    /// The side of triangles that is left out.
+    pub culled: Option<Side>,
+    /// What it asks for beside that, and is not done.
+    pub other: Option<&'static str>,
+}
+
+/// What is bound to a texture unit.
+#[derive(Debug, Clone)]
+pub(super) struct Binding {
+    pub unit: u32,
+    /// Index of the library; `None` for that of the material itself.
+    pub library: Option<usize>,
+    pub name: Value,
+    /// `COMPARE_FUNC`, where it is given.
+    pub compare: Option<Value>,
+}
+
 /// A material of a library.
 #[derive(Debug, Clone)]
 pub(super) struct LibraryMaterial {
@@ -92,8 +114,10 @@ pub(super) struct LibraryMaterial {
     pub shader: Option<usize>,
     /// What it gives the shader's uniforms.
     pub values: Vec<ValueOf>,
-    /// Texture units and the names of what is bound to them.
-    pub textures: Vec<(u32, Value)>,
+    /// What is bound to texture units.
+    pub textures: Vec<Binding>,
+    /// How it is drawn.
+    pub state: State,
 }
 
 /// A shader of a library.
@@ -123,6 +147,8 @@ pub(super) struct Library {
     pub textures: Vec<Texture>,
     pub shader_names: Names,
     pub shaders: Vec<Shader>,
+    /// By name.
+    pub states: HashMap<String, State>,
     pub material_names: Names,
     pub materials: Vec<Option<Rc<LibraryMaterial>>>,
 }
@@ -138,6 +164,7 @@ impl Library {
             textures: Vec::new(),
             shader_names: Names::new("shader"),
             shaders: Vec::new(),
+            states: HashMap::new(),
             material_names: Names::new("material"),
             materials: Vec::new(),
         }
@@ -159,6 +186,7 @@ impl Library {
                 shader: None,
                 values: Vec::new(),
                 textures: Vec::new(),
+                state: State::default(),
             })));
         }
         library

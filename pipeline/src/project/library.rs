@@ -1,10 +1,11 @@
 //! Reads material libraries.
 
 use super::dom::{Element, Value};
-use super::libraries::{Library, LibraryMaterial, ROOT, Shader, Texture, ValueOf};
+use super::libraries::{Binding, Library, LibraryMaterial, ROOT, Shader, State, Texture, ValueOf};
 use super::loader::Loader;
 use super::report::{Found, shown, suggest};
 use super::{Channel, ChannelRef, RenderTarget, file};
+use crate::glsl::{self, Side};
 use crate::image::PixelFormat;
 use glam::Vec4;
 use std::rc::Rc;
@@ -14,6 +15,11 @@ const MAX_LIBRARIES: usize = 64;
 
 /// Most colour channels of a render target.
 const MAX_CHANNELS: usize = 32;
+
+/// `<COMPARE_FUNC value="…"/>` of a bound texture.
+fn compare(texture: &Element) -> Option<Value> {
+    texture.children.iter().find(|child| child.is(&["compare_func"]))?.attribute("value").cloned()
+}
 
 impl Loader {
     /// Reads the library that `<mlib filename="…"/>` names.
@@ -55,8 +61,22 @@ impl Loader {
         ];
         self.expect(&root, PARTS, &["name"]);
         let name = self.required(&root, "name")?;
-        self.libraries.names.declare(&mut self.report, &name.text, name.span);
-        let mut library = Library::new(&name.text, path);
+        // The engine adds what a second file of the same name declares to the first; paths in both count from one folder.
+        let same = match self.libraries.names.find(&name.text) {
+            Found::Exact(index) if self.libraries.list[index].path.parent() == path.parent() => Some(index),
+            _ => None,
+        };
+        let mut library = match same {
+            Some(index) => {
+                let first = self.libraries.list[index].path.display().to_string();
+                self.report.note(name.span, format!("this adds to the library `{}` of {first}", name.shown()));
+                std::mem::replace(&mut self.libraries.list[index], Library::new(&name.text, path))
+            }
+            None => {
+                self.libraries.names.declare(&mut self.report, &name.text, name.span);
+                Library::new(&name.text, path)
+            }
+        };
         for list in root.children_named(&["renderTargets"]) {
             self.expect(list, &["renderTarget"], &[]);
             list.children_named(&["renderTarget"]).for_each(|target| self.render_target(&mut library, target));
@@ -71,6 +91,9 @@ impl Loader {
                 }
             }
         }
+        for list in root.children_named(&["states"]) {
+            list.children_named(&["state"]).for_each(|state| self.state(&mut library, state));
+        }
         for list in root.children_named(&["shaders"]) {
             self.expect(list, &["shader"], &[]);
             list.children_named(&["shader"]).for_each(|shader| self.shader(&mut library, shader));
@@ -79,7 +102,10 @@ impl Loader {
             self.expect(list, &["material"], &[]);
             list.children_named(&["material"]).for_each(|material| self.library_material(&mut library, material));
         }
-        self.libraries.list.push(library);
+        match same {
+            Some(index) => self.libraries.list[index] = library,
+            None => self.libraries.list.push(library),
+        }
         Some(())
     }
 
@@ -120,7 +146,9 @@ impl Loader {
                 let (name, format) = (self.required(color, "name"), self.format(color));
                 declared.extend(name);
                 match (name, format) {
-                    (Some(name), Some(format)) => channels.push(Channel { name: name.text.clone(), format }),
+                    (Some(name), Some(format)) => {
+                        channels.push(Channel { name: name.text.clone(), format, depth: false });
+                    }
                     _ => whole = false,
                 }
             }
@@ -130,6 +158,13 @@ impl Loader {
             declared.truncate(MAX_CHANNELS);
             whole = false;
         }
+        // Passes keep three channels at most.
+        let depth = element.children_named(&["depth"]).find_map(|depth| depth.attribute("name"));
+        let depth = depth.filter(|_| glsl::AVAILABLE && whole && channels.len() < glsl::MAX_OUTPUTS);
+        let depth = depth.map(|name| {
+            channels.push(Channel { name: name.text.clone(), format: PixelFormat::Rgba32Float, depth: true });
+            channels.len() - 1
+        });
         let target_name = self.required(element, "name");
         let target = match (size, clear_color, target_name) {
             (Some((width, height)), Some(clear_color), Some(name)) if whole => Some(RenderTarget {
@@ -145,10 +180,14 @@ impl Loader {
             library.texture_names.declare(&mut self.report, &name.text, name.span);
             library.textures.push(Texture::Channel(target.is_some().then_some(ChannelRef { target: index, channel })));
         }
-        for depth in element.children_named(&["depth", "stencil", "depthStencil"]) {
-            if let Some(name) = depth.attribute("name") {
+        for parent in element.children_named(&["depth", "stencil", "depthStencil"]) {
+            if let Some(name) = parent.attribute("name") {
                 library.texture_names.declare(&mut self.report, &name.text, name.span);
-                library.textures.push(Texture::Depth);
+                let channel = depth.filter(|_| target.is_some() && parent.is(&["depth"]));
+                library.textures.push(match channel {
+                    Some(channel) => Texture::Channel(Some(ChannelRef { target: index, channel })),
+                    None => Texture::Depth,
+                });
             }
         }
         if let Some(name) = target_name {
@@ -227,6 +266,8 @@ impl Loader {
                 }
             }
         }
+        let state = element.children_named(&["state"]).find_map(|state| state.attribute("name"));
+        let state = state.and_then(|state| library.states.get(&state.text).copied()).unwrap_or_default();
         let mut textures = Some(Vec::new());
         for texture in element
             .children_named(&["textures"])
@@ -250,23 +291,53 @@ impl Loader {
                 shader: shader?,
                 values,
                 textures: textures?,
+                state,
             })
         })();
         library.materials.push(material.map(Rc::new));
     }
 
     /// `<texture unit="0" name="…"/>`.
-    fn binding(&mut self, element: &Element) -> Option<(u32, Value)> {
+    fn binding(&mut self, element: &Element) -> Option<Binding> {
+        let (unit, name) = (self.unit_of(element, "unit"), self.required(element, "name"));
+        Some(Binding { unit: unit?, library: None, name: name?.clone(), compare: compare(element) })
+    }
+
+    /// `<texture name="…" fromLibrary="…" toUnit="1"/>`.
+    pub fn injected_texture(&mut self, element: &Element) -> Option<Binding> {
+        let (unit, name) = (self.unit_of(element, "toUnit"), self.required(element, "name"));
+        let library = self.required(element, "fromLibrary").and_then(|library| self.find_library(library));
+        Some(Binding { unit: unit?, library: Some(library?), name: name?.clone(), compare: compare(element) })
+    }
+
+    fn unit_of(&mut self, element: &Element, attribute: &str) -> Option<u32> {
         const UNITS: f32 = 256.0;
-        let (unit, name) = (self.required(element, "unit"), self.required(element, "name"));
-        let unit_value = unit?;
+        let unit_value = self.required(element, attribute)?;
         let unit = self.number(unit_value)?;
         if unit.fract() != 0.0 || !(0.0..UNITS).contains(&unit) {
             let message = format!("`{}` is not a texture unit", unit_value.shown());
             self.report.error_help(unit_value.span, message, || "valid: 0..=255".to_owned());
             return None;
         }
-        Some((unit as u32, name?.clone()))
+        Some(unit as u32)
+    }
+
+    /// What a state says: `CULL_TYPE` counts unless `CULL_FACE` is off.
+    fn state(&mut self, library: &mut Library, element: &Element) {
+        let Some(name) = self.required(element, "name") else { return };
+        let value = |name: &str| element.children.iter().find(|child| child.is(&[name]))?.attribute("value");
+        let on = value("cull_face").is_none_or(|value| self.boolean(value) != Some(false));
+        let side = match value("cull_type").map(|value| value.text.to_ascii_uppercase()).as_deref() {
+            Some("FRONT") => Some(Side::Front),
+            Some("BACK") => Some(Side::Back),
+            _ => None,
+        };
+        let is = |name: &str, wanted: bool| {
+            value(name).is_some_and(|value| value.text.eq_ignore_ascii_case(if wanted { "true" } else { "false" }))
+        };
+        let others = [("BLEND", true), ("DEPTH_TEST", false), ("DEPTH_MASK", false)];
+        let other = others.into_iter().find(|(name, wanted)| is(name, *wanted)).map(|(name, _)| name);
+        library.states.insert(name.text.clone(), State { culled: side.filter(|_| on), other });
     }
 
     /// `<shader><name>X</name>…</shader>` or `<shader name="X">…</shader>`.

@@ -2,14 +2,17 @@
 
 use super::dom::{self, Element, Value};
 use super::libraries::{Libraries, LightExtra, ROOT};
-use super::report::{Names, Report, Span};
-use super::{Camera, Light, Pipeline, Project, SceneDecl, Viewport, file};
+use super::report::{Names, Report, Span, shown};
+use super::{Camera, Light, LightCamera, Pipeline, Project, SceneDecl, Viewport, file};
 use crate::color::ColorSpace;
 use crate::diagnostic::Problems;
 use crate::glsl;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Vertex and fragment shader, and at which location the depth is written.
+pub(super) type ShaderKey = ([PathBuf; 2], Option<usize>);
 
 /// What is known while a project is read.
 pub(super) struct Loader {
@@ -23,8 +26,16 @@ pub(super) struct Loader {
     pub renderer_values: HashMap<String, [f32; 4]>,
     /// By light: what shaders alone read of it.
     pub light_extras: Vec<LightExtra>,
+    /// By `pipeline#pass` and name: the numbers that a pass gives itself.
+    pub given_values: HashMap<(String, String), f32>,
+    /// `pipeline#pass` of all passes.
+    pub pass_keys: Vec<String>,
+    /// Cameras of lights.
+    pub light_cameras: Vec<LightCamera>,
+    /// The pipeline that is read.
+    pub pipeline_name: String,
     /// Shaders that were compiled, by their files; `None` for one that could not be.
-    pub compiled: HashMap<[PathBuf; 2], Option<Arc<glsl::Program>>>,
+    pub compiled: HashMap<ShaderKey, Option<Arc<glsl::Program>>>,
     /// The project's name; empty before it is read.
     pub title: String,
     pub libraries: Libraries,
@@ -71,6 +82,7 @@ pub(super) fn load(path: &Path) -> Result<Project, Problems> {
             project.viewports = loader.viewports.finish();
             project.cameras = loader.cameras.finish();
             project.lights = loader.lights.finish();
+            project.light_cameras = loader.light_cameras;
             project.targets = loader.libraries.targets;
             project.problems = loader.report.finish();
             Ok(project)
@@ -92,6 +104,10 @@ fn read(path: &Path) -> (Loader, Option<Project>) {
         pass_values: HashMap::new(),
         renderer_values: HashMap::new(),
         light_extras: Vec::new(),
+        given_values: HashMap::new(),
+        pass_keys: Vec::new(),
+        light_cameras: Vec::new(),
+        pipeline_name: String::new(),
         compiled: HashMap::new(),
         title: String::new(),
         libraries: Libraries::new(),
@@ -139,6 +155,7 @@ impl Loader {
             viewports: Vec::new(),
             cameras: Vec::new(),
             lights: Vec::new(),
+            light_cameras: Vec::new(),
             targets: Vec::new(),
             pipelines,
             default_pipeline,
@@ -176,8 +193,13 @@ impl Loader {
         let mut pipelines = Vec::new();
         let mut default: Option<(usize, Span)> = None;
         let mut any = false;
+        let runs = default_pipeline(root);
+        // Uniforms may name passes that come later.
         for list in root.children_named(&["pipelines"]) {
-            self.expect(list, &["pipeline"], &[]);
+            list.children_named(&["pipeline"]).for_each(|pipeline| self.announce_passes(pipeline));
+        }
+        for list in root.children_named(&["pipelines"]) {
+            self.expect(list, &["pipeline"], &["default", "mode"]);
             for element in list.children_named(&["pipeline"]) {
                 any = true;
                 if let Some(name) = self.required(element, "name") {
@@ -197,13 +219,38 @@ impl Loader {
                         }
                     }
                 }
-                let pipeline = self.pipeline(element);
+                let mark = self.report.mark();
+                let mut pipeline = self.pipeline(element);
+                if pipelines.len() != runs {
+                    // It does not run unless it is asked for.
+                    let what = format!("pipeline `{}` cannot run", shown(&pipeline.name));
+                    pipeline.broken = self.report.excuse(mark, &what);
+                    // What was said of it is no error of the others.
+                    self.compiled.retain(|_, program| program.is_some());
+                }
                 pipelines.push(pipeline);
             }
         }
         if !any {
             self.report.error(root.span, "the project has no <pipeline>");
         }
-        (pipelines, default.map_or(0, |(index, _)| index))
+        (pipelines, runs)
     }
+}
+
+/// The index of the pipeline that runs unless another is asked for: the one with `default="true"`, or that which `<pipelines default="…">`
+/// names, or the first.
+fn default_pipeline(root: &Element) -> usize {
+    let lists = || root.children_named(&["pipelines"]);
+    let pipelines: Vec<&Element> = lists().flat_map(|list| list.children_named(&["pipeline"])).collect();
+    let is_true = |element: &&Element| {
+        element
+            .attribute("default")
+            .is_some_and(|value| ["true", "yes", "1"].iter().any(|yes| value.text.eq_ignore_ascii_case(yes)))
+    };
+    let named = || lists().find_map(|list| list.attribute("default"));
+    let by_name = |name: &Value| {
+        pipelines.iter().position(|pipeline| pipeline.attribute("name").is_some_and(|own| own.text == name.text))
+    };
+    pipelines.iter().position(is_true).or_else(|| named().and_then(by_name)).unwrap_or(0)
 }

@@ -38,6 +38,7 @@ mod from_scene;
 mod handed;
 mod libraries;
 mod library;
+mod light_cameras;
 mod loader;
 mod order;
 mod parameters;
@@ -90,6 +91,8 @@ pub struct Project {
     pub cameras: Vec<Camera>,
     /// Lights.
     pub lights: Vec<Light>,
+    /// Those of the cameras that a light has, to draw its depth map: what they see follows from another camera.
+    pub light_cameras: Vec<LightCamera>,
     /// Render targets of all material libraries.
     pub targets: Vec<RenderTarget>,
     /// Pipelines.
@@ -119,10 +122,14 @@ impl Project {
     /// Index of a pipeline by its name, in any letters' case; without a name, the default one.
     ///
     /// # Errors
-    /// What would be valid, and the nearest name.
+    /// What would be valid, and the nearest name; why it cannot run.
     pub fn pipeline(&self, name: Option<&str>) -> Result<usize, String> {
         let names = self.pipelines.iter().map(|pipeline| pipeline.name.as_str());
-        name.map_or(Ok(self.default_pipeline), |name| find("pipeline", name, names))
+        let index = name.map_or(Ok(self.default_pipeline), |name| find("pipeline", name, names))?;
+        match &self.pipelines[index].broken {
+            Some(why) => Err(format!("pipeline `{}` cannot run: {why}", shown(&self.pipelines[index].name))),
+            None => Ok(index),
+        }
     }
 
     /// Index of a camera by its name, in any letters' case.
@@ -253,6 +260,21 @@ pub struct Camera {
     pub viewport: Option<usize>,
 }
 
+/// A camera without perspective that sees, in the direction of a light, what another camera sees between two distances.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightCamera {
+    /// Index into [`Project::cameras`]: the camera that it is. Its place and shape are decided by the plan.
+    pub camera: usize,
+    /// Index of the light, which has a direction.
+    pub light: usize,
+    /// Index of the camera whose view it covers.
+    pub covers: usize,
+    /// From which distance on; [`Camera::near`] of that camera if `None`.
+    pub from: Option<f32>,
+    /// Up to which distance; [`Camera::far`] of that camera if `None`.
+    pub to: Option<f32>,
+}
+
 /// A light.
 #[derive(Debug, Clone)]
 pub struct Light {
@@ -277,8 +299,16 @@ pub struct RenderTarget {
     pub size: [u32; 2],
     /// What the colour is cleared to before a pass draws into it.
     pub clear_color: Vec4,
-    /// Colour channels, in order.
+    /// Colour channels, in order; behind them the depth, where it has a name and no more than two colours are before it.
     pub channels: Vec<Channel>,
+}
+
+impl RenderTarget {
+    /// The channel that holds the depth: 0 at the near plane, 1 at the far plane.
+    #[must_use]
+    pub fn depth(&self) -> Option<usize> {
+        self.channels.iter().position(|channel| channel.depth)
+    }
 }
 
 /// A colour channel of a render target.
@@ -288,6 +318,8 @@ pub struct Channel {
     pub name: String,
     /// Declared storage.
     pub format: PixelFormat,
+    /// Whether it is the target's depth, which only passes write that own shaders draw all of.
+    pub depth: bool,
 }
 
 /// A channel of a render target.
@@ -308,6 +340,9 @@ pub struct Pipeline {
     pub camera: Option<usize>,
     /// Passes, in order.
     pub passes: Vec<Pass>,
+    /// Why it cannot run: what is wrong with its first pass that could not be read, which then is not among the passes. Never of the default
+    /// pipeline.
+    pub broken: Option<String>,
 }
 
 /// A pass.
@@ -346,6 +381,14 @@ impl PassKind {
             Self::Raster(_) => 3,
             Self::Ray(_) | Self::Effect(_) | Self::Quad(_) => 1,
         }
+    }
+
+    /// Of a target with these channels, how many a pass writes, from the first.
+    #[must_use]
+    pub fn channels_of(&self, target: &RenderTarget) -> usize {
+        let keeps_depth = matches!(self, Self::Raster(raster) if raster.is_all_own());
+        let channels = target.channels.iter().filter(|channel| keeps_depth || !channel.depth).count();
+        channels.min(self.channels_written())
     }
 
     /// What the program of a ray or effect pass writes; an effect writes what its counterpart by rays does.
@@ -400,6 +443,10 @@ pub struct OwnShader {
     pub textures: Vec<ShaderTexture>,
     /// Textures that are bound; `None` where it is the scene's material that binds them.
     pub bound: Option<u32>,
+    /// Textures that are bound beside those of the scene's material.
+    pub injected: u32,
+    /// Which side of triangles is left out.
+    pub culled: Option<glsl::Side>,
 }
 
 impl RasterPass {

@@ -13,21 +13,51 @@ pub(super) struct Facts {
     pub span: Span,
     /// Channels read, and where the file says so.
     pub reads: Vec<(ChannelRef, Span)>,
-    /// Its render target, how many channels that has, and where the file says so.
+    /// Its render target, how many channels of colours that has, and where the file says so.
     target: Option<(usize, usize, Span)>,
-    /// How many of the target's channels it writes, from the first.
+    /// How many of the target's colours it writes, from the first.
     writes: usize,
+    /// Whether it leaves the depth, in the channel behind the colours.
+    depth: Kept,
     /// Whether all that it reads and writes must have one size.
     pub one_size: bool,
 }
 
+/// What a pass does to the depth of its target.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kept {
+    /// It draws no triangles.
+    Untouched,
+    /// It leaves it where later passes can read it.
+    Written,
+    /// It draws by other shaders than own ones, which do not leave it.
+    Lost,
+}
+
 impl Facts {
     pub fn new(name: &str, span: Span) -> Self {
-        Self { name: name.to_owned(), span, reads: Vec::new(), target: None, writes: 0, one_size: false }
+        let (name, depth) = (name.to_owned(), Kept::Untouched);
+        Self { name, span, reads: Vec::new(), target: None, writes: 0, depth, one_size: false }
     }
 
-    pub fn set_target(&mut self, target: Option<usize>, channels: usize, at: Span) {
-        self.target = target.map(|target| (target, channels, at));
+    pub fn set_target(&mut self, target: Option<usize>, colors: usize, at: Span) {
+        self.target = target.map(|target| (target, colors, at));
+    }
+
+    /// The target, and where the file names it, if it has no channel of colours.
+    pub fn colorless(&self) -> Option<(usize, Span)> {
+        self.target.filter(|(_, colors, _)| *colors == 0).map(|(target, _, at)| (target, at))
+    }
+
+    /// The depth of the target that own shaders leave: its channel.
+    pub fn depth_channel(&self) -> Option<ChannelRef> {
+        let depth = self.target.filter(|_| self.depth == Kept::Written);
+        depth.map(|(target, channel, _)| ChannelRef { target, channel })
+    }
+
+    /// The pass draws triangles, all of them by own shaders or not.
+    pub fn draws(&mut self, all_own: bool) {
+        self.depth = if all_own { Kept::Written } else { Kept::Lost };
     }
 
     /// The pass writes at most the first `count` channels of its target.
@@ -42,7 +72,9 @@ impl Facts {
 
     fn written(&self) -> impl Iterator<Item = ChannelRef> {
         let (target, channels) = self.target.map_or((0, 0), |(target, channels, _)| (target, channels));
-        (0..channels.min(self.writes)).map(move |channel| ChannelRef { target, channel })
+        let colors = (0..channels.min(self.writes)).map(move |channel| ChannelRef { target, channel });
+        let depth = self.target.filter(|_| self.depth == Kept::Written);
+        colors.chain(depth.map(|(target, channel, _)| ChannelRef { target, channel }))
     }
 }
 
@@ -63,6 +95,18 @@ impl Loader {
                 if pass.target.is_some_and(|(target, ..)| target == channel.target) {
                     self.report.error_help(*at, format!("{reader}, a channel of the target that it writes"), || {
                         "write into another render target".to_owned()
+                    });
+                    continue;
+                }
+                let depth = self.libraries.targets[channel.target].channels[channel.channel].depth;
+                let loses = |other: &&Facts| {
+                    other.depth == Kept::Lost && other.target.is_some_and(|(t, ..)| t == channel.target)
+                };
+                if depth && let Some(lost) = passes[..index].iter().find(loses) {
+                    let message =
+                        format!("{reader}, a depth that pass `{}` draws without leaving it", shown(&lost.name));
+                    self.report.error_help(*at, message, || {
+                        "passes leave their depth that map an own shader to all materials (*)".to_owned()
                     });
                     continue;
                 }

@@ -1,17 +1,18 @@
 //! Pipelines and what passes of every class have: scenes, camera, lights, viewport, render target, material maps.
 
 use super::dom::{Element, Value};
-use super::libraries::LibraryMaterial;
+use super::libraries::{Binding, LibraryMaterial};
 use super::loader::Loader;
 use super::order::Facts;
-use super::report::{Names, Span, shown, suggest};
+use super::report::{Found, Names, Span, shown, suggest};
 use super::{ChannelRef, ColorMap, MaterialPattern, Pass, PassKind, PhongMap, Pipeline};
+use crate::glsl;
 use crate::programs::PARAMS;
 use crate::raster_effects::EFFECT_PARAMS;
 use std::rc::Rc;
 
 /// Classes of passes.
-const CLASSES: [&str; 5] = ["default", "optix", "rt", "effect", "quad"];
+const CLASSES: [&str; 7] = ["default", "optix", "rt", "effect", "quad", "depthmap", "depthmap2"];
 
 fn is_class(name: &str) -> bool {
     CLASSES.iter().any(|class| name.eq_ignore_ascii_case(class))
@@ -37,6 +38,8 @@ pub(super) struct InjectedShader {
     pub library: usize,
     /// The material whose shader and values it is.
     pub material: Rc<LibraryMaterial>,
+    /// Texture units and what is bound to them beside the scene's texture.
+    pub textures: Vec<Binding>,
     /// Where it is named.
     pub at: Span,
 }
@@ -61,7 +64,11 @@ impl Loader {
             None => Some(None),
         };
         let (mut names, mut passes, mut facts) = (Names::new("pass of this pipeline"), Vec::new(), Vec::new());
+        self.pipeline_name = element.attribute("name").map_or_else(String::new, |name| name.text.clone());
         for pass in element.children_named(&["pass"]) {
+            if self.shows_nothing(pass) {
+                continue;
+            }
             let name = self.required(pass, "name");
             if let Some(name) = name {
                 names.declare(&mut self.report, &name.text, name.span);
@@ -80,7 +87,25 @@ impl Loader {
             "a pass that could not be read has an error"
         );
         let name = element.attribute("name").map_or_else(String::new, |name| name.text.clone());
-        Pipeline { name, camera: default_camera.flatten(), passes }
+        Pipeline { name, camera: default_camera.flatten(), passes, broken: None }
+    }
+
+    /// Whether a pass draws nothing here: it writes the engine's times over the picture, or only runs scripts. A warning says so.
+    fn shows_nothing(&mut self, pass: &Element) -> bool {
+        let Some(class) = pass.attribute("class") else { return false };
+        let what = if class.text.eq_ignore_ascii_case("profiler") {
+            "it writes the engine's times over the picture"
+        } else if class.text.eq_ignore_ascii_case("default")
+            && !pass.children.is_empty()
+            && pass.children.iter().all(|child| child.is(&["preScript", "postScript", "mode"]))
+        {
+            "it only runs scripts"
+        } else {
+            return false;
+        };
+        let name = pass.attribute("name").map_or("", |name| &name.text);
+        self.report.warning(pass.span, format!("pass `{}` is left out: {what}", shown(name)), || None);
+        true
     }
 
     fn pass(&mut self, context: &mut PassContext<'_>) -> Option<Pass> {
@@ -90,6 +115,7 @@ impl Loader {
         let class = self.required(element, "class")?;
         let kind = match class.text.to_ascii_lowercase().as_str() {
             "default" => self.raster_pass(context).map(PassKind::Raster),
+            "depthmap" | "depthmap2" => self.depth_map_pass(context).map(PassKind::Raster),
             "optix" | "rt" => self.ray_pass(context).map(PassKind::Ray),
             "effect" => self.effect_pass(context).map(PassKind::Effect),
             "quad" => self.quad_pass(context).map(PassKind::Quad),
@@ -128,14 +154,22 @@ impl Loader {
         let at = Self::span_or(element.attribute("name"), element);
         // A pass of a class that is not run may well write depth only.
         let runs = context.element.attribute("class").is_some_and(|class| is_class(&class.text));
-        if let Some(target) = target.filter(|_| runs)
-            && self.libraries.targets[target].channels.is_empty()
+        let colors = target.map_or(0, |target| {
+            self.libraries.targets[target].channels.iter().filter(|channel| !channel.depth).count()
+        });
+        // Whether the depth alone is drawn is known once the shaders are.
+        let draws = ["default", "depthmap", "depthmap2"];
+        let draws = context
+            .element
+            .attribute("class")
+            .is_some_and(|class| glsl::AVAILABLE && draws.iter().any(|name| class.text.eq_ignore_ascii_case(name)));
+        if let Some(target) = target.filter(|_| runs && !draws)
+            && colors == 0
         {
             let message = format!("the render target `{}` has no colour channel", self.libraries.targets[target].name);
             self.report.error(at, message);
         }
-        let channels = target.map_or(0, |target| self.libraries.targets[target].channels.len());
-        context.facts.set_target(target, channels, at);
+        context.facts.set_target(target, colors, at);
         target.map(Some)
     }
 
@@ -162,9 +196,19 @@ impl Loader {
         let mut scenes = Some(Vec::new());
         let mut any = false;
         for list in context.element.children_named(&["scenes"]) {
-            self.expect(list, &["scene"], &[]);
+            self.expect(list, &["scene"], &["instances"]);
+            if let Some(value) = list.attribute("instances")
+                && self.number(value).is_some_and(|count| count != 1.0)
+            {
+                let message = format!("pass `{}` draws its scenes {} times", shown(&context.name), value.shown());
+                self.report.error_help(value.span, message, || "not supported; valid: instances=\"1\"".to_owned());
+                scenes = None;
+            }
             for reference in list.children_named(&["scene"]) {
                 any = true;
+                if self.is_camera(reference) {
+                    continue;
+                }
                 let scene = self
                     .reference(reference)
                     .and_then(|name| self.scenes.names.resolve(&mut self.report, &name.text, name.span));
@@ -180,6 +224,19 @@ impl Loader {
             return None;
         }
         scenes
+    }
+
+    /// Whether what a pass names among its scenes is a camera: the engine draws the lines of what it sees. A warning says that they are left
+    /// out.
+    fn is_camera(&mut self, reference: &Element) -> bool {
+        let Some(name) = reference.attribute("name").or(reference.text.as_ref()) else { return false };
+        let of = |names: &Names| matches!(names.find(&name.text), Found::Exact(_));
+        if of(&self.scenes.names) || !of(&self.cameras.names) {
+            return false;
+        }
+        let (span, message) = (name.span, format!("the lines of the camera `{}` are not drawn", name.shown()));
+        self.report.warning(span, message, || None);
+        true
     }
 
     /// The camera of a pass, or else its pipeline's.
@@ -296,7 +353,12 @@ impl Loader {
             for map in list.children_named(&["map"]) {
                 self.expect(map, &[&["shader", "color"], UNREAD].concat(), &["toMaterial"]);
                 let pattern = self.required(map, "toMaterial").and_then(|value| self.material_pattern(value));
-                if let Some(unread) = map.children.iter().find(|child| child.is(UNREAD)) {
+                let has_shader = glsl::AVAILABLE && map.children.iter().any(|child| child.is(&["shader"]));
+                let (read, textures): (&[&str], _) = match has_shader {
+                    true => (&["textures"], self.injected_textures(map)),
+                    false => (&[], Some(Vec::new())),
+                };
+                if let Some(unread) = map.children.iter().find(|child| child.is(UNREAD) && !child.is(read)) {
                     let message = format!("no program reads what <{}> injects", unread.name);
                     self.report.note(unread.span, message);
                 }
@@ -304,9 +366,9 @@ impl Loader {
                     self.expect(shader, &["values"], &["fromMaterial", "fromLibrary"]);
                     let at = Self::span_or(shader.attribute("fromMaterial"), shader);
                     let found = self.source_material(shader);
-                    let found = found.zip(pattern.clone());
-                    shaders = shaders.zip(found).map(|(mut shaders, ((library, material), to))| {
-                        shaders.push(InjectedShader { to, library, material, at });
+                    let found = found.zip(pattern.clone()).zip(textures);
+                    shaders = shaders.zip(found).map(|(mut shaders, (((library, material), to), textures))| {
+                        shaders.push(InjectedShader { to, library, material, textures, at });
                         shaders
                     });
                 }
@@ -323,6 +385,21 @@ impl Loader {
             }
         }
         shaders
+    }
+
+    /// What `<textures>` of an injection binds beside the scene's texture.
+    fn injected_textures(&mut self, map: &Element) -> Option<Vec<Binding>> {
+        let mut found = Some(Vec::new());
+        for list in map.children_named(&["textures"]) {
+            for texture in list.children_named(&["texture"]) {
+                let binding = self.injected_texture(texture);
+                found = found.zip(binding).map(|(mut found, binding)| {
+                    found.push(binding);
+                    found
+                });
+            }
+        }
+        found
     }
 
     /// The material that `fromMaterial` and `fromLibrary` name.

@@ -23,6 +23,13 @@ pub(super) struct Report {
     remarks: usize,
 }
 
+/// What was reported up to some moment.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Mark {
+    found: usize,
+    errors: usize,
+}
+
 impl Report {
     /// How many errors, and how many notes and warnings, are kept.
     pub const MOST: usize = 100;
@@ -71,6 +78,29 @@ impl Report {
     /// Worth saying.
     pub fn note(&mut self, at: Span, message: impl Into<String>) {
         self.push(Severity::Note, at, message.into(), || None);
+    }
+
+    /// How much was reported so far.
+    pub fn mark(&self) -> Mark {
+        Mark { found: self.found.len(), errors: self.errors }
+    }
+
+    /// Makes warnings of the errors since a mark: they are of something that is not used. The first of them, with its place; `None` without
+    /// any.
+    pub fn excuse(&mut self, since: Mark, what: &str) -> Option<String> {
+        let mut first = None;
+        for (_, problem) in self.found[since.found..].iter_mut().filter(|(_, p)| p.severity == Severity::Error) {
+            problem.severity = Severity::Warning;
+            let place = problem.place.as_ref().map_or(String::new(), |(source, range)| {
+                let (line, column) = source.line_column(range.start);
+                format!("{}:{line}:{column}: ", source.path.display())
+            });
+            first.get_or_insert_with(|| format!("{place}{}", problem.message));
+            problem.message = format!("{what}: {}", problem.message);
+        }
+        self.remarks += self.errors - since.errors;
+        self.errors = since.errors;
+        first
     }
 
     /// Line and column of a place.

@@ -20,7 +20,7 @@ impl Loader {
     /// Reads a `<scene>`.
     pub fn scene(&mut self, element: &Element) {
         self.stray_text(element);
-        self.expect_children(element, &[&["file", "folder", "geometry"], PLACES].concat());
+        self.expect_children(element, &[&["file", "folder", "geometry", "buffers"], PLACES].concat());
         self.expect_attributes(element, &[&["name", "type", "param", "filename"], PLACE_ATTRIBUTES].concat());
         let (mut files, mut shapes, mut exact) = (Vec::new(), Vec::new(), None);
         let mut whole = true;
@@ -54,7 +54,16 @@ impl Loader {
             whole &= self.scales_alike(element, place);
         }
         let (swap_yz, unitize) = self.scene_parameters(element);
-        let names_nothing = !element.children.iter().any(|child| child.is(&["file", "folder", "geometry"]));
+        // Lines and points are not drawn, as the axes are not.
+        let lines = element.children.iter().filter(|child| child.is(&["buffers"])).find(|child| {
+            let kind = child.attribute("primitive").map(|kind| kind.text.to_ascii_uppercase());
+            kind.is_some_and(|kind| kind.starts_with("LINE") || kind.starts_with("POINT"))
+        });
+        if let Some(lines) = lines {
+            self.report.warning(lines.span, "lines and points are not drawn", || None);
+        }
+        let names_nothing =
+            lines.is_none() && !element.children.iter().any(|child| child.is(&["file", "folder", "geometry"]));
         if files.is_empty() && whole && names_nothing {
             self.report.error_help(element.span, "the scene names no file", || {
                 "valid: <file>path</file>, <file name=\"path\"/>, <folder name=\"path\"/>, <geometry type=\"BOX\" …/>".to_owned()

@@ -28,7 +28,7 @@ const MATRICES: [(&str, glsl::Value); 8] = [
     ("TEXTURE_COUNT", glsl::Value::TextureCount),
 ];
 
-const OF_CAMERA: [(&str, CameraValue); 11] = [
+const OF_CAMERA: [(&str, CameraValue); 12] = [
     ("POSITION", CameraValue::Position),
     ("VIEW", CameraValue::View),
     ("NORMALIZED_VIEW", CameraValue::View),
@@ -37,6 +37,7 @@ const OF_CAMERA: [(&str, CameraValue); 11] = [
     ("VIEW_MATRIX", CameraValue::ViewMatrix),
     ("PROJECTION_MATRIX", CameraValue::ProjectionMatrix),
     ("PROJECTION_VIEW_MATRIX", CameraValue::ProjectionViewMatrix),
+    ("TS05_PVM_MATRIX", CameraValue::TextureMatrix),
     ("FOV", CameraValue::Fov),
     ("NEAR", CameraValue::Near),
     ("FAR", CameraValue::Far),
@@ -93,8 +94,8 @@ impl Loader {
         }
     }
 
-    /// Where the value of a uniform comes from. `light` is that of the pass. `None` if it cannot be had; there is then an error.
-    pub fn uniform_value(&mut self, given: &ValueOf, light: Option<usize>) -> Option<glsl::Value> {
+    /// Where the value of a uniform comes from. `pass` is `pipeline#pass`, and `light` that of the pass. `None` if it cannot be had; there is then an error.
+    pub fn uniform_value(&mut self, given: &ValueOf, pass: &str, light: Option<usize>) -> Option<glsl::Value> {
         let uniform = given.uniform.shown();
         let mut part = |value: &Option<Value>, name: &str| {
             if value.is_none() {
@@ -157,8 +158,17 @@ impl Loader {
                 let found = unit.then_some(glsl::Value::Unit(id as u32));
                 self.found(found, &uniform, "TEXTURE_BINDING", &component, vec!["UNIT"])
             }
-            "PASS" if current => {
-                let found = self.pass_values.get(name).map(|value| glsl::Value::Constant([*value, 0.0, 0.0, 0.0]));
+            "PASS" => {
+                let pass = if current { pass.to_owned() } else { context.text.clone() };
+                if !current && !self.pass_keys.contains(&pass) {
+                    let message =
+                        format!("the uniform `{uniform}` is of the pass `{}`, which is not there", context.shown());
+                    self.report.error_help(context.span, message, || {
+                        suggest(&pass, self.pass_keys.iter().map(String::as_str))
+                    });
+                    return None;
+                }
+                let found = self.value_of_pass(&pass, name).map(|value| glsl::Value::Constant([value, 0.0, 0.0, 0.0]));
                 let declared: Vec<String> = self.pass_values.keys().cloned().collect();
                 self.found(found, &uniform, "PASS", &component, declared.iter().map(String::as_str).collect())
             }

@@ -1,13 +1,13 @@
 //! Own shaders of projects: files, compilation, and what their uniforms and samplers are given.
 
 use super::dom::Value;
-use super::libraries::{LibraryMaterial, Texture, ValueOf};
+use super::libraries::{Binding, LibraryMaterial, Texture, ValueOf};
 use super::loader::Loader;
 use super::passes::PassContext;
 use super::report::{Found, Span, shown, suggest};
 use super::{MaterialPattern, OwnShader, ShaderTexture, file};
 use crate::diagnostic::Source;
-use crate::glsl::{self, FRAME, Member, Program, Scalar, Stage};
+use crate::glsl::{self, FRAME, Member, Program, SamplerKind, Scalar, Stage};
 use crate::programs::{QUAD_PROGRAMS, RASTER_PROGRAMS};
 use std::path::Path;
 use std::rc::Rc;
@@ -19,6 +19,8 @@ pub(super) struct ShaderUse<'a> {
     pub library: usize,
     pub material: &'a Rc<LibraryMaterial>,
     pub at: Span,
+    /// What is bound beside the scene's texture.
+    pub injected: &'a [Binding],
     /// Whether the materials are replaced as a whole, with their textures.
     pub replaces: bool,
     /// Whether it fills a quad, which has no camera.
@@ -42,6 +44,7 @@ impl Loader {
         light: Option<usize>,
     ) -> Option<Arc<OwnShader>> {
         let (program, files) = self.own_program(context, used)?;
+        let pass = format!("{}#{}", self.pipeline_name, context.name);
         let mut values: Vec<(ValueOf, glsl::Value)> = Vec::new();
         let mut whole = true;
         for given in &used.material.values {
@@ -54,10 +57,15 @@ impl Loader {
             let member = |block: &glsl::Block| block.members.iter().any(|member| member.name == given.uniform.text);
             let read = program.blocks.iter().any(|block| of_block(block) && member(block))
                 || program.samplers.iter().any(|sampler| sampler.name == given.uniform.text);
+            if let Some(fixed) = program.fixed.iter().find(|fixed| fixed.name == given.uniform.text) {
+                let message = format!("the uniform `{}` is an array, to which nothing can be mapped", fixed.name);
+                self.report.error(given.span, message);
+                whole = false;
+            }
             if !read {
                 continue;
             }
-            match self.uniform_value(given, light) {
+            match self.uniform_value(given, &pass, light) {
                 Some(value) if used.quad => match self.of_quad(value, given, used.material) {
                     Some(value) => values.push((given.clone(), value)),
                     None => whole = false,
@@ -65,6 +73,10 @@ impl Loader {
                 Some(value) => values.push((given.clone(), value)),
                 None => whole = false,
             }
+        }
+        if let Some(other) = used.material.state.other {
+            let message = format!("the state of material `{}` has {other}, which is not done", used.material.name);
+            self.report.warning(used.at, message, || Some("triangles hide what is behind them".to_owned()));
         }
         let own = OwnShader {
             name: format!("{}::{}", self.libraries.get(used.library).name, used.material.name),
@@ -75,6 +87,8 @@ impl Loader {
             values: self.uniforms(&program, files, &values)?,
             textures: self.samplers(&program, files, &values, used)?,
             bound: used.replaces.then_some(used.material.textures.len() as u32),
+            injected: used.injected.iter().filter(|binding| binding.unit > 0).count() as u32,
+            culled: used.material.state.culled,
             program,
         };
         whole.then(|| Arc::new(own))
@@ -125,7 +139,11 @@ impl Loader {
         };
         let mut folder = file::Folder::of(&folder);
         let paths = [folder.resolve(&mut self.report, vertex)?, folder.resolve(&mut self.report, pixel)?];
-        let failed_before = matches!(self.compiled.get(&paths), Some(None));
+        let depth = context.facts.depth_channel().map(|depth| depth.channel);
+        let depth = depth.filter(|depth| *depth < glsl::MAX_OUTPUTS && !used.quad);
+        let key = (paths, depth);
+        let paths = &key.0;
+        let failed_before = matches!(self.compiled.get(&key), Some(None));
         if failed_before {
             // It was said what is wrong.
             return None;
@@ -134,11 +152,11 @@ impl Loader {
         for ((path, named), file) in paths.iter().zip([vertex, pixel]).zip(&mut files) {
             *file = self.shader_file(path, named)?;
         }
-        if let Some(Some(program)) = self.compiled.get(&paths) {
+        if let Some(Some(program)) = self.compiled.get(&key) {
             return Some((Arc::clone(program), files));
         }
         let texts = files.map(|file| self.report.source(file).text.clone());
-        let compiled = glsl::Source { vertex: &texts[0], fragment: &texts[1] }.compile();
+        let compiled = glsl::Source { vertex: &texts[0], fragment: &texts[1], depth }.compile();
         let program = match compiled {
             Ok(program) => Some(Arc::new(program)),
             Err(faults) => {
@@ -153,7 +171,7 @@ impl Loader {
                 None
             }
         };
-        self.compiled.insert(paths, program.clone());
+        self.compiled.insert(key, program.clone());
         program.map(|program| (program, files))
     }
 
@@ -248,7 +266,7 @@ impl Loader {
                     0
                 }
             };
-            let texture = self.bound(used, unit);
+            let texture = self.bound(used, unit, sampler.kind);
             textures = textures.zip(texture).map(|(mut textures, texture)| {
                 textures.push(texture);
                 textures
@@ -258,21 +276,30 @@ impl Loader {
     }
 
     /// What is bound to a texture unit.
-    fn bound(&mut self, used: &ShaderUse<'_>, unit: u32) -> Option<ShaderTexture> {
-        if !used.replaces {
-            return Some(if unit == 0 { ShaderTexture::Material } else { ShaderTexture::Nothing });
-        }
-        let Some((_, name)) = used.material.textures.iter().find(|(bound, _)| *bound == unit) else {
+    fn bound(&mut self, used: &ShaderUse<'_>, unit: u32, kind: SamplerKind) -> Option<ShaderTexture> {
+        let bindings = if used.replaces { &used.material.textures[..] } else { used.injected };
+        let Some(binding) = bindings.iter().rev().find(|binding| binding.unit == unit) else {
+            if !used.replaces && unit == 0 {
+                return Some(ShaderTexture::Material);
+            }
             let message = format!("material `{}` binds no texture to unit {unit}: it is black", used.material.name);
             self.report.warning(used.at, message, || Some(format!("<texture unit=\"{unit}\" name=\"…\"/>")));
             return Some(ShaderTexture::Nothing);
         };
+        let name = &binding.name;
+        if let Some(func) = binding.compare.as_ref().filter(|func| !func.text.eq_ignore_ascii_case("LEQUAL"))
+            && kind == SamplerKind::Compared
+        {
+            let message = format!("COMPARE_FUNC `{}` of `{}` is not supported", func.shown(), name.shown());
+            self.report.error_help(func.span, message, || "valid: LEQUAL".to_owned());
+            return None;
+        }
         let (library, own_name) = match name.text.split_once("::") {
             Some((library, own)) => {
                 let from = Value { text: library.trim().to_owned(), joined: None, span: name.span };
                 (self.find_library(&from)?, own.trim())
             }
-            None => (used.library, name.text.as_str()),
+            None => (binding.library.unwrap_or(used.library), name.text.as_str()),
         };
         let library = self.libraries.get(library);
         let index = match library.texture_names.find(own_name) {
@@ -294,16 +321,10 @@ impl Loader {
                 }
                 Some(ShaderTexture::File(file))
             }
-            Texture::Channel(channel) if used.quad => channel.map(ShaderTexture::Channel),
-            Texture::Depth if used.quad => {
-                let message = format!("`{}` is a depth buffer: only colour channels can be read", name.shown());
-                self.report.error(name.span, message);
-                None
-            }
-            Texture::Channel(_) | Texture::Depth => {
-                let message =
-                    format!("the own shader of a raster pass reads the render target texture `{}`", name.shown());
-                let help = || "not supported yet; valid: an image file".to_owned();
+            Texture::Channel(channel) => channel.map(ShaderTexture::Channel),
+            Texture::Depth => {
+                let message = format!("`{}` is a depth that is not kept", name.shown());
+                let help = || "valid: a <depth> of a target of two colours or less".to_owned();
                 self.report.error_help(name.span, message, help);
                 None
             }
@@ -324,7 +345,8 @@ fn fits(value: glsl::Value, member: &Member) -> Result<(), String> {
         return Err("is an array or a structure, to which nothing can be mapped".to_owned());
     };
     let matrix = match value {
-        V::Matrix(_) | V::Camera(_, C::ViewMatrix | C::ProjectionMatrix | C::ProjectionViewMatrix) => Some(4),
+        V::Matrix(_)
+        | V::Camera(_, C::ViewMatrix | C::ProjectionMatrix | C::ProjectionViewMatrix | C::TextureMatrix) => Some(4),
         V::NormalMatrix => Some(3),
         V::Unit(_) => None,
         _ => None,

@@ -373,16 +373,24 @@ pub struct Needs {
     pub normal_maps: bool,
     /// Textures of the roughness of glass, where materials have them; only with [`Self::textures`].
     pub roughness_maps: bool,
+    /// Tangents of all meshes, for shaders that read them; only with [`Self::normals`] and [`Self::textures`].
+    pub tangents: bool,
 }
 
 impl Needs {
-    /// Everything, for conversions.
+    /// Everything that files hold, for conversions.
     pub const ALL: Needs =
-        Needs { normals: true, textures: true, colors: true, normal_maps: true, roughness_maps: true };
+        Needs { normals: true, textures: true, colors: true, normal_maps: true, roughness_maps: true, tangents: false };
 
     /// Positions alone.
-    pub const NOTHING: Needs =
-        Needs { normals: false, textures: false, colors: false, normal_maps: false, roughness_maps: false };
+    pub const NOTHING: Needs = Needs {
+        normals: false,
+        textures: false,
+        colors: false,
+        normal_maps: false,
+        roughness_maps: false,
+        tangents: false,
+    };
 }
 
 /// Triangles and spheres in world space, sorted by material: what rasterisers draw and tracers build on.

@@ -51,6 +51,8 @@ pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
             ("bands.glsl", [BANDS_VERTEX, "\0", BANDS_FRAGMENT].concat().into()),
             ("quad.glsl", QUAD_SHADER.into()),
             ("words.glsl", WORDS_SHADER.into()),
+            ("depth.glsl", DEPTH_SHADER.into()),
+            ("shadowed.glsl", [SHADOWED_VERTEX, "\0", SHADOWED_FRAGMENT].concat().into()),
         ],
         other => panic!("there is no target {other}"),
     }
@@ -58,6 +60,15 @@ pub fn of(target: &str) -> Vec<(&'static str, Vec<u8>)> {
 
 const BANDS_VERTEX: &str = include_str!("../../../xml_projects/shaders/glsl/bands.vert");
 const BANDS_FRAGMENT: &str = include_str!("../../../xml_projects/shaders/glsl/bands.frag");
+
+const SHADOWED_VERTEX: &str = include_str!("../../../xml_projects/shaders/glsl/shadowed.vert");
+const SHADOWED_FRAGMENT: &str = include_str!("../../../xml_projects/shaders/glsl/shadowed.frag");
+
+/// For a target of one colour whose depth is kept.
+const DEPTH_SHADER: &str = "1#version 440\nuniform mat4 m[2];\nuniform bool on = true;\nin vec4 position;\nin vec3 tangent;\nout vec4 p[2];\nout mat3 n;
+void main() { p[0] = m[1] * position; p[1] = on ? p[0] : position; n = mat3(m[0]); n[1] = tangent; gl_Position = position; }
+\0#version 440\nuniform sampler2DShadow a;\nuniform bvec2 two;\nuniform float w[3] = { 1., 2., 3. };\nin vec4 p[2];\nin mat3 n;\nout float depth;
+void main() { depth = texture(a, p[0].xyz) + textureProj(a, p[1]) * w[w.length() - 1]; if (two.y) gl_FragDepth = n[2].x; }\n";
 
 /// As files of before OpenGL 3 are written.
 const QUAD_SHADER: &str = "#version 120\nattribute vec4 position;\nattribute vec4 texCoord0;\nvarying vec2 uv;

@@ -10,11 +10,16 @@ pub fn shader(input: &[u8]) -> Outcome {
     // Files that are not UTF-8 are refused before they are compiled.
     let Ok(text) = std::str::from_utf8(input) else { return Outcome::Refused };
     let (vertex, fragment) = text.split_once(char::from(SEPARATOR)).unwrap_or((text, ""));
-    let source = Source { vertex, fragment };
+    // A vertex shader that begins with such a digit is for a target that keeps its depth.
+    let digit = vertex.bytes().next().filter(u8::is_ascii_digit).map(|digit| usize::from(digit - b'0'));
+    let depth = digit.filter(|depth| *depth < MAX_OUTPUTS);
+    let vertex = if depth.is_some() { &vertex[1..] } else { vertex };
+    let source = Source { vertex, fragment, depth };
     let file = |stage: Stage| if stage == Stage::Vertex { vertex } else { fragment };
     match source.compile() {
         Ok(program) => {
             check(&program, file);
+            assert!(depth.is_none_or(|depth| program.outputs[depth]), "the depth is written");
             assert_eq!(source.compile().as_ref(), Ok(&program), "a second run differs");
             Outcome::Loaded
         }

@@ -84,7 +84,9 @@ fn cameras_must_see_something() {
     wrong("</camera>", up, "the camera's up vector is parallel to its view", "");
     let here = "@<LOOK_AT_POINT x=0 y=0 z=5 />";
     wrong("<view x=\"0\" y=\"0\" z=\"-2\" />", here, "the camera looks at the point where it stands", "");
-    wrong("</camera>", "@<LOOK_AT_POINT x=0 y=0 z=0 /></camera>", "<LOOK_AT_POINT> contradicts <view> of line 5", "");
+    wrong("</camera>", "@<LOOK_AT_POINT x=2 y=0 z=0 /></camera>", "<LOOK_AT_POINT> contradicts <view> of line 5", "");
+    // What the engine writes has both, and both say the same.
+    good(&with(&project(RASTER), "</camera>", "<LOOK_AT_POINT x=0 y=0 z=4 /></camera>"));
     let kind = "<projection TYPE=\"@ISO\" /></camera>";
     wrong("</camera>", kind, "`ISO` is not a projection", "perspective, ortho");
     let nothing = "@<projection TYPE=ORTHO LEFT=2 RIGHT=2 /></camera>";
@@ -176,12 +178,17 @@ fn libraries_must_be_there_once() {
             && warning.message.ends_with("is listed twice: it is read once")
     );
 
-    files.write("other.mlib", "<mlib name=\"Lib\"/>");
-    files.write(
-        "project.xml",
-        with(&project(RASTER), "</materialLibs>", "<mlib filename=\"other.mlib\"/></materialLibs>"),
-    );
-    let problems = files.load().expect_err("a name twice");
+    // A second file of the same name in the same folder adds to the first, as in the engine.
+    let twice = |path: &str| {
+        let named = format!("<mlib filename=\"{path}\"/></materialLibs>");
+        files.write("project.xml", with(&project(RASTER), "</materialLibs>", &named));
+        files.load()
+    };
+    files.write("other.mlib", "<mlib name=\"Lib\"><materials><material name=\"more\"/></materials></mlib>");
+    let joined = twice("other.mlib").unwrap_or_else(|problems| panic!("{problems}"));
+    assert!(joined.problems.to_string().contains("this adds to the library `Lib`"), "{}", joined.problems);
+    files.write("there/other.mlib", "<mlib name=\"Lib\"/>");
+    let problems = twice("there/other.mlib").expect_err("a name twice");
     assert_eq!(errors(&problems), ["other.mlib:1:13: a second material library is named `Lib`"]);
     assert!(problems.to_string().contains("the first is at "), "{problems}");
 }

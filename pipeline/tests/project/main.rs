@@ -4,6 +4,7 @@ mod camera;
 mod dialects;
 mod effects;
 mod errors;
+mod left_out;
 mod passes;
 mod real;
 mod robust;

@@ -19,9 +19,9 @@ fn wrong_raster(old: &str, new: &str, message: &str, help: &str) {
 fn classes_must_be_known() {
     wrong_raster(
         "class=\"default\"",
-        "class=\"@depthmap\"",
-        "pass `gbuffer` is of class `depthmap`",
-        "default, effect, optix, quad, rt",
+        "class=\"@compute\"",
+        "pass `gbuffer` is of class `compute`",
+        "default, depthmap, depthmap2, effect, optix, quad, rt",
     );
     wrong_raster(
         "class=\"default\"",

@@ -57,7 +57,8 @@ impl Gpu {
         let wanted = wgpu::Features::TIMESTAMP_QUERY
             | wgpu::Features::PRIMITIVE_INDEX
             | wgpu::Features::SUBGROUP
-            | wgpu::Features::FLOAT32_FILTERABLE;
+            | wgpu::Features::FLOAT32_FILTERABLE
+            | wgpu::Features::DEPTH_CLIP_CONTROL;
         let limits = adapter.limits();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("curitiba"),

@@ -214,7 +214,7 @@ impl Rasteriser for WgpuRasteriser {
     }
 
     fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError> {
-        self.draw_with(job, &OwnShaders { programs: &[], materials: &[] }, target)
+        self.draw_with(job, &OwnShaders::NONE, target)
     }
 
     fn draws_shaders(&self) -> bool {
@@ -264,7 +264,7 @@ impl Rasteriser for WgpuRasteriser {
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("gbuffer"),
-                color_attachments: &targets.color_attachments(job.clear_color),
+                color_attachments: &targets.color_attachments(job.clear_color, own.depth),
                 depth_stencil_attachment: Some(targets.depth_attachment()),
                 timestamp_writes: self.timer.as_ref().map(Timer::writes),
                 occlusion_query_set: None,

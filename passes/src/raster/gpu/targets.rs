@@ -139,11 +139,19 @@ impl Targets {
         Ok(Self { width, height, stored, channels, depth, bytes, group: OnceLock::new() })
     }
 
-    /// What the render pass writes, cleared first: triangle ids to 0, which is "none" until [`Self::read_back`].
-    pub fn color_attachments(&self, clear_color: Vec4) -> [Option<wgpu::RenderPassColorAttachment<'_>>; 4] {
+    /// What the render pass writes, cleared first: triangle ids to 0, which is "none" until [`Self::read_back`], and the attachment that
+    /// holds depth to the far plane.
+    pub fn color_attachments(
+        &self,
+        clear_color: Vec4,
+        depth: Option<usize>,
+    ) -> [Option<wgpu::RenderPassColorAttachment<'_>>; 4] {
         let [r, g, b, a] = clear_color.as_dvec4().to_array();
-        let clears =
+        let mut clears =
             [wgpu::Color { r, g, b, a }, wgpu::Color::TRANSPARENT, wgpu::Color::TRANSPARENT, wgpu::Color::TRANSPARENT];
+        if let Some(clear) = depth.filter(|depth| *depth < TRIANGLE).map(|depth| &mut clears[depth]) {
+            *clear = wgpu::Color::WHITE;
+        }
         std::array::from_fn(|index| {
             self.channels[index].as_ref().map(|channel| wgpu::RenderPassColorAttachment {
                 view: &channel.view,

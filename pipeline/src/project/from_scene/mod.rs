@@ -151,6 +151,7 @@ impl SceneProjects {
             }],
             cameras,
             lights: vec![sun],
+            light_cameras: Vec::new(),
             targets: Vec::new(),
             pipelines: Vec::new(),
             default_pipeline: 0,

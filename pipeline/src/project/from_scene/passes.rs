@@ -78,7 +78,7 @@ impl Common<'_> {
     /// The targets and the pipeline. Passes have the names of the report's projects, so that its commands serve: `pass1` draws,
     /// `pass2` (and `pass3`) compute, `pass5` fills the window.
     pub fn pipeline(&self, steps: &[Step]) -> (Vec<RenderTarget>, Pipeline) {
-        let channel = |name: &str| Channel { name: name.to_owned(), format: PixelFormat::Rgba32Float };
+        let channel = |name: &str| Channel { name: name.to_owned(), format: PixelFormat::Rgba32Float, depth: false };
         let target = |name: &str, channels: Vec<Channel>| RenderTarget {
             library: LIBRARY.to_owned(),
             name: name.to_owned(),
@@ -121,7 +121,7 @@ impl Common<'_> {
             None => QuadSource::Show(color),
         };
         passes.push(pass("pass5".to_owned(), None, PassKind::Quad(QuadPass::new(source))));
-        (targets, Pipeline { name: "deferred".to_owned(), camera: Some(0), passes })
+        (targets, Pipeline { name: "deferred".to_owned(), camera: Some(0), passes, broken: None })
     }
 
     fn patterns(&self) -> Vec<MaterialPattern> {

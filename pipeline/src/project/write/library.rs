@@ -75,10 +75,14 @@ impl Library {
             xml.empty("size", &[("width", &width), ("height", &height)]);
             color(&mut xml, "CLEAR_VALUES", &target.clear_color.to_array());
             xml.begin("colors", &[]);
-            for channel in &target.channels {
+            for channel in target.channels.iter().filter(|channel| !channel.depth) {
                 xml.empty("color", &[("name", &channel.name), ("internalFormat", channel.format.name())]);
             }
             xml.end();
+            if let Some(depth) = target.depth() {
+                let name = &target.channels[depth].name;
+                xml.empty("depth", &[("name", name), ("internalFormat", "DEPTH_COMPONENT32F")]);
+            }
             xml.end();
         }
         xml.end();

@@ -71,10 +71,8 @@ pub(super) fn flatten(
     let mapped: Vec<bool> = materials
         .iter()
         .map(|material| {
-            options.needs.normal_maps
-                && options.needs.normals
-                && !options.model_space_normals
-                && material.normal_texture.is_some()
+            let mapped = options.needs.normal_maps && material.normal_texture.is_some();
+            options.needs.normals && !options.model_space_normals && (mapped || options.needs.tangents)
         })
         .collect();
     let mapped =

@@ -211,7 +211,7 @@ impl Marching {
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("behind glass"),
-                color_attachments: &targets.color_attachments(raster.clear_color),
+                color_attachments: &targets.color_attachments(raster.clear_color, None),
                 depth_stencil_attachment: Some(targets.depth_attachment()),
                 timestamp_writes: timer.map(Timer::writes),
                 occlusion_query_set: None,

@@ -10,13 +10,13 @@ use super::device::Gpu;
 use super::faults::{failure, unsupported};
 use super::geometry::{DeviceGeometry, Vertices};
 use super::targets::{Staging, Stored};
-use curitiba_pipeline::backend::{BackendError, OwnShaders, QuadJob, RasterJob};
-use curitiba_pipeline::glsl::{Attribute, Program};
+use curitiba_pipeline::backend::{BackendError, OwnShaders, OwnTexture, QuadJob, RasterJob};
+use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind, Side};
 use curitiba_pipeline::scene::Geometry;
 use pipelines::{Built, Into, Pipelines};
-use quad::Quad;
+use quad::{Quad, channel_texture};
 use std::sync::Arc;
-use textures::Textures;
+use textures::{Sampled, Textures};
 
 /// One draw call.
 #[derive(Debug)]
@@ -105,20 +105,42 @@ impl Shaders {
         if stored.attachments.triangle {
             return Err(unsupported("triangle ids of own shaders", "they write none;"));
         }
+        if own.clamped && !gpu.has(wgpu::Features::DEPTH_CLIP_CONTROL) {
+            let why = format!("{} does not clamp depth;", gpu.adapter);
+            return Err(unsupported("a depth map", &why));
+        }
+        let filters = gpu.has(wgpu::Features::FLOAT32_FILTERABLE);
+        let channels: Vec<Sampled> =
+            own.channels.iter().map(|channel| channel_texture(gpu, channel, filters)).collect::<Result<_, _>>()?;
         for part in &geometry.parts {
             let material = own.materials.get(part.material as usize).and_then(Option::as_ref);
             let Some(material) = material else { continue };
             let program = own.programs.get(material.program).ok_or_else(|| failure("a material has no program"))?;
-            let culled = job.culled.get(part.material as usize) == Some(&true);
+            let culled = match material.culled {
+                Some(Side::Front) => Some(wgpu::Face::Front),
+                Some(Side::Back) => Some(wgpu::Face::Back),
+                None => (job.culled.get(part.material as usize) == Some(&true)).then_some(wgpu::Face::Back),
+            };
+            let exact = |(sampler, texture): (&Sampler, &OwnTexture)| {
+                sampler.kind == SamplerKind::Compared || !filters && matches!(texture, OwnTexture::Channel(_))
+            };
+            let exact: Vec<bool> = program.samplers.iter().zip(&material.textures).map(exact).collect();
+            let vertices = &geometry.vertices[geometry.chunks[part.chunk].vertices];
             let has = |attribute: &Attribute| match attribute {
                 Attribute::Position => true,
-                Attribute::Normal => geometry.vertices[geometry.chunks[part.chunk].vertices].normals.is_some(),
-                Attribute::TexCoord => geometry.vertices[geometry.chunks[part.chunk].vertices].texcoords.is_some(),
+                Attribute::Normal => vertices.normals.is_some(),
+                Attribute::TexCoord => vertices.texcoords.is_some(),
+                Attribute::Tangent => vertices.tangents.is_some(),
             };
             let missing: Vec<Attribute> = program.attributes.iter().copied().filter(|a| !has(a)).collect();
-            let built = self.pipelines.require(gpu, program, Into::attachments(stored, culled), &missing)?;
+            let built = self.pipelines.require(
+                gpu,
+                program,
+                Into::attachments(stored, culled, own.clamped, exact.clone()),
+                &missing,
+            )?;
             let uniforms = uniforms(gpu, built, program, &material.uniforms)?;
-            let textures = self.textures.bind(gpu, built, program, material, job.scene)?;
+            let textures = self.textures.bind(gpu, built, (material, &exact), job.scene, &channels)?;
             let turned = program.flat;
             if turned {
                 turn(gpu, geometry, &job.scene.geometry, &mut self.turned, part.chunk)?;
@@ -161,6 +183,7 @@ impl Shaders {
             Attribute::Position => &vertices.positions,
             Attribute::Normal => vertices.normals.as_ref().unwrap_or(&self.nothing),
             Attribute::TexCoord => vertices.texcoords.as_ref().unwrap_or(&self.nothing),
+            Attribute::Tangent => vertices.tangents.as_ref().unwrap_or(&self.nothing),
         }
     }
 }

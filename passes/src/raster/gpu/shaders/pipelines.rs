@@ -20,20 +20,22 @@ pub(super) struct Built {
 pub(super) struct Into {
     formats: Vec<Option<wgpu::TextureFormat>>,
     depth: bool,
-    culled: bool,
-    /// By sampler: whether it reads a texture that the device cannot filter.
+    culled: Option<wgpu::Face>,
+    /// Whether depth beyond the near and far plane is that of the plane, instead of nothing being drawn there.
+    clamped: bool,
+    /// By sampler: whether it reads a texture unfiltered.
     exact: Vec<bool>,
 }
 
 impl Into {
     /// The attachments of a raster pass.
-    pub fn attachments(stored: Stored, culled: bool) -> Self {
-        Self { formats: stored.formats().to_vec(), depth: true, culled, exact: Vec::new() }
+    pub fn attachments(stored: Stored, culled: Option<wgpu::Face>, clamped: bool, exact: Vec<bool>) -> Self {
+        Self { formats: stored.formats().to_vec(), depth: true, culled, clamped, exact }
     }
 
     /// A texture of full precision, without depth.
     pub fn quad(exact: Vec<bool>) -> Self {
-        Self { formats: vec![Some(QUAD_FORMAT)], depth: false, culled: false, exact }
+        Self { formats: vec![Some(QUAD_FORMAT)], depth: false, culled: None, clamped: false, exact }
     }
 }
 
@@ -133,6 +135,8 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
             let format = match attribute {
                 Attribute::Position | Attribute::Normal => wgpu::VertexFormat::Float32x3,
                 Attribute::TexCoord => wgpu::VertexFormat::Float32x2,
+                // Its side is not read.
+                Attribute::Tangent => wgpu::VertexFormat::Float32x4,
             };
             [wgpu::VertexAttribute { format, offset: 0, shader_location: attribute.location() }]
         })
@@ -163,7 +167,8 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
             buffers: &buffers,
         },
         primitive: wgpu::PrimitiveState {
-            cull_mode: key.into.culled.then_some(wgpu::Face::Back),
+            cull_mode: key.into.culled,
+            unclipped_depth: key.into.clamped,
             ..Default::default()
         },
         depth_stencil: key.into.depth.then(|| wgpu::DepthStencilState {

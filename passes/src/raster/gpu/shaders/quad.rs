@@ -6,7 +6,7 @@ use super::pipelines::{Into, Pipelines, QUAD_FORMAT};
 use super::textures::{Sampled, Textures, upload};
 use super::uniforms;
 use curitiba_pipeline::backend::{BackendError, QuadJob, QuadTexture};
-use curitiba_pipeline::glsl::Attribute;
+use curitiba_pipeline::glsl::{Attribute, Sampler, SamplerKind};
 
 /// Corners of two triangles: in clip space, and where they are in a texture.
 const CORNERS: [[f32; 2]; 6] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
@@ -39,25 +39,25 @@ impl Quad {
     ) -> Result<(), BackendError> {
         let QuadJob { program, width, height, .. } = *job;
         let filters = gpu.has(wgpu::Features::FLOAT32_FILTERABLE);
-        let exact = |texture: &QuadTexture<'_>| !filters && matches!(texture, QuadTexture::Channel { .. });
-        let exact: Vec<bool> = job.textures.iter().map(exact).collect();
-        let missing = [Attribute::Normal];
-        let built = pipelines.require(gpu, program, Into::quad(exact), &missing)?;
+        let exact = |(sampler, texture): (&Sampler, &QuadTexture<'_>)| {
+            sampler.kind == SamplerKind::Compared || !filters && matches!(texture, QuadTexture::Channel { .. })
+        };
+        let exact: Vec<bool> = program.samplers.iter().zip(job.textures).map(exact).collect();
+        let missing = [Attribute::Normal, Attribute::Tangent];
+        let built = pipelines.require(gpu, program, Into::quad(exact.clone()), &missing)?;
         let blocks = uniforms(gpu, built, program, job.uniforms)?;
         let mut own = Vec::with_capacity(job.textures.len());
         for texture in job.textures {
             own.push(match texture {
                 QuadTexture::Nothing => None,
-                QuadTexture::Image(image) => Some(upload(gpu, &image.name, &image.levels, image.wrap)?),
-                QuadTexture::Channel { width, height, texels } => {
-                    Some(channel(gpu, [*width, *height], texels, filters)?)
-                }
+                other => Some(channel_texture(gpu, other, filters)?),
             });
         }
         let bound = own.iter().map(|own| own.as_ref().unwrap_or(textures.nothing()));
         let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
-            .zip(bound)
-            .flat_map(|(index, Sampled { view, sampler }): (u32, _)| {
+            .zip(bound.zip(&exact))
+            .flat_map(|(index, (Sampled { view, sampler }, exact)): (u32, _)| {
+                let sampler = if *exact { &textures.nearest } else { sampler };
                 let view = wgpu::BindingResource::TextureView(view);
                 let sampler = wgpu::BindingResource::Sampler(sampler);
                 [(2 * index, view), (2 * index + 1, sampler)]
@@ -107,7 +107,7 @@ impl Quad {
                 let buffer = match attribute {
                     Attribute::Position => &self.positions,
                     Attribute::TexCoord => &self.texcoords,
-                    Attribute::Normal => nothing,
+                    Attribute::Normal | Attribute::Tangent => nothing,
                 };
                 pass.set_vertex_buffer(slot, buffer.slice(..));
             }
@@ -115,6 +115,15 @@ impl Quad {
         }
         gpu.submit_and_wait(Some(encoder.finish()), "filling a quad")?;
         staging.read(gpu, &target, pixels)
+    }
+}
+
+/// What a sampler reads, uploaded: black where that is nothing.
+pub(super) fn channel_texture(gpu: &Gpu, texture: &QuadTexture<'_>, filters: bool) -> Result<Sampled, BackendError> {
+    match texture {
+        QuadTexture::Nothing => channel(gpu, [1, 1], &[[0.0, 0.0, 0.0, 1.0]], filters),
+        QuadTexture::Image(image) => upload(gpu, &image.name, &image.levels, image.wrap),
+        QuadTexture::Channel { width, height, texels } => channel(gpu, [*width, *height], texels, filters),
     }
 }
 

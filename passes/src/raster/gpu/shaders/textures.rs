@@ -4,8 +4,7 @@ use super::super::device::Gpu;
 use super::super::faults::failure;
 use super::super::pipelines::trilinear;
 use super::pipelines::Built;
-use curitiba_pipeline::backend::{BackendError, OwnMaterial};
-use curitiba_pipeline::glsl::Program;
+use curitiba_pipeline::backend::{BackendError, OwnMaterial, OwnTexture};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::{Level, Texture, Wrap};
 
@@ -22,6 +21,8 @@ pub(super) struct Textures {
     sampled: Vec<Option<Sampled>>,
     /// What is read where nothing is bound: black and opaque.
     nothing: Sampled,
+    /// What reads textures unfiltered.
+    pub nearest: wgpu::Sampler,
     /// Bytes of device memory.
     pub bytes: u64,
 }
@@ -30,7 +31,14 @@ impl Textures {
     pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
         let level = Level { width: 1, height: 1, texels: vec![[0, 0, 0, 255]] };
         let nothing = upload(gpu, "nothing", &[level], [Wrap::Repeat; 2])?;
-        Ok(Self { sampled: Vec::new(), nothing, bytes: 0 })
+        let nearest = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("unfiltered"),
+            address_mode_u: wgpu::AddressMode::Repeat,
+            address_mode_v: wgpu::AddressMode::Repeat,
+            ..Default::default()
+        });
+        gpu.check("creation of a sampler")?;
+        Ok(Self { sampled: Vec::new(), nothing, nearest, bytes: 0 })
     }
 
     /// What is read where nothing is bound.
@@ -49,20 +57,25 @@ impl Textures {
         &mut self,
         gpu: &Gpu,
         built: &Built,
-        program: &Program,
-        material: &OwnMaterial,
+        (material, exact): (&OwnMaterial, &[bool]),
         scene: &RenderScene,
+        channels: &[Sampled],
     ) -> Result<wgpu::BindGroup, BackendError> {
-        for index in material.textures.iter().flatten() {
-            self.require(gpu, scene, *index)?;
+        for texture in &material.textures {
+            if let OwnTexture::Scene(index) = texture {
+                self.require(gpu, scene, *index)?;
+            }
         }
-        let bound = |sampler: usize| {
-            let index = material.textures.get(sampler).copied().flatten();
-            index.and_then(|index| self.sampled[index as usize].as_ref()).unwrap_or(&self.nothing)
+        let bound = |texture: &OwnTexture| match *texture {
+            OwnTexture::Nothing => None,
+            OwnTexture::Scene(index) => self.sampled[index as usize].as_ref(),
+            OwnTexture::Channel(index) => channels.get(index),
         };
-        let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..program.samplers.len())
-            .flat_map(|sampler| {
-                let (Sampled { view, sampler: own }, first) = (bound(sampler), 2 * sampler as u32);
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+            .zip(material.textures.iter().zip(exact))
+            .flat_map(|(sampler, (texture, exact)): (u32, _)| {
+                let Sampled { view, sampler: own } = bound(texture).unwrap_or(&self.nothing);
+                let (own, first) = (if *exact { &self.nearest } else { own }, 2 * sampler);
                 let view = wgpu::BindingResource::TextureView(view);
                 let own = wgpu::BindingResource::Sampler(own);
                 [(first, view), (first + 1, own)].map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })

@@ -1,0 +1,99 @@
+//! What projects of the engine hold that draws nothing here, or does not run: it is left out with a warning, and the rest renders.
+
+use crate::support::{RASTER, bad, errors, good, project, with};
+use curitiba_pipeline::project::Project;
+
+const COMPUTE: &str = r#"<pass class="compute" name="sums"></pass>"#;
+
+/// The project with a second pipeline, of which `attributes` says more.
+fn two(attributes: &str, passes: &str) -> String {
+    let second = format!("<pipeline name=\"other\" defaultCamera=\"Eye\" {attributes}>{passes}</pipeline></pipelines>");
+    with(&project(RASTER), "</pipelines>", &second)
+}
+
+#[track_caller]
+fn warns(project: &Project, what: &str) {
+    let said = project.problems.to_string();
+    assert!(said.contains("warning: ") && said.contains(what), "`{what}` is not in:\n{said}");
+}
+
+#[test]
+fn a_pipeline_that_does_not_run_may_hold_what_is_refused() {
+    let loaded = good(&two("", &[COMPUTE, RASTER].concat()));
+    warns(&loaded, "pipeline `other` cannot run: pass `sums` is of class `compute`");
+    assert_eq!(loaded.pipeline(None), Ok(0));
+    let said = loaded.pipeline(Some("other")).expect_err("it cannot run");
+    assert!(said.contains("pipeline `other` cannot run: ") && said.contains("project.xml:"), "{said}");
+    assert_eq!(good(&two("", RASTER)).pipeline(Some("other")), Ok(1), "a whole one can be asked for");
+    // Where it is what runs, it is an error.
+    for text in
+        [two("default=\"true\"", COMPUTE), with(&two("", COMPUTE), "<pipelines>", "<pipelines default=\"other\">")]
+    {
+        let found = errors(&bad(&text));
+        assert!(found.len() == 1 && found[0].ends_with("pass `sums` is of class `compute`"), "{found:?}");
+    }
+    let named = good(&with(&two("", RASTER), "<pipelines>", "<pipelines default=\"other\">"));
+    assert_eq!(named.pipeline(None), Ok(1));
+}
+
+/// What is wrong beside the pipelines is an error, whichever of them runs.
+#[test]
+fn what_pipelines_share_is_not_excused() {
+    let lens = "<perspective fov=\"200\" near=\"1\" far=\"2\" /><view x=";
+    let text = with(&two("", COMPUTE), "<view x=", lens);
+    assert!(errors(&bad(&text)).iter().any(|error| error.contains("200 degrees")));
+}
+
+#[test]
+fn passes_that_draw_nothing_are_left_out() {
+    let profiler = r#"<pass class="profiler" name="times"><viewport name="View"/></pass>"#;
+    let scripts = r#"<pass class="default" name="moves"><preScript file="a.lua" script="b"/></pass>"#;
+    let loaded = good(&project(&[profiler, RASTER, scripts].concat()));
+    assert_eq!(loaded.pipelines[0].passes.len(), 1);
+    warns(&loaded, "pass `times` is left out");
+    warns(&loaded, "pass `moves` is left out: it only runs scripts");
+    // One that says nothing at all is a mistake.
+    let empty = r#"<pass class="default" name="nothing"></pass>"#;
+    assert!(errors(&bad(project(&[RASTER, empty].concat()))).iter().any(|error| error.contains("names no scene")));
+}
+
+#[test]
+fn a_camera_among_the_scenes_is_left_out_and_another_name_is_an_error() {
+    let loaded = good(&with(&project(RASTER), "<scene>Main</scene>", "<scene>Main</scene><scene>Eye</scene>"));
+    warns(&loaded, "the lines of the camera `Eye` are not drawn");
+    let text = with(&project(RASTER), "<scene>Main</scene>", "<scene>Main</scene><scene>Ear</scene>");
+    assert!(errors(&bad(&text))[0].ends_with("there is no scene `Ear`"));
+}
+
+#[test]
+fn scenes_of_lines_are_empty_and_those_of_triangles_need_a_file() {
+    let scene = |primitive: &str| {
+        let scene = format!("<scene name=\"Wires\"><buffers name=\"b\" primitive=\"{primitive}\"/></scene></scenes>");
+        with(&project(RASTER), "</scenes>", &scene)
+    };
+    warns(&good(&scene("LINES")), "lines and points are not drawn");
+    assert!(errors(&bad(scene("TRIANGLES"))).iter().any(|error| error.ends_with("the scene names no file")));
+}
+
+#[test]
+fn a_scene_drawn_many_times_is_refused() {
+    // The last list is the pass's.
+    let times = |count: &str| {
+        let text = project(RASTER);
+        let at = text.rfind("<scenes>").expect("the pass's scenes");
+        format!("{}<scenes instances=\"{count}\">{}", &text[..at], &text[at + "<scenes>".len()..])
+    };
+    good(&times("1"));
+    assert!(errors(&bad(times("30")))[0].ends_with("draws its scenes 30 times"));
+}
+
+#[test]
+fn a_ratio_says_how_high_a_viewport_is() {
+    let view = |inside: &str| {
+        let viewport = format!("<viewport name=\"Part\">{inside}</viewport></viewports>");
+        with(&project(RASTER), "</viewports>", &viewport)
+    };
+    let loaded = good(&view("<SIZE width=\"0.25\" height=\"0\"/><RATIO value=\"2\"/>"));
+    assert_eq!(loaded.viewports.last().expect("a viewport").size, [0.25, 0.5]);
+    assert!(errors(&bad(view("<SIZE width=\"0.25\" height=\"0\"/>")))[0].contains("height 0 is out of range"));
+}
