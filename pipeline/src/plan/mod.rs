@@ -377,7 +377,7 @@ impl Plan {
             "no pass writes a textured colour".into()
         };
         self.decide("vertex attribute `texCoord0` and textures".into(), self.needs.textures, why);
-        if tangents {
+        if self.needs.tangents {
             self.decide("vertex attribute `tangent`".into(), true, "own shaders read them".into());
         }
         if self.needs.colors {
