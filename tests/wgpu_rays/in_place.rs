@@ -106,7 +106,7 @@ fn what_is_drawn_and_traced_is_shown_by_the_device_as_by_the_host() {
     if !is_there() {
         return;
     }
-    same("SceneNoEffects", settings());
+    same("SceneDummy", settings());
     let mut renderer = same("SceneShadows", settings());
     // What the quad alone reads is in host memory only where everything is taken.
     let (drawn, traced) = (channel(&renderer, "Deferred"), channel(&renderer, "Optix"));

@@ -2,6 +2,7 @@
 
 use super::images::{OUTPUT_FORMAT, sample_type};
 use super::programs::{self, Arithmetic, Stage};
+use super::split::Split;
 use crate::effects::dielectric::Variant;
 use crate::raster::gpu::device::Gpu;
 use curitiba_pipeline::backend::{BackendError, RayJob};
@@ -13,6 +14,8 @@ use std::collections::HashMap;
 pub struct Kernels {
     /// Parameters and images; the scene; the pass's tables.
     pub groups: [wgpu::BindGroupLayout; 3],
+    /// How the scene's arrays are bound.
+    pub split: Split,
     layout: wgpu::PipelineLayout,
     compiled: HashMap<(RayProgram, Variant, Stage, Arithmetic), wgpu::ComputePipeline>,
 }
@@ -30,7 +33,7 @@ fn read_only() -> wgpu::BindingType {
 }
 
 impl Kernels {
-    pub fn new(gpu: &Gpu) -> Result<Self, BackendError> {
+    pub fn new(gpu: &Gpu, split: Split) -> Result<Self, BackendError> {
         let channel = |channel: u32| {
             let ty = wgpu::BindingType::Texture {
                 sample_type: sample_type(channel as usize),
@@ -48,7 +51,7 @@ impl Kernels {
         let mut images = vec![entry(0, buffer(wgpu::BufferBindingType::Uniform))];
         images.extend((0..4).map(channel));
         images.extend([entry(5, picture), entry(6, counts), entry(7, counts)]);
-        let scene: Vec<_> = (0..5).map(|binding| entry(binding, read_only())).collect();
+        let scene: Vec<_> = (0..split.count()).map(|binding| entry(binding, read_only())).collect();
         let tables = vec![entry(0, read_only())];
         let groups =
             [("rays: images", images), ("rays: scene", scene), ("rays: tables", tables)].map(|(label, entries)| {
@@ -61,7 +64,7 @@ impl Kernels {
             ..Default::default()
         });
         gpu.check("creation of the layouts of rays")?;
-        Ok(Self { groups, layout, compiled: HashMap::new() })
+        Ok(Self { groups, split, layout, compiled: HashMap::new() })
     }
 
     /// The kernels of a job in their order, compiled when they are first needed.
@@ -78,7 +81,7 @@ impl Kernels {
             if self.compiled.contains_key(&key(stage)) {
                 continue;
             }
-            let source = programs::source(job.program, variant, stage, arithmetic);
+            let source = programs::source(job.program, variant, stage, arithmetic, self.split);
             let source = source.ok_or_else(|| programs::not_written(super::NAME, job.program))?;
             let doing = format!("compiling `{}` ({stage:?})", job.program.info().stem);
             let pipeline = compile(gpu, Some(&self.layout), &source, &doing)?;

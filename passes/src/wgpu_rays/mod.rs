@@ -14,6 +14,7 @@ mod programs;
 mod scene;
 mod segments;
 mod selftest;
+mod split;
 mod tables;
 #[cfg(test)]
 mod tests;
@@ -43,6 +44,7 @@ use launches::{Clock, Work};
 use layout::{COUNT_BYTES, COUNTS_BUFFER_BYTES, POINT_BYTES, Params, RAY_COUNT_KINDS, START_BYTES, TILE};
 use programs::{Arithmetic, Stage};
 use scene::SceneBuffers;
+use split::Split;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
@@ -110,7 +112,7 @@ impl WgpuRays {
         let counts = gpu.buffer("ray counts", storage | copy_to | wgpu::BufferUsages::COPY_SRC, COUNTS_BUFFER_BYTES)?;
         let counts_staging = gpu.buffer("ray counts", wgpu::BufferUsages::MAP_READ | copy_to, COUNT_BYTES)?;
         Ok(Self {
-            kernels: Kernels::new(&gpu)?,
+            kernels: Kernels::new(&gpu, Split::default())?,
             clock: Clock::new(&gpu)?,
             images: Images::new(&gpu)?,
             points: gpu.buffer("points", storage, POINT_BYTES)?,
@@ -187,6 +189,9 @@ impl WgpuRays {
             _ => return Err(check::missing(NAME, job, "its scene's acceleration structure was not built")),
         };
         scene.fill(&mut params);
+        if self.kernels.split != scene.split {
+            self.kernels = Kernels::new(&gpu, scene.split)?;
+        }
         self.images.output(&gpu, job)?;
         let words = buffers::upload(&gpu, "the tables of the pass", bytemuck::cast_slice(&tables.words))?;
         let table = wgpu::BindGroupEntry { binding: 0, resource: words.as_entire_binding() };

@@ -1,6 +1,7 @@
 //! The texts of the programs: one file an effect, and what they have in common.
 
 use super::layout;
+use super::split::Split;
 use crate::effects::dielectric::Variant;
 use curitiba_pipeline::backend::BackendError;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
@@ -165,7 +166,7 @@ fn of_panes(program: RayProgram, stage: Stage, subgroups: bool) -> Option<Vec<Te
 }
 
 /// The functions that programs are made of, without one.
-pub fn functions(arithmetic: Arithmetic, variant: Variant) -> String {
+pub fn functions(arithmetic: Arithmetic, variant: Variant, split: Split) -> String {
     let rounding = match arithmetic.rounding {
         Rounding::Fma => text!("rounding_fma"),
         Rounding::Separate => text!("rounding_separate"),
@@ -173,17 +174,23 @@ pub fn functions(arithmetic: Arithmetic, variant: Variant) -> String {
         Rounding::Fused => text!("rounding_fused"),
     };
     let product = if arithmetic.fused { text!("product_fused") } else { text!("product_split") };
-    let mut source = layout::constants();
+    let mut source = layout::constants() + &split.text();
     let crossings = if variant == Variant::Bodies { text!("crossings_hits") } else { text!("crossings") };
     COMMON.into_iter().chain([crossings, rounding, product]).for_each(|text| source.push_str(text));
     source
 }
 
 /// A kernel of a program in one variant, whole; `None` if the program is written for other backends alone.
-pub fn source(program: RayProgram, variant: Variant, stage: Stage, arithmetic: Arithmetic) -> Option<String> {
+pub fn source(
+    program: RayProgram,
+    variant: Variant,
+    stage: Stage,
+    arithmetic: Arithmetic,
+    split: Split,
+) -> Option<String> {
     let texts = texts(program, variant, stage, arithmetic.subgroups)?;
     let function = if variant == Variant::Panes(Fidelity::Thesis) { "thesis" } else { "corrected" };
-    let mut source = functions(arithmetic, variant);
+    let mut source = functions(arithmetic, variant, split);
     source.push_str(text!("pass"));
     texts.into_iter().for_each(|text| source.push_str(text));
     match stage {
@@ -202,7 +209,7 @@ pub fn source(program: RayProgram, variant: Variant, stage: Stage, arithmetic: A
 
 /// The program that traces segments between triangles.
 pub fn segments(arithmetic: Arithmetic) -> String {
-    functions(arithmetic, Variant::Panes(Fidelity::Corrected)) + text!("segments")
+    functions(arithmetic, Variant::Panes(Fidelity::Corrected), Split::default()) + text!("segments")
 }
 
 /// Whether there is a program.

@@ -2,6 +2,7 @@
 
 use super::NAME;
 use super::layout::{LARGEST_COORDINATE, NONE, Params};
+use super::split::Split;
 use crate::raster::gpu::device::Gpu;
 use crate::trace::Quality;
 use crate::trace::gpu_binary::{BinaryTree, MOST_TRIANGLES};
@@ -12,7 +13,9 @@ use glam::Vec3;
 /// Buffers of group 1, in the order of their bindings.
 #[derive(Debug)]
 pub struct SceneBuffers {
-    buffers: [wgpu::Buffer; 5],
+    buffers: Vec<wgpu::Buffer>,
+    /// Which of them belong together.
+    pub split: Split,
     /// What is to be known of them.
     params: Params,
     /// Bytes of device memory.
@@ -25,6 +28,21 @@ pub struct SceneBuffers {
 pub fn too_large(gpu: &Gpu, what: &str, bytes: u64, most: u64) -> BackendError {
     let why = format!(
         "{what} of the scene take {bytes} bytes, and {} reads {most} at once at most; `--backend cpu` traces it",
+        gpu.adapter
+    );
+    BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
+}
+
+/// Storage buffers that programs bind besides the scene: counts, points and tables.
+const OTHER_BUFFERS: u32 = 3;
+
+/// The error of a scene whose parts take more bindings than a device has.
+fn too_many(gpu: &Gpu, parts: [(&str, u64); 5], most: u64, bindings: u32) -> BackendError {
+    let (what, bytes) = parts.into_iter().max_by_key(|(_, bytes)| *bytes).unwrap_or(("the arrays", 0));
+    let all: u64 = parts.iter().map(|(_, bytes)| bytes).sum();
+    let why = format!(
+        "its arrays take {all} bytes, of which {what} take {bytes}, and {} binds {bindings} buffers of {most} bytes for them; \
+         `--backend cpu` traces it",
         gpu.adapter
     );
     BackendError::Unsupported { backend: NAME, what: "the scene".to_owned(), why }
@@ -98,8 +116,9 @@ impl SceneBuffers {
         let wide = geometry.colors.len() + geometry.tangents.len();
         let numbers = numbers + geometry.texcoords.len() as u64 * 2 + wide as u64 * 4;
         let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
-        if 4 * numbers > most {
-            return Err(too_large(gpu, "the vertices", 4 * numbers, most));
+        // Places are counted in 32 bits.
+        if numbers > u64::from(u32::MAX) {
+            return Err(too_large(gpu, "the vertices", 4 * numbers, 4 * u64::from(u32::MAX)));
         }
         part(bytemuck::cast_slice(&geometry.positions));
         params.normals_at = part(bytemuck::cast_slice(&geometry.normals));
@@ -122,16 +141,19 @@ impl SceneBuffers {
             ("the triangles", bytemuck::cast_slice(&mesh)),
             ("the textures", texels.as_flattened()),
         ];
-        if let Some((what, part)) = parts.iter().find(|(_, part)| part.len() as u64 > most) {
-            return Err(too_large(gpu, what, part.len() as u64, most));
+        let split = Split::new(parts.map(|(_, part)| part.len() as u64), most);
+        let bindings = gpu.limits.max_storage_buffers_per_shader_stage.saturating_sub(OTHER_BUFFERS);
+        if split.count() > bindings {
+            return Err(too_many(gpu, parts.map(|(what, part)| (what, part.len() as u64)), most, bindings));
         }
-        let mut buffers = Vec::with_capacity(parts.len());
-        for (label, part) in parts {
-            buffers.push(super::buffers::upload(gpu, label, part)?);
+        let mut buffers = Vec::with_capacity(split.count() as usize);
+        for (array, (label, part)) in parts.into_iter().enumerate() {
+            for part in split.parts(array, part) {
+                buffers.push(super::buffers::upload(gpu, label, part)?);
+            }
         }
         let bytes = buffers.iter().map(wgpu::Buffer::size).sum();
-        let Ok(buffers) = <[wgpu::Buffer; 5]>::try_from(buffers) else { unreachable!("as many as parts") };
-        Ok(Self { buffers, params, bytes, nodes: tree.nodes.len() as u64 })
+        Ok(Self { buffers, split, params, bytes, nodes: tree.nodes.len() as u64 })
     }
 
     /// Writes what is to be known of the buffers into a launch's parameters.

@@ -130,11 +130,12 @@ impl Renderer {
         };
         let job = DeviceQuad { width, height, color: source(quad.color), factor: quad.factor.map(source) };
         let (takes, display, frame) = (self.takes, self.plan.display, &mut self.window.color);
-        let mut codes = Codes { width, height, pixels: Vec::new() };
+        // The last picture's memory.
+        let mut codes = Codes { width, height, pixels: std::mem::take(&mut self.room_for_codes) };
         if takes == Takes::Codes {
             let backend = self.engines.raster.name();
             let refused = |refused: Refused| BackendError::Device { backend, message: refused.to_string() };
-            codes.pixels = memory::zeroed(width as usize * height as usize).map_err(refused)?;
+            memory::resize(&mut codes.pixels, width as usize * height as usize, [0; 4]).map_err(refused)?;
         }
         let shown = match takes {
             Takes::Codes => Shown::Codes(display, &mut codes.pixels),

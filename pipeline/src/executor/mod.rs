@@ -179,6 +179,7 @@ pub struct Renderer {
     takes: Takes,
     /// The picture of the last frame, where a device displayed it.
     displayed: Option<DisplayedWindow>,
+    room_for_codes: Vec<[u8; 4]>,
     /// Frames begun.
     frame: u32,
     /// The part of the picture that the targets hold: an index of its list.
@@ -236,6 +237,7 @@ impl Renderer {
             drawn_value: 0,
             takes: Takes::default(),
             displayed: None,
+            room_for_codes: Vec::new(),
             frame: 0,
             part: 0,
             sample: 0,

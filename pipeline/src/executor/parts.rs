@@ -36,7 +36,9 @@ impl Renderer {
     /// A frame begins.
     pub(super) fn begin_frame(&mut self) {
         self.frame = self.frame.saturating_add(1);
-        self.displayed = None;
+        if let Some(displayed) = self.displayed.take() {
+            self.room_for_codes = displayed.codes.pixels;
+        }
         if self.runs_often() {
             self.timeline.begin_parts();
         }

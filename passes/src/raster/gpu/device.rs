@@ -98,6 +98,12 @@ impl Gpu {
         }
     }
 
+    /// Lets the next operation fail with an error, for tests.
+    #[cfg(test)]
+    pub fn fail_next(&self, error: &wgpu::Error) {
+        self.faults.note(describe(error));
+    }
+
     /// Submits `commands` and waits until the device has done all it was given.
     pub fn submit_and_wait(&self, commands: Option<wgpu::CommandBuffer>, doing: &str) -> Result<(), BackendError> {
         self.queue.submit(commands);

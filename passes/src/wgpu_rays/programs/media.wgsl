@@ -27,7 +27,7 @@ fn body_of(material: u32) -> Body {
     return Body(tables[place], table_number(place + 1u), table_vector(place + 2u), table_vector(place + 5u), tables[place + 8u],
                 table_number(place + 9u), table_number(place + 10u), tables[place + 11u], tables[place + 12u]);
 }
-fn material_of(triangle: u32) -> u32 { return mesh[params.materials_at + triangle]; }
+fn material_of(triangle: u32) -> u32 { return mesh_at(params.materials_at + triangle); }
 fn shape_of(material: u32) -> u32 { return tables[body_place(material)]; }
 fn priority_of(material: u32) -> u32 { return tables[body_place(material) + 11u]; }
 

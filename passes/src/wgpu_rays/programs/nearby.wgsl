@@ -73,9 +73,9 @@ fn zone_of_members(members: u32, own: Zone, facing: vec3f) -> Zone {
 
 // The children of a node that a zone meets; NONE for others.
 fn met_children(zone: Zone, index: u32) -> vec2u {
-    let a = bitcast<vec4f>(nodes[4u * index]); let b = bitcast<vec4f>(nodes[4u * index + 1u]);
-    let z = bitcast<vec4f>(nodes[4u * index + 2u]);
-    let children = nodes[4u * index + 3u].xy;
+    let a = bitcast<vec4f>(nodes_at(4u * index)); let b = bitcast<vec4f>(nodes_at(4u * index + 1u));
+    let z = bitcast<vec4f>(nodes_at(4u * index + 2u));
+    let children = nodes_at(4u * index + 3u).xy;
     return vec2u(
         select(NONE, children.x, zone_meets(zone, vec3f(a.x, a.z, z.x), vec3f(a.y, a.w, z.y))),
         select(NONE, children.y, zone_meets(zone, vec3f(b.x, b.z, z.z), vec3f(b.y, b.w, z.w))));

@@ -59,15 +59,7 @@ struct Params {
 // Two words a sum, the lower one first.
 @group(0) @binding(6) var<storage, read_write> ray_counts: array<atomic<u32>>;
 
-// Four vectors a node: see `trace/build/gpu_binary.rs`.
-@group(1) @binding(0) var<storage, read> nodes: array<vec4u>;
-// Three vectors a triangle of a leaf: its corners; in the first one's fourth place the id.
-@group(1) @binding(1) var<storage, read> leaves: array<vec4u>;
-// Positions, normals, texture coordinates, colours and tangents, as bits of numbers.
-@group(1) @binding(2) var<storage, read> vertices: array<u32>;
-// Corners of the triangles, then their materials.
-@group(1) @binding(3) var<storage, read> mesh: array<u32>;
-// Red in the lowest byte.
-@group(1) @binding(4) var<storage, read> texels: array<u32>;
+// Group 1, the scene, is declared by `split.rs`.
+
 // What the pass knows of materials, then of textures, occlusion points, open shares, what passes through glass, and what glass is.
 @group(2) @binding(0) var<storage, read> tables: array<u32>;

@@ -6,10 +6,10 @@ struct Hit { t: f32, triangle: u32, u: f32, v: f32 }
 struct Corners { a: vec3f, b: vec3f, c: vec3f }
 
 fn vector_at(place: u32) -> vec3f {
-    return vec3f(bitcast<f32>(vertices[place]), bitcast<f32>(vertices[place + 1u]), bitcast<f32>(vertices[place + 2u]));
+    return vec3f(bitcast<f32>(vertices_at(place)), bitcast<f32>(vertices_at(place + 1u)), bitcast<f32>(vertices_at(place + 2u)));
 }
 fn corners_of(triangle: u32) -> vec3u {
-    return vec3u(mesh[3u * triangle], mesh[3u * triangle + 1u], mesh[3u * triangle + 2u]);
+    return vec3u(mesh_at(3u * triangle), mesh_at(3u * triangle + 1u), mesh_at(3u * triangle + 2u));
 }
 fn positions_of(triangle: u32) -> Corners {
     let i = corners_of(triangle);
@@ -26,14 +26,14 @@ fn normal_at(hit: Hit) -> vec3f {
 }
 fn texcoord_at(vertex: u32) -> vec3f {
     let place = params.texcoords_at + 2u * vertex;
-    return vec3f(bitcast<f32>(vertices[place]), bitcast<f32>(vertices[place + 1u]), 0.0);
+    return vec3f(bitcast<f32>(vertices_at(place)), bitcast<f32>(vertices_at(place + 1u)), 0.0);
 }
 fn texture_coordinates(hit: Hit) -> vec2f {
     let i = corners_of(hit.triangle);
     return weighed(texcoord_at(i.x), texcoord_at(i.y), texcoord_at(i.z), hit).xy;
 }
 
-fn four_at(place: u32) -> vec4f { return vec4f(vector_at(place), bitcast<f32>(vertices[place + 3u])); }
+fn four_at(place: u32) -> vec4f { return vec4f(vector_at(place), bitcast<f32>(vertices_at(place + 3u))); }
 // An attribute of four numbers a vertex, which begins there.
 fn four_between(first: u32, hit: Hit) -> vec4f {
     let i = vec3u(first) + 4u * corners_of(hit.triangle);
@@ -64,7 +64,7 @@ fn share_of_side(t: f32, wrap: u32) -> f32 {
 fn texel(image: Texture, column: i32, row: i32) -> vec4f {
     let x = beyond(column, i32(image.width), image.wrap_u);
     let y = beyond(row, i32(image.height), image.wrap_v);
-    let word = texels[image.first + u32(y) * image.width + u32(x)];
+    let word = texels_at(image.first + u32(y) * image.width + u32(x));
     let bytes = vec4u(word & 0xffu, word >> 8u & 0xffu, word >> 16u & 0xffu, word >> 24u);
     if image.decoded_at != 0u {
         let code = vec3u(image.decoded_at) + bytes.xyz;
@@ -97,11 +97,11 @@ fn sample_image(image: Texture, uv: vec2f) -> vec4f {
 struct Shade { diffuse: vec3f, flags: u32, texture: u32, cutoff: f32 }
 fn table_number(place: u32) -> f32 { return bitcast<f32>(tables[place]); }
 fn shade_of(triangle: u32) -> Shade {
-    let place = SHADE_WORDS * mesh[params.materials_at + triangle];
+    let place = SHADE_WORDS * mesh_at(params.materials_at + triangle);
     let diffuse = vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u));
     return Shade(diffuse, tables[place + 3u], tables[place + 4u], table_number(place + 5u));
 }
-fn flags_of(triangle: u32) -> u32 { return tables[SHADE_WORDS * mesh[params.materials_at + triangle] + 3u]; }
+fn flags_of(triangle: u32) -> u32 { return tables[SHADE_WORDS * mesh_at(params.materials_at + triangle) + 3u]; }
 fn is_glass(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_GLASS) != 0u; }
 fn passes_light(triangle: u32) -> bool { return (flags_of(triangle) & SHADE_SHADOW_GLASS) != 0u; }
 // Whether there is a surface at this point of the triangle.
@@ -134,7 +134,7 @@ fn bent(texel: vec3f, scale: f32, normal: vec3f, tangent: vec4f, flat_normal: ve
 // The normal at a hit, bent by the normal map of its material if it has one; `vertex_normal` is the one between the corners.
 fn bent_normal(hit: Hit, vertex_normal: vec3f, flat_normal: vec3f) -> vec3f {
     if params.tangents_at == 0u || !(dot3(vertex_normal, vertex_normal) > LEAST_SQUARE) { return vertex_normal; }
-    let place = SHADE_WORDS * mesh[params.materials_at + hit.triangle];
+    let place = SHADE_WORDS * mesh_at(params.materials_at + hit.triangle);
     if (tables[place + 3u] & SHADE_NORMAL_MAP) == 0u { return vertex_normal; }
     let texel = sample_numbers(tables[place + 10u], texture_coordinates(hit)).xyz;
     return bent(texel, table_number(place + 11u), vertex_normal, four_between(params.tangents_at, hit), flat_normal);
@@ -166,7 +166,7 @@ fn reflected_color(hit: Hit, normal: vec3f) -> vec3f {
 fn lit_color(hit: Hit, normal: vec3f) -> vec3f {
     let reflected = reflected_color(hit, normal);
     if (flags_of(hit.triangle) & SHADE_GLOW) == 0u { return reflected; }
-    let place = SHADE_WORDS * mesh[params.materials_at + hit.triangle] + 6u;
+    let place = SHADE_WORDS * mesh_at(params.materials_at + hit.triangle) + 6u;
     let glow = vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u));
     let image = tables[place + 3u];
     if image == NO_TEXTURE { return reflected + glow; }

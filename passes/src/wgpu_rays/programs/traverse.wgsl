@@ -23,9 +23,9 @@ const LATER: f32 = 1.0 + 32.0 * UNIT_ROUNDOFF;
 
 // The children of a node that the ray meets, the nearer one first; NONE where there is none.
 fn open_node(way: Way, index: u32, t_min: f32, limit: f32) -> vec2u {
-    let a = bitcast<vec4f>(nodes[4u * index]); let b = bitcast<vec4f>(nodes[4u * index + 1u]);
-    let z = bitcast<vec4f>(nodes[4u * index + 2u]);
-    let children = nodes[4u * index + 3u].xy;
+    let a = bitcast<vec4f>(nodes_at(4u * index)); let b = bitcast<vec4f>(nodes_at(4u * index + 1u));
+    let z = bitcast<vec4f>(nodes_at(4u * index + 2u));
+    let children = nodes_at(4u * index + 3u).xy;
     let first = enters(way, vec3f(a.x, a.z, z.x), vec3f(a.y, a.w, z.y), t_min, limit);
     let second = enters(way, vec3f(b.x, b.z, z.z), vec3f(b.y, b.w, z.w), t_min, limit);
     let met = vec2u(select(NONE, children.x, first.x <= first.y), select(NONE, children.y, second.x <= second.y));

@@ -168,6 +168,6 @@ fn solve(query: ptr<function, Query>, corners: Corners, e: Edges, limit: f32, hi
 
 struct Triangle { corners: Corners, id: u32 }
 fn load_triangle(index: u32) -> Triangle {
-    let a = leaves[3u * index]; let b = leaves[3u * index + 1u]; let c = leaves[3u * index + 2u];
+    let a = leaves_at(3u * index); let b = leaves_at(3u * index + 1u); let c = leaves_at(3u * index + 2u);
     return Triangle(Corners(bitcast<vec3f>(a.xyz), bitcast<vec3f>(b.xyz), bitcast<vec3f>(c.xyz)), a.w);
 }

@@ -9,6 +9,7 @@ use crate::sampling::{hash, hemisphere, sine_noise};
 use crate::trace::SurfacePoint;
 use crate::wgpu_rays::layout::Params;
 use crate::wgpu_rays::programs::{Arithmetic, Stage, source};
+use crate::wgpu_rays::split::Split;
 use curitiba_pipeline::programs::{Fidelity, RayProgram};
 use curitiba_pipeline::scene::Geometry;
 use glam::{Vec2, Vec3};
@@ -93,9 +94,10 @@ fn cases() -> (Vec<[f32; GIVEN]>, Geometry) {
 
 /// What the device finds, case by case.
 fn run(gpu: &Gpu, arithmetic: Arithmetic, cases: &[[f32; GIVEN]], geometry: &Geometry) -> Vec<[u32; WORDS]> {
-    let text = source(RayProgram::Final, Variant::Panes(Fidelity::Corrected), Stage::Whole, arithmetic)
-        .expect("written")
-        + ENTRY;
+    let text =
+        source(RayProgram::Final, Variant::Panes(Fidelity::Corrected), Stage::Whole, arithmetic, Split::default())
+            .expect("written")
+            + ENTRY;
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some("functions"),
         source: wgpu::ShaderSource::Wgsl(text.into()),

@@ -4,14 +4,19 @@ use super::{bits, picture, rays};
 use crate::cpu::CpuRays;
 use crate::effects::dielectric::Variant;
 use crate::effects::tests::world::{Shot, World, grid};
+use crate::raster::cpu::CpuRasteriser;
 use crate::raster::gpu::device::Gpu;
 use crate::wgpu_rays::WgpuRays;
+use crate::wgpu_rays::split::Split;
 use curitiba_pipeline::backend::{BackendError, RayBackend, RayJob};
-use curitiba_pipeline::executor::Progress;
+use curitiba_pipeline::executor::{Engines, Fallback, Observer, Progress, Renderer, Silent, Spare, StepKind};
 use curitiba_pipeline::image::Image;
+use curitiba_pipeline::plan::{Plan, Settings};
 use curitiba_pipeline::programs::{Fidelity, RayParams, RayProgram};
-use curitiba_pipeline::scene::RenderScene;
+use curitiba_pipeline::project;
+use curitiba_pipeline::scene::{Batch, RenderScene};
 use glam::Vec3;
+use std::path::Path;
 use std::sync::Arc;
 
 const SIDE: u32 = 40;
@@ -38,16 +43,75 @@ fn failure(rays: &mut WgpuRays, job: &RayJob<'_>) -> BackendError {
 }
 
 #[test]
-fn scenes_that_no_binding_holds_are_refused_by_what_is_too_large() {
-    with_job(|rays, scene, _| {
+fn scenes_that_no_bindings_hold_are_refused_by_what_is_too_large() {
+    with_job(|rays, scene, job| {
+        rays.build(scene, &[]).expect("it fits");
+        let (expected, _) = picture(rays, job);
         alone(rays).limits.max_storage_buffer_binding_size = 5000;
+        alone(rays).limits.max_storage_buffers_per_shader_stage = 8;
         let message = rays.build(scene, &[]).expect_err("refused").to_string();
-        for part in ["the vertices of the scene take", "reads 5000 at once at most", "--backend cpu"] {
+        for part in ["its arrays take", "binds 5 buffers of 5000 bytes for them", "--backend cpu"] {
             assert!(message.contains(part), "{message}");
         }
         alone(rays).limits.max_storage_buffer_binding_size = 1 << 20;
         rays.build(scene, &[]).expect("it fits again");
+        assert!(bits(&picture(rays, job).0) == bits(&expected));
     });
+}
+
+/// Every array in several bindings: nodes, triangles of leaves, vertices, the mesh and texels.
+#[test]
+fn scenes_in_several_bindings_are_traced_to_the_same_bits() {
+    let Some(mut rays) = rays() else { return };
+    let mut world = super::pictures::world();
+    // More triangles between the vertices: the arrays become about as large as each other, and few bindings hold them.
+    let geometry = &mut world.scene.geometry;
+    let (first, vertices) = (geometry.triangles.len() as u32, geometry.positions.len() as u32);
+    geometry.batches.push(Batch { material: 0, first, count: 1100 });
+    geometry.triangles.extend((0..1100).map(|i| [i, i + 1, i + 3].map(|vertex| vertex % vertices)));
+    // More texels than a binding holds, of which each is another one.
+    let texel = |i: u32| (i.wrapping_mul(2_654_435_761) | 0xff00_0000).to_le_bytes();
+    let texels: Vec<[u8; 4]> = (0..64 * 64).map(texel).collect();
+    for texture in &mut world.scene.textures {
+        texture.levels.truncate(1);
+        let level = &mut texture.levels[0];
+        (level.width, level.height, level.texels) = (64, 64, texels.clone());
+    }
+    let targets = grid(SIDE, Vec3::ZERO, Vec3::X * 4.5, Vec3::Y * 4.5);
+    let shot = Shot::of(&world, Vec3::new(0.3, 0.8, 9.0), targets).rows(SIDE);
+    let scene = Arc::new(world.scene.clone());
+    let filtered = vec![true; scene.materials.len()];
+    let shadows = RayParams::default();
+    let occlusion = RayParams { samples: 9, radius: 1.5, ..RayParams::default() };
+    let jobs =
+        [(RayProgram::DeferredShadows, shadows), (RayProgram::Reflection, shadows), (RayProgram::Ssao, occlusion)];
+    let jobs = jobs.map(|(program, params)| RayJob { scene: &scene, ..shot.job(program, Fidelity::Corrected, params) });
+    rays.build(&scene, &filtered).expect("it fits");
+    let whole = jobs.each_ref().map(|job| picture(&mut rays, job));
+    assert_eq!(rays.kernels.split, Split::default());
+    let several = |rays: &WgpuRays| {
+        rays.built.as_ref().is_some_and(|(_, scene)| scene.split.bindings.iter().all(|count| *count > 1))
+    };
+    let enough = rays.gpu.limits.max_storage_buffers_per_shader_stage >= 32;
+    // The largest that splits every array.
+    for shift in (8..16).rev() {
+        alone(&mut rays).limits.max_storage_buffer_binding_size = 1 << shift;
+        rays.built = None;
+        match rays.build(&scene, &filtered) {
+            Ok(_) if several(&rays) => break,
+            Err(error) if enough => panic!("{error}"),
+            Err(error) => return eprintln!("skipped: {error}"),
+            Ok(_) => {}
+        }
+    }
+    assert!(several(&rays), "every array is split");
+    for (job, (expected, theirs)) in jobs.iter().zip(whole) {
+        let (found, mine) = picture(&mut rays, job);
+        assert!(bits(&found) == bits(&expected), "{:?}", job.program);
+        assert_eq!(mine.rays, theirs.rays, "{:?}", job.program);
+        assert!(expected.iter().filter(|pixel| **pixel != expected[0]).count() > 100, "something is seen");
+    }
+    assert_ne!(rays.kernels.split, Split::default());
 }
 
 #[test]
@@ -109,6 +173,77 @@ fn a_lost_device_is_an_error_that_says_what_to_do() {
         let message = failure(rays, job).to_string();
         assert!(message.contains("wgpu") && message.contains("`--backend cpu` traces without a GPU"), "{message}");
         assert!(!message.contains("--raster"), "{message}");
+    });
+}
+
+/// Loses a device where the ray pass of the second frame begins.
+struct Loses {
+    device: wgpu::Device,
+    passes: u32,
+    told: Vec<Fallback>,
+}
+
+impl Observer for Loses {
+    fn begin(&mut self, kind: StepKind, _: &str, _: &Arc<Progress>) {
+        if kind == StepKind::Rays {
+            self.passes += 1;
+            if self.passes == 2 {
+                self.device.destroy();
+            }
+        }
+    }
+    fn end(&mut self) {}
+    fn fell_back(&mut self, fallback: &Fallback) {
+        self.told.push(fallback.clone());
+    }
+}
+
+#[test]
+fn a_device_that_is_lost_within_a_frame_is_replaced_in_it_or_named_with_the_pass() {
+    let renderer = |rays: Box<dyn RayBackend>, spare: bool, observer: &mut dyn Observer| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xml_projects/SceneShadows.xml");
+        let settings = Settings { size: Some([32, 32]), ..Settings::default() };
+        let plan = Plan::new(project::load(&path).expect("the project loads"), settings).expect("the plan stands");
+        let mut engines = Engines::new(Box::new(CpuRasteriser::new()), rays);
+        if spare {
+            engines.spares.push_back(Spare::new("cpu", || Ok(Box::new(CpuRays::new()))));
+        }
+        Renderer::new(plan, engines, observer).expect("ready")
+    };
+    let mut cpu = renderer(Box::new(CpuRays::new()), false, &mut Silent);
+    let expected = cpu.frame(&mut Silent).expect("rendered");
+    for spare in [true, false] {
+        let Some(rays) = rays() else { return };
+        let mut loses = Loses { device: rays.gpu.device.clone(), passes: 0, told: Vec::new() };
+        let mut renderer = renderer(Box::new(rays), spare, &mut loses);
+        renderer.frame(&mut loses).expect("rendered");
+        let second = renderer.frame(&mut loses);
+        if spare {
+            assert!(bits(&second.expect("another took over").pixels) == bits(&expected.pixels));
+            let [told] = &loses.told[..] else { panic!("{:?}", loses.told) };
+            assert_eq!(
+                (told.pass.as_deref(), told.frame, &*told.failed, &*told.instead),
+                (Some("pass2"), Some(2), "wgpu", "cpu")
+            );
+        } else {
+            let message = second.expect_err("nothing may take over").to_string();
+            assert!(message.starts_with("pass `pass2` of frame 2: wgpu: "), "{message}");
+        }
+    }
+}
+
+#[test]
+fn a_device_without_memory_is_an_error_after_which_it_goes_on() {
+    with_job(|rays, scene, job| {
+        let out_of_memory = || wgpu::Error::OutOfMemory { source: "a test".into() };
+        rays.gpu.fail_next(&out_of_memory());
+        let message = rays.build(scene, &[]).expect_err("no memory").to_string();
+        assert!(message.contains("the device is out of memory; `--backend cpu` traces without a GPU"), "{message}");
+        rays.build(scene, &[]).expect("there is memory again");
+        let (expected, _) = picture(rays, job);
+        rays.gpu.fail_next(&out_of_memory());
+        assert!(failure(rays, job).to_string().contains("the device is out of memory"));
+        assert!(bits(&picture(rays, job).0) == bits(&expected));
     });
 }
 

@@ -14,7 +14,7 @@ use std::sync::Arc;
 const FIDELITIES: [Fidelity; 2] = [Fidelity::Corrected, Fidelity::Thesis];
 
 /// The scattered world with a cut-out picture and glass in it.
-fn world() -> World {
+pub(super) fn world() -> World {
     let mut world = World::scattered();
     let picture = world.picture([[255, 0, 0, 255], [0, 255, 0, 10]], Some(0.5));
     world.quad(picture, Vec3::new(0.0, 2.0, 0.0), Vec3::X * 1.5, Vec3::Z * 1.5);

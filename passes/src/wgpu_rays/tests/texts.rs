@@ -3,7 +3,8 @@
 use crate::effects::dielectric::Variant;
 use crate::wgpu_rays::layout::Params;
 use crate::wgpu_rays::programs::{Arithmetic, Rounding, Stage, is_written, source, stages};
-use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS};
+use crate::wgpu_rays::split::Split;
+use curitiba_pipeline::programs::{Fidelity, RAY_PROGRAMS, RayProgram};
 use wgpu::naga;
 
 pub const ROUNDINGS: [Rounding; 4] = [Rounding::Fma, Rounding::Separate, Rounding::Driver, Rounding::Fused];
@@ -32,13 +33,28 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
                 .chain(eye);
             let kernels = kernels.flat_map(|stage| ROUNDINGS.map(|rounding| (*stage, rounding)));
             for ((stage, rounding), fused) in kernels.flat_map(|kernel| [(kernel, false), (kernel, true)]) {
-                let text = source(info.program, variant, stage, Arithmetic { rounding, fused, subgroups: false })
-                    .expect("written");
+                let text = source(
+                    info.program,
+                    variant,
+                    stage,
+                    Arithmetic { rounding, fused, subgroups: false },
+                    Split::default(),
+                )
+                .expect("written");
                 if let Err(error) = validate(&text) {
                     panic!("{} {variant:?} {stage:?} {rounding:?}: {error}", info.stem);
                 }
                 written += 1;
             }
+        }
+    }
+    // With arrays in several bindings.
+    let split = Split { bindings: [1, 2, 3, 4, 5], bytes: 1 << 27 };
+    for program in [RayProgram::Ssao, RayProgram::Final] {
+        let variant = Variant::Panes(Fidelity::Corrected);
+        for stage in stages(program, variant, 100) {
+            let text = source(program, variant, *stage, Arithmetic::default(), split).expect("written");
+            validate(&text).unwrap_or_else(|error| panic!("{program:?} {stage:?}: {error}"));
         }
     }
     assert!(written >= 100, "{written}");
@@ -48,8 +64,14 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
 #[test]
 fn parameters_lie_where_the_host_writes_them() {
     let info = RAY_PROGRAMS.iter().find(|info| is_written(info.program)).expect("a program");
-    let text = source(info.program, Variant::Panes(Fidelity::Corrected), Stage::Whole, Arithmetic::default())
-        .expect("it is written");
+    let text = source(
+        info.program,
+        Variant::Panes(Fidelity::Corrected),
+        Stage::Whole,
+        Arithmetic::default(),
+        Split::default(),
+    )
+    .expect("it is written");
     let module = validate(&text).expect("valid");
     let named = |ty: &naga::Type| ty.name.as_deref() == Some("Params");
     let (_, params) = module.types.iter().find(|(_, ty)| named(ty)).expect("declared");
