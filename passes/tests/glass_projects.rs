@@ -62,6 +62,16 @@ fn glass_is_what_its_materials_say_and_no_pixel_is_black() {
             ],
         ),
         (
+            "Caustics",
+            &[
+                ("water", "solid"),
+                ("crown glass", "solid"),
+                ("diamond", "solid"),
+                ("blue water", "solid"),
+                ("green glass", "solid"),
+            ],
+        ),
+        (
             "Frosted",
             &[
                 ("glass of roughness 0", "solid"),
@@ -123,4 +133,19 @@ fn the_three_rules_of_shadows_differ_where_glass_is_in_the_way() {
     let differs = |(a, b): &(&[f32; 4], &[f32; 4])| a.iter().zip(*b).any(|(a, b)| (a - b).abs() > 0.02);
     let differing = straight.iter().zip(&report).filter(differs).count();
     assert!(differing > 20, "{differing} pixels tell the colour of a shadow");
+}
+
+/// The floor below spheres is brighter than any straight light makes it, and the rest is as it was.
+#[test]
+fn spheres_focus_light_where_the_project_asks_for_it() {
+    let [caustic, straight] = ["caustic", "straight"].map(|rule| {
+        let set = format!("pass2.shadow={rule}");
+        render("Caustics", Fidelity::Corrected, &[&set, "pass2.samples=0", "pass2.sun=0"])
+    });
+    let brightest = |Rendered { image, .. }: &Rendered| image.pixels.iter().map(|[r, ..]| *r).fold(0.0, f32::max);
+    assert!(brightest(&caustic) > 1.5 * brightest(&straight), "{} {}", brightest(&caustic), brightest(&straight));
+    assert!(caustic.rays.shadow > straight.rays.shadow && caustic.rays.refracted == straight.rays.refracted);
+    let same = caustic.image.pixels.iter().zip(&straight.image.pixels).filter(|(a, b)| (a[0] - b[0]).abs() < 0.05);
+    let share = same.count() as f64 / caustic.image.pixels.len() as f64;
+    assert!(share > 0.5 && share < 0.99, "{share}");
 }

@@ -44,7 +44,8 @@ fn around<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>, point: Vec3) -> Media {
 /// As [`Lenses::of`].
 pub fn lenses<T: Tracer, C: Coverage>(pass: &Pass<'_, T, C>) -> Result<Lenses, String> {
     let asked = pass.job.params.shadow == GlassShadow::Caustic && pass.job.program.info().reads("shadow");
-    if !(T::SPHERES && asked && !pass.job.dielectrics.is_empty()) {
+    let shines = pass.to_light != Vec3::ZERO;
+    if !(T::SPHERES && asked && shines && !pass.job.dielectrics.is_empty()) {
         return Ok(Lenses::default());
     }
     Lenses::of(&pass.job.scene.geometry, pass.job.dielectrics, |center| around(pass, center).count() > 1)
