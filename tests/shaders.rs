@@ -241,6 +241,13 @@ mod drawn {
         let picture =
             Scene::square(&Shader { vertex, fragment, values, ..Shader::default() }).picture().expect("a driver");
         // The file's upper row is blue.
+        let beside = fragment.replace(
+            "texelFetch(rows, ivec2(0, place.y > 0.0 ? 1 : 0), 0)",
+            "place.y > 0.0 ? texelFetchOffset(rows, ivec2(0), 0, ivec2(0, 1)) : texelFetchOffset(rows, ivec2(0, 1), 0, ivec2(0, -1))",
+        );
+        assert_ne!(beside, fragment);
+        let offset = Scene::square(&Shader { vertex, fragment: &beside, values, ..Shader::default() });
+        assert_eq!(offset.picture().expect("a driver").pixels, picture.pixels);
         assert_near(&picture, |_, y| if y < SIDE / 2 { [0.0, 0.0, 1.0, 1.0] } else { [1.0, 0.0, 0.0, 1.0] }, 1e-6);
     }
 

@@ -1,8 +1,8 @@
 //! Joins two stages: locations of what passes between them, of attributes and results, and our `main` around the file's.
 
 use super::rewrite::{
-    OURS, Origin, Stated, TRUTH, Variable, attribute, compare_name, compare_projected_name, loose_block, sampler_name,
-    texture_name,
+    OURS, Origin, Stated, TRUTH, Variable, attribute, beside_name, compare_name, compare_projected_name, loose_block,
+    sampler_name, texture_name,
 };
 use super::{Attribute, FRAME, Fault, MAX_OUTPUTS, Sampler, SamplerKind, Stage};
 use std::fmt::Write;
@@ -64,7 +64,13 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
             }
         }
         text += &loose_block(stated, binding);
-        stated.samplers.iter().filter(|own| own.kind == SamplerKind::Compared).for_each(|own| text += &compare(own));
+        for own in &stated.samplers {
+            match own.kind {
+                SamplerKind::Compared => text += &compare(own),
+                SamplerKind::Color if stated.text.contains(&beside_name(&own.name)) => text += &beside(own),
+                SamplerKind::Color => {}
+            }
+        }
         text
     };
     let truths = |stated: &Stated| {
@@ -198,7 +204,7 @@ fn attributes(vertex: &Stated, faults: &mut Vec<Fault>) -> Vec<Attribute> {
 fn compare(sampler: &Sampler) -> String {
     let (name, projected) = (compare_name(&sampler.name), compare_projected_name(&sampler.name));
     let whole = format!("sampler2D({}, {})", texture_name(&sampler.name), sampler_name(&sampler.name));
-    // Coordinates repeat; whole numbers beyond 2^24 are no texel's.
+    // Coordinates repeat. Those that are infinite or no numbers are cut off, or they would be of no texel.
     let text = "float @t(vec2 at, float depth) {
 vec2 size = vec2(textureSize(@s, 0));
 vec2 texel = at - size * floor(at / size);
@@ -220,6 +226,15 @@ vec4 @p_4(vec4 p) { return vec4(vec3(@p(p)), 1.0); }
         .replace("@s", &whole)
         .replace("@c", &name)
         .replace("@p", &projected)
+}
+
+/// The function that reads a texel beside another.
+fn beside(sampler: &Sampler) -> String {
+    let whole = format!("sampler2D({}, {})", texture_name(&sampler.name), sampler_name(&sampler.name));
+    format!(
+        "vec4 {}(ivec2 at, int level, ivec2 beside) {{ return texelFetch({whole}, at + beside, level); }}\n",
+        beside_name(&sampler.name)
+    )
 }
 
 /// One location between the stages: a variable, an element of an array, or a column of a matrix.

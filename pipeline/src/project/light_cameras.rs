@@ -11,6 +11,9 @@ use super::{Camera, LightCamera, Orthographic, Project, RasterPass, Viewport};
 use crate::gbuffer::Rect;
 use glam::{DVec3, Vec3};
 
+/// What the name of a light's camera ends with, behind that of its pass.
+const OF_LIGHT: &str = "-LightCam";
+
 impl Loader {
     /// Notes the numbers that the passes of a pipeline give themselves, and the cameras of their lights, before the passes are read: uniforms
     /// may name passes that come later.
@@ -31,7 +34,7 @@ impl Loader {
             let draws =
                 |class: &Value| ["depthmap", "depthmap2"].iter().any(|name| class.text.eq_ignore_ascii_case(name));
             if pass.attribute("class").is_some_and(draws) {
-                let name = Value { text: format!("{key}-LightCam"), joined: None, span: own.span };
+                let name = Value { text: format!("{key}{OF_LIGHT}"), joined: None, span: own.span };
                 let camera = unplaced(&name.text);
                 self.cameras.add(&mut self.report, &name, Some(camera));
             }
@@ -49,7 +52,7 @@ impl Loader {
         let key = format!("{}#{}", self.pipeline_name, context.name);
         let covers = self.pass_camera(context);
         let light = self.pass_light(context);
-        let index = match self.cameras.names.find(&format!("{key}-LightCam")) {
+        let index = match self.cameras.names.find(&format!("{key}{OF_LIGHT}")) {
             super::report::Found::Exact(index) => index,
             _ => {
                 let message = format!("pass `{}` of a pipeline without a name has no camera", shown(&context.name));
@@ -65,7 +68,8 @@ impl Loader {
         };
         self.check_light(light, at)?;
         let covers = covers?;
-        if self.light_cameras.iter().any(|of| of.camera == covers) {
+        let covered = self.cameras.items[covers].as_ref()?.name.strip_suffix(OF_LIGHT).map(str::to_owned);
+        if covered.is_some_and(|pass| self.pass_keys.contains(&pass)) {
             let message = format!("pass `{}` covers the view of another depth map's camera", shown(&context.name));
             let help = || "valid: a <camera> of the project".to_owned();
             self.report.error_help(context.element.span, message, help);

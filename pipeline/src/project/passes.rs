@@ -159,10 +159,8 @@ impl Loader {
         });
         // Whether the depth alone is drawn is known once the shaders are.
         let draws = ["default", "depthmap", "depthmap2"];
-        let draws = context
-            .element
-            .attribute("class")
-            .is_some_and(|class| glsl::AVAILABLE && draws.iter().any(|name| class.text.eq_ignore_ascii_case(name)));
+        let class = context.element.attribute("class");
+        let draws = class.is_some_and(|class| draws.iter().any(|name| class.text.eq_ignore_ascii_case(name)));
         if let Some(target) = target.filter(|_| runs && !draws)
             && colors == 0
         {

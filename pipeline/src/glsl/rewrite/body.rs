@@ -3,7 +3,8 @@
 use super::super::tokens::{Kind, Token};
 use super::super::{Fault, SamplerKind, Stage};
 use super::{
-    Function, OURS, Origin, Reader, Variable, compare_name, compare_projected_name, sampler_name, texture_name,
+    Function, OURS, Origin, Reader, Variable, beside_name, compare_name, compare_projected_name, sampler_name,
+    texture_name,
 };
 
 /// Functions whose first argument is a sampler, and what they are called today.
@@ -172,6 +173,12 @@ impl Reader<'_> {
             (SamplerKind::Color, "shadow2D" | "shadow2DProj") => {
                 let message = format!("`{now}` compares depths, and `{}` is a sampler2D", first.text);
                 return Err(self.fault(first, message, "declare it as sampler2DShadow"));
+            }
+            // The compiler overlooks the offset.
+            (SamplerKind::Color, "texelFetchOffset") => {
+                self.at += 2;
+                self.put(&beside_name(&first.text), token);
+                self.put("(", open);
             }
             (SamplerKind::Color, _) | (SamplerKind::Compared, "textureSize") => {
                 self.at += 1;

@@ -311,6 +311,11 @@ pub(super) fn compare_projected_name(sampler: &str) -> String {
     format!("{OURS}p_{sampler}")
 }
 
+/// What the function is called there that reads a texel beside another.
+pub(super) fn beside_name(sampler: &str) -> String {
+    format!("{OURS}b_{sampler}")
+}
+
 /// The attribute of that name.
 pub(super) fn attribute(name: &str) -> Option<Attribute> {
     Attribute::ALL.into_iter().find(|attribute| attribute.name() == name)
