@@ -211,16 +211,9 @@ pub fn choose(choice: Choice) -> Result<Engines, BackendError> {
 /// If the rasteriser was asked for by name and cannot be had.
 pub(crate) fn parts(
     choice: Choice,
-) -> Result<
-    (
-        Box<dyn Rasteriser>,
-        impl Iterator<Item = Spare>,
-        impl FnMut(&str) -> Result<Box<dyn RayBackend>, BackendError> + 'static,
-    ),
-    BackendError,
-> {
+) -> Result<(Box<dyn Rasteriser>, impl Iterator<Item = Spare>, MakeOwn), BackendError> {
     let (raster, device) = rasteriser_and_device(choice)?;
-    Ok((raster, choice.ray_backends_on(device.clone()), own_rays(choice, device)))
+    Ok((raster, choice.ray_backends_on(device.clone()), Box::new(own_rays(choice, device))))
 }
 
 /// The engines of a choice for a plan, with the ray backends of single passes; nothing takes the place of what cannot be had.
@@ -234,6 +227,9 @@ pub fn exactly(choice: Choice, plan: &Plan) -> Result<Engines, BackendError> {
     engines.serve(plan).map_err(|(_, error)| error)?;
     Ok(engines)
 }
+
+/// Makes the ray backend of a name.
+pub(crate) type MakeOwn = Box<dyn FnMut(&str) -> Result<Box<dyn RayBackend>, BackendError>>;
 
 /// Makes ray backends by their names, for single passes.
 fn own_rays(

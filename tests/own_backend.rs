@@ -28,7 +28,7 @@ struct Fake {
 }
 
 impl Fake {
-    fn new(name: &'static str, lost: bool, calls: &Calls) -> Box<dyn RayBackend> {
+    fn boxed(name: &'static str, lost: bool, calls: &Calls) -> Box<dyn RayBackend> {
         Box::new(Self { name, lost, calls: Rc::clone(calls), inner: CpuRays::new() })
     }
 }
@@ -97,14 +97,14 @@ fn plan(folder: &Path, set: &[&str]) -> Result<Plan, PlanError> {
 fn fakes(calls: &Calls, fallback: bool) -> Engines {
     let spare = |name: &'static str| {
         let calls = Rc::clone(calls);
-        Spare::new(name, move || Ok(Fake::new(name, false, &calls)))
+        Spare::new(name, move || Ok(Fake::boxed(name, false, &calls)))
     };
     let all = std::iter::once(spare("cpu")).chain(fallback.then(|| spare("spare")));
     let engines = Engines::first_of(Box::new(CpuRasteriser::new()), all).expect("made");
     let calls = Rc::clone(calls);
     engines.with_own(move |name| match name {
-        "wgpu" => Ok(Fake::new("wgpu", false, &calls)),
-        "cuda" => Ok(Fake::new("cuda", true, &calls)),
+        "wgpu" => Ok(Fake::boxed("wgpu", false, &calls)),
+        "cuda" => Ok(Fake::boxed("cuda", true, &calls)),
         _ => Err(BackendError::Device { backend: "optix", message: "there is no driver".to_owned() }),
     })
 }
@@ -198,7 +198,7 @@ fn what_names_no_backend_of_a_pass_is_refused_with_what_is_valid() {
         ("pas2.backend=cpu", "there is no pass `pas2`", "pass2"),
         ("pass2.backend=cdua", "there is no ray backend `cdua`", "cuda"),
     ] {
-        let error = plan(folder.path(), &[set]).err().expect(set).to_string();
+        let error = plan(folder.path(), &[set]).expect_err(set).to_string();
         assert!(error.contains(said) && error.contains(help), "{error}");
     }
     let other = Engines::new(Box::new(CpuRasteriser::new()), Box::new(CpuRays::new()));

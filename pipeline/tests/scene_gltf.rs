@@ -434,7 +434,8 @@ fn textures_of_roughness_are_read_of_glass_where_a_pass_asks() {
     json["materials"] = json!([glass(json!({"index": 0}), 0.5), glass(json!({"index": 0}), 0.0), elsewhere, opaque]);
     let path = folder.write("a.glb", glb(&json, &binary));
     let read = |needs: Needs| {
-        let scene = load(&[path.clone()], &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
+        let scene =
+            load(std::slice::from_ref(&path), &LoadOptions { needs, ..LoadOptions::default() }, &|_| {}).unwrap();
         let maps: Vec<bool> = scene.materials.iter().map(|material| material.roughness_texture.is_some()).collect();
         (scene, maps)
     };
