@@ -49,6 +49,7 @@ impl Operand {
 
 /// Why two things could not be compared.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CompareError {
     /// A picture cannot be read.
     #[error(transparent)]

@@ -47,6 +47,11 @@ pub use curitiba_passes as passes;
 pub use curitiba_pipeline as pipeline;
 pub use engines::{BackendChoice, Choice, Gpus, RasterChoice};
 
+/// The examples of `docs/architecture.md`, which are compiled.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/architecture.md")]
+pub struct Architecture;
+
 use pipeline::diagnostic::Problems;
 use pipeline::executor::{Engines, Observer, RenderError, Renderer};
 use pipeline::plan::{Plan, PlanError, PlannedPass, Settings};
@@ -56,6 +61,7 @@ use std::path::Path;
 
 /// Why a project could not be opened.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum OpenError {
     /// The project file or a material library; holds every problem of them.
     #[error(transparent)]
@@ -94,6 +100,7 @@ impl From<SourceError> for OpenError {
             SourceError::Project(problems) => Self::Project(problems),
             SourceError::Scene(error) => Self::Source(error),
             SourceError::Option(message) => Self::Option(message),
+            error => Self::Option(error.to_string()),
         }
     }
 }

@@ -3,7 +3,7 @@
 mod allocator;
 mod cli;
 
-use clap::Parser as _;
+use clap::{CommandFactory as _, Parser as _};
 use cli::Failure;
 use cli::args::{Cli, Command};
 use std::process::ExitCode;
@@ -67,6 +67,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Command::Merge(args) => cli::merge::run(&args),
         Command::Visibility(args) => cli::visibility::run(&args),
         Command::View { arguments } => cli::view::run(cli.confine.as_deref(), &arguments),
+        Command::Man(args) => cli::man::run(&args, Cli::command()),
         Command::Completions { shell } => cli::completions(shell),
     }
 }

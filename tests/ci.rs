@@ -77,3 +77,95 @@ fn a_command_that_nobody_runs_is_found_out() {
     assert!(text(&unknown.stderr).contains("cargo run --release -- dance"), "{}", text(&unknown.stderr));
     assert_eq!(with("no blocks at all\n").status.code(), Some(1), "a README without commands is noticed");
 }
+
+/// Runs `.ci/api`; nothing where there is no Python.
+fn api(arguments: &[&Path]) -> Option<Output> {
+    let output = Command::new("python3").arg(root(".ci/api")).args(arguments).output();
+    if output.is_err() {
+        println!("skipped: python3 is not installed");
+    }
+    output.ok()
+}
+
+/// What rustdoc says of a crate's text, as a list of its public items; nothing where its format is another.
+fn interface(folder: &Path, name: &str, code: &str) -> Option<PathBuf> {
+    let source = folder.join("small.rs");
+    std::fs::write(&source, code).expect("written");
+    let rustdoc = std::env::var_os("RUSTDOC").unwrap_or_else(|| "rustdoc".into());
+    let output = Command::new(rustdoc)
+        .args(["--edition", "2024", "--crate-type", "lib", "-Z", "unstable-options", "--output-format", "json", "-o"])
+        .args([folder, &source])
+        .env("RUSTC_BOOTSTRAP", "1")
+        .output()
+        .expect("rustdoc starts");
+    assert!(output.status.success(), "{}", text_of(&output));
+    let listed = api(&[Path::new("--of"), &folder.join("small.json")])?;
+    assert!(listed.status.success(), "{}", text_of(&listed));
+    let list = text(&listed.stdout);
+    if list.starts_with("left out:") {
+        println!("skipped: {list}");
+        return None;
+    }
+    let path = folder.join(name);
+    std::fs::write(&path, list).expect("written");
+    Some(path)
+}
+
+fn text_of(output: &Output) -> String {
+    text(&output.stdout) + &text(&output.stderr)
+}
+
+#[test]
+fn a_change_of_the_public_interface_is_noticed() {
+    const BEFORE: &str = "
+        pub mod shapes {
+            /// Grows.
+            #[derive(Clone)]
+            #[non_exhaustive]
+            pub enum Kind { Round, Flat { sides: u32 } }
+            pub enum Axis { X, Y }
+            pub struct Ball<'a> { pub radius: f32, pub name: &'a str }
+            pub struct Handle(u32);
+            impl Handle { pub const NONE: u32 = 0; pub fn get(&self, at: [usize; 2]) -> Option<&u32> { Some(&self.0).filter(|_| at[0] > 0) } }
+            pub trait Shape { fn area(&self) -> f64; fn name(&self) -> String { String::new() } }
+            impl Shape for Handle { fn area(&self) -> f64 { 1.0 } }
+            fn private() {}
+        }
+        pub use shapes::Handle;
+        pub fn sum(values: impl IntoIterator<Item = f64>) -> f64 { values.into_iter().sum() }";
+    let folder = tempfile::tempdir().expect("a folder");
+    let Some(before) = interface(folder.path(), "before.txt", BEFORE) else { return };
+    let kept = std::fs::read_to_string(&before).expect("a list");
+    for line in
+        ["small::shapes::Axis: enum { X, Y }", "small::Handle::get: fn(self: &Self, [usize; 2]) -> Option<&u32>"]
+    {
+        assert!(kept.lines().any(|found| found == line), "{line}: {kept}");
+    }
+    // What is replaced, by what, and whether programs may no longer compile.
+    for (old, new, breaks) in [
+        ("fn private() {}", "pub fn public() {}", false),
+        ("Kind { Round,", "Kind { Round, Square,", false),
+        (
+            "fn name(&self) -> String { String::new() }",
+            "fn name(&self) -> String { String::new() } fn more(&self) {}",
+            false,
+        ),
+        ("Axis { X, Y }", "Axis { X, Y, Z }", true),
+        ("pub name: &'a str", "pub name: &'a str, pub color: u8", true),
+        ("fn area(&self) -> f64; ", "fn area(&self) -> f64; fn rim(&self) -> f64; ", true),
+        ("at: [usize; 2]", "at: [usize; 2], _by: u8", true),
+        ("-> Option<&u32>", "-> Option<&'_ u32>", false),
+        ("#[derive(Clone)]", "", true),
+        ("Handle(u32)", "Handle(u32, std::marker::PhantomData<*const u8>)", true),
+        ("pub use shapes::Handle;", "", true),
+    ] {
+        let mut changed = BEFORE.replace(old, new);
+        assert_ne!(changed, BEFORE, "{old} is not there");
+        if new.contains("fn rim") {
+            changed = changed.replace("for Handle {", "for Handle { fn rim(&self) -> f64 { 0.0 }");
+        }
+        let after = interface(folder.path(), "after.txt", &changed).expect("as before");
+        let compared = api(&[Path::new("--compare"), &before, &after]).expect("as before");
+        assert_eq!(compared.status.success(), !breaks, "{old} became {new}:\n{}", text_of(&compared));
+    }
+}

@@ -278,6 +278,37 @@ fn completions_are_printed_for_every_shell() {
 }
 
 #[test]
+fn every_command_has_a_manual_page_that_man_reads() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let help = succeeds(folder.path(), &["--help"]);
+    let list = help.split("Commands:").nth(1).and_then(|rest| rest.split("\n\n").next()).expect("a list of commands");
+    // Their names stand two columns in, what they do further.
+    let names = list.lines().filter_map(|line| line.strip_prefix("  ")).filter(|line| !line.starts_with(' '));
+    let names: Vec<&str> =
+        names.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help").collect();
+    assert!(names.len() > 10 && names.contains(&"render"), "{names:?}");
+    let printed = succeeds(folder.path(), &["man", "pages"]);
+    assert!(printed.starts_with(&format!("wrote {} pages", names.len() + 1)), "{printed}");
+    let mut pages: Vec<PathBuf> =
+        names.iter().map(|name| folder.path().join(format!("pages/curitiba-{name}.1"))).collect();
+    pages.push(folder.path().join("pages/curitiba.1"));
+    assert_eq!(succeeds(folder.path(), &["man"]), std::fs::read_to_string(&pages[names.len()]).expect("a page"));
+    let render = std::fs::read_to_string(folder.path().join("pages/curitiba-render.1")).expect("a page");
+    for part in [".SH NAME\ncuritiba\\-render", ".SH OPTIONS", "\\-\\-frames", ".SH EXAMPLES\n.nf\n"] {
+        assert!(render.contains(part), "{part}: {render}");
+    }
+    if Command::new("groff").arg("--version").output().is_err() {
+        println!("skipped: groff is not installed");
+        return;
+    }
+    for page in pages {
+        let output = Command::new("groff").args(["-man", "-Kutf8", "-Tutf8", "-ww", "-z"]).arg(&page).output();
+        let told = String::from_utf8(output.expect("groff starts").stderr).expect("text");
+        assert_eq!(told, "", "{}", page.display());
+    }
+}
+
+#[test]
 fn an_existing_picture_survives_a_run_that_fails() {
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("out.png"), b"precious").expect("written");

@@ -3,13 +3,13 @@
 pub mod check;
 
 use crate::effects::{
-    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined, deferred_shadows,
+    AlphaTested, Area, Coverage, Pass, Pixel, Preparation, TILE, Workspace, camera, combined, deferred_shadows,
     dielectric,
     dielectric::{Lenses, Media},
     reflection, refraction, ssao,
 };
 use crate::sampling::HemisphereSampler;
-use crate::trace::{Bvh, Quality, SphereTree, Tracer, WithSpheres};
+use crate::trace::{Bvh, DynTracer, Erased, Quality, SphereTree, Tracer, WithSpheres};
 use curitiba_pipeline::backend::{BackendError, BuildStats, RayBackend, RayCounts, RayJob, RayStats};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::glass::Dielectric;
@@ -162,6 +162,22 @@ pub fn trace<T: Tracer>(
     Ok(RayStats { rays, ..RayStats::default() })
 }
 
+/// [`trace`] ray by ray, on a tracer behind a pointer: the programs are compiled once for all of these. The same picture, later.
+///
+/// # Errors
+/// As [`trace`].
+pub fn trace_by_rays(
+    tracer: &dyn DynTracer,
+    job: &RayJob<'_>,
+    output: &mut Image,
+    progress: &Progress,
+) -> Result<RayStats, BackendError> {
+    check::images(NAME, job, output)?;
+    let tiles = tiles_at_a_time(job);
+    let rays = run_by_rays(tracer, job, Whole { output, progress, tiles })?;
+    Ok(RayStats { rays, ..RayStats::default() })
+}
+
 /// Computes each pixel of a job by a function, tile by tile, and counts the rays that it says it traced.
 ///
 /// # Errors
@@ -188,24 +204,40 @@ pub fn trace_pixel<T: Tracer>(tracer: &T, job: &RayJob<'_>, x: u32, y: u32) -> R
     run(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
+/// [`trace_pixel`] on a tracer behind a pointer, as [`trace_by_rays`].
+///
+/// # Errors
+/// As [`trace`].
+pub fn trace_pixel_by_rays(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: u32) -> Result<[f32; 4], BackendError> {
+    check::buffers(NAME, job)?;
+    run_by_rays(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
+}
+
 fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
     in_host(job)?;
     check::scene(NAME, job, T::SPHERES)?;
-    let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
-    // Programs that know spheres always ask for cut-outs: each of the two is compiled for itself, and takes a minute.
-    Ok(if T::SPHERES || cut {
-        let coverage = AlphaTested { scene: job.scene, shades: job.shades };
-        run_program(&new_pass(job, tracer, coverage)?, runner)
-    } else {
-        run_program(&new_pass(job, tracer, Opaque)?, runner)
+    Ok(run_program(&new_pass(job, tracer)?, runner))
+}
+
+/// The programs of corrected fidelity serve scenes with exact spheres and without; those of thesis fidelity know none.
+fn run_by_rays<R: Runner>(tracer: &dyn DynTracer, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
+    in_host(job)?;
+    check::scene(NAME, job, tracer.knows_spheres())?;
+    Ok(match job.fidelity {
+        Fidelity::Corrected => run_corrected(&new_pass(job, &Erased::<true>(tracer))?, runner),
+        Fidelity::Thesis => run_thesis(&new_pass(job, &Erased::<false>(tracer))?, runner),
     })
 }
 
-fn new_pass<'a, T: Tracer, C: Coverage>(
-    job: &'a RayJob<'a>,
-    tracer: &'a T,
-    coverage: C,
-) -> Result<Pass<'a, T, C>, BackendError> {
+/// Where triangles are cut out: nowhere in thesis fidelity.
+fn coverage<'a>(job: &RayJob<'a>) -> AlphaTested<'a> {
+    match job.fidelity {
+        Fidelity::Corrected => AlphaTested::new(job.scene, job.shades),
+        Fidelity::Thesis => AlphaTested::whole(job.scene, job.shades),
+    }
+}
+
+fn new_pass<'a, T: Tracer>(job: &'a RayJob<'a>, tracer: &'a T) -> Result<Pass<'a, T, AlphaTested<'a>>, BackendError> {
     let prepared = Preparation::of(job).map_err(|why| check::missing(NAME, job, &why))?;
     let Preparation { sampler, open_share, to_light, disc, light_color } = prepared;
     let (occlusion, strata) = match (job.fidelity, sampler) {
@@ -220,7 +252,7 @@ fn new_pass<'a, T: Tracer, C: Coverage>(
     let mut pass = Pass {
         job,
         tracer,
-        coverage,
+        coverage: coverage(job),
         to_light,
         light_color,
         occlusion,
@@ -448,8 +480,12 @@ fn run_of_tiles(
         let area =
             Area { x: left, y: top, width: TILE.min(width - left), height: TILE.min(height - top), stride: width };
         if !tile(area, &mut rows, work) {
-            for (down, row) in rows.iter_mut().enumerate() {
+            'pixels: for (down, row) in rows.iter_mut().enumerate() {
                 for (right, out) in row.iter_mut().enumerate() {
+                    // One of thousands of paths takes milliseconds.
+                    if progress.is_cancelled() {
+                        break 'pixels;
+                    }
                     let (x, y) = (left + right, top + down);
                     work.place = down * TILE + right;
                     *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);

@@ -11,9 +11,5 @@ pub mod reference;
 pub mod sampling;
 pub mod trace;
 pub mod visibility;
+#[cfg(feature = "wgpu")]
 pub mod wgpu_rays;
-
-/// The examples of `docs/architecture.md`, which are compiled.
-#[cfg(doctest)]
-#[doc = include_str!("../../docs/architecture.md")]
-pub struct Architecture;

@@ -119,6 +119,7 @@ mod tests {
             names(&error, name, krate);
             read().expect("it loads again");
         };
+        #[cfg(feature = "gltf")]
         scene("a.gltf", r#"{"asset":{"version":"2.0"}}"#, "gltf");
 
         let project = file(folder.path(), "a.xml", include_bytes!("../tests/fuzz_targets/everything.xml"));

@@ -14,6 +14,7 @@ pub(super) const MOST_BYTES: u64 = 1 << 30;
 
 /// Why a benchmark's file cannot be read, continued or written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FileError {
     /// The system.
     #[error("{}: {message}", path.display())]

@@ -108,7 +108,7 @@ fn named(paths: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<PathBuf>), PartError> {
 fn read(path: PathBuf) -> Result<Source, PartError> {
     match part::read(&path)? {
         Some(file) => Ok(Source { path, file }),
-        None => Err(io_error(&path, &io::ErrorKind::NotFound.into())),
+        None => Err(PartError::Io { path, message: "there is no such file or folder".to_owned() }),
     }
 }
 

@@ -17,6 +17,7 @@ pub const LIST: &str = "rows.json";
 
 /// Why parts of a benchmark cannot be used together.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PartError {
     /// The system.
     #[error("{}: {message}", path.display())]

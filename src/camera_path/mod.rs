@@ -33,6 +33,7 @@ const MOST_BYTES: u64 = 16 << 20;
 
 /// Why there is no path.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PathError {
     /// What names it is wrong.
     #[error("{0}")]

@@ -51,6 +51,7 @@ pub struct FrameRecord {
 
 /// Why a frame that is there cannot be taken for the one that is wanted, or a record cannot be written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RecordError {
     /// The system.
     #[error("{}: {message}", path.display())]

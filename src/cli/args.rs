@@ -2,6 +2,7 @@
 
 use super::bench_args::BenchArgs;
 use super::compare_args::CompareArgs;
+use super::man::ManArgs;
 use super::merge::MergeArgs;
 use super::reference_args::ReferenceArgs;
 use super::tune_args::TuneArgs;
@@ -177,6 +178,9 @@ It is built by: cargo build --release --manifest-path view/Cargo.toml --target-d
         #[arg(value_name = "PROJECT.xml|SCENE", trailing_var_arg = true, allow_hyphen_values = true, value_hint = ValueHint::AnyPath)]
         arguments: Vec<OsString>,
     },
+    /// Print the manual page, or write those of all commands.
+    #[command(after_help = "Examples:\n  curitiba man | man -l -\n  curitiba man ~/.local/share/man/man1")]
+    Man(ManArgs),
     /// Print completions for a shell.
     #[command(after_help = "Example:\n  curitiba completions bash > /etc/bash_completion.d/curitiba")]
     Completions {
@@ -199,7 +203,7 @@ impl Command {
             Self::Tune(args) => Some(args.project.max_memory),
             Self::Visibility(args) => Some(args.max_memory),
             Self::Merge(args) => Some(args.max_memory),
-            Self::List { .. } | Self::View { .. } | Self::Completions { .. } => None,
+            Self::List { .. } | Self::View { .. } | Self::Man(_) | Self::Completions { .. } => None,
         }
     }
 }

@@ -15,9 +15,9 @@ use std::path::Path;
 impl From<FileError> for Failure {
     fn from(error: FileError) -> Self {
         match error {
-            FileError::Io { .. } => Self::work(error),
             FileError::Other { .. } | FileError::Interrupted { .. } => Self::Usage(error.to_string()),
             FileError::Broken { .. } => Self::Input(error.to_string()),
+            _ => Self::work(error),
         }
     }
 }

@@ -18,9 +18,9 @@ use std::path::Path;
 impl From<PartError> for Failure {
     fn from(error: PartError) -> Self {
         match error {
-            PartError::Io { .. } => Self::work(error),
             PartError::Broken { .. } => Self::Input(error.to_string()),
             PartError::Other(_) => Self::Usage(error.to_string()),
+            _ => Self::work(error),
         }
     }
 }

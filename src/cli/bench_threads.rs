@@ -18,7 +18,7 @@ impl From<SweepError> for Failure {
     fn from(error: SweepError) -> Self {
         match error {
             SweepError::Open(error) => error.into(),
-            SweepError::Pool { .. } => Self::work(error),
+            error => Self::work(error),
         }
     }
 }

@@ -81,7 +81,7 @@ impl From<CompareError> for Failure {
             CompareError::Open(error) => error.into(),
             CompareError::Render(error) => OpenError::Render(error).into(),
             CompareError::Usage(message) => Self::Usage(message),
-            error @ (CompareError::Read(_) | CompareError::Mismatch(_)) => Self::Input(error.to_string()),
+            error => Self::Input(error.to_string()),
         }
     }
 }

@@ -81,8 +81,8 @@ impl From<OpenError> for Failure {
             OpenError::Source(error) => error.into(),
             OpenError::Option(message) => Self::Usage(message),
             OpenError::Plan(error) => Self::Usage(error.to_string()),
-            OpenError::Engine(error) => Self::work(error),
             OpenError::Render(error) => error.into(),
+            error => Self::work(error),
         }
     }
 }
@@ -106,7 +106,7 @@ impl From<OutputError> for Failure {
                 }
                 _ => Self::work(error),
             },
-            OutputError::Twice { .. } | OutputError::Read { .. } => Self::Usage(error.to_string()),
+            _ => Self::Usage(error.to_string()),
         }
     }
 }
@@ -122,7 +122,7 @@ impl From<WriteError> for Failure {
         match error {
             WriteError::Exists(_) => Self::Usage(error.to_string()),
             WriteError::Text(_) => Self::Input(error.to_string()),
-            WriteError::Io { .. } => Self::work(error),
+            error => Self::work(error),
         }
     }
 }

@@ -19,7 +19,7 @@ impl From<ReferenceError> for Failure {
             error @ (ReferenceError::Picture(_) | ReferenceError::NoPicture(_) | ReferenceError::NoNoise) => {
                 Self::Usage(error.to_string())
             }
-            error @ (ReferenceError::Metric(_) | ReferenceError::Keep(_)) => Self::work(error),
+            error => Self::work(error),
         }
     }
 }

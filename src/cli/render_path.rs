@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 impl From<PathError> for Failure {
     fn from(error: PathError) -> Self {
         match error {
-            PathError::Named(message) => Self::Usage(message),
             PathError::File(message) => Self::Input(message),
+            error => Self::Usage(error.to_string()),
         }
     }
 }
@@ -25,8 +25,8 @@ impl From<PathError> for Failure {
 impl From<RecordError> for Failure {
     fn from(error: RecordError) -> Self {
         match error {
-            RecordError::Io { .. } => Self::work(error),
             RecordError::Broken { .. } | RecordError::Other { .. } => Self::Usage(error.to_string()),
+            _ => Self::work(error),
         }
     }
 }

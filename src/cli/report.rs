@@ -55,7 +55,7 @@ pub fn run(args: &ReportArgs) -> Result<(), Failure> {
     let (folder, data) = made.map_err(|error| match error {
         ReportError::Folder(report::folder::FolderError::Occupied { .. }) => Failure::Usage(error.to_string()),
         ReportError::Nothing { .. } => Failure::Input(error.to_string()),
-        ReportError::Folder(_) | ReportError::Engine(_) => Failure::work(error),
+        _ => Failure::work(error),
     })?;
     for sentence in summary::in_short(&data) {
         crate::say!("{sentence}");

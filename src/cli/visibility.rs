@@ -70,8 +70,7 @@ pub fn run(args: &VisibilityArgs) -> Result<(), Failure> {
     let summary = summary.map_err(|error| match error {
         StreamError::Pairs(message) => Failure::Input(message),
         StreamError::Interrupted(message) => Failure::Usage(message),
-        error @ StreamError::Engine(_) => Failure::work(error),
-        error @ StreamError::File { .. } => Failure::work(error),
+        error => Failure::work(error),
     })?;
     let times = [built.as_secs_f64(), start.elapsed().as_secs_f64()];
     print(args, &surfaces, &summary, &engine, times)

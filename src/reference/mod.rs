@@ -85,6 +85,7 @@ const SEEDS: [u32; 2] = [0x9e37_79b9, 0x7f4a_7c15];
 
 /// Why a row has no error.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReferenceError {
     /// The reference's project, plan or engines.
     #[error("the reference cannot be opened: {0}")]
@@ -117,7 +118,7 @@ impl From<renderer_of_pictures::ReferenceError> for ReferenceError {
         match error {
             Error::Refused(refused) => Self::Render(refused.into()),
             Error::Cancelled => Self::Render(RenderError::Cancelled),
-            error @ Error::Spheres => Self::Picture(error.to_string()),
+            error => Self::Picture(error.to_string()),
         }
     }
 }

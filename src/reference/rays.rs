@@ -82,7 +82,7 @@ impl RayBackend for ReferenceRays {
                 return CpuRays::new().run(job, output, progress);
             }
             let double = self.double.get_or_insert_with(|| Double::build(&scene.geometry, filtered));
-            return cpu::trace(double, job, output, progress);
+            return cpu::trace_by_rays(double, job, output, progress);
         }
         if self.fast.is_none() {
             let mut fast = CpuRays::new();

@@ -13,6 +13,7 @@ const MOST_PAGE: u64 = 64 << 20;
 
 /// Why a report cannot be written where it was asked for.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FolderError {
     /// Something else is there.
     #[error("{path}: {why}; name another folder with -o, or remove this one first", path = path.display())]

@@ -35,6 +35,7 @@ pub struct Target {
 
 /// Why rows could not be written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StreamError {
     /// A file cannot be read or written.
     #[error("{path}: {error}")]

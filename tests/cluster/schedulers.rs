@@ -2,25 +2,29 @@
 
 use super::{clean, json, names, project, root, rows, text, twelve_rows};
 use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::Instant;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 fn installed(program: &str) -> bool {
     let found = Command::new(program).arg("--version").stdin(Stdio::null()).output();
     found.is_ok_and(|output| output.status.success())
 }
 
-/// Runs a script of `examples/cluster`.
+/// Runs a script of `examples/cluster`, and returns what it printed.
 fn script(folder: &Path, name: &str, arguments: &[&str]) -> String {
+    let output = run_script(folder, name, arguments);
+    assert!(output.status.success(), "{name}:\n{}{}", text(&output.stdout), text(&output.stderr));
+    text(&output.stdout)
+}
+
+fn run_script(folder: &Path, name: &str, arguments: &[&str]) -> Output {
     let mut command = Command::new("bash");
     command.current_dir(folder).arg(root("examples/cluster").join(name)).args(arguments);
     clean(&mut command);
     command.env("CURITIBA", env!("CARGO_BIN_EXE_curitiba")).env("CURITIBA_CACHE", folder.join("references"));
     // GNU parallel keeps a folder of its own.
-    command.env("JOBS", "2").env("HOME", folder).stdin(Stdio::null());
-    let output = command.output().expect("bash starts");
-    assert!(output.status.success(), "{name}:\n{}{}", text(&output.stdout), text(&output.stderr));
-    text(&output.stdout)
+    command.env("JOBS", "2").env("HOME", folder).env("HQ_SERVER_DIR", folder.join("hq")).stdin(Stdio::null());
+    command.output().expect("bash starts")
 }
 
 #[test]
@@ -44,6 +48,85 @@ fn gnu_parallel_runs_a_benchmark_and_the_frames_of_a_path() {
         ["--size", "32x32", "--raster", "cpu", "--backend", "cpu", "--path", "orbit:0,4,0,30,6,15", "-o", "f.png"];
     let printed = script(folder, "frames.sh", &[&["3", &shadows][..], &fixed].concat());
     assert!(printed.contains("6 of 6 frames, 6 of them were there"), "{printed}");
+}
+
+/// A server of HyperQueue with two workers of one core each, in a folder of its own.
+struct Queue<'f> {
+    folder: &'f Path,
+    processes: Vec<Child>,
+}
+
+impl<'f> Queue<'f> {
+    fn start(folder: &'f Path) -> Self {
+        let mut queue = Self { folder, processes: Vec::new() };
+        queue.begin(&["server", "start"]);
+        queue.wait_for("server", |queue| queue.ask(&["server", "info"]).status.success());
+        for _ in 0..2 {
+            queue.begin(&["worker", "start", "--cpus", "1"]);
+        }
+        queue.wait_for("two workers", |queue| {
+            text(&queue.ask(&["worker", "list"]).stdout).matches("RUNNING").count() == 2
+        });
+        queue
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new("hq");
+        command.current_dir(self.folder).env("HQ_SERVER_DIR", self.folder.join("hq")).args(arguments);
+        command.stdin(Stdio::null());
+        command
+    }
+
+    fn ask(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().expect("hq starts")
+    }
+
+    fn begin(&mut self, arguments: &[&str]) {
+        let process = self.command(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+        self.processes.push(process.expect("hq starts"));
+    }
+
+    fn wait_for(&self, what: &str, is_there: impl Fn(&Self) -> bool) {
+        let start = Instant::now();
+        while !is_there(self) {
+            assert!(start.elapsed() < Duration::from_secs(30), "HyperQueue's {what} did not come in 30 s");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}
+
+impl Drop for Queue<'_> {
+    fn drop(&mut self) {
+        self.ask(&["server", "stop"]);
+        for process in &mut self.processes {
+            // Those that have ended already cannot be killed.
+            let _ = process.kill();
+            let _ = process.wait();
+        }
+    }
+}
+
+#[test]
+fn hyperqueue_runs_a_benchmark_and_says_why_a_task_failed() {
+    if !installed("hq") {
+        println!("skipped: HyperQueue's program hq is not installed");
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let _queue = Queue::start(folder);
+    let arguments = twelve_rows();
+    let of = |first: &[&'static str]| -> Vec<String> { first.iter().map(|word| (*word).to_owned()).collect() };
+    let good: Vec<String> = of(&["3", "parts"]).into_iter().chain(arguments[1..].iter().cloned()).collect();
+    let output = run_script(folder, "hyperqueue.sh", &good.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
+    assert!(text(&output.stdout).contains("12 rows of 1 machine\n"), "{}", text(&output.stdout));
+    assert_eq!(rows(&json(&folder.join("parts.json"))).len(), 12);
+
+    // HyperQueue's own exit code does not tell.
+    let output = run_script(folder, "hyperqueue.sh", &["2", "none", "no_such_project.xml", "--no-error"]);
+    assert!(!output.status.success());
+    assert!(text(&output.stderr).contains("cannot read no_such_project.xml"), "{}", text(&output.stderr));
 }
 
 /// Submits an array, kills node n2 with its task while the task runs, and waits until the queue is empty.

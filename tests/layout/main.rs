@@ -45,7 +45,7 @@ const OF_TRACE: &Floors = &[
     &["packet", "fan"],
     &["parallel"],
     &["tracer", "segments"],
-    &["bvh", "reference", "recorder", "with_spheres"],
+    &["bvh", "reference", "recorder", "with_spheres", "erased"],
 ];
 
 /// The floor of a module's room below `folder`, counted from the ground; `None` for the folder itself.

@@ -2,4 +2,5 @@
 
 pub mod cpu;
 pub mod effects;
+#[cfg(feature = "wgpu")]
 pub mod gpu;

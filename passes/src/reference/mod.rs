@@ -45,6 +45,7 @@ use world::World;
 
 /// Why there is no picture.
 #[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReferenceError {
     /// Exact spheres, which are no triangles.
     #[error("exact spheres have no reference of the picture: declare them without exact=\"true\"")]

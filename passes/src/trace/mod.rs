@@ -7,13 +7,14 @@
 //! * [`Double`] gives the same answers as it, fast enough for reference pictures.
 //! * [`WithSpheres`] puts exact spheres ([`SphereTree`]) beside the triangles of another.
 //! * [`Recorder`] keeps every ray of a pixel, for people to read.
+//! * [`DynTracer`] is any of them behind a pointer.
 //! * [`SurfacePoint`] starts secondary rays so that they do not hit the surface they leave.
 //!
 //! The folders are floors: each uses those below it, never one above it, and the test `layout` fails where that is broken.
 //!
 //! | floor | what it holds |
 //! |---|---|
-//! | `bvh`, `reference`, `recorder`, `with_spheres` | the tracers |
+//! | `bvh`, `reference`, `recorder`, `with_spheres`, `erased` | the tracers |
 //! | `tracer`, `segments` | the traits that effects and devices meet at |
 //! | `parallel` | rays of one direction |
 //! | `packet`, `fan` | rays that start or run side by side |
@@ -25,6 +26,7 @@
 
 mod build;
 mod bvh;
+mod erased;
 mod fan;
 mod origin;
 mod packet;
@@ -43,6 +45,8 @@ mod with_spheres;
 
 pub use build::{Quality, gpu_binary, gpu_tree};
 pub use bvh::Bvh;
+pub use erased::DynTracer;
+pub(crate) use erased::Erased;
 pub use fan::{Candidates, Neighbourhood};
 pub use origin::SurfacePoint;
 pub(crate) use origin::{SurfacePoints, at_vertices, half_of, vertices};

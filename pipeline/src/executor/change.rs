@@ -14,6 +14,7 @@ use glam::Vec3;
 
 /// Why something cannot be set. The renderer goes on with what it had.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ChangeError {
     /// The project does not have it, or it is too large.
     #[error(transparent)]

@@ -52,6 +52,7 @@ use std::time::Instant;
 
 /// Why a frame could not be rendered.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RenderError {
     /// A scene that the project names in these places.
     #[error("{place}: {error}")]

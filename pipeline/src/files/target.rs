@@ -21,6 +21,7 @@ pub(super) struct Target {
 
 /// Why an output cannot be written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum OutputError {
     /// The file system says so.
     #[error("{}: {error}", path.display())]

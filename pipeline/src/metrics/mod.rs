@@ -108,6 +108,7 @@ impl fmt::Display for Which {
 
 /// Why two pictures cannot be compared.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MetricError {
     /// The sizes differ.
     #[error("the test picture is {} x {} pixels and the reference {} x {}; only pictures of one size can be compared",

@@ -26,6 +26,7 @@ const OTHER_FILES: &[(&str, &str)] = &[
 
 /// Why a path gives no project.
 #[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
 pub enum SourceError {
     /// The project file or a material library; holds every problem of them.
     #[error(transparent)]

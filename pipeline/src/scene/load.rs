@@ -132,7 +132,11 @@ fn load_one(file: &Path, size: u64, needs: Needs, budget: &mut Budget) -> Result
     let scene = match format {
         Format::Cbo => super::cbo::read(&bytes, &mut context),
         Format::Obj => super::obj::read(&bytes, &mut context),
+        #[cfg(feature = "gltf")]
         Format::Gltf => super::gltf::read(&bytes, &mut context),
+        #[cfg(not(feature = "gltf"))]
+        Format::Gltf => Err(SceneError::file(file, "this program was built without glTF")
+            .help("build it with the feature `gltf` of curitiba-pipeline")),
         Format::Studio => super::studio::read(&bytes, &mut context),
         Format::Ogre => super::ogre::read(&bytes, &mut context),
         Format::Collada => super::collada::read(&bytes, &mut context),

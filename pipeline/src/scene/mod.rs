@@ -7,6 +7,7 @@ mod context;
 pub(crate) mod dispersion;
 mod error;
 mod fingerprint;
+#[cfg(feature = "gltf")]
 mod gltf;
 mod load;
 pub mod normal_map;

@@ -26,6 +26,7 @@ pub struct SweepOptions {
 
 /// Why a sweep ended early.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SweepError {
     /// The project cannot be opened, or a frame failed.
     #[error(transparent)]

@@ -39,6 +39,7 @@ const RADIUS: f64 = 0.05;
 
 /// Why no project could be made from scene files.
 #[derive(Debug, Clone, thiserror::Error)]
+#[non_exhaustive]
 pub enum FromSceneError {
     /// A scene file.
     #[error(transparent)]

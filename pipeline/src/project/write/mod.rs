@@ -19,6 +19,7 @@ use xml::Xml;
 
 /// Why a project could not be written.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum WriteError {
     /// A name or a path that the format cannot hold.
     #[error(

@@ -2,8 +2,10 @@ use super::*;
 use crate::project;
 use glam::DVec3;
 
-fn root(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+/// The projects of the repository, which the packaged crate has not.
+fn shipped() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xml_projects");
+    folder.is_dir().then_some(folder)
 }
 
 /// All of a project but the places of its files, which another file has elsewhere.
@@ -39,9 +41,13 @@ fn comes_back(project: &Project) {
 
 #[test]
 fn the_shipped_projects_are_read_as_they_were_written() {
+    let Some(projects) = shipped() else {
+        println!("skipped: the repository's projects are not here");
+        return;
+    };
     let mut count = 0;
-    for folder in ["xml_projects", "xml_projects/raster", "xml_projects/glass", "xml_projects/camera"] {
-        for entry in std::fs::read_dir(root(folder)).expect("the folder") {
+    for folder in ["", "raster", "glass", "camera"] {
+        for entry in std::fs::read_dir(projects.join(folder)).expect("the folder") {
             let path = entry.expect("an entry").path();
             if path.extension().is_some_and(|extension| extension == "xml") {
                 comes_back(&project::load(&path).expect("a valid project"));
