@@ -16,7 +16,7 @@ use curitiba_pipeline::backend::{
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::{Image, write_png};
 use curitiba_pipeline::programs::{Fresnel, RasterProgram};
-use curitiba_pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, Missing};
+use curitiba_pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, Missing, Parallax};
 use glam::{Vec3, Vec4};
 use support::rasteriser;
 use world::{BACKGROUND, Shot, World};
@@ -137,6 +137,38 @@ fn every_effect_agrees_with_the_processors() {
         }
     }
     assert!(failed.is_empty(), "{failed:?}");
+}
+
+#[test]
+fn options_of_effects_agree_with_the_processors() {
+    let Some(mut gpu) = rasteriser() else { return };
+    let corrected = |program| EffectParams { parallax: Parallax::Box, ..params(program) };
+    let filtered = |program, filter| EffectParams { filter, ..params(program) };
+    let sectors = EffectParams { bitmask: true, thickness: 0.3, ..params(EffectProgram::HorizonOcclusion) };
+    for (name, mut shot) in shots() {
+        gpu.upload(&shot.scene).expect("uploads");
+        for (program, params) in [
+            (EffectProgram::CubeReflection, corrected(EffectProgram::CubeReflection)),
+            (EffectProgram::CubeRefraction, corrected(EffectProgram::CubeRefraction)),
+            (EffectProgram::ScreenReflection, corrected(EffectProgram::ScreenReflection)),
+            (EffectProgram::HorizonOcclusion, sectors),
+            (EffectProgram::HorizonOcclusion, filtered(EffectProgram::HorizonOcclusion, 2)),
+            (EffectProgram::DepthOcclusion, filtered(EffectProgram::DepthOcclusion, 3)),
+        ] {
+            let (expected, _) = shot.effect(program, params);
+            let (plain, _) =
+                shot.effect(program, EffectParams { parallax: Parallax::None, bitmask: false, filter: 0, ..params });
+            let job = EffectJob { resident: false, ..shot.job(program, params) };
+            let (found, _) = run(&mut gpu, &job).expect("a whole job");
+            let (outlying, mean) = difference(&found, &expected);
+            println!("{name}, {program:?}: outliers {outlying:.5}, mean {mean:.2e}");
+            // A sector is a 32nd of one of four slices: of the directions at its edges, single ones round to the other side.
+            let most = if params.bitmask { 1e-2 } else { OUTLIERS };
+            assert!(outlying <= most && mean < 1e-3, "{name}, {program:?}: {outlying} {mean}");
+            // The control: where the picture shows glass, or something that occludes, the option changes it.
+            assert!(name != "street" || difference(&plain, &expected).0 > 0.01, "{program:?}");
+        }
+    }
 }
 
 /// As many pixels of glass, and but for single rays at outlines the same answers.

@@ -8,6 +8,8 @@ use crate::programs::{Fresnel, LARGEST_SUN, ParamInfo, RayParams, RayProgram, Va
 
 /// Most shadow maps that a frame may have.
 pub const MAX_CASCADES: u32 = 8;
+/// Most levels of the filter after an occlusion.
+pub const MAX_FILTER_LEVELS: u32 = 3;
 /// Most mirrors that a frame may have.
 pub const MAX_PLANES: u32 = 64;
 
@@ -65,6 +67,36 @@ impl Missing {
     }
 }
 
+/// How a cube map is looked up from a place that is not its centre.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Parallax {
+    /// In the ray's own direction, as if all that is seen were endlessly far.
+    #[default]
+    None,
+    /// In the direction in which the centre sees where the ray leaves a box that stands for the surroundings.
+    Box,
+}
+
+impl Parallax {
+    /// Each with the name that parameters give it.
+    pub const NAMED: [(&'static str, Self); 2] = [("none", Self::None), ("box", Self::Box)];
+
+    /// Its name as a value of a parameter.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Box => "box",
+        }
+    }
+
+    /// The one of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, parallax)| *parallax)
+    }
+}
+
 /// The parameters of the raster effects; a program reads those that [`EffectProgramInfo::params`] lists for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EffectParams {
@@ -98,6 +130,12 @@ pub struct EffectParams {
     pub thickness: f32,
     /// What stands for rays that the screen does not answer.
     pub missing: Missing,
+    /// How cube maps are looked up.
+    pub parallax: Parallax,
+    /// Whether what is seen occludes the directions between its front and its back, `thickness` behind, instead of all below a horizon.
+    pub bitmask: bool,
+    /// Levels of the edge-avoiding filter after an occlusion; 0 filters nothing.
+    pub filter: u32,
 }
 
 impl Default for EffectParams {
@@ -119,6 +157,9 @@ impl Default for EffectParams {
             sun: 0.0,
             thickness: 0.1,
             missing: Missing::Cube,
+            parallax: Parallax::None,
+            bitmask: false,
+            filter: 0,
         }
     }
 }
@@ -200,7 +241,7 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
     },
     ParamInfo {
         name: "thickness",
-        about: "how deep behind a surface that the picture shows a ray still meets it, in scene units",
+        about: "how deep behind a surface that the picture shows a ray still meets it, in scene units; of `gtao` with `bitmask` alone",
         valid: "a finite number above 0",
         values: Values::Positive,
     },
@@ -209,6 +250,24 @@ pub const EFFECT_PARAMS: &[ParamInfo] = &[
         about: "what stands for rays that the screen does not answer: cube maps, the glass's own colour, or ray tracing of these pixels",
         valid: "cube, none, rays",
         values: Values::Names(&["cube", "none", "rays"]),
+    },
+    ParamInfo {
+        name: "parallax",
+        about: "how cube maps are looked up beside their centre: in the ray's direction, or where the ray leaves a box found from what the map sees",
+        valid: "none, box",
+        values: Values::Names(&["none", "box"]),
+    },
+    ParamInfo {
+        name: "bitmask",
+        about: "whether light passes behind what the picture shows: occluders are `thickness` deep, instead of shutting all below their horizon",
+        valid: "false, true",
+        values: Values::Names(&["false", "true"]),
+    },
+    ParamInfo {
+        name: "filter",
+        about: "levels of the filter that averages an occlusion over its surface: 5 x 5 pixels, then 13 x 13 and 29 x 29; 0 filters nothing",
+        valid: "0..=3",
+        values: Values::Integer(0, MAX_FILTER_LEVELS),
     },
 ];
 
@@ -256,6 +315,9 @@ impl EffectParams {
             "sun" => self.sun = float(|v| (0.0..=LARGEST_SUN).contains(&v))?,
             "thickness" => self.thickness = float(|v| v.is_finite() && v > 0.0)?,
             "missing" => self.missing = Missing::named(value).ok_or_else(wrong)?,
+            "parallax" => self.parallax = Parallax::named(value).ok_or_else(wrong)?,
+            "filter" => self.filter = integer(0..=MAX_FILTER_LEVELS)?,
+            "bitmask" => self.bitmask = value.parse().map_err(|_| wrong())?,
             _ => unreachable!("every name in EFFECT_PARAMS is matched"),
         }
         Ok(())
@@ -283,6 +345,9 @@ impl EffectParams {
             "sun" => self.sun.to_string(),
             "thickness" => self.thickness.to_string(),
             "missing" => self.missing.name().to_owned(),
+            "parallax" => self.parallax.name().to_owned(),
+            "bitmask" => self.bitmask.to_string(),
+            "filter" => self.filter.to_string(),
             _ => panic!("`{name}` is not a parameter"),
         }
     }
@@ -329,7 +394,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["mapsize", "probes"],
+        params: &["mapsize", "probes", "parallax"],
     },
     EffectProgramInfo {
         program: EffectProgram::CubeRefraction,
@@ -339,7 +404,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["mapsize", "probes", "index", "fresnel"],
+        params: &["mapsize", "probes", "parallax", "index", "fresnel"],
     },
     EffectProgramInfo {
         program: EffectProgram::PlanarReflection,
@@ -359,7 +424,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["thickness", "missing", "mapsize", "probes"],
+        params: &["thickness", "missing", "mapsize", "probes", "parallax"],
     },
     EffectProgramInfo {
         program: EffectProgram::ScreenRefraction,
@@ -369,7 +434,7 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
         lit: true,
         glass: true,
-        params: &["thickness", "missing", "mapsize", "probes", "index", "fresnel"],
+        params: &["thickness", "missing", "mapsize", "probes", "parallax", "index", "fresnel"],
     },
     EffectProgramInfo {
         program: EffectProgram::DepthOcclusion,
@@ -379,17 +444,17 @@ pub const EFFECT_PROGRAMS: &[EffectProgramInfo] = &[
         buffers: &["pos_buffer", "norm_buffer"],
         lit: false,
         glass: false,
-        params: &["radius", "intensity", "slices", "steps"],
+        params: &["radius", "intensity", "slices", "steps", "filter"],
     },
     EffectProgramInfo {
         program: EffectProgram::HorizonOcclusion,
         name: "gtao",
-        about: "ambient occlusion by the horizons that the G-buffer shows (GTAO)",
+        about: "ambient occlusion by the horizons that the G-buffer shows (GTAO), or with `bitmask` by the sectors that what it shows shuts",
         counterpart: RayProgram::Ssao,
         buffers: &["pos_buffer", "norm_buffer"],
         lit: false,
         glass: false,
-        params: &["radius", "intensity", "slices", "steps"],
+        params: &["radius", "intensity", "slices", "steps", "bitmask", "thickness", "filter"],
     },
 ];
 
@@ -433,10 +498,10 @@ mod tests {
     #[test]
     fn every_parameter_is_settable_by_its_name_and_read_by_a_program() {
         let mut params = EffectParams::default();
-        for (info, value) in EFFECT_PARAMS
-            .iter()
-            .zip(["64", "2", "3", "2.5", "7", "5", "1.5", "schlick", "2", "1", "9", "11", "0.5", "3", "rays"])
-        {
+        for (info, value) in EFFECT_PARAMS.iter().zip([
+            "64", "2", "3", "2.5", "7", "5", "1.5", "schlick", "2", "1", "9", "11", "0.5", "3", "rays", "box", "true",
+            "2",
+        ]) {
             assert_ne!(params.get(info.name), value);
             params.set(info.name, value).expect("valid");
             assert_eq!(params.get(info.name), value);

@@ -348,12 +348,18 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
                     },
                 )
             };
-            by_raster.iter().flat_map(settings).collect()
+            let mut entries: Vec<Entry> = by_raster.iter().flat_map(settings).collect();
+            entries.push(optioned(raster(effect, by_raster[0], Some((512, 0))), "parallax", "box"));
+            entries
         }
         Effect::Occlusion => {
             let pairs: &[(u32, u32)] =
                 if quick { &[(1, 4), (8, 8)] } else { &[(1, 4), (2, 4), (2, 8), (8, 8), (8, 16), (16, 16)] };
             let mut entries: Vec<Entry> = by_raster.iter().flat_map(|file| every(file, pairs)).collect();
+            let usual = || raster(effect, by_raster[0], Some((4, 8)));
+            entries.push(optioned(usual(), "bitmask", "true"));
+            let few = if quick { (1, 4) } else { (2, 4) };
+            entries.push(optioned(raster(effect, by_raster[0], Some(few)), "filter", "2"));
             let counts: &[u32] = if quick { &[1, 4, 49] } else { &[1, 4, 9, 25, 36, 49, 64, 81, 100] };
             entries.extend(counts.iter().map(|count| rays(effect, Some((*count, "sobol")))));
             let strata: &[u32] = if quick { &[1, 4, 16] } else { &[1, 4, 9, 16, 25, 49, 100] };
@@ -363,6 +369,14 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
             entries
         }
     }
+}
+
+/// A row of a raster effect with another value of an option.
+fn optioned(mut entry: Entry, name: &str, value: &str) -> Entry {
+    entry.set.push(format!("pass2.{name}={value}"));
+    entry.label += &format!(", {name}={value}");
+    entry.setting = entry.setting.map(|(series, setting)| (format!("{series}, {name}={value}"), setting));
+    entry
 }
 
 /// The lines of the scaling plots: without effects, and shadows and ambient occlusion by each technique.

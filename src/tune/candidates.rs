@@ -3,7 +3,9 @@
 use crate::pipeline::plan::{Plan, PlannedPass, Work};
 use crate::pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram, Sampler};
 use crate::pipeline::project::{ChannelRef, EffectPass, PassKind, Project, RayPass};
-use crate::pipeline::raster_effects::{EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo, Missing};
+use crate::pipeline::raster_effects::{
+    EFFECT_PROGRAMS, EffectParams, EffectProgram, EffectProgramInfo, Missing, Parallax,
+};
 
 /// Occlusion rays of a point.
 const SAMPLES: [u32; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
@@ -12,6 +14,10 @@ const SUN_SAMPLES: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 const SQUARES: [u32; 8] = [1, 4, 9, 16, 36, 64, 144, 256];
 /// Directions, and depths read in each half of one.
 const SLICES_AND_STEPS: [(u32, u32); 6] = [(1, 4), (2, 4), (2, 8), (4, 8), (8, 8), (8, 16)];
+/// The same where the levels of a filter follow.
+const FILTERED: [(u32, u32, u32); 3] = [(1, 4, 2), (2, 4, 1), (2, 8, 1)];
+/// The same by sectors of a bitmask.
+const SECTORS: [(u32, u32, u32); 3] = [(2, 4, 1), (4, 8, 0), (8, 16, 0)];
 /// Texels a side of shadow maps, and on each side of the middle one.
 const SHADOW_MAPS: [(u32, u32); 7] = [(512, 0), (1024, 0), (1024, 1), (2048, 0), (2048, 1), (4096, 0), (4096, 1)];
 /// Most planes of glass that mirror.
@@ -142,7 +148,11 @@ fn shared(program: EffectProgram, like: &EffectParams) -> EffectParams {
 fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) -> Vec<EffectParams> {
     let reads = |name: &str| info.params.contains(&name);
     if reads("slices") {
-        SLICES_AND_STEPS.map(|(slices, steps)| EffectParams { slices, steps, ..base }).to_vec()
+        let plain = SLICES_AND_STEPS.map(|(slices, steps)| EffectParams { slices, steps, ..base });
+        let filtered = |(slices, steps, filter)| EffectParams { slices, steps, filter, ..base };
+        let by_sectors = SECTORS.into_iter().filter(|_| reads("bitmask")).map(filtered);
+        let by_sectors = by_sectors.map(|params| EffectParams { bitmask: true, ..params });
+        plain.into_iter().chain(FILTERED.map(filtered)).chain(by_sectors).collect()
     } else if reads("pcf") {
         SHADOW_MAPS.map(|(map_size, pcf)| EffectParams { map_size, pcf, ..base }).to_vec()
     } else if reads("missing") {
@@ -153,7 +163,9 @@ fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) ->
     } else if reads("planes") {
         PLANES.map(|planes| EffectParams { planes, ..base }).to_vec()
     } else {
-        CUBE_MAPS.map(|map_size| EffectParams { map_size, ..base }).to_vec()
+        let each =
+            |map_size| [Parallax::None, Parallax::Box].map(|parallax| EffectParams { map_size, parallax, ..base });
+        CUBE_MAPS.into_iter().flat_map(each).collect()
     }
 }
 
@@ -225,9 +237,13 @@ fn ray_label(pass: &RayPass) -> String {
 }
 
 fn effect_label(pass: &EffectPass) -> String {
+    const OPTIONS: [&str; 3] = ["parallax", "bitmask", "filter"];
     const SAID: [&str; 7] = ["mapsize", "cascades", "pcf", "slices", "steps", "planes", "missing"];
     let info = pass.program.info();
     let without_maps = pass.program.marches() && pass.params.missing != Missing::Cube;
     let said = SAID.iter().filter(|name| info.params.contains(name) && !(without_maps && **name == "mapsize"));
-    said.fold(info.name.to_owned(), |label, name| label + &format!(" {name}={}", pass.params.get(name)))
+    let usual = EffectParams::of(pass.program);
+    // Said where they are not as usual.
+    let options = OPTIONS.iter().filter(|name| info.params.contains(name) && pass.params.get(name) != usual.get(name));
+    said.chain(options).fold(info.name.to_owned(), |label, name| label + &format!(" {name}={}", pass.params.get(name)))
 }

@@ -107,7 +107,7 @@ const RAY_SETTINGS: [&str; 16] = [
     "fresnel=schlick",
 ];
 /// The same, if it is a raster effect.
-const EFFECT_SETTINGS: [&str; 20] = [
+const EFFECT_SETTINGS: [&str; 24] = [
     "cascades=1",
     "cascades=8",
     "pcf=0",
@@ -128,6 +128,10 @@ const EFFECT_SETTINGS: [&str; 20] = [
     "thickness=1e30",
     "missing=none",
     "missing=rays",
+    "parallax=box",
+    "bitmask=true",
+    "filter=1",
+    "filter=3",
 ];
 /// Materials by the byte of a triangle; `Vidro` is the one that the projects take for glass.
 const MATERIALS: [&str; 4] = ["wall", "leaf", "Vidro", "lamp"];

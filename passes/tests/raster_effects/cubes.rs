@@ -1,6 +1,8 @@
 use crate::world::{Shot, World, mean};
 use curitiba_pipeline::programs::RayParams;
-use curitiba_pipeline::raster_effects::{EffectParams, EffectProgram::CubeReflection, EffectProgram::CubeRefraction};
+use curitiba_pipeline::raster_effects::{
+    EffectParams, EffectProgram::CubeReflection, EffectProgram::CubeRefraction, Parallax,
+};
 use glam::Vec3;
 
 /// A small slanted pane in the middle of a large room whose walls have tiles of seven colours.
@@ -70,6 +72,52 @@ fn a_pane_mirrors_and_refracts_a_far_room_as_rays_do() {
                     assert_eq!(*pixel, shot.buffer.color[index]);
                 }
             }
+        }
+    }
+}
+
+/// A room that is a box, with seven colours of tiles, and a pane in it that is neither small nor in the middle.
+fn chamber(low: Vec3, high: Vec3) -> World {
+    let mut world = World::lit_along(Vec3::new(0.3, -1.0, 0.5));
+    let paints: Vec<u32> = (1..8)
+        .map(|index| world.paint(Vec3::new((index & 1) as f32, (index >> 1 & 1) as f32, (index >> 2 & 1) as f32)))
+        .collect();
+    let (middle, half, tiles) = ((low + high) * 0.5, (high - low) * 0.5, 5);
+    for (index, axis) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
+        for (side, sign) in [1.0, -1.0].into_iter().enumerate() {
+            let (u, v) = (Vec3::new(axis.z, axis.x, axis.y) * half, Vec3::new(axis.y, axis.z, axis.x) * half);
+            for tile in 0..tiles * tiles {
+                let place = |i: usize| (2 * i + 1) as f32 / tiles as f32 - 1.0;
+                let center = middle + axis * half * sign + u * place(tile % tiles) + v * place(tile / tiles);
+                let paint = paints[(tile * 5 + tile / tiles * 2 + index * 3 + side) % paints.len()];
+                world.quad(paint, center, u * -sign / tiles as f32, v / tiles as f32);
+            }
+        }
+    }
+    let glass = world.pane();
+    world.quad(glass, Vec3::new(0.4, -0.2, 0.3), Vec3::new(1.1, 0.2, -0.3), Vec3::new(-0.1, 0.8, 0.2));
+    world
+}
+
+#[test]
+fn in_a_room_that_is_a_box_parallax_is_exact() {
+    let (low, high) = (Vec3::new(-3.0, -1.5, -4.0), Vec3::new(7.0, 2.0, 3.0));
+    for eye in [Vec3::new(0.5, 0.3, 2.4), Vec3::new(-1.6, 0.9, 1.7)] {
+        let mut shot = chamber(low, high).seen(eye, Vec3::new(0.4, -0.2, 0.3), 160);
+        for program in [CubeReflection, CubeRefraction] {
+            let expected = shot.rays(program, RayParams { index: 1.5, ..RayParams::default() });
+            let mut error = |parallax: Parallax| {
+                let params = EffectParams { index: 1.5, map_size: 1024, parallax, ..EffectParams::of(program) };
+                let (found, stats) = shot.effect(program, params);
+                assert_eq!(stats.map_count, 1);
+                difference(&shot, &found, &expected)
+            };
+            let ((mean, differing), (plain, others)) = (error(Parallax::Box), error(Parallax::None));
+            println!("{eye} {program:?}: box {mean:.4} {differing:.3}, none {plain:.4} {others:.3}");
+            // What is left are the edges of tiles, a texel wide, and single pixels of rays that meet them.
+            assert!(mean < 0.01 && differing < 0.04, "{eye} {program:?}: {mean} {differing}");
+            // The control: without it most of the picture is displaced.
+            assert!(plain > 8.0 * mean && others > 0.2, "{eye} {program:?}: {plain} {others}");
         }
     }
 }

@@ -97,6 +97,102 @@ fn horizons_agree_with_rays_among_boxes() {
     assert!(plain_rms > 1.3 * rms, "the plain method is worse: {plain_rms}");
 }
 
+/// Those of `gtao` by sectors.
+fn sectors(slices: u32, steps: u32, thickness: f32) -> EffectParams {
+    EffectParams { bitmask: true, thickness, ..params(slices, steps) }
+}
+
+#[test]
+fn sectors_leave_an_open_plane_open_and_find_the_closed_form_in_a_corner() {
+    for eye in [Vec3::new(0.0, 5.0, 0.1), Vec3::new(3.0, 2.0, 4.0), Vec3::new(8.0, 0.3, 1.0)] {
+        let mut world = World::default();
+        world.ground(30.0);
+        let mut shot = world.seen(eye, Vec3::ZERO, 96);
+        let (found, _) = shot.effect(HorizonOcclusion, sectors(3, 6, 0.1));
+        let lowest = found.iter().map(|pixel| pixel[0]).fold(1.0, f32::min);
+        assert!(lowest > 0.999, "{eye}: {lowest}");
+    }
+    let mut shot = corner();
+    // The wall is the outline of a solid: as deep as the radius.
+    let (found, _) = shot.effect(HorizonOcclusion, sectors(8, 32, 1.0));
+    // The control: of paper, it lets light through between the steps.
+    let (thin, _) = shot.effect(HorizonOcclusion, sectors(8, 4, 0.01));
+    let (mut worst, mut least_off) = (0f32, f32::MAX);
+    for bin in 1..8 {
+        let near = bin as f32 * 0.1;
+        let pixels = shot.pixels_where(|p| p.y < 1e-3 && p.z > near && p.z < near + 0.1 && p.x.abs() < 1.0);
+        let of = |image: &[[f32; 4]]| mean(pixels.iter().map(|index| image[*index][0])) as f32;
+        let expected = mean(pixels.iter().map(|index| open_beside_a_wall(shot.position(*index).z))) as f32;
+        println!("{near:.1}: {:.4}, thin {:.4}, closed form {expected:.4}", of(&found), of(&thin));
+        worst = worst.max((of(&found) - expected).abs());
+        least_off = least_off.min((of(&thin) - expected) / (1.0 - expected));
+    }
+    assert!(worst < 0.02, "{worst}");
+    assert!(least_off > 0.3, "{least_off}");
+}
+
+/// The open share of a plane below an endless bar, by cosine-weighted directions in `f64`: the bar's rectangle spans these `x` and heights, and a
+/// ray of length 1 looks for it from the origin.
+fn open_below_a_bar(x: [f64; 2], heights: [f64; 2]) -> f64 {
+    let cells = 400;
+    let (mut open, mut all) = (0u32, 0u32);
+    for index in 0..cells * cells {
+        let at = |cell: i32| (2.0 * f64::from(cell) + 1.0) / f64::from(cells) - 1.0;
+        let (across, along) = (at(index % cells), at(index / cells));
+        let up = 1.0 - across * across - along * along;
+        if up <= 0.0 {
+            continue;
+        }
+        // The stretch of the ray in each slab.
+        let stretch = |[low, high]: [f64; 2], rate: f64| {
+            let (a, b) = (low / rate, high / rate);
+            [a.min(b), a.max(b)]
+        };
+        let (in_x, in_height) = (stretch(x, across), stretch(heights, up.sqrt()));
+        let (first, last) = (in_x[0].max(in_height[0]).max(0.0), in_x[1].min(in_height[1]).min(1.0));
+        all += 1;
+        open += u32::from(first >= last);
+    }
+    f64::from(open) / f64::from(all)
+}
+
+#[test]
+fn light_passes_behind_a_bar_by_sectors_and_not_by_horizons() {
+    // A bar of 0.1 x 0.04 floats 0.4 above a floor, and is seen from above.
+    let mut world = World::default();
+    world.ground(20.0);
+    let white = world.paint(Vec3::ONE);
+    let (half_width, middle, half_height) = (0.05, 0.4, 0.02);
+    world.block(white, Vec3::Y * middle, Vec3::new(half_width, half_height, 10.0));
+    let mut shot = world.seen(Vec3::new(0.0, 9.0, 0.0), Vec3::ZERO, 400);
+    let (horizons, _) = shot.effect(HorizonOcclusion, params(8, 32));
+    // Steps are nearer to each other than the bar is thick: else light passes between them.
+    let (found, _) = shot.effect(HorizonOcclusion, sectors(8, 64, 2.0 * half_height));
+    let (deep, _) = shot.effect(HorizonOcclusion, sectors(8, 32, 1.0));
+    let traced = shot.rays(HorizonOcclusion, rays());
+    for x in [0.15f32, 0.3, 0.5] {
+        let pixels = shot.pixels_where(|p| p.y < 1e-3 && (p.x - x).abs() < 0.03 && p.z.abs() < 3.0);
+        let of = |image: &[[f32; 4]]| mean(pixels.iter().map(|index| image[*index][0]));
+        let exact = |index: &usize| {
+            let place = f64::from(shot.position(*index).x);
+            let (half_width, middle, half_height) = (f64::from(half_width), f64::from(middle), f64::from(half_height));
+            open_below_a_bar([-half_width - place, half_width - place], [middle - half_height, middle + half_height])
+        };
+        // All rows are the same.
+        let row: Vec<f64> = pixels.iter().take(8).map(exact).collect();
+        let expected = row.iter().sum::<f64>() / row.len() as f64;
+        let [rays, horizons, found, deep] = [&traced, &horizons, &found, &deep].map(|image| of(image));
+        println!(
+            "{x}: exact {expected:.4}, rays {rays:.4}, horizons {horizons:.4}, sectors {found:.4}, deep {deep:.4}"
+        );
+        assert!((rays - expected).abs() < 6e-3, "{rays} {expected}");
+        assert!((found - expected).abs() < 0.03, "{x}: {found} {expected}");
+        // The control: a horizon shuts all below the bar, and so does a bar that is deep.
+        let off = (found - expected).abs();
+        assert!(expected - horizons > 5.0 * off && expected - deep > 5.0 * off, "{x}: {horizons} {deep} {expected}");
+    }
+}
+
 #[test]
 fn more_slices_leave_less_noise() {
     let mut shot = corner();

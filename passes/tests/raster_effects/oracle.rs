@@ -4,7 +4,7 @@
 use curitiba_passes::sampling::hash::{dimensions, pixel_key, unit};
 use curitiba_pipeline::backend::EffectJob;
 use curitiba_pipeline::raster_effects::EffectProgram;
-use glam::{DMat4, DVec3, DVec4, Vec4};
+use glam::{DMat4, DVec2, DVec3, DVec4, Vec4};
 use std::f64::consts::PI;
 
 /// The open share of a pixel.
@@ -46,6 +46,9 @@ impl<'a> Oracle<'a> {
         };
         let normal = if normal.dot(to_eye) < 0.0 { -normal } else { normal };
         let mut open = match self.job.program {
+            EffectProgram::HorizonOcclusion if self.job.params.bitmask => {
+                self.by_sectors([x, y], position, to_eye, normal)
+            }
             EffectProgram::HorizonOcclusion => self.by_horizons([x, y], position, to_eye, normal),
             EffectProgram::DepthOcclusion => self.by_depths([x, y], position, to_eye, normal),
             other => panic!("{other:?} is no occlusion"),
@@ -139,6 +142,83 @@ impl<'a> Oracle<'a> {
                 whole += weight * arc(open);
                 visible += weight * arc(horizon);
             }
+        }
+        Open { share: if whole > 0.0 { visible / whole } else { 1.0 }, decided }
+    }
+
+    /// As written in the paper with a list of 32 sectors, each with the one angle that is tested.
+    fn by_sectors(&self, pixel: [u32; 2], position: DVec3, to_eye: DVec3, normal: DVec3) -> Open {
+        let (radius, thickness) = (f64::from(self.job.params.radius), f64::from(self.job.params.thickness));
+        let slices = self.job.params.slices;
+        let jitter_of_sectors = f64::from(unit(dimensions(pixel_key(pixel[0], pixel[1], self.job.seed), 0)[1]));
+        let (mut visible, mut whole, mut decided) = (0.0, 0.0, true);
+        for index in 0..slices {
+            let (across, jitter) = self.slice(pixel, index, to_eye);
+            let aside = to_eye.cross(across);
+            let off = normal.dot(aside);
+            let projected = normal - aside * off;
+            let weight = projected.length();
+            if weight * weight < 1e-6 {
+                continue;
+            }
+            let gamma = projected.dot(across).atan2(projected.dot(to_eye));
+            let shear = (aside - normal * off) / (weight * weight);
+            let small = 1e-6 * (self.eye - position).length();
+            let far = |side: f64| self.place(position + across * small * side);
+            let moved = far(1.0).zip(far(-1.0)).map_or(0.0, |(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
+            let nearest = 2.0 * small / moved;
+            decided &= (nearest / radius - 1.0).abs() > self.margin;
+            // The integral of `cos(h - γ) |sin h|` from the eye's direction to a signed angle, cut at the tangent plane.
+            let contribution = |angle: f64| {
+                let h = angle.clamp(gamma - 0.5 * PI, gamma + 0.5 * PI);
+                h.signum() * 0.25 * (-(2.0 * h - gamma).cos() + gamma.cos() + 2.0 * h * gamma.sin())
+            };
+            let (first, last) = (contribution(-PI), contribution(PI));
+            let turned = (jitter_of_sectors + f64::from(index as f32 / slices as f32)).fract();
+            let mut shut = [false; 32];
+            for (side, jitter) in [1.0, -1.0].into_iter().zip(jitter) {
+                let steps = if nearest < radius { self.job.params.steps } else { 0 };
+                for step in 0..steps {
+                    let share = (f64::from(step) + jitter) / f64::from(self.job.params.steps);
+                    let distance = nearest + (radius - nearest) * share * share;
+                    let Step::At(seen) = self.look(pixel, position + across * side * distance, &mut decided) else {
+                        continue;
+                    };
+                    let Some(delta) = self.difference(seen, position) else { continue };
+                    let moved = delta - shear * delta.dot(aside);
+                    let front = DVec2::new(moved.dot(across), moved.dot(to_eye));
+                    decided &= front.x.abs() > self.margin * delta.length();
+                    if side * front.x <= 0.0 {
+                        continue;
+                    }
+                    // Both ends of what is within the radius, by the roots of `|front + s away| = radius`.
+                    let away = (front - DVec2::new(0.0, (self.eye - position).length())).normalize();
+                    let (half_b, c) = (front.dot(away), front.length_squared() - radius * radius);
+                    let discriminant = half_b * half_b - c;
+                    decided &= discriminant.abs() > self.margin * radius * radius;
+                    if discriminant <= 0.0 {
+                        continue;
+                    }
+                    let ends =
+                        [(-half_b - discriminant.sqrt()).max(0.0), (-half_b + discriminant.sqrt()).min(thickness)];
+                    decided &= (ends[1] - ends[0]).abs() > self.margin * radius;
+                    if ends[1] <= ends[0] {
+                        continue;
+                    }
+                    let [a, b] = ends.map(|end| {
+                        let DVec2 { x, y } = front + away * end;
+                        (contribution(x.atan2(y)) - first) / (last - first)
+                    });
+                    for (sector, shut) in (0u32..).zip(&mut shut) {
+                        let tested = (f64::from(sector) + turned) / 32.0;
+                        decided &= [a, b].iter().all(|end| (end - tested).abs() > self.margin / 32.0);
+                        *shut |= a.min(b) < tested && tested <= a.max(b);
+                    }
+                }
+            }
+            let open = shut.iter().filter(|shut| !**shut).count() as f64 / 32.0;
+            whole += weight * (last - first);
+            visible += weight * (last - first) * open;
         }
         Open { share: if whole > 0.0 { visible / whole } else { 1.0 }, decided }
     }

@@ -120,6 +120,42 @@ fn mirrors_are_nearer_to_the_rays_than_cube_maps() {
     }
 }
 
+/// Not in every view: the square is no box. What holds at 256 x 256 pixels is in `docs/projects.md`.
+#[test]
+fn parallax_brings_the_far_mirrors_and_the_near_refraction_nearer_to_the_rays() {
+    for (name, rays, camera) in [
+        ("raster/SceneCubeReflect", "SceneReflect", "MainCamera"),
+        ("raster/SceneCubeRefract", "SceneRefract", "Vidro"),
+    ] {
+        let expected = rendered(rays, camera, &[], 128);
+        let error = |parallax: &str| {
+            let found = rendered(name, camera, &[&format!("pass2.parallax={parallax}")], 128);
+            keep(&format!("{} {camera} {parallax}", &name[7..]), &found);
+            rms(&found, &expected)
+        };
+        let [none, corrected] = ["none", "box"].map(error);
+        println!("{name}, {camera}: none {none:.4}, box {corrected:.4}");
+        assert!(corrected < 0.97 * none, "{name}, {camera}: {corrected} {none}");
+    }
+}
+
+#[test]
+fn sectors_and_the_filter_bring_occlusion_nearer_to_the_rays() {
+    let expected = rendered("SceneSSAO", "MainCamera", &["pass2.radius=2", "pass2.samples=64"], 128);
+    let error = |set: &[&str]| {
+        let set: Vec<&str> = ["pass2.radius=2"].iter().chain(set).copied().collect();
+        let found = rendered("raster/SceneGTAO", "MainCamera", &set, 128);
+        println!("{set:?}: {:.4}", rms(&found, &expected));
+        rms(&found, &expected)
+    };
+    let few = ["pass2.slices=1", "pass2.steps=4"];
+    let (plain, rough) = (error(&[]), error(&few));
+    assert!(error(&["pass2.bitmask=true", "pass2.thickness=1"]) < plain);
+    assert!(error(&[few[0], few[1], "pass2.filter=1"]) < 0.9 * rough);
+    // The control: of paper, what is seen hides too little.
+    assert!(error(&["pass2.bitmask=true", "pass2.thickness=0.1"]) > 1.2 * plain);
+}
+
 /// `CURITIBA_PICTURES=DIR` writes the pictures.
 fn keep(name: &str, image: &Image) {
     if let Some(folder) = std::env::var_os("CURITIBA_PICTURES") {
@@ -199,10 +235,15 @@ fn occlusion_is_what_the_formulas_give_in_double_precision() {
             ("MainCamera", &[][..]),
             ("Vidro", &[]),
             ("Vidro", &["pass2.slices=1", "pass2.steps=3", "pass2.radius=2", "pass2.intensity=1"]),
+            ("Vidro", &["pass2.bitmask=true"]),
+            ("MainCamera", &["pass2.bitmask=true", "pass2.thickness=0.5", "pass2.slices=3", "pass2.radius=4"]),
             ("MainCamera", &["pass2.slices=7", "pass2.radius=4", "pass2.intensity=0.3"]),
         ] {
             let apart = Rc::new(Cell::new(Apart::default()));
             let compared = Compared { cpu: CpuRasteriser::new(), apart: Rc::clone(&apart) };
+            if name != "GTAO" && set.first() == Some(&"pass2.bitmask=true") {
+                continue;
+            }
             // No multiple of sixteen.
             rendered_by(compared, &format!("raster/Scene{name}"), camera, set, 187);
             let found = apart.get();

@@ -28,6 +28,8 @@ mod vertex;
 
 pub use simd::InstructionSet;
 
+pub(in crate::raster) use effects::find_proxy;
+
 use bins::Bins;
 use clip::ClippedTriangle;
 use curitiba_pipeline::backend::{
@@ -88,6 +90,12 @@ pub struct CpuRasteriser {
 impl Default for CpuRasteriser {
     fn default() -> Self {
         Self::new()
+    }
+}
+
+impl std::fmt::Debug for CpuRasteriser {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("CpuRasteriser").field("set", &self.detected.set()).finish_non_exhaustive()
     }
 }
 

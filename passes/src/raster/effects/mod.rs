@@ -4,8 +4,10 @@
 //!
 //! - [`cascades`], [`shadow`]: how many depth maps there are, which one serves a pixel, their cameras and their test.
 //! - [`panes`], [`cube`]: which glass gets a cube map, its cameras, and how a direction is looked up.
+//! - [`proxy`]: the boxes that stand for what cube maps see, so that they are right beside their centres, too.
 //! - [`planes`], [`mirrors`]: which flat glass lies in one plane, which planes mirror, and the cameras mirrored at them.
 //! - [`screen`]: what rays from glass meet among the surfaces that the picture shows.
+//! - [`filter`]: the noise of occlusions, averaged over their surfaces.
 //! - [`occlusion`]: what the two screen-space ambient occlusions compute at a pixel.
 //!
 //! # Pixels that an effect leaves alone
@@ -23,10 +25,12 @@
 pub mod bounds;
 pub mod cascades;
 pub mod cube;
+pub mod filter;
 pub mod mirrors;
 pub mod occlusion;
 pub mod panes;
 pub mod planes;
+pub mod proxy;
 pub mod screen;
 pub mod shadow;
 pub mod soft;
@@ -40,6 +44,7 @@ use curitiba_pipeline::scene::RenderScene;
 use glam::Vec3;
 use panes::Pane;
 use planes::Glazing;
+use proxy::Proxy;
 use std::sync::{Arc, Weak};
 
 /// Most bytes that the maps of one effect may take.
@@ -54,6 +59,8 @@ pub struct SceneCache {
     glass: Vec<bool>,
     panes: Option<Vec<Pane>>,
     glazing: Option<Glazing>,
+    /// By pane, those that were asked for.
+    proxies: std::collections::BTreeMap<u32, Proxy>,
 }
 
 impl SceneCache {
@@ -80,6 +87,26 @@ impl SceneCache {
         self.panes.get_or_insert_with(|| panes::find(&scene.geometry, glass))
     }
 
+    /// Gives probes their panes' proxies; `look` finds one that is not known. `glass` is what the panes were found with.
+    ///
+    /// # Errors
+    /// Those of `look`.
+    pub fn add_proxies<E>(
+        &mut self,
+        probes: &mut [panes::Probe],
+        mut look: impl FnMut(&panes::Probe) -> Result<Proxy, E>,
+    ) -> Result<(), E> {
+        for probe in probes {
+            let proxy = match self.proxies.get(&probe.pane) {
+                Some(proxy) => *proxy,
+                None => look(probe)?,
+            };
+            self.proxies.insert(probe.pane, proxy);
+            probe.proxy = Some(proxy);
+        }
+        Ok(())
+    }
+
     /// The planes of the materials that are glass; found again only if `glass` differs from the last call's.
     ///
     /// # Errors
@@ -96,6 +123,7 @@ impl SceneCache {
     fn look_for(&mut self, glass: &[bool]) {
         if self.glass != glass {
             (self.panes, self.glazing) = (None, None);
+            self.proxies.clear();
             self.glass.clear();
             self.glass.extend_from_slice(glass);
         }

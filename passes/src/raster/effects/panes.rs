@@ -2,6 +2,7 @@
 
 use super::bounds::{Bounds, Frustum};
 use super::cube;
+use super::proxy::Proxy;
 use curitiba_pipeline::backend::View;
 use curitiba_pipeline::scene::{Geometry, TriangleRanges};
 use glam::Vec3;
@@ -87,6 +88,10 @@ pub struct Probe {
     pub far: f32,
     /// The pane's box.
     pub bounds: Bounds,
+    /// Which of the scene's panes.
+    pub pane: u32,
+    /// What stands for its surroundings, where that is asked for.
+    pub proxy: Option<Proxy>,
 }
 
 impl Probe {
@@ -98,7 +103,7 @@ impl Probe {
         let farthest = (scene.max - center).max(center - scene.min).max(Vec3::ZERO).length();
         let far = (farthest * 1.01).max(scale * 1e-5).max(f32::MIN_POSITIVE * 1e12);
         let near = (pane.radius() * 1e-3).clamp(far * 1e-6, far * 0.5);
-        Self { center, near, far, bounds: *pane }
+        Self { center, near, far, bounds: *pane, pane: 0, proxy: None }
     }
 
     /// The camera of a face, as [`cube::view`].
@@ -108,6 +113,13 @@ impl Probe {
     #[must_use]
     pub fn view(&self, face: usize) -> View {
         cube::view(face, self.center, self.near, self.far)
+    }
+
+    /// Where its cube map is looked up for a ray from `place`, of unit length.
+    #[must_use]
+    #[inline]
+    pub fn toward(&self, place: Vec3, direction: Vec3) -> Vec3 {
+        self.proxy.map_or(direction, |proxy| proxy.toward(place - self.center, direction))
     }
 }
 
@@ -130,8 +142,20 @@ impl Probes {
         }
         self.ranked.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let best = self.ranked.iter().take(most as usize);
-        self.chosen.extend(best.map(|(_, pane)| Probe::new(&panes[*pane as usize].bounds, scene)));
+        let probe = |(_, pane): &(f64, u32)| Probe { pane: *pane, ..Probe::new(&panes[*pane as usize].bounds, scene) };
+        self.chosen.extend(best.map(probe));
         &self.chosen
+    }
+
+    /// Those that were chosen last.
+    #[must_use]
+    pub fn chosen(&self) -> &[Probe] {
+        &self.chosen
+    }
+
+    /// The same, to give them proxies.
+    pub fn chosen_mut(&mut self) -> &mut [Probe] {
+        &mut self.chosen
     }
 }
 

@@ -6,9 +6,11 @@ use super::surface::{DepthMap, Target};
 use super::{CpuRasteriser, refused};
 use crate::effects::{interface, reflect};
 use crate::raster::effects::cascades::{self, Cascades};
+use crate::raster::effects::filter::Filter;
 use crate::raster::effects::mirrors::{Mirror, Mirrors, Survey};
-use crate::raster::effects::occlusion::{Method, Occlusion, SPAN, open_shares};
+use crate::raster::effects::occlusion::{Method, Occlusion, SPAN, open_shares, power};
 use crate::raster::effects::panes::{Probe, Probes, nearest};
+use crate::raster::effects::proxy::{self, Proxy};
 use crate::raster::effects::screen::pyramid::Pyramid;
 use crate::raster::effects::{self, SceneCache, cube};
 use curitiba_pipeline::backend::{
@@ -19,7 +21,7 @@ use curitiba_pipeline::gbuffer::ALIGNMENT;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::memory::resize;
 use curitiba_pipeline::programs::RasterProgram;
-use curitiba_pipeline::raster_effects::EffectProgram;
+use curitiba_pipeline::raster_effects::{EffectProgram, Parallax};
 use curitiba_pipeline::scene::{RenderScene, TriangleRanges};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -42,6 +44,7 @@ pub(super) struct Effects {
     mirror: GBuffer,
     /// By pixel: the plane of glass that it shows.
     plane_of: Vec<u32>,
+    filter: Filter,
     /// What rays are marched through.
     pyramid: Pyramid,
     /// The picture without glass.
@@ -84,18 +87,48 @@ impl Effects {
                 self.screen(raster, job, output, progress, &mut stats)?;
             }
             EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => {
-                let occlusion = Occlusion::new(job);
-                let depths = job.program == EffectProgram::DepthOcclusion;
-                let method = if depths { Method::Depths } else { Method::Horizons };
-                progress.start(bands(output));
-                stats.pixels = each_span(output, progress, |x, y, pixels| {
-                    for (pixel, share) in pixels.iter_mut().zip(open_shares(&occlusion, method, x, y)) {
-                        *pixel = [share, share, share, 1.0];
-                    }
-                });
+                stats.pixels = self.occlusion(job, output, progress)?;
             }
         }
         Ok(stats)
+    }
+
+    /// The open shares, filtered if that is asked for.
+    fn occlusion(
+        &mut self,
+        job: &EffectJob<'_>,
+        output: &mut Image,
+        progress: &Progress,
+    ) -> Result<Part, BackendError> {
+        let (levels, exponent) = (job.params.filter, job.params.intensity);
+        let mut occlusion = Occlusion::new(job);
+        if levels > 0 {
+            // The mean of powers is not the power of the mean.
+            occlusion = occlusion.plain();
+        }
+        let method = Method::of(job);
+        progress.start(bands(output) * if levels > 0 { 2 } else { 1 });
+        let mut part = each_span(output, progress, |x, y, pixels| {
+            for (pixel, share) in pixels.iter_mut().zip(open_shares(&occlusion, method, x, y)) {
+                *pixel = [share, share, share, 1.0];
+            }
+        });
+        if levels > 0 {
+            let start = Instant::now();
+            self.filter.load(job.width, &output.pixels, job.position, job.normal).map_err(refused)?;
+            let shares = self.filter.run(levels);
+            let width = job.width as usize;
+            let filtering = start.elapsed();
+            let finish = each_span(output, progress, |x, y, pixels| {
+                let first = y as usize * width + x as usize;
+                for (pixel, share) in pixels.iter_mut().zip(&shares[first..]) {
+                    let share = power(share.clamp(0.0, 1.0), exponent);
+                    *pixel = [share, share, share, 1.0];
+                }
+            });
+            part.host += filtering + finish.host;
+        }
+        Ok(part)
     }
 
     fn shadows(
@@ -162,8 +195,8 @@ impl Effects {
         let maps = self.cube_maps(raster, job, bands(output), progress, stats)?;
         stats.pixels = each_pixel(output, progress, |index| {
             let color = glazed.contains(job.triangle[index]).then(|| {
-                let (view, normal, probe) = maps.seen(job, index)?;
-                Some(weighted(job, view, normal, |direction| maps.look_up(probe, direction)))
+                let (position, view, normal, probe) = maps.seen(job, index)?;
+                Some(weighted(job, view, normal, |direction| maps.look_up(probe, position, direction)))
             });
             color.flatten().map_or(job.color[index], |color| color.extend(1.0).to_array())
         });
@@ -181,7 +214,11 @@ impl Effects {
     ) -> Result<CubeMaps<'_>, BackendError> {
         let bounds = self.scene.bounds(job.scene);
         let panes = self.scene.panes(job.scene, job.glass);
-        let probes = self.probes.choose(panes, &bounds, &job.view, job.params.probes);
+        self.probes.choose(panes, &bounds, &job.view, job.params.probes);
+        if job.params.parallax == Parallax::Box {
+            self.scene.add_proxies(self.probes.chosen_mut(), |probe| find_proxy(raster, job, probe))?;
+        }
+        let probes = self.probes.chosen();
         let maps = probes.len() * cube::FACES;
         progress.start(after + maps as u64);
         let size = job.params.map_size;
@@ -324,17 +361,17 @@ struct CubeMaps<'a> {
 }
 
 impl CubeMaps<'_> {
-    /// How the eye sees a pixel of glass, and the probe that serves it.
-    fn seen(&self, job: &EffectJob<'_>, index: usize) -> Option<(Vec3, Vec3, usize)> {
+    /// The position of a pixel of glass, how the eye sees it, and the probe that serves it.
+    fn seen(&self, job: &EffectJob<'_>, index: usize) -> Option<(Vec3, Vec3, Vec3, usize)> {
         let [position, normal] =
             [job.position[index], job.normal[index]].map(|value| Vec4::from_array(value).truncate());
         let probe = nearest(self.probes, position)?;
         let (view, normal) = effects::facing(job.view.eye, position, normal)?;
-        Some((view, normal, probe))
+        Some((position, view, normal, probe))
     }
 
-    fn look_up(&self, probe: usize, direction: Vec3) -> Vec3 {
-        let (face, at) = cube::locate(direction);
+    fn look_up(&self, probe: usize, position: Vec3, direction: Vec3) -> Vec3 {
+        let (face, at) = cube::locate(self.probes[probe].toward(position, direction));
         cube::sample(&self.faces[probe * cube::FACES + face].color, self.size, at)
     }
 }
@@ -362,6 +399,18 @@ fn check_bytes(raster: &CpuRasteriser, job: &EffectJob<'_>, bytes: u64) -> Resul
         backend: raster.name(),
         what: job.program.info().name.to_owned(),
         why,
+    })
+}
+
+/// What stands for a probe's surroundings. The device's effects ask for it, too: boxes are then the same everywhere.
+pub(in crate::raster) fn find_proxy(
+    raster: &mut CpuRasteriser,
+    job: &EffectJob<'_>,
+    probe: &Probe,
+) -> Result<Proxy, BackendError> {
+    Proxy::find(probe, |view, buffer| {
+        let map_job = map_job(job, view, None, square(proxy::FACE), proxy::ATTACHMENTS);
+        raster.render(&map_job, job.glass, Target::Attachments(buffer, proxy::ATTACHMENTS)).map(drop)
     })
 }
 

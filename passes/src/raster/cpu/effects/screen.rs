@@ -85,7 +85,7 @@ impl Effects {
                         Answer::Missing => {
                             missing = true;
                             match (&cubes, probe) {
-                                (Some(cubes), Some(probe)) => cubes.look_up(probe, direction),
+                                (Some(cubes), Some(probe)) => cubes.look_up(probe, place, direction),
                                 _ => {
                                     keeps = true;
                                     own

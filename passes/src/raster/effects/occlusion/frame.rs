@@ -18,6 +18,7 @@ pub struct Occlusion<'a> {
     pub(super) seed: u32,
     pub(super) radius: f32,
     pub(super) intensity: f32,
+    pub(super) thickness: f32,
     pub(super) steps: u32,
     /// By slice: cosine and sine of its angle from the first one's.
     pub(super) turns: Vec<[f32; 2]>,
@@ -43,8 +44,15 @@ impl<'a> Occlusion<'a> {
             seed: job.seed,
             radius: job.params.radius,
             intensity: job.params.intensity,
+            thickness: job.params.thickness,
             steps: job.params.steps,
             turns: (0..job.params.slices).map(turn).collect(),
         }
+    }
+
+    /// The same without an exponent.
+    #[must_use]
+    pub fn plain(self) -> Self {
+        Self { intensity: 1.0, ..self }
     }
 }

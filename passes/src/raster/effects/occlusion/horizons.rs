@@ -11,14 +11,14 @@ use std::f32::consts::PI;
 const LEAST_WEIGHT: f32 = 1e-6;
 
 /// A slice's plane.
-struct Plane {
+pub(super) struct Plane {
     /// What a difference of positions has along `T` and `V`, once it is moved into the plane along the tangent plane: its
     /// scalar products with these, by axis.
-    along: [[Lanes; 3]; 2],
+    pub(super) along: [[Lanes; 3]; 2],
     /// Length of the normal's projection into the plane: the slice's weight. 0 where the slice does not count.
-    weight: Lanes,
+    pub(super) weight: Lanes,
     /// Cosine and sine of the projected normal's angle `γ` from `V` towards `T`.
-    normal: [Lanes; 2],
+    pub(super) normal: [Lanes; 2],
     /// Distance of the nearest step, a pixel; not a number where no step counts.
     nearest: Lanes,
 }
@@ -41,11 +41,9 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
     for index in 0..occlusion.turns.len() {
         let slice = pixels.slice(occlusion, index);
         let plane = Plane::new(occlusion, pixels, &slice);
-        let mut tilt = [0.0; WIDE];
+        let tilt = plane.tilt();
         for lane in 0..WIDE {
             let (cos, sin) = (plane.normal[0][lane], plane.normal[1][lane]);
-            let size = angle(sin.abs(), cos).angle;
-            tilt[lane] = if sin < 0.0 { -size } else { size };
             whole[lane] += plane.weight[lane] * (cos + tilt[lane] * sin);
         }
         if !plane.any_step_counts() {
@@ -58,6 +56,12 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
             }
         }
     }
+    left(pixels, &taken, &whole)
+}
+
+/// The share of the whole that is not taken, 0..=1; 1 in the background and where no slice counts.
+#[inline(always)]
+pub(super) fn left(pixels: &Pixels, taken: &Lanes, whole: &Lanes) -> Lanes {
     let mut open = [1.0; WIDE];
     for lane in 0..WIDE {
         let share = 1.0 - taken[lane] / whole[lane];
@@ -70,7 +74,7 @@ pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels)
 
 impl Plane {
     #[inline(always)]
-    fn new(occlusion: &Occlusion<'_>, pixels: &Pixels, slice: &Slice) -> Self {
+    pub(super) fn new(occlusion: &Occlusion<'_>, pixels: &Pixels, slice: &Slice) -> Self {
         const NONE: Lanes = [0.0; WIDE];
         let mut plane = Self { along: [[NONE; 3]; 2], weight: NONE, normal: [NONE; 2], nearest: NONE };
         for lane in 0..WIDE {
@@ -99,9 +103,21 @@ impl Plane {
         plane
     }
 
+    /// The projected normal's angle `γ`.
+    #[inline(always)]
+    pub(super) fn tilt(&self) -> Lanes {
+        let mut tilt = [0.0; WIDE];
+        for lane in 0..WIDE {
+            let (cos, sin) = (self.normal[0][lane], self.normal[1][lane]);
+            let size = angle(sin.abs(), cos).angle;
+            tilt[lane] = if sin < 0.0 { -size } else { size };
+        }
+        tilt
+    }
+
     /// Whether the radius is more than a pixel of the picture in any lane.
     #[inline(always)]
-    fn any_step_counts(&self) -> bool {
+    pub(super) fn any_step_counts(&self) -> bool {
         let mut any = false;
         for lane in 0..WIDE {
             any |= !self.nearest[lane].is_nan();
@@ -121,14 +137,37 @@ impl Plane {
         side: usize,
         towards: f32,
     ) -> Option<[Lanes; 2]> {
-        let reach = if towards > 0.0 { occlusion.radius } else { -occlusion.radius };
-        let interval = 1.0 / occlusion.steps as f32;
         // Also where the square is too large a number: no difference that is not a number is within reach.
         let farthest = (occlusion.radius * occlusion.radius).min(f32::MAX);
         let (mut x, mut y) = (self.normal[0], self.normal[1]);
         for lane in 0..WIDE {
             y[lane] *= -towards;
         }
+        self.each_step(simd, occlusion, pixels, slice, side, towards, |seen| {
+            self.raise(pixels, seen, towards, farthest, &mut x, &mut y);
+        });
+        let mut raised = false;
+        for lane in 0..WIDE {
+            raised |= (x[lane] != self.normal[0][lane]) | (y[lane] != -towards * self.normal[1][lane]);
+        }
+        raised.then_some([x, y])
+    }
+
+    /// Hands on what is seen at each step of one side: positions of the G-buffer.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "what a slice of a pixel is, and which side of it")]
+    pub(super) fn each_step<S: Simd>(
+        &self,
+        simd: S,
+        occlusion: &Occlusion<'_>,
+        pixels: &Pixels,
+        slice: &Slice,
+        side: usize,
+        towards: f32,
+        mut see: impl FnMut(&[F16; 4]),
+    ) {
+        let reach = if towards > 0.0 { occlusion.radius } else { -occlusion.radius };
+        let interval = 1.0 / occlusion.steps as f32;
         let steps = occlusion.steps as usize;
         let mut first = 0;
         while first < steps {
@@ -144,16 +183,10 @@ impl Plane {
                 });
             }
             for step in 0..count {
-                let seen: [F16; 4] = simd.gather(occlusion.position, &ahead[step]);
-                self.raise(pixels, &seen, towards, farthest, &mut x, &mut y);
+                see(&simd.gather(occlusion.position, &ahead[step]));
             }
             first += AHEAD;
         }
-        let mut raised = false;
-        for lane in 0..WIDE {
-            raised |= (x[lane] != self.normal[0][lane]) | (y[lane] != -towards * self.normal[1][lane]);
-        }
-        raised.then_some([x, y])
     }
 
     /// Raises the horizon `(x, y)` where what is seen, a position of the G-buffer, is above it and near enough: by the square of the

@@ -73,8 +73,9 @@ pub(super) fn angle(across: f32, along: f32) -> Angle {
 /// `2^(exponent log2 x)`: with `x = 2^e m` and `m` between `√½` and `√2`, the logarithm of `m` is `2 artanh((m - 1) / (m + 1))`,
 /// whose series is cut after the ninth power (relative error below 2e-9), and that of the exponential function after the
 /// seventh (1e-8).
+#[must_use]
 #[inline(always)]
-pub(super) fn power(x: f32, exponent: f32) -> f32 {
+pub fn power(x: f32, exponent: f32) -> f32 {
     // The bits of `√½`: what is subtracted leaves the power of two in the exponent's bits.
     const LEAST: u32 = 0x3f35_04f3;
     let bits = x.to_bits();

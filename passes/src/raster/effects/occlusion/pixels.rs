@@ -29,6 +29,8 @@ pub(super) struct Pixels {
     rates: [[Lanes; 3]; 2],
     /// Cosine and sine of the first slice's angle.
     turn: [Lanes; 2],
+    /// A random number, 0..1: dimension 1 of counter 0.
+    pub(super) jitter: Lanes,
 }
 
 /// A slice of each of sixteen pixels.
@@ -67,6 +69,7 @@ impl Pixels {
             place: [NONE; 3],
             rates: [[NONE; 3]; 2],
             turn: [NONE; 2],
+            jitter: NONE,
         };
         for lane in 0..WIDE {
             let p = [position[0].0[lane], position[1].0[lane], position[2].0[lane]];
@@ -115,7 +118,9 @@ impl Pixels {
         }
         let share = 1.0 / occlusion.turns.len() as f32;
         for lane in 0..WIDE {
-            let [sin, cos] = half_turn(unit(dimensions(pixels.key[lane], 0)[0]) * share);
+            let [first, second] = dimensions(pixels.key[lane], 0);
+            let [sin, cos] = half_turn(unit(first) * share);
+            pixels.jitter[lane] = unit(second);
             pixels.turn[0][lane] = cos;
             pixels.turn[1][lane] = sin;
         }
@@ -177,7 +182,7 @@ impl Pixels {
             let x = self.place[0][lane] + slice.rate[0][lane] * moved;
             let y = self.place[1][lane] + slice.rate[1][lane] * moved;
             let inside = (w > 0.0) & (x >= 0.0) & (x < width) & (y >= 0.0) & (y < height);
-            let found = whole(y).wrapping_mul(occlusion.width).wrapping_add(whole(x));
+            let found = whole_part(y).wrapping_mul(occlusion.width).wrapping_add(whole_part(x));
             index[lane] = if inside { found } else { self.index[lane] };
         }
         index
@@ -186,7 +191,7 @@ impl Pixels {
 
 /// The whole part of `x`, 0..2²³; of others, something. `as` would test for those, number by number.
 #[inline(always)]
-fn whole(x: f32) -> u32 {
+pub(super) fn whole_part(x: f32) -> u32 {
     // Added, it rounds to whole numbers, and those are its low bits.
     const ROUND: f32 = 8_388_608.0;
     let rounded = x + ROUND;

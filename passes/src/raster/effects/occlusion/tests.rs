@@ -70,9 +70,11 @@ fn every_instruction_set_gives_the_same_bits() {
     let view = View::new(glam::camera::rh::proj::directx::perspective(1.0, 1.5, 100.0, 0.1) * look, eye);
     let [position, normal] = bumps(width, height, &view);
     let scene = RenderScene::default();
-    for (program, method) in
-        [(EffectProgram::HorizonOcclusion, Method::Horizons), (EffectProgram::DepthOcclusion, Method::Depths)]
-    {
+    for (program, method) in [
+        (EffectProgram::HorizonOcclusion, Method::Horizons),
+        (EffectProgram::HorizonOcclusion, Method::Bitmask),
+        (EffectProgram::DepthOcclusion, Method::Depths),
+    ] {
         let job = EffectJob {
             scene: &scene,
             program,

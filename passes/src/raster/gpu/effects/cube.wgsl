@@ -39,15 +39,15 @@ fn compute(pixel: vec2<u32>) -> vec4<f32> {
     let interface_ = fresnel(-dot(seen.normal, seen.view));
     var result = vec3<f32>(0.0);
     if interface_.reflectance > 0.0 {
-        result += interface_.reflectance * sample_cube(probe, mirrored);
+        result += interface_.reflectance * sample_cube(probe, position, mirrored);
     }
     if interface_.reflectance < 1.0 {
         let along = seen.view - seen.normal * dot(seen.normal, seen.view);
         let bent = along / params.index - seen.normal * interface_.cos_refracted;
-        result += (1.0 - interface_.reflectance) * sample_cube(probe, bent);
+        result += (1.0 - interface_.reflectance) * sample_cube(probe, position, bent);
     }
     return vec4<f32>(result, 1.0);
 //#else
-    return vec4<f32>(sample_cube(probe, mirrored), 1.0);
+    return vec4<f32>(sample_cube(probe, position, mirrored), 1.0);
 //#endif
 }

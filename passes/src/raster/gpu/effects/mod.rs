@@ -26,6 +26,7 @@ use super::pipelines::{Layouts, Pipelines};
 use super::targets::{Staging, Targets};
 use super::textures::DeviceTextures;
 use super::timer::Timer;
+use crate::raster::cpu::{CpuRasteriser, find_proxy};
 use crate::raster::effects::cascades::{self, Cascades};
 use crate::raster::effects::mirrors::{Mirrors, Survey};
 use crate::raster::effects::panes::Probes;
@@ -37,7 +38,7 @@ use ask::Ask;
 use curitiba_pipeline::backend::{Answers, BackendError, EffectJob, EffectStats, Part, Rect};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
-use curitiba_pipeline::raster_effects::{EffectProgram, Missing};
+use curitiba_pipeline::raster_effects::{EffectProgram, Missing, Parallax};
 use curitiba_pipeline::scene::TriangleRanges;
 use inputs::{Inputs, Ready};
 use kept::Kept;
@@ -46,8 +47,8 @@ use programs::{OUTPUT_FORMAT, Program, Task};
 use rayon::prelude::*;
 use screen::Marching;
 use shader::{
-    AskUniform, CubeUniform, MirrorPlane, OcclusionUniform, PlanarUniform, ProbeBox, ScreenUniform, ShadowUniform,
-    Variant,
+    AskUniform, CubeUniform, FilterUniform, MirrorPlane, OcclusionUniform, PlanarUniform, ProbeBox, ScreenUniform,
+    ShadowUniform, Variant,
 };
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
@@ -76,6 +77,10 @@ pub(super) struct Effects {
     asks: [Option<Ask>; 2],
     maps: Kept<MapsKey, Maps>,
     outputs: Kept<(u32, u32), Output>,
+    /// Where every other level of the filter writes.
+    filtered: Kept<(u32, u32), Output>,
+    /// Whether the last pass ended in one of these.
+    ends_in_filtered: bool,
     /// Group 1 of programs, by output and maps; none that binds what is no longer kept.
     groups: HashMap<GroupKey, wgpu::BindGroup>,
     glass: Table,
@@ -87,6 +92,8 @@ pub(super) struct Effects {
     marching: Option<Marching>,
     plane_of: Vec<u32>,
     probes: Probes,
+    /// Draws what proxies are found from.
+    surroundings: Option<Box<CpuRasteriser>>,
     shots: Vec<Shot>,
     /// The triangles that are glass: what [`Self::glass`] holds.
     ranges: TriangleRanges,
@@ -111,7 +118,9 @@ impl Output {
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: OUTPUT_FORMAT,
-            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC,
+            usage: wgpu::TextureUsages::STORAGE_BINDING
+                | wgpu::TextureUsages::TEXTURE_BINDING
+                | wgpu::TextureUsages::COPY_SRC,
             view_formats: &[],
         });
         gpu.check("creation of an effect's output")?;
@@ -154,6 +163,8 @@ impl Effects {
             asks: [None, None],
             maps: Kept::default(),
             outputs: Kept::default(),
+            filtered: Kept::default(),
+            ends_in_filtered: false,
             groups: HashMap::new(),
             glass: Table::new(gpu)?,
             boxes: Table::new(gpu)?,
@@ -163,6 +174,7 @@ impl Effects {
             marching: None,
             plane_of: Vec::new(),
             probes: Probes::default(),
+            surroundings: None,
             shots: Vec::new(),
             ranges: TriangleRanges::default(),
         })
@@ -173,7 +185,8 @@ impl Effects {
         let maps: u64 = self.maps.values().map(|maps| maps.bytes).sum();
         let pixels = |output: &Output| u64::from(output.texture.width()) * u64::from(output.texture.height());
         let marching = self.marching.as_ref().map_or(0, Marching::bytes);
-        maps + marching + 16 * self.outputs.values().map(pixels).sum::<u64>() + self.inputs.bytes()
+        let outputs = self.outputs.values().chain(self.filtered.values()).map(pixels);
+        maps + marching + 16 * outputs.sum::<u64>() + self.inputs.bytes()
     }
 
     /// Runs a pass. `drawn` is what was drawn last, if that is a whole picture. Without an `output` the picture stays in [`Self::picture`].
@@ -211,7 +224,7 @@ impl Effects {
         let task = Task { width: job.width, height: job.height, id_base, texels: texels(job) };
         let mut stats = EffectStats::default();
         // The programs that draw maps start it again.
-        progress.start(task.submissions());
+        progress.start(task.submissions() + filter_task(&task).submissions() * u64::from(levels(job)));
         let prepared = match job.program {
             EffectProgram::ShadowMap => self.shadow_maps(context, job, called, &task, &mut stats, progress)?,
             EffectProgram::CubeReflection | EffectProgram::CubeRefraction => {
@@ -240,6 +253,12 @@ impl Effects {
         let groups: Vec<&wgpu::BindGroup> = [&gbuffer, &group].into_iter().chain(&behind).collect();
         let part = program.run(gpu, context.timer, &groups, &prepared.params, &task, progress)?;
         stats.pixels = together(part, prepared.building);
+        // Levels write to the one and the other by turns.
+        self.ends_in_filtered = levels(job) % 2 == 1;
+        if levels(job) > 0 {
+            let part = self.filter(context, job, &gbuffer, &task, progress)?;
+            stats.pixels = together(stats.pixels, part);
+        }
         stats.pixels.host += asking;
         if let (Some(marching), true) = (&self.marching, job.program.marches()) {
             let counted = if called.is_some() { marching.counted(gpu)? } else { [0; 3] };
@@ -260,7 +279,42 @@ impl Effects {
 
     /// What the last pass wrote.
     pub fn picture(&self) -> Option<&wgpu::Texture> {
-        self.outputs.last().map(|output| &output.texture)
+        let written = if self.ends_in_filtered { &self.filtered } else { &self.outputs };
+        written.last().map(|output| &output.texture)
+    }
+
+    /// Filters an occlusion, in as many levels as the job asks for.
+    fn filter(
+        &mut self,
+        context: &Context<'_>,
+        job: &EffectJob<'_>,
+        gbuffer: &wgpu::BindGroup,
+        task: &Task,
+        progress: &Progress,
+    ) -> Result<Part, BackendError> {
+        let gpu = context.gpu;
+        if !self.programs.contains_key(&Variant::FILTER) {
+            self.programs.insert(Variant::FILTER, Program::new(gpu, &self.inputs, Variant::FILTER)?);
+        }
+        let size = (job.width, job.height);
+        self.filtered.require(gpu, size, |(width, height)| Output::new(gpu, *width, *height))?;
+        let (Some(program), Some(first), Some(second)) =
+            (self.programs.get(&Variant::FILTER), self.outputs.last(), self.filtered.last())
+        else {
+            return Err(failure("a filter was not prepared"));
+        };
+        let task = filter_task(task);
+        let mut part = Part::default();
+        for level in 0..levels(job) {
+            let (from, to) = if level % 2 == 0 { (first, second) } else { (second, first) };
+            let group = program.bind(gpu, &to.view, &[wgpu::BindingResource::TextureView(&from.view)])?;
+            let exponent = if level + 1 == levels(job) { job.params.intensity } else { 1.0 };
+            let uniform = FilterUniform { step: 1 << level, exponent };
+            let groups = [gbuffer, &group];
+            let level = program.run(gpu, context.timer, &groups, bytemuck::bytes_of(&uniform), &task, progress)?;
+            part = together(part, level);
+        }
+        Ok(part)
     }
 
     /// The depths of the pixels that ask the program's maps, 0 if these pixels are glass. `None` without such a pixel: then
@@ -397,7 +451,12 @@ impl Effects {
         let panes = if called { context.cache.panes(job.scene, job.glass) } else { &[] };
         // As many as any view can need, so that the maps stay when the camera moves.
         let most = job.params.probes.min(panes.len() as u32);
-        let probes = self.probes.choose(panes, &bounds, &job.view, job.params.probes);
+        self.probes.choose(panes, &bounds, &job.view, job.params.probes);
+        if job.params.parallax == Parallax::Box {
+            let raster = self.surroundings.get_or_insert_with(Box::default);
+            context.cache.add_proxies(self.probes.chosen_mut(), |probe| find_proxy(raster, job, probe))?;
+        }
+        let probes = self.probes.chosen();
         let chosen = probes.len();
         let key = match chosen {
             0 => MapsKey::Cubes { size: 1, probes: 1 },
@@ -533,6 +592,19 @@ impl Effects {
         self.groups.insert(key, group.clone());
         Ok(group)
     }
+}
+
+/// Levels of the filter after an occlusion.
+fn levels(job: &EffectJob<'_>) -> u32 {
+    match job.program {
+        EffectProgram::DepthOcclusion | EffectProgram::HorizonOcclusion => job.params.filter,
+        _ => 0,
+    }
+}
+
+/// A level of the filter after a program's own task: 25 pixels, of each three texels.
+fn filter_task(task: &Task) -> Task {
+    Task { texels: 75, ..*task }
 }
 
 /// Two parts that follow each other.

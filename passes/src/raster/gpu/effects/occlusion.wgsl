@@ -1,6 +1,7 @@
 // Ambient occlusion from what the camera sees: `raster::effects::occlusion`.
 //
-//   HORIZONS   by horizons; else by the difference of depths
+//   HORIZONS   by horizons, or by sectors; else by the difference of depths
+//   BITMASK    by sectors of a bitmask
 
 struct Params {
     clip_from_world: mat4x4<f32>,
@@ -10,6 +11,7 @@ struct Params {
     slices: u32,
     steps: u32,
     seed: u32,
+    thickness: f32,
 }
 
 // A direction in which occluders are looked for.
@@ -51,6 +53,22 @@ fn occlusion(pixel: vec2<u32>, position: vec3<f32>, seen: Facing) -> f32 {
         let weight = sqrt(length_squared);
         let sin_normal = clamp(dot(seen.normal, slice.across) / weight, -1.0, 1.0);
         let cos_normal = clamp(dot(seen.normal, to_eye) / weight, 0.0, 1.0);
+//#if BITMASK
+        let sectors = Sectors(
+            sin_normal,
+            cos_normal,
+            vec2<f32>(arc(-sin_normal, 1.0, sin_normal, cos_normal), arc(sin_normal, -1.0, sin_normal, cos_normal)),
+            fract(unit(dimensions(key, 0u)).y + f32(index) / f32(params.slices)),
+        );
+        var shut = 0u;
+        if slice.pixel < params.radius {
+            shut = shut_by(sectors, 1.0, slice.jitter.x, slice, shear, aside, to_eye, position, pixel)
+                | shut_by(sectors, -1.0, slice.jitter.y, slice, shear, aside, to_eye, position, pixel);
+        }
+        let all = weight * (sectors.limit.x + sectors.limit.y);
+        whole += all;
+        visible += all * (1.0 - f32(countOneBits(shut)) / SECTORS);
+//#else
         // The cosines of the horizons, from that of the tangent plane upwards.
         let open = vec2<f32>(-sin_normal, sin_normal);
         var horizons = open;
@@ -61,6 +79,7 @@ fn occlusion(pixel: vec2<u32>, position: vec3<f32>, seen: Facing) -> f32 {
         whole += weight * (arc(open.x, 1.0, sin_normal, cos_normal) + arc(open.y, -1.0, sin_normal, cos_normal));
         visible += weight
             * (arc(horizons.x, 1.0, sin_normal, cos_normal) + arc(horizons.y, -1.0, sin_normal, cos_normal));
+//#endif
     }
     if whole > 0.0 {
         return power(clamp(visible / whole, 0.0, 1.0), params.intensity);
@@ -68,6 +87,83 @@ fn occlusion(pixel: vec2<u32>, position: vec3<f32>, seen: Facing) -> f32 {
     return 1.0;
 }
 
+//#if BITMASK
+// What the sectors of a slice are measured by: `raster::effects::occlusion::bitmask`.
+struct Sectors {
+    sin_normal: f32,
+    cos_normal: f32,
+    // By side: the contribution between the direction to the eye and the tangent plane.
+    limit: vec2<f32>,
+    jitter: f32,
+}
+
+// The sectors that what is seen on one side of a slice shuts.
+fn shut_by(
+    sectors: Sectors,
+    towards: f32,
+    jitter: f32,
+    slice: Slice,
+    shear: vec3<f32>,
+    aside: vec3<f32>,
+    to_eye: vec3<f32>,
+    position: vec3<f32>,
+    center: vec2<u32>,
+) -> u32 {
+    let eye = distance(params.eye.xyz, position);
+    var shut = 0u;
+    for (var step = 0u; step < params.steps; step++) {
+        // Denser near the pixel.
+        let share = (f32(step) + jitter) / f32(params.steps);
+        let reach = slice.pixel + (params.radius - slice.pixel) * share * share;
+        let at = pixel_at(slice, towards * reach, center);
+        if at.x < 0 {
+            continue;
+        }
+        let other = difference(at, position);
+        if !other.known {
+            continue;
+        }
+        let delta = other.delta - shear * dot(other.delta, aside);
+        let front = vec2<f32>(towards * dot(delta, slice.across), dot(delta, to_eye));
+        // Moving it may have brought a near pixel to the other side.
+        if !(front.x > 0.0) {
+            continue;
+        }
+        let away = normalize(front - vec2<f32>(0.0, eye));
+        // Where that line enters and leaves the disk of the radius.
+        let middle = dot(front, away);
+        let inside = middle * middle + (params.radius * params.radius - dot(front, front));
+        if !(inside > 0.0) {
+            continue;
+        }
+        let chord = sqrt(inside);
+        let first = max(-middle - chord, 0.0);
+        let last = min(chord - middle, params.thickness);
+        if !(last > first) {
+            continue;
+        }
+        let parts = vec2<f32>(part(sectors, towards, front + first * away), part(sectors, towards, front + last * away));
+        shut |= below(max(parts.x, parts.y)) & ~below(min(parts.x, parts.y));
+    }
+    return shut;
+}
+
+// How many sectors are tested before a direction of a side, as a number that is cut to a whole one.
+fn part(sectors: Sectors, towards: f32, direction: vec2<f32>) -> f32 {
+    let cosine = direction.y / length(direction);
+    let limit = select(sectors.limit.y, sectors.limit.x, towards > 0.0);
+    let above = direction.x * towards * sectors.sin_normal + direction.y * sectors.cos_normal > 0.0;
+    let found = select(limit, arc(cosine, towards, sectors.sin_normal, sectors.cos_normal), above);
+    let place = (sectors.limit.y + towards * found) / (sectors.limit.x + sectors.limit.y);
+    return clamp(place * SECTORS - sectors.jitter + 1.0, 0.0, SECTORS);
+}
+
+// As many of the lowest bits as the whole part of a number.
+fn below(count: f32) -> u32 {
+    let bits = u32(count);
+    return select(0u, 0xffffffffu >> ((32u - bits) & 31u), bits > 0u);
+}
+//#else
 // The cosine of the horizon on one side of a slice.
 fn horizon(
     tangent: f32,
@@ -104,6 +200,7 @@ fn horizon(
     }
     return highest;
 }
+//#endif
 
 // `(-cos(2h - g) + cos g + 2h sin g) / 4` for a horizon `h` and the normal's angle `g`.
 fn arc(cosine: f32, side: f32, sin_normal: f32, cos_normal: f32) -> f32 {

@@ -1,10 +1,34 @@
 
 // Cube maps of the panes: `raster::effects::cube` and `raster::effects::panes`.
 
-// The box of a pane.
 struct Probe {
+    // The box of the pane.
     low: vec4<f32>,
     high: vec4<f32>,
+    // Where the cube map was drawn from; w is 1 if there is a proxy.
+    center: vec4<f32>,
+    // The proxy's corners, relative to the centre.
+    proxy_low: vec4<f32>,
+    proxy_high: vec4<f32>,
+}
+
+// Where a cube map is looked up for a ray: `raster::effects::proxy`.
+fn toward(probe: u32, position: vec3<f32>, direction: vec3<f32>) -> vec3<f32> {
+    let center = probes[probe].center;
+    if center.w == 0.0 {
+        return direction;
+    }
+    let low = probes[probe].proxy_low.xyz;
+    let high = probes[probe].proxy_high.xyz;
+    let place = clamp(position - center.xyz, low, high);
+    var way = LARGEST;
+    for (var axis = 0u; axis < 3u; axis++) {
+        let along = direction[axis];
+        if abs(along) > LEAST_ALONG {
+            way = min(way, (select(low[axis], high[axis], along > 0.0) - place[axis]) / along);
+        }
+    }
+    return place + direction * way;
 }
 
 fn nearest(position: vec3<f32>) -> u32 {
@@ -21,8 +45,9 @@ fn nearest(position: vec3<f32>) -> u32 {
     return best;
 }
 
-// A cube map in a direction, filtered within the face.
-fn sample_cube(probe: u32, direction: vec3<f32>) -> vec3<f32> {
+// What a cube map shows of a ray, filtered within the face.
+fn sample_cube(probe: u32, position: vec3<f32>, ray: vec3<f32>) -> vec3<f32> {
+    let direction = toward(probe, position, ray);
     let size = abs(direction);
     var face: u32;
     if size.x >= size.y && size.x >= size.z {

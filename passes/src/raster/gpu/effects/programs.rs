@@ -54,9 +54,12 @@ pub fn compute_pipeline(
 }
 
 /// What a program binds besides its uniforms and the output, in the order of its bindings from 3.
-fn resources(program: EffectProgram) -> Vec<wgpu::BindingType> {
+fn resources(variant: Variant) -> Vec<wgpu::BindingType> {
     use wgpu::TextureViewDimension::D2Array;
-    match program {
+    match variant.program {
+        _ if variant.filter => {
+            vec![texture(wgpu::TextureSampleType::Float { filterable: false }, wgpu::TextureViewDimension::D2)]
+        }
         EffectProgram::ShadowMap => vec![texture(wgpu::TextureSampleType::Depth, D2Array)],
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction | EffectProgram::PlanarReflection => {
             let colors = wgpu::TextureSampleType::Float { filterable: false };
@@ -85,10 +88,10 @@ impl Program {
             format: OUTPUT_FORMAT,
             view_dimension: wgpu::TextureViewDimension::D2,
         };
-        let params_bytes = shader::params_bytes(program);
+        let params_bytes = shader::params_bytes(variant);
         let types = [uniform(size_of::<FrameUniform>()), uniform(params_bytes), output];
         let label = program.info().name;
-        let layout = layout(&gpu.device, label, types.into_iter().chain(resources(program)));
+        let layout = layout(&gpu.device, label, types.into_iter().chain(resources(variant)));
         let source = shader::source(variant);
         let groups = [&inputs.layout, &layout, &inputs.layout];
         let count = if shader::reads_behind(program) { 3 } else { 2 };

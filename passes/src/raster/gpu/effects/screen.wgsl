@@ -104,7 +104,7 @@ fn look(position: vec3<f32>, direction: vec3<f32>, own: vec3<f32>, rays: ptr<fun
         (*rays).keeps = true;
         return own;
     }
-    return sample_cube(nearest(position), direction);
+    return sample_cube(nearest(position), position, direction);
 }
 
 const NOTHING_MET = -1;

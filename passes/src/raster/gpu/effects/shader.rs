@@ -3,10 +3,12 @@
 use crate::effects::SHADOWED;
 use crate::raster::effects::cascades::Cascades;
 use crate::raster::effects::cube::{AXES, FACES};
+use crate::raster::effects::filter::{self, MOST_OFF, SPLINE};
 use crate::raster::effects::mirrors::Mirror;
-use crate::raster::effects::occlusion::DEPTH_TOLERANCE;
+use crate::raster::effects::occlusion::{DEPTH_TOLERANCE, SECTORS};
 use crate::raster::effects::panes::Probe;
 use crate::raster::effects::planes::NO_PLANE;
+use crate::raster::effects::proxy::LEAST_ALONG;
 use crate::raster::effects::screen::camera::{LEAST_COSINE, ScreenCamera};
 use crate::raster::effects::screen::march::{LEAST_SPAN, ROUNDING, STEP};
 use crate::raster::effects::screen::pyramid::{Level, MAX_LEVELS, NOTHING};
@@ -58,12 +60,26 @@ pub struct Variant {
     pub program: EffectProgram,
     /// For shadow maps: the light is a disc. Those of a point of light are compiled without.
     pub soft: bool,
+    /// For `gtao`: by sectors instead of horizons.
+    pub bitmask: bool,
+    /// The filter after an occlusion, not the occlusion.
+    pub filter: bool,
 }
 
 impl Variant {
+    /// That of the filter, which all occlusions share.
+    pub const FILTER: Self =
+        Self { program: EffectProgram::HorizonOcclusion, soft: false, bitmask: false, filter: true };
+
     /// What a job asks for.
     pub fn of(job: &EffectJob<'_>) -> Self {
-        Self { program: job.program, soft: job.program == EffectProgram::ShadowMap && job.params.sun > 0.0 }
+        let is = |program| job.program == program;
+        Self {
+            program: job.program,
+            soft: is(EffectProgram::ShadowMap) && job.params.sun > 0.0,
+            bitmask: is(EffectProgram::HorizonOcclusion) && job.params.bitmask,
+            filter: false,
+        }
     }
 }
 
@@ -85,12 +101,13 @@ fn text(program: EffectProgram) -> (&'static str, &'static str) {
 ///
 /// # Panics
 /// If the directives of its text are malformed; a test cuts every program.
-pub fn source(Variant { program, soft }: Variant) -> String {
-    let (file, text) = text(program);
+pub fn source(Variant { program, soft, bitmask, filter }: Variant) -> String {
+    let (file, text) = if filter { ("filter.wgsl", include_str!("filter.wgsl")) } else { text(program) };
     let mut source = cut(file, text, |name| {
         Some(match name {
             "REFRACT" => program.refracts(),
             "SOFT" => soft,
+            "BITMASK" => bitmask,
             "HORIZONS" => program == EffectProgram::HorizonOcclusion,
             _ => return None,
         })
@@ -155,6 +172,13 @@ fn push_constants(source: &mut String) {
         ("SMALLEST", f32::MIN_POSITIVE),
         ("LEAST_COSINE", LEAST_COSINE),
         ("LEAST_SPAN", LEAST_SPAN),
+        ("LEAST_ALONG", LEAST_ALONG),
+        ("SECTORS", SECTORS as f32),
+        ("SPLINE_0", SPLINE[0]),
+        ("SPLINE_1", SPLINE[1]),
+        ("SPLINE_2", SPLINE[2]),
+        ("LEAST_NORMALS", filter::LEAST_COSINE),
+        ("MOST_OFF", MOST_OFF),
         ("STEP", STEP),
         ("ROUNDING", ROUNDING),
         ("NOTHING", NOTHING),
@@ -182,8 +206,9 @@ fn push_constants(source: &mut String) {
 }
 
 /// Bytes of a program's own uniforms.
-pub const fn params_bytes(program: EffectProgram) -> usize {
-    match program {
+pub const fn params_bytes(variant: Variant) -> usize {
+    match variant.program {
+        _ if variant.filter => size_of::<FilterUniform>(),
         EffectProgram::ShadowMap => size_of::<ShadowUniform>(),
         EffectProgram::CubeReflection | EffectProgram::CubeRefraction => size_of::<CubeUniform>(),
         EffectProgram::ScreenReflection | EffectProgram::ScreenRefraction => size_of::<ScreenUniform>(),
@@ -371,11 +396,22 @@ impl PyramidUniform {
 pub struct ProbeBox {
     low: Vec4,
     high: Vec4,
+    center: Vec4,
+    proxy_low: Vec4,
+    proxy_high: Vec4,
 }
 
 impl ProbeBox {
     pub fn new(probe: &Probe) -> Self {
-        Self { low: probe.bounds.min.extend(0.0), high: probe.bounds.max.extend(0.0) }
+        let corners =
+            probe.proxy.map_or([Vec4::ZERO; 2], |proxy| [proxy.low, proxy.high].map(|corner| corner.extend(0.0)));
+        Self {
+            low: probe.bounds.min.extend(0.0),
+            high: probe.bounds.max.extend(0.0),
+            center: probe.center.extend(if probe.proxy.is_some() { 1.0 } else { 0.0 }),
+            proxy_low: corners[0],
+            proxy_high: corners[1],
+        }
     }
 }
 
@@ -413,6 +449,14 @@ pub struct SurveyUniform {
     pub ranges: u32,
 }
 
+/// `Params` of `filter.wgsl`.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct FilterUniform {
+    pub step: i32,
+    pub exponent: f32,
+}
+
 /// `Params` of `occlusion.wgsl`.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
@@ -424,7 +468,8 @@ pub struct OcclusionUniform {
     slices: u32,
     steps: u32,
     seed: u32,
-    padding: [u32; 3],
+    thickness: f32,
+    padding: [u32; 2],
 }
 
 impl OcclusionUniform {
@@ -434,11 +479,13 @@ impl OcclusionUniform {
             clip_from_world: job.view.clip_from_world,
             eye: job.view.eye.extend(0.0),
             radius: params.radius,
-            intensity: params.intensity,
+            // The filter takes the power of what it averages.
+            intensity: if params.filter > 0 { 1.0 } else { params.intensity },
             slices: params.slices,
             steps: params.steps,
             seed: job.seed,
-            padding: [0; 3],
+            thickness: job.params.thickness,
+            padding: [0; 2],
         }
     }
 }
@@ -452,7 +499,7 @@ mod tests {
 
     /// Of a light that is a point.
     fn hard(program: EffectProgram) -> Variant {
-        Variant { program, soft: false }
+        Variant { program, soft: false, bitmask: false, filter: false }
     }
 
     macro_rules! offsets {
@@ -505,9 +552,14 @@ mod tests {
     fn programs_that_share_a_text_differ() {
         let has = |program, what: &str| source(hard(program)).contains(what);
         assert!(has(EffectProgram::CubeRefraction, "fn fresnel") && !has(EffectProgram::CubeReflection, "fn fresnel"));
-        let soft = source(Variant { program: EffectProgram::ShadowMap, soft: true });
+        let soft = source(Variant { soft: true, ..hard(EffectProgram::ShadowMap) });
         assert!(soft.contains("fn search_radius") && !has(EffectProgram::ShadowMap, "fn search_radius"));
         assert!(validate(&soft).is_ok());
+        let module = validate(&source(Variant::FILTER)).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(layout_in(&module, "Params"), offsets!(FilterUniform: step, exponent));
+        let bitmask = source(Variant { bitmask: true, ..hard(EffectProgram::HorizonOcclusion) });
+        assert!(bitmask.contains("fn shut_by(") && !has(EffectProgram::HorizonOcclusion, "fn shut_by("));
+        validate(&bitmask).unwrap_or_else(|error| panic!("{error}"));
         assert!(has(EffectProgram::HorizonOcclusion, "fn arc(") && !has(EffectProgram::DepthOcclusion, "fn arc("));
     }
 
@@ -549,7 +601,7 @@ mod tests {
         for program in [CubeReflection, CubeRefraction] {
             let cube = offsets!(CubeUniform: eye, axes, map_size, probes, ranges, index, schlick);
             assert_eq!(layout(program, "Params"), cube);
-            assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high));
+            assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high, center, proxy_low, proxy_high));
         }
         for program in [ScreenReflection, ScreenRefraction] {
             let screen = offsets!(
@@ -561,12 +613,13 @@ mod tests {
             // `from` is no name there.
             let named: Vec<_> = named.into_iter().map(|(name, at)| (name.replace("origin", "from"), at)).collect();
             assert_eq!((named, bytes), camera);
-            assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high));
+            assert_eq!(layout(program, "Probe"), offsets!(ProbeBox: low, high, center, proxy_low, proxy_high));
         }
         assert_eq!(layout(PlanarReflection, "Params"), offsets!(PlanarUniform: mirrors, ranges));
         assert_eq!(layout(PlanarReflection, "Mirror"), offsets!(MirrorPlane: normal, plane, layer));
         for program in [HorizonOcclusion, DepthOcclusion] {
-            let occlusion = offsets!(OcclusionUniform: clip_from_world, eye, radius, intensity, slices, steps, seed);
+            let occlusion =
+                offsets!(OcclusionUniform: clip_from_world, eye, radius, intensity, slices, steps, seed, thickness);
             assert_eq!(layout(program, "Params"), occlusion);
         }
     }

@@ -1,0 +1,161 @@
+//! The open share by sectors of a bitmask.
+#![allow(clippy::needless_range_loop, reason = "a lane indexes several arrays side by side")]
+
+use super::frame::Occlusion;
+use super::horizons::{Plane, left};
+use super::lanes::{Lanes, angle};
+use super::pixels::{Pixels, whole_part};
+use crate::trace::{F16, Simd, WIDE};
+use std::f32::consts::PI;
+
+/// Sectors of a slice, one a bit.
+pub const SECTORS: u32 = u32::BITS;
+
+/// The sides of a slice, and their sign along `T`.
+const SIDES: [f32; 2] = [1.0, -1.0];
+
+/// What the sectors of a slice are measured by.
+struct Sectors {
+    /// The slice's whole contribution, `cos γ + γ sin γ`.
+    whole: Lanes,
+    /// By side: the contribution between `V` and the tangent plane.
+    limit: [Lanes; 2],
+    /// Where in its sector a sector is tested, 0..1.
+    jitter: Lanes,
+}
+
+/// The open share of the cosine-weighted hemisphere within the radius, where what is seen is `thickness` deep and open behind.
+///
+/// Therrien, Levesque and Gilet, "Screen Space Indirect Lighting with Visibility Bitmask", The Visual Computer 39, 2023: a
+/// slice is divided into sectors, and each thing seen shuts those between its front and its back, instead of all below it as a horizon does. So light
+/// passes behind a post. Steps and weights of slices are those of the horizons. What differs here from the paper:
+/// - Sectors have equal contributions, not equal angles: a slice's share is the number of its open ones. The contribution from `V` to
+///   an angle `h` is `arc(h)` of the horizons.
+/// - A sector counts as shut if one angle of it is, which is random for each pixel: no rounding to whole sectors.
+/// - The back lies behind the front as the eye sees it, not along `V`.
+/// - Only the part within the radius counts: that is what a ray of this length meets. That part may begin behind the front.
+#[inline(always)]
+pub(super) fn open<S: Simd>(simd: S, occlusion: &Occlusion<'_>, pixels: &Pixels) -> Lanes {
+    let (mut taken, mut all) = ([0.0; WIDE], [0.0; WIDE]);
+    let mut eye = [0.0; WIDE];
+    for lane in 0..WIDE {
+        let [x, y, z] = &pixels.position;
+        let to = [occlusion.eye.x - x.0[lane], occlusion.eye.y - y.0[lane], occlusion.eye.z - z.0[lane]];
+        eye[lane] = (to[0] * to[0] + to[1] * to[1] + to[2] * to[2]).sqrt();
+    }
+    let slices = occlusion.turns.len();
+    for index in 0..slices {
+        let slice = pixels.slice(occlusion, index);
+        let plane = Plane::new(occlusion, pixels, &slice);
+        let sectors = Sectors::new(&plane, pixels, index as f32 / slices as f32);
+        for lane in 0..WIDE {
+            all[lane] += plane.weight[lane] * sectors.whole[lane];
+        }
+        if !plane.any_step_counts() {
+            continue;
+        }
+        let mut shut = [0; WIDE];
+        for side in 0..2 {
+            plane.each_step(simd, occlusion, pixels, &slice, side, SIDES[side], |seen| {
+                sectors.shut(occlusion, pixels, &plane, seen, side, &eye, &mut shut);
+            });
+        }
+        for lane in 0..WIDE {
+            let share = shut[lane].count_ones() as f32 * (1.0 / SECTORS as f32);
+            taken[lane] += plane.weight[lane] * sectors.whole[lane] * share;
+        }
+    }
+    left(pixels, &taken, &all)
+}
+
+impl Sectors {
+    /// `turn` is the slice's share of all, 0..1.
+    #[inline(always)]
+    fn new(plane: &Plane, pixels: &Pixels, turn: f32) -> Self {
+        const NONE: Lanes = [0.0; WIDE];
+        let mut sectors = Self { whole: NONE, limit: [NONE; 2], jitter: NONE };
+        let tilt = plane.tilt();
+        for lane in 0..WIDE {
+            let (cos, sin) = (plane.normal[0][lane], plane.normal[1][lane]);
+            sectors.whole[lane] = cos + tilt[lane] * sin;
+            for side in 0..2 {
+                let towards = SIDES[side];
+                let (sin, tilt) = (towards * sin, towards * tilt[lane]);
+                sectors.limit[side][lane] = 0.25 * (2.0 * cos + (PI + 2.0 * tilt) * sin);
+            }
+            let jitter = pixels.jitter[lane] + turn;
+            sectors.jitter[lane] = if jitter < 1.0 { jitter } else { jitter - 1.0 };
+        }
+        sectors
+    }
+
+    /// Shuts the sectors that a position of the G-buffer hides.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "a step of a side of a slice, and what it changes")]
+    fn shut(
+        &self,
+        occlusion: &Occlusion<'_>,
+        pixels: &Pixels,
+        plane: &Plane,
+        [px, py, pz, pw]: &[F16; 4],
+        side: usize,
+        eye: &Lanes,
+        shut: &mut [u32; WIDE],
+    ) {
+        let towards = SIDES[side];
+        let [across, up] = &plane.along;
+        for lane in 0..WIDE {
+            let seen = [px.0[lane], py.0[lane], pz.0[lane]];
+            let something = (seen[0] != 0.0) | (seen[1] != 0.0) | (seen[2] != 0.0) | (pw.0[lane] != 0.0);
+            let dx = seen[0] - pixels.position[0].0[lane];
+            let dy = seen[1] - pixels.position[1].0[lane];
+            let dz = seen[2] - pixels.position[2].0[lane];
+            let x = towards * (dx * across[0][lane] + dy * across[1][lane] + dz * across[2][lane]);
+            let y = dx * up[0][lane] + dy * up[1][lane] + dz * up[2][lane];
+            // From the eye, which is at (0, eye).
+            let away = y - eye[lane];
+            let scale = 1.0 / (x * x + away * away).sqrt();
+            let (step_x, step_y) = (x * scale, away * scale);
+            // Where that line enters and leaves the disk of the radius.
+            let middle = x * step_x + y * step_y;
+            let inside = middle * middle + (occlusion.radius * occlusion.radius - (x * x + y * y));
+            let chord = if inside > 0.0 { inside } else { 0.0 };
+            let chord = chord.sqrt();
+            let first = -middle - chord;
+            let first = if first > 0.0 { first } else { 0.0 };
+            let last = chord - middle;
+            let last = if last < occlusion.thickness { last } else { occlusion.thickness };
+            // Of the pixel itself all differences are 0.
+            let found = something & (x > 0.0) & (inside > 0.0) & (last > first);
+            let a = self.part(plane, side, lane, x + first * step_x, y + first * step_y);
+            let b = self.part(plane, side, lane, x + last * step_x, y + last * step_y);
+            let (low, high) = if a < b { (a, b) } else { (b, a) };
+            let mask = below(high) & !below(low);
+            shut[lane] |= if found { mask } else { 0 };
+        }
+    }
+
+    /// How many sectors are tested before the direction `(x, y)` of a side, 0..=32, as a number that is cut to a whole one.
+    #[inline(always)]
+    fn part(&self, plane: &Plane, side: usize, lane: usize, x: f32, y: f32) -> f32 {
+        let (cos, sin) = (plane.normal[0][lane], SIDES[side] * plane.normal[1][lane]);
+        let direction = angle(x, y);
+        let [cos_2h, sin_2h] = direction.double;
+        // `arc` of the horizons: (cos γ - cos(2h - γ) + 2h sin γ) / 4.
+        let arc = 0.25 * (cos - (cos_2h * cos + sin_2h * sin) + 2.0 * direction.angle * sin);
+        let limit = self.limit[side][lane];
+        // At the tangent plane and below it.
+        let arc = if x * sin + y * cos > 0.0 { arc } else { limit };
+        let place = if side == 0 { self.limit[1][lane] + arc } else { self.limit[1][lane] - arc };
+        let part = place / self.whole[lane] * SECTORS as f32 - self.jitter[lane] + 1.0;
+        let part = if part > 0.0 { part } else { 0.0 };
+        if part < SECTORS as f32 { part } else { SECTORS as f32 }
+    }
+}
+
+/// As many of the lowest bits as the whole part of a number, 0..=32.
+#[inline(always)]
+fn below(count: f32) -> u32 {
+    let count = whole_part(count);
+    if count == 0 { 0 } else { u32::MAX >> ((SECTORS - count) & (SECTORS - 1)) }
+}
