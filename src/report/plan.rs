@@ -357,7 +357,9 @@ fn sweep(effect: Effect, quick: bool) -> Vec<Entry> {
                 if quick { &[(1, 4), (8, 8)] } else { &[(1, 4), (2, 4), (2, 8), (8, 8), (8, 16), (16, 16)] };
             let mut entries: Vec<Entry> = by_raster.iter().flat_map(|file| every(file, pairs)).collect();
             let usual = || raster(effect, by_raster[0], Some((4, 8)));
-            entries.push(optioned(usual(), "bitmask", "true"));
+            let mut sectors = optioned(usual(), "bitmask", "true");
+            sectors.set.push("pass2.thickness=1".to_owned());
+            entries.push(sectors);
             let few = if quick { (1, 4) } else { (2, 4) };
             entries.push(optioned(raster(effect, by_raster[0], Some(few)), "filter", "2"));
             let counts: &[u32] = if quick { &[1, 4, 49] } else { &[1, 4, 9, 25, 36, 49, 64, 81, 100] };

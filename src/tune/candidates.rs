@@ -151,7 +151,12 @@ fn settings(info: &EffectProgramInfo, base: EffectParams, fidelity: Fidelity) ->
         let plain = SLICES_AND_STEPS.map(|(slices, steps)| EffectParams { slices, steps, ..base });
         let filtered = |(slices, steps, filter)| EffectParams { slices, steps, filter, ..base };
         let by_sectors = SECTORS.into_iter().filter(|_| reads("bitmask")).map(filtered);
-        let by_sectors = by_sectors.map(|params| EffectParams { bitmask: true, ..params });
+        // What is seen is the outline of solids: as deep as what reaches them is long.
+        let by_sectors = by_sectors.map(|params| EffectParams {
+            bitmask: true,
+            thickness: (2.0 * base.radius).min(f32::MAX),
+            ..params
+        });
         plain.into_iter().chain(FILTERED.map(filtered)).chain(by_sectors).collect()
     } else if reads("pcf") {
         SHADOW_MAPS.map(|(map_size, pcf)| EffectParams { map_size, pcf, ..base }).to_vec()
@@ -237,7 +242,7 @@ fn ray_label(pass: &RayPass) -> String {
 }
 
 fn effect_label(pass: &EffectPass) -> String {
-    const OPTIONS: [&str; 3] = ["parallax", "bitmask", "filter"];
+    const OPTIONS: [&str; 4] = ["parallax", "bitmask", "thickness", "filter"];
     const SAID: [&str; 7] = ["mapsize", "cascades", "pcf", "slices", "steps", "planes", "missing"];
     let info = pass.program.info();
     let without_maps = pass.program.marches() && pass.params.missing != Missing::Cube;
