@@ -3,7 +3,7 @@
 pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
 
 use crate::camera_programs::SurfaceKind;
-use crate::device_quad::{DeviceQuad, DeviceQuadStats, Shown};
+use crate::device_quad::{DeviceQuad, DeviceQuadStats, QuadPlace, Shown};
 use crate::glass::Dielectric;
 use crate::glsl::{Program, Side};
 use crate::image::Image;
@@ -427,9 +427,9 @@ pub trait Rasteriser {
         output: &mut Image,
         progress: &Progress,
     ) -> Result<EffectStats, BackendError>;
-    /// Whether it fills quads on its device, and runs [`Rasteriser::effect_in_place`].
-    fn fills_quads(&self) -> bool {
-        false
+    /// Where it fills quads; only on a device it runs [`Rasteriser::effect_in_place`] and [`Rasteriser::fill_on_device`].
+    fn fills_quads(&self) -> QuadPlace {
+        QuadPlace::Host
     }
     /// Runs a raster effect whose picture stays on the device under a number, for [`Rasteriser::fill_on_device`].
     ///

@@ -8,6 +8,18 @@ use crate::color::{ColorSpace, Display};
 use crate::image::{PixelFormat, code_of};
 use std::time::Duration;
 
+/// Where a rasteriser fills quads.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum QuadPlace {
+    /// It draws in host memory, where the executor fills them.
+    #[default]
+    Host,
+    /// On its device.
+    Device,
+    /// It could on its device, whose driver runs on the processor and is slower than the executor there.
+    Software,
+}
+
 /// A channel on the rasteriser's device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnDevice {

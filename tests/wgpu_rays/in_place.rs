@@ -2,7 +2,7 @@
 
 use super::is_there;
 use curitiba::engines::{choose, ray_backend};
-use curitiba::passes::raster::gpu::{AdapterChoice, WgpuRasteriser};
+use curitiba::passes::raster::gpu::{AdapterChoice, AdapterKind, WgpuRasteriser, adapters};
 use curitiba::passes::wgpu_rays::WgpuRays;
 use curitiba::pipeline::backend::{BackendError, BuildStats, RayBackend, RayJob, RayStats};
 use curitiba::pipeline::color::{ColorSpace, Tone};
@@ -32,8 +32,19 @@ fn renderer(name: &str, settings: Settings, engines: Engines) -> Renderer {
     Renderer::new(plan(name, settings), engines, &mut Silent).expect("ready")
 }
 
+/// The engines of a choice, with a rasteriser that fills windows on software drivers, too.
+fn engines(choice: Choice) -> Engines {
+    let mut raster = WgpuRasteriser::new(AdapterChoice::Any).expect("a device");
+    raster.set_fills_quads(true);
+    let rays: Box<dyn RayBackend> = match choice.backend {
+        BackendChoice::Wgpu => Box::new(WgpuRays::on(&raster.shared_device()).expect("it traces")),
+        _ => ray_backend(choice).expect("a backend"),
+    };
+    Engines::new(Box::new(raster), rays)
+}
+
 fn together(name: &str, settings: Settings) -> Renderer {
-    renderer(name, settings, choose(TOGETHER).expect("a device"))
+    renderer(name, settings, engines(TOGETHER))
 }
 
 fn bits(image: &Image) -> Vec<[u32; 4]> {
@@ -137,8 +148,8 @@ fn what_the_host_reads_is_brought_there_and_the_plan_says_why() {
     if !is_there() {
         return;
     }
-    let why = |settings: Settings, choice: Choice| {
-        let mut renderer = renderer("SceneShadows", settings, choose(choice).expect("engines"));
+    let why = |settings: Settings, engines: Engines| {
+        let mut renderer = renderer("SceneShadows", settings, engines);
         let expected = renderer.frame(&mut Silent).expect("rendered");
         let codes = renderer.displayed_frame(&mut Silent).expect("rendered");
         assert!(codes == Codes::of(&expected, renderer.plan().display).expect("made"));
@@ -146,13 +157,18 @@ fn what_the_host_reads_is_brought_there_and_the_plan_says_why() {
         decision(&renderer)
     };
     let shown = Settings { show: vec!["all".to_owned()], ..settings() };
-    let (built, words) = why(shown, TOGETHER).expect("said");
+    let (built, words) = why(shown, engines(TOGETHER)).expect("said");
     assert!(!built && words.contains("is shown, too"), "{words}");
-    let (built, words) = why(settings(), TOGETHER.traced_by(BackendChoice::Cpu)).expect("said");
+    let (built, words) = why(settings(), engines(TOGETHER.traced_by(BackendChoice::Cpu))).expect("said");
     assert!(!built && words.contains("cpu leaves its pictures in memory of its own"), "{words}");
     let several = Settings { aa: "2".parse().expect("a number"), ..settings() };
-    assert!(why(several, TOGETHER).expect("said").1.contains("samples of a pixel"));
-    assert_eq!(why(settings(), Choice::CPU), None, "nothing is said where there is no device");
+    assert!(why(several, engines(TOGETHER)).expect("said").1.contains("samples of a pixel"));
+    let on_host = choose(Choice::CPU).expect("always there");
+    assert_eq!(why(settings(), on_host), None, "nothing is said where there is no device");
+    if adapters().first().is_some_and(|adapter| adapter.kind == AdapterKind::Software) {
+        let (built, words) = why(settings(), choose(TOGETHER).expect("a device")).expect("said");
+        assert!(!built && words.contains("its driver runs on the processor"), "{words}");
+    }
 }
 
 /// Loses its device in a frame.
@@ -202,8 +218,9 @@ fn where_rays_fail_in_a_frame_the_host_goes_on_and_it_is_said() {
     if !is_there() {
         return;
     }
-    let engines = |spares: bool| {
-        let raster = WgpuRasteriser::new(AdapterChoice::Any).expect("a device");
+    let failing = |spares: bool| {
+        let mut raster = WgpuRasteriser::new(AdapterChoice::Any).expect("a device");
+        raster.set_fills_quads(true);
         let inner = WgpuRays::on(&raster.shared_device()).expect("it traces");
         let mut engines = Engines::new(Box::new(raster), Box::new(Fails { inner, left: 1 }));
         if spares {
@@ -211,13 +228,13 @@ fn where_rays_fail_in_a_frame_the_host_goes_on_and_it_is_said() {
         }
         engines
     };
-    let cpu = choose(TOGETHER.traced_by(BackendChoice::Cpu)).expect("engines");
+    let cpu = engines(TOGETHER.traced_by(BackendChoice::Cpu));
     let expected = renderer("SceneShadows", settings(), cpu).displayed_frame(&mut Silent).expect("rendered");
-    let mut alone = renderer("SceneShadows", settings(), engines(false));
+    let mut alone = renderer("SceneShadows", settings(), failing(false));
     let first = alone.displayed_frame(&mut Silent).expect("rendered");
     let message = alone.displayed_frame(&mut Silent).expect_err("nothing may take over").to_string();
     assert_eq!(message, "pass `pass2` of frame 2: wgpu: the device was lost");
-    let mut helped = renderer("SceneShadows", settings(), engines(true));
+    let mut helped = renderer("SceneShadows", settings(), failing(true));
     assert!(helped.displayed_frame(&mut Silent).expect("rendered") == first);
     assert_eq!(decision(&helped).map(|(built, _)| built), Some(true));
     assert!(helped.displayed_frame(&mut Silent).expect("rendered") == expected, "the whole frame was made again");

@@ -2,6 +2,7 @@
 
 use super::{Plan, PlannedPass, Slot, Work};
 use crate::backend::{Attachments, Rasteriser, RayBackend, Rect};
+use crate::device_quad::QuadPlace;
 use crate::diagnostic::Decision;
 use crate::project::{ChannelRef, PassKind, QuadSource};
 use crate::raster_effects::Missing;
@@ -66,10 +67,13 @@ impl Plan {
         apart: bool,
     ) -> Option<Result<ShowingQuad, String>> {
         let (index, planned) = self.showing_quad()?;
-        if !raster.fills_quads() {
-            return None;
-        }
-        let decided = planned.and_then(|quad| self.engines_fill(quad, raster, rays, apart));
+        let decided = match raster.fills_quads() {
+            QuadPlace::Host => return None,
+            QuadPlace::Software => {
+                Err("its driver runs on the processor, where the host's own loop is faster".to_owned())
+            }
+            QuadPlace::Device => planned.and_then(|quad| self.engines_fill(quad, raster, rays, apart)),
+        };
         let what = format!("pass `{}` on the rasteriser's device", self.pass(&self.passes[index]).name);
         let why = match &decided {
             Ok(_) => "what it reads is there; a PNG file takes 4 bytes a pixel of the window, an EXR file 16",

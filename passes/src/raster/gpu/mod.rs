@@ -34,7 +34,7 @@ use curitiba_pipeline::backend::{
     Attachments, BackendError, DrawStats, EffectJob, EffectStats, GBuffer, HandOver, Limits, OwnShaders, QuadJob,
     RasterJob, Rasteriser, Rect, drawn_part,
 };
-use curitiba_pipeline::device_quad::{DeviceQuad, DeviceQuadStats, Shown};
+use curitiba_pipeline::device_quad::{DeviceQuad, DeviceQuadStats, QuadPlace, Shown};
 use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::image::Image;
 use curitiba_pipeline::scene::RenderScene;
@@ -76,7 +76,9 @@ pub struct WgpuRasteriser {
     sharing: Option<share::Sharing>,
     /// Once attachments are lent.
     lending: Option<Arc<Lending>>,
-    /// Once a window was filled on the device.
+    /// Whether windows are filled on the device.
+    fills_quads: bool,
+    /// Once one was.
     quads: Option<Quads>,
 }
 
@@ -146,6 +148,7 @@ impl WgpuRasteriser {
             uuid: share::uuid(&gpu.device),
             sharing: None,
             lending: None,
+            fills_quads: gpu.adapter.kind != AdapterKind::Software,
             quads: None,
             gpu,
             layouts,
@@ -159,6 +162,11 @@ impl WgpuRasteriser {
             drawn: None,
             effects: None,
         })
+    }
+
+    /// Fills windows on the device whatever it is, or on none: else on all but software drivers, which are slower than the host.
+    pub fn set_fills_quads(&mut self, fills: bool) {
+        self.fills_quads = fills;
     }
 
     /// The device, for a ray backend that is to read what is drawn where it is.
@@ -367,8 +375,8 @@ impl Rasteriser for WgpuRasteriser {
         self.run_effect(job, Some(output), progress)
     }
 
-    fn fills_quads(&self) -> bool {
-        true
+    fn fills_quads(&self) -> QuadPlace {
+        if self.fills_quads { QuadPlace::Device } else { QuadPlace::Software }
     }
 
     fn effect_in_place(
