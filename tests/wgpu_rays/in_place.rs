@@ -87,6 +87,9 @@ fn same(name: &str, settings: Settings) -> Renderer {
     let wrong = of_host.pixels.iter().zip(&found.pixels).filter(|(a, b)| a != b).count();
     assert_eq!(wrong, 0, "{name}: pixels with other codes");
     assert!(found.pixels.iter().any(|pixel| *pixel != found.pixels[0]), "{name}: something is seen");
+    let refused =
+        renderer.save(&by_device.with_extension("exr"), &mut Silent).expect_err("it has no floats").to_string();
+    assert!(refused.contains("draw_frame_for"), "{refused}");
     let again = Codes::of(&renderer.window_image(), display).expect("made");
     let colors = |codes: &Codes| codes.pixels.iter().map(|pixel| pixel[..3].to_vec()).collect::<Vec<_>>();
     if display.exposure == 0.0 && display.tone == Tone::None {

@@ -18,6 +18,10 @@ use std::time::Instant;
 /// Names of the channels of a colour.
 const RGBA: [&str; 4] = ["R", "G", "B", "A"];
 
+/// Why a picture that a device displayed is not written in floats.
+const NO_FLOATS: &str = "the last frame was rendered for a picture of 8 bits, and an EXR file holds floats: render it again, by \
+                         Renderer::draw_frame_for with the file's path, or by draw_frame";
+
 /// A file that was written.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Written {
@@ -64,32 +68,26 @@ impl Renderer {
         let mut written = Vec::new();
         let files = self.outputs(path);
         let (window_file, channel_files) = files.split_at(1);
-        match self.displayed.take() {
-            Some(displayed) if !exr => {
-                let write = |path: &Path| write_codes(path, &displayed.codes);
-                let result = self.timed(&window_file[0], &mut written, observer, write);
-                self.displayed = Some(displayed);
-                result?;
-            }
-            displayed => {
-                let window = match &displayed {
-                    Some(displayed) => displayed.codes.decoded(display.space)?,
-                    None => self.lend(None)?,
-                };
-                let result = self.timed(&window_file[0], &mut written, observer, |path| {
-                    if exr {
-                        let layer = Layer { name: "window", channels: RGBA, image: &window };
-                        write_exr_of(path, layer, Some(display.space))
-                    } else {
-                        write_displayed(path, &window, display)
-                    }
-                });
-                if displayed.is_none() {
-                    self.take_back(None, window);
+        if let Some(displayed) = self.displayed.take() {
+            let result = match exr {
+                true => Err(io::Error::new(io::ErrorKind::InvalidInput, NO_FLOATS)),
+                false => {
+                    self.timed(&window_file[0], &mut written, observer, |path| write_codes(path, &displayed.codes))
                 }
-                self.displayed = displayed;
-                result?;
-            }
+            };
+            self.displayed = Some(displayed);
+            result?;
+        } else {
+            let window = self.lend(None)?;
+            let result = self.timed(&window_file[0], &mut written, observer, |path| {
+                if exr {
+                    write_exr_of(path, Layer { name: "window", channels: RGBA, image: &window }, Some(display.space))
+                } else {
+                    write_displayed(path, &window, display)
+                }
+            });
+            self.take_back(None, window);
+            result?;
         }
         for (channel, files) in self.plan.shown.clone().into_iter().zip(channel_files.chunks_exact(2)) {
             self.save_channel(channel, [&files[0], &files[1]], &mut written, observer)?;
