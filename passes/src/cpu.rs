@@ -3,7 +3,7 @@
 pub mod check;
 
 use crate::effects::{
-    AlphaTested, Area, Coverage, Pass, Pixel, Preparation, TILE, Workspace, camera, combined, deferred_shadows,
+    AlphaTested, Area, Coverage, Opaque, Pass, Pixel, Preparation, TILE, Workspace, camera, combined, deferred_shadows,
     dielectric,
     dielectric::{Lenses, Media},
     reflection, refraction, ssao,
@@ -213,31 +213,38 @@ pub fn trace_pixel_by_rays(tracer: &dyn DynTracer, job: &RayJob<'_>, x: u32, y: 
     run_by_rays(tracer, job, One(Pixel { x, y, index: y as usize * job.width as usize + x as usize }))
 }
 
-fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
-    in_host(job)?;
-    check::scene(NAME, job, T::SPHERES)?;
-    Ok(run_program(&new_pass(job, tracer)?, runner))
-}
-
-/// The programs of corrected fidelity serve scenes with exact spheres and without; those of thesis fidelity know none.
+/// The programs of corrected fidelity serve scenes with exact spheres and cut-outs and without; those of thesis fidelity know neither.
 fn run_by_rays<R: Runner>(tracer: &dyn DynTracer, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
     in_host(job)?;
     check::scene(NAME, job, tracer.knows_spheres())?;
     Ok(match job.fidelity {
-        Fidelity::Corrected => run_corrected(&new_pass(job, &Erased::<true>(tracer))?, runner),
-        Fidelity::Thesis => run_thesis(&new_pass(job, &Erased::<false>(tracer))?, runner),
+        Fidelity::Corrected => {
+            let cut = job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
+            let coverage = cut.then_some(AlphaTested { scene: job.scene, shades: job.shades });
+            run_corrected(&new_pass(job, &Erased::<true>(tracer), coverage)?, runner)
+        }
+        Fidelity::Thesis => run_thesis(&new_pass(job, &Erased::<false>(tracer), Opaque)?, runner),
     })
 }
 
-/// Where triangles are cut out: nowhere in thesis fidelity.
-fn coverage<'a>(job: &RayJob<'a>) -> AlphaTested<'a> {
-    match job.fidelity {
-        Fidelity::Corrected => AlphaTested::new(job.scene, job.shades),
-        Fidelity::Thesis => AlphaTested::whole(job.scene, job.shades),
-    }
+fn run<T: Tracer, R: Runner>(tracer: &T, job: &RayJob<'_>, runner: R) -> Result<R::Output, BackendError> {
+    in_host(job)?;
+    check::scene(NAME, job, T::SPHERES)?;
+    let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
+    // Programs that know spheres always ask for cut-outs: each of the two is compiled for itself, and takes a minute.
+    Ok(if T::SPHERES || cut {
+        let coverage = AlphaTested { scene: job.scene, shades: job.shades };
+        run_program(&new_pass(job, tracer, coverage)?, runner)
+    } else {
+        run_program(&new_pass(job, tracer, Opaque)?, runner)
+    })
 }
 
-fn new_pass<'a, T: Tracer>(job: &'a RayJob<'a>, tracer: &'a T) -> Result<Pass<'a, T, AlphaTested<'a>>, BackendError> {
+fn new_pass<'a, T: Tracer, C: Coverage>(
+    job: &'a RayJob<'a>,
+    tracer: &'a T,
+    coverage: C,
+) -> Result<Pass<'a, T, C>, BackendError> {
     let prepared = Preparation::of(job).map_err(|why| check::missing(NAME, job, &why))?;
     let Preparation { sampler, open_share, to_light, disc, light_color } = prepared;
     let (occlusion, strata) = match (job.fidelity, sampler) {
@@ -252,7 +259,7 @@ fn new_pass<'a, T: Tracer>(job: &'a RayJob<'a>, tracer: &'a T) -> Result<Pass<'a
     let mut pass = Pass {
         job,
         tracer,
-        coverage: coverage(job),
+        coverage,
         to_light,
         light_color,
         occlusion,
@@ -480,12 +487,8 @@ fn run_of_tiles(
         let area =
             Area { x: left, y: top, width: TILE.min(width - left), height: TILE.min(height - top), stride: width };
         if !tile(area, &mut rows, work) {
-            'pixels: for (down, row) in rows.iter_mut().enumerate() {
+            for (down, row) in rows.iter_mut().enumerate() {
                 for (right, out) in row.iter_mut().enumerate() {
-                    // One of thousands of paths takes milliseconds.
-                    if progress.is_cancelled() {
-                        break 'pixels;
-                    }
                     let (x, y) = (left + right, top + down);
                     work.place = down * TILE + right;
                     *out = pixel(Pixel { x: x as u32, y: y as u32, index: y * width + x }, work);

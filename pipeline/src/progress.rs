@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// A request to stop, shared between who renders and who may ask: clones are one request.
 ///
-/// It is asked for between passes, between parts of a picture, and on the processor between the pixels of a ray pass. A frame that is
+/// It is asked for between passes, between parts of a picture, and on the processor between the tiles of a ray pass. A frame that is
 /// given up ends in [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stands until [`Self::reset`], so that one
 /// that arrives between two frames is not lost.
 #[derive(Debug, Clone, Default)]
@@ -44,7 +44,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// That of a step which may be given up: engines ask [`Self::is_cancelled`] between tiles or pixels.
+    /// That of a step which may be given up: engines ask [`Self::is_cancelled`] between tiles.
     #[must_use]
     pub fn until(cancellation: &Cancellation) -> Self {
         Self { cancellation: cancellation.clone(), ..Self::default() }
