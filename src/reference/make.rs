@@ -34,7 +34,7 @@ pub enum Made {
 
 impl References {
     /// A reference of a case, rendered and kept unless one that is as good is kept already: of the picture, of at least so many samples a pixel (a
-    /// power of two within [`PICTURE_SAMPLES`]); of the effect, of that many in each of its two renders, 1 to [`MOST_SAMPLES`].
+    /// power of two within [`PICTURE_SAMPLES`](super::PICTURE_SAMPLES)); of the effect, of that many in each of its two renders, 1 to [`MOST_SAMPLES`](super::MOST_SAMPLES).
     ///
     /// Many samples are cut into blocks. A shard renders its blocks and keeps them; who asks for the whole afterwards joins
     /// what is kept, and renders what is not. The picture is the same, bit for bit, whoever rendered the blocks.

@@ -38,7 +38,7 @@ impl Lenses {
     /// centre whether it lies in another body of glass as well.
     ///
     /// # Errors
-    /// If they are more than [`MOST_LENSES`].
+    /// If they are more than 1024.
     pub fn of(geometry: &Geometry, dielectrics: &[Dielectric], in_body: impl Fn(Vec3) -> bool) -> Result<Self, String> {
         let first = geometry.triangles.len() as u32;
         let is_body = |material: u32| dielectrics[material as usize].shape == Shape::Solid;
