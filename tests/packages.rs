@@ -88,7 +88,7 @@ fn every_package_says_what_it_is() {
             package[field].as_array().expect("a list").iter().filter_map(Value::as_str).collect()
         };
         let keywords = words("keywords");
-        // What crates.io takes.
+        // What the registry takes.
         assert!(
             (1..=5).contains(&keywords.len()) && keywords.iter().all(|word| word.len() <= 20),
             "{name}: {keywords:?}"

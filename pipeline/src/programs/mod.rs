@@ -1,0 +1,102 @@
+//! The one table of programs that a pass may name: what each reads, and its parameters.
+//!
+//! Help, XML validation, `curitiba list`, docs, bench ids and conformance tests iterate these tables.
+
+mod params;
+mod table;
+#[cfg(test)]
+pub(crate) mod tests;
+
+pub use params::{LARGEST_SUN, MOST_PATHS, MOST_SAMPLES, MOST_SUN_SAMPLES, PARAMS, ParamInfo, RayParams, Values};
+pub use table::{PROCS, ProcInfo, RAY_PROGRAMS, RayProgram, RayProgramInfo, Traces, Writes, procs_of_kind};
+
+/// What a raster pass runs per pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum RasterProgram {
+    /// The report's `deferredShading`: shaded colour, world position with the light's cosine, shading normal.
+    Deferred,
+}
+
+/// What a quad pass runs per pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum QuadProgram {
+    /// Shows one texture.
+    Show,
+    /// Texture unit 0 times the `x` of texture unit 1.
+    Combine,
+}
+
+/// Whether the report's programs are followed to the letter or their defects are mended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Fidelity {
+    /// Mended; see `docs/fidelity.md` for each difference.
+    #[default]
+    Corrected,
+    /// As the report's programs were written.
+    Thesis,
+}
+
+/// How ambient occlusion directions are chosen in `corrected` fidelity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Sampler {
+    /// Owen-scrambled Sobol points.
+    #[default]
+    Sobol,
+    /// The report's N x N jittered strata, with hashed jitter.
+    Strata,
+}
+
+/// How much of the light an interface of glass reflects, in `corrected` fidelity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Fresnel {
+    /// Fresnel's equations for unpolarised light.
+    #[default]
+    Exact,
+    /// Schlick's approximation; `docs/numerics.md` has its error.
+    Schlick,
+}
+
+impl Fresnel {
+    /// Each with the name that parameters give it.
+    pub const NAMED: [(&'static str, Self); 2] = [("exact", Self::Exact), ("schlick", Self::Schlick)];
+
+    /// Its name as a value of a parameter.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Schlick => "schlick",
+        }
+    }
+
+    /// The one of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(known, _)| *known == name).map(|(_, weights)| *weights)
+    }
+}
+
+/// A raster or quad program, selected by the stem of a shader's pixel-shader file.
+#[derive(Debug, Clone, Copy)]
+pub struct ShaderInfo<P> {
+    /// Which.
+    pub program: P,
+    /// Stem of the `ps` file.
+    pub stem: &'static str,
+    /// What it writes, in one sentence.
+    pub about: &'static str,
+}
+
+/// Every raster program. A `default` pass without an injected shader runs the first.
+pub const RASTER_PROGRAMS: &[ShaderInfo<RasterProgram>] = &[ShaderInfo {
+    program: RasterProgram::Deferred,
+    stem: "deferredShading",
+    about: "target 0 `color`: diffuse lighting and texture; 1 `pos`: world position, light cosine in w; 2 `norm`: shading normal",
+}];
+
+/// Every quad program that a material may name.
+pub const QUAD_PROGRAMS: &[ShaderInfo<QuadProgram>] = &[ShaderInfo {
+    program: QuadProgram::Combine,
+    stem: "combine",
+    about: "texture unit 0 times the x of texture unit 1",
+}];

@@ -1,0 +1,466 @@
+//! The table of ray programs.
+
+use super::RayParams;
+use crate::glass::{Background, GlassRule, GlassShadow};
+
+/// What a ray pass runs per pixel, named by the stem of its program file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum RayProgram {
+    /// Copies the colour: what joining the two systems costs.
+    Dummy,
+    /// Shadows of a directional light.
+    DeferredShadows,
+    /// Mirror reflection in glass.
+    Reflection,
+    /// Reflection and refraction in glass.
+    Refraction,
+    /// Ambient occlusion.
+    Ssao,
+    /// All of them, at every hit.
+    Final,
+    /// From the camera: colours without light.
+    Albedo,
+    /// From the camera: colours in light that nothing is in the way of.
+    Lambert,
+    /// From the camera: shadows, mirrors and glass.
+    Whitted,
+    /// From the camera: ambient occlusion.
+    CameraOcclusion,
+    /// From the camera: light that surfaces send each other.
+    PathTracing,
+}
+
+/// A device program that a project names: `<optixProgram type ray file proc/>`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ProcInfo {
+    /// `Closest_Hit`, `Any_Hit` or `Miss`.
+    pub kind: &'static str,
+    /// Ray type: `Phong` (radiance) or `Shadow`.
+    pub ray: &'static str,
+    /// Name of the program.
+    pub proc: &'static str,
+    /// Whether the project must name it in the default material; otherwise it may, per material.
+    pub required: bool,
+}
+
+/// When a ray program traces rays, and so needs an acceleration structure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Traces {
+    /// Never.
+    Nothing,
+    /// At every pixel that it computes: shadow rays, whatever else.
+    ShadowRays,
+    /// Where it takes samples of occlusion: with `samples` above 0.
+    Samples,
+    /// Where a pixel shows glass.
+    FromGlass,
+    /// At every pixel, from the camera: it reads no G-buffer.
+    FromCamera,
+}
+
+/// What the numbers that a program writes are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Writes {
+    /// A linear colour.
+    Color,
+    /// A share from 0 to 1, the same in red, green and blue.
+    Share,
+}
+
+/// A ray program: what a project must hand it, and what it does with it.
+///
+/// The table of these entries is the one place that tells programs apart: plan, executor, reports, benches and help read it.
+#[derive(Debug, Clone, Copy)]
+pub struct RayProgramInfo {
+    /// Which.
+    pub program: RayProgram,
+    /// Stem of the program file, as in `optix/final.ptx`.
+    pub stem: &'static str,
+    /// Its name in bench ids and reports.
+    pub short: &'static str,
+    /// When it traces rays.
+    pub traces: Traces,
+    /// What it writes.
+    pub writes: Writes,
+    /// Ray-generation program; empty for programs whose rays start at the camera, which passes name by `program`.
+    pub entry: &'static str,
+    /// What it computes, in one sentence.
+    pub about: &'static str,
+    /// Variables of `optixInput` that it reads: `pos_buffer`, `norm_buffer`, `color_buffer`.
+    pub buffers: &'static [&'static str],
+    /// Vertex attributes that it reads.
+    pub vertex_attributes: &'static [&'static str],
+    /// Material attributes that it reads (`optixVar`).
+    pub material_attributes: &'static [&'static str],
+    /// Global attributes that it reads (`optixVar`).
+    pub globals: &'static [&'static str],
+    /// Hit and miss programs.
+    pub procs: &'static [ProcInfo],
+    /// Parameters that it reads, by their names in [`PARAMS`](super::PARAMS).
+    pub params: &'static [&'static str],
+}
+
+const fn required(kind: &'static str, ray: &'static str, proc: &'static str) -> ProcInfo {
+    ProcInfo { kind, ray, proc, required: true }
+}
+
+const fn optional(kind: &'static str, ray: &'static str, proc: &'static str) -> ProcInfo {
+    ProcInfo { kind, ray, proc, required: false }
+}
+
+/// What a program file has, whatever it computes and whether it calls it or not: names by the type under which projects name
+/// them. Triangles (`Geometry_Intersection` and `Bounding_Box`) are the tracers' own; their names stand for that.
+pub const PROCS: &[(&str, &[&str])] = &[
+    ("RayGen", &["buffer_camera"]),
+    ("Exception", &["exception"]),
+    ("Closest_Hit", &["closest_hit", "closest_hit_glass"]),
+    ("Any_Hit", &["any_hit_shadow", "any_hit_shadow_glass"]),
+    ("Miss", &["miss", "miss_shadow"]),
+    ("Geometry_Intersection", &["geometryintersection"]),
+    ("Bounding_Box", &["boundingbox"]),
+];
+
+/// The names of a type, in any letters' case, in [`PROCS`].
+#[must_use]
+pub fn procs_of_kind(kind: &str) -> Option<&'static [&'static str]> {
+    PROCS.iter().find(|(known, _)| kind.eq_ignore_ascii_case(known)).map(|(_, names)| *names)
+}
+
+/// Every ray program.
+pub const RAY_PROGRAMS: &[RayProgramInfo] = &[
+    RayProgramInfo {
+        program: RayProgram::Dummy,
+        stem: "dummy",
+        short: "dummy",
+        traces: Traces::Nothing,
+        writes: Writes::Color,
+        entry: "buffer_camera",
+        about: "writes the input colour: the cost of joining two systems",
+        buffers: &["color_buffer"],
+        vertex_attributes: &[],
+        material_attributes: &[],
+        globals: &[],
+        procs: &[],
+        params: &[],
+    },
+    RayProgramInfo {
+        program: RayProgram::DeferredShadows,
+        stem: "deferredShadows",
+        short: "shadows",
+        traces: Traces::ShadowRays,
+        writes: Writes::Share,
+        entry: "buffer_camera",
+        about: "shadow of a directional light: 0.5 in shadow, 1 in light; soft with `sun` above 0",
+        buffers: &["pos_buffer"],
+        vertex_attributes: &["position"],
+        material_attributes: &[],
+        globals: &["lightDir"],
+        procs: &[required("Any_Hit", "Shadow", "any_hit_shadow"), optional("Miss", "Shadow", "miss")],
+        params: &["sun", "sunsamples"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Reflection,
+        stem: "reflection",
+        short: "reflection",
+        traces: Traces::FromGlass,
+        writes: Writes::Color,
+        entry: "buffer_camera",
+        about: "mirror reflection in glass; other pixels keep their colour",
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &["lightDir", "lightColor"],
+        procs: &[
+            required("Closest_Hit", "Phong", "closest_hit"),
+            required("Miss", "Phong", "miss"),
+            optional("Closest_Hit", "Phong", "closest_hit_glass"),
+        ],
+        params: &["depth", "background"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Refraction,
+        stem: "refraction",
+        short: "refraction",
+        traces: Traces::FromGlass,
+        writes: Writes::Color,
+        entry: "buffer_camera",
+        about: "reflection and refraction in glass; other pixels keep their colour",
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &["lightDir", "lightColor"],
+        procs: &[
+            required("Closest_Hit", "Phong", "closest_hit"),
+            required("Miss", "Phong", "miss"),
+            optional("Closest_Hit", "Phong", "closest_hit_glass"),
+        ],
+        params: &[
+            "index",
+            "depth",
+            "fresnel",
+            "glass",
+            "background",
+            "wavelengths",
+            "paths",
+            "cutoff",
+            "cutoffcolor",
+            "roulette",
+            "reflections",
+            "refractions",
+        ],
+    },
+    RayProgramInfo {
+        program: RayProgram::Ssao,
+        stem: "ssao",
+        short: "ao",
+        traces: Traces::Samples,
+        writes: Writes::Share,
+        entry: "buffer_camera",
+        about: "ambient occlusion: the open share of the cosine-weighted hemisphere, to the power of `intensity`",
+        buffers: &["pos_buffer", "norm_buffer"],
+        vertex_attributes: &["position"],
+        material_attributes: &[],
+        globals: &[],
+        procs: &[required("Any_Hit", "Shadow", "any_hit_shadow"), required("Miss", "Shadow", "miss")],
+        params: &["samples", "radius", "intensity", "sampler"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Final,
+        stem: "final",
+        short: "all",
+        traces: Traces::ShadowRays,
+        writes: Writes::Color,
+        entry: "buffer_camera",
+        about: "shadows, reflection, refraction and ambient occlusion, at every hit",
+        buffers: &["pos_buffer", "norm_buffer", "color_buffer"],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &["lightDir", "lightColor"],
+        procs: &[
+            required("Closest_Hit", "Phong", "closest_hit"),
+            required("Miss", "Phong", "miss"),
+            required("Any_Hit", "Shadow", "any_hit_shadow"),
+            required("Miss", "Shadow", "miss_shadow"),
+            optional("Closest_Hit", "Phong", "closest_hit_glass"),
+            optional("Any_Hit", "Shadow", "any_hit_shadow_glass"),
+        ],
+        params: &[
+            "samples",
+            "radius",
+            "intensity",
+            "index",
+            "depth",
+            "sampler",
+            "fresnel",
+            "glass",
+            "background",
+            "shadow",
+            "wavelengths",
+            "paths",
+            "cutoff",
+            "cutoffcolor",
+            "roulette",
+            "reflections",
+            "refractions",
+            "sun",
+            "sunsamples",
+        ],
+    },
+    RayProgramInfo {
+        program: RayProgram::Albedo,
+        stem: "albedo",
+        short: "albedo",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: texture and diffuse colour of what a pixel shows, without light",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &["samples", "aperture", "focus", "background", "gamma"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Lambert,
+        stem: "lambert",
+        short: "lambert",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: the same in the light, by its cosine, that nothing is in the way of",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &["samples", "aperture", "focus", "background", "gamma", "ambient"],
+    },
+    RayProgramInfo {
+        program: RayProgram::Whitted,
+        stem: "whitted",
+        short: "whitted",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: light with shadows, mirrors, rough mirrors and glass; a rectangular light has soft shadows",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &[
+            "samples",
+            "aperture",
+            "focus",
+            "background",
+            "gamma",
+            "ambient",
+            "depth",
+            "index",
+            "fresnel",
+            "gloss",
+            "lightwidth",
+            "lightdepth",
+        ],
+    },
+    RayProgramInfo {
+        program: RayProgram::CameraOcclusion,
+        stem: "cameraOcclusion",
+        short: "camera-ao",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: ambient occlusion, the open share of the cosine-weighted hemisphere",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &["samples", "aperture", "focus", "background", "gamma", "radius"],
+    },
+    RayProgramInfo {
+        program: RayProgram::PathTracing,
+        stem: "pathTracing",
+        short: "paths",
+        traces: Traces::FromCamera,
+        writes: Writes::Color,
+        entry: "",
+        about: "from the camera: light over several diffuse bounces, mirrors and glass, from the light or emitting surfaces",
+        buffers: &[],
+        vertex_attributes: &["position", "normal", "texCoord0"],
+        material_attributes: &["diffuse", "texCount"],
+        globals: &[],
+        procs: &[],
+        params: &[
+            "samples",
+            "aperture",
+            "focus",
+            "background",
+            "gamma",
+            "depth",
+            "index",
+            "fresnel",
+            "gloss",
+            "lightwidth",
+            "lightdepth",
+            "radiance",
+        ],
+    },
+];
+
+impl RayProgram {
+    /// Its entry in [`RAY_PROGRAMS`].
+    #[must_use]
+    pub fn info(self) -> &'static RayProgramInfo {
+        RAY_PROGRAMS.iter().find(|info| info.program == self).expect("every program has an entry")
+    }
+
+    /// Whether a pass with these parameters asks for more of glass than the report's panes, in a scene that has glass.
+    #[must_use]
+    pub fn asks_of_glass(self, params: &RayParams) -> Option<String> {
+        let reads = |name: &str| self.info().reads(name);
+        let asked = [
+            (reads("glass") && params.glass != GlassRule::Pane, "glass"),
+            (reads("background") && params.background != Background::Black, "background"),
+            (reads("shadow") && params.shadow != GlassShadow::Report, "shadow"),
+        ];
+        let names: Vec<String> =
+            asked.iter().filter(|(asked, _)| *asked).map(|(_, name)| format!("{name}={}", params.get(name))).collect();
+        (!names.is_empty()).then(|| names.join(" "))
+    }
+
+    /// The disc of the light that a pass with these parameters asks for, in words; `None` where the light is a point.
+    #[must_use]
+    pub fn asks_of_sun(self, params: &RayParams) -> Option<String> {
+        (self.info().sun_samples(params) > 0).then(|| format!("sun={}", params.sun))
+    }
+
+    /// Whether it traces rays with these parameters, in a scene that has what it looks for.
+    #[must_use]
+    pub fn can_trace(self, params: &RayParams) -> bool {
+        self.info().needs_structure(params, true).0
+    }
+}
+
+impl RayProgramInfo {
+    /// Whether it reads a parameter of [`PARAMS`](super::PARAMS).
+    #[must_use]
+    pub fn reads(&self, param: &str) -> bool {
+        self.params.contains(&param)
+    }
+
+    /// Whether projects may name this hit or miss program for it.
+    #[must_use]
+    pub fn names(&self, proc: &str) -> bool {
+        self.procs.iter().any(|info| info.proc == proc)
+    }
+
+    /// Whether its rays start at the camera: it reads no G-buffer, and a pass names it by `program`.
+    #[must_use]
+    pub fn starts_at_camera(&self) -> bool {
+        self.traces == Traces::FromCamera
+    }
+
+    /// The parameters of a pass that names none.
+    #[must_use]
+    pub fn defaults(&self) -> RayParams {
+        let defaults = RayParams::default();
+        if self.starts_at_camera() {
+            RayParams { samples: 0, index: 1.5, background: Background::Clear, ..defaults }
+        } else {
+            defaults
+        }
+    }
+
+    /// The occlusion rays of a shaded point, 0 where the program traces none; of programs whose rays start at the camera the rays of a
+    /// pixel.
+    #[must_use]
+    pub fn samples(&self, params: &RayParams) -> u32 {
+        match () {
+            () if self.starts_at_camera() => params.samples.max(1),
+            () if self.reads("samples") => params.samples,
+            () => 0,
+        }
+    }
+
+    /// The shadow rays over the light's disc of a lit point; 0 where the light is a point.
+    #[must_use]
+    pub fn sun_samples(&self, params: &RayParams) -> u32 {
+        if self.reads("sun") && params.sun > 0.0 { params.sun_samples } else { 0 }
+    }
+
+    /// Whether it needs an acceleration structure, and why; `finds_glass` says whether any pixel may show glass.
+    #[must_use]
+    pub fn needs_structure(&self, params: &RayParams, finds_glass: bool) -> (bool, String) {
+        match self.traces {
+            Traces::Nothing => (false, format!("program {} traces no ray", self.stem)),
+            Traces::ShadowRays => (true, "it traces shadow rays".into()),
+            Traces::Samples if params.samples == 0 => (false, "samples is 0".into()),
+            Traces::Samples => (true, "it traces occlusion rays".into()),
+            Traces::FromGlass if finds_glass => (true, "rays leave its glass".into()),
+            Traces::FromCamera => (true, "its rays start at the camera".into()),
+            Traces::FromGlass => (false, "no material of the scene is mapped to `closest_hit_glass`".into()),
+        }
+    }
+}

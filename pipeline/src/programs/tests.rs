@@ -1,0 +1,133 @@
+use super::*;
+use crate::camera_programs::CameraParams;
+use crate::glass::{Background, CutoffColor, GlassRule, GlassShadow, PathLimits, Roulette};
+
+#[test]
+fn what_a_program_calls_is_in_its_file() {
+    for info in RAY_PROGRAMS.iter().filter(|info| !info.starts_at_camera()) {
+        assert!(procs_of_kind("rayGEN").is_some_and(|names| names.contains(&info.entry)), "{}", info.stem);
+        for proc in info.procs {
+            assert!(procs_of_kind(proc.kind).is_some_and(|names| names.contains(&proc.proc)), "{proc:?}");
+        }
+    }
+    assert_eq!(procs_of_kind("Any_Hat"), None);
+}
+
+#[test]
+fn every_parameter_is_settable_by_its_name() {
+    let mut params = RayParams::default();
+    for (name, value) in [
+        ("samples", "49"),
+        ("radius", "2"),
+        ("intensity", "1"),
+        ("index", "1.5"),
+        ("depth", "3"),
+        ("sampler", "strata"),
+        ("fresnel", "schlick"),
+        ("glass", "auto"),
+        ("background", "clear"),
+        ("shadow", "straight"),
+        ("wavelengths", "24"),
+        ("paths", "48"),
+        ("cutoff", "0.01"),
+        ("cutoffcolor", "background"),
+        ("roulette", "on"),
+        ("reflections", "3"),
+        ("refractions", "12"),
+        ("sun", "0.53"),
+        ("sunsamples", "32"),
+        ("lightwidth", "0.4"),
+        ("lightdepth", "0.3"),
+        ("radiance", "5"),
+        ("ambient", "0.25"),
+        ("gloss", "128"),
+        ("aperture", "0.1"),
+        ("focus", "3"),
+        ("gamma", "2.2"),
+    ] {
+        params.set(name, value).expect("valid");
+        assert_eq!(params.get(name), value);
+    }
+    let expected = RayParams {
+        samples: 49,
+        radius: 2.0,
+        intensity: 1.0,
+        index: 1.5,
+        depth: 3,
+        sampler: Sampler::Strata,
+        fresnel: Fresnel::Schlick,
+        glass: GlassRule::Auto,
+        background: Background::Clear,
+        shadow: GlassShadow::Straight,
+        wavelengths: 24,
+        paths: 48,
+        limits: PathLimits {
+            cutoff: 0.01,
+            cutoff_color: CutoffColor::Background,
+            roulette: Roulette::On,
+            reflections: 3,
+            refractions: 12,
+        },
+        sun: 0.53,
+        sun_samples: 32,
+        first: 0,
+        first_path: 0,
+        first_sun: 0,
+        camera: CameraParams {
+            light_width: 0.4,
+            light_depth: 0.3,
+            radiance: 5.0,
+            ambient: 0.25,
+            gloss: 128.0,
+            aperture: 0.1,
+            focus: 3.0,
+            gamma: 2.2,
+        },
+    };
+    assert_eq!(params, expected);
+    assert_eq!(PARAMS.len(), 27, "this test sets every parameter");
+}
+
+#[test]
+fn every_value_that_is_offered_is_taken_and_none_beyond() {
+    for info in PARAMS {
+        offers(info.values, |value| RayParams::default().set(info.name, value).is_ok());
+    }
+}
+
+/// Whether a parameter takes what [`Values`] say, and not what lies beside.
+pub(crate) fn offers(values: Values, takes: impl Fn(&str) -> bool) {
+    let both = |inside: [String; 2], outside: [String; 2]| {
+        assert!(inside.iter().all(|value| takes(value)), "{inside:?}");
+        assert!(outside.iter().all(|value| !takes(value)), "{outside:?}");
+    };
+    match values {
+        Values::Integer(low, high) => both(
+            [low, high].map(|value| value.to_string()),
+            [i64::from(low) - 1, i64::from(high) + 1].map(|value| value.to_string()),
+        ),
+        Values::Number(low, high) => {
+            both([low, high].map(|value| value.to_string()), [low - 0.01, high + 0.01].map(|value| value.to_string()))
+        }
+        Values::Positive => {
+            both([f32::MIN_POSITIVE, f32::MAX].map(|value| value.to_string()), ["0".to_owned(), "inf".to_owned()]);
+        }
+        Values::Names(names) => assert!(names.iter().all(|name| takes(name)) && !takes("other"), "{names:?}"),
+    }
+}
+
+#[test]
+fn wrong_parameters_say_what_is_valid() {
+    let mut params = RayParams::default();
+    assert!(params.set("sampels", "4").unwrap_err().contains("did you mean `samples`?"));
+    assert!(params.set("radius", "NaN").unwrap_err().contains("above 0"));
+    assert!(params.set("fresnel", "Schlick").unwrap_err().contains("exact, schlick"));
+    assert!(params.set("depth", "17").unwrap_err().contains("0..=16"));
+    assert!(["0", "257", "-1", "16.0"].iter().all(|count| params.set("wavelengths", count).is_err()));
+    assert!(["0", "4097", "-1"].iter().all(|count| params.set("paths", count).is_err()));
+    assert!(["-0.1", "1.1", "NaN"].iter().all(|share| params.set("cutoff", share).is_err()));
+    assert!(["129", "-1"].iter().all(|count| params.set("reflections", count).is_err()));
+    assert!(["-0.1", "90.1", "NaN", "inf"].iter().all(|angle| params.set("sun", angle).is_err()));
+    assert!(["0", "65537"].iter().all(|count| params.set("sunsamples", count).is_err()));
+    assert_eq!(params, RayParams::default());
+}
