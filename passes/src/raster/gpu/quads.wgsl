@@ -218,7 +218,9 @@ fn tone_scale(color: vec3u) -> u32 {
     if magnitude(bitcast<u32>(luminance)) >= INFINITE {
         return NO_NUMBER;
     }
-    return bitcast<u32>(1.0 / (1.0 + luminance) + luminance / (1.0 + luminance) / 16.0);
+    // Above 2^30 the factor is 1/16 to the last bit. A driver need not divide by numbers above 2^126.
+    let bounded = min(luminance, 1099511627776.0);
+    return bitcast<u32>(1.0 / (1.0 + bounded) + bounded / (1.0 + bounded) / 16.0);
 }
 
 fn code(pixel: vec4u) -> u32 {
