@@ -2,7 +2,7 @@
 
 use super::bounds::{Bounds, Frustum};
 use super::cube;
-use super::proxy::Proxy;
+use super::proxy::{Eye, Proxy};
 use curitiba_pipeline::backend::View;
 use curitiba_pipeline::scene::{Geometry, TriangleRanges};
 use glam::Vec3;
@@ -113,6 +113,13 @@ impl Probe {
     #[must_use]
     pub fn view(&self, face: usize) -> View {
         cube::view(face, self.center, self.near, self.far)
+    }
+
+    /// What its box is found from.
+    #[must_use]
+    pub fn eye(&self) -> Eye {
+        let half = (self.bounds.max - self.bounds.min) * 0.5;
+        Eye { center: self.center, near: self.near, far: self.far, half }
     }
 
     /// Where its cube map is looked up for a ray from `place`, of unit length.

@@ -11,8 +11,7 @@
 //! `s (1/t - 1/d)` beside its direction if the side is at `d`: the median is the `d` of which the sum of these angles is least, and
 //! far or near exceptions do not move it.
 
-use super::cube::FACES;
-use super::panes::Probe;
+use super::cube::{self, FACES};
 use curitiba_pipeline::backend::{Attachments, NO_TRIANGLE, View};
 use curitiba_pipeline::gbuffer::GBuffer;
 use glam::{Vec2, Vec3, Vec4};
@@ -26,6 +25,19 @@ pub const ATTACHMENTS: Attachments = Attachments { color: false, position: true,
 /// Components of unit directions below this meet no side across.
 pub const LEAST_ALONG: f32 = 1e-6;
 
+/// What a cube map sees from, and what has to lie in its box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Eye {
+    /// Where it is, world.
+    pub center: Vec3,
+    /// Nearest distance drawn.
+    pub near: f32,
+    /// Farthest distance drawn.
+    pub far: f32,
+    /// Half of the sides of the pane around it.
+    pub half: Vec3,
+}
+
 /// A box with sides along the axes. Corners are relative to the cube map's centre, which it contains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Proxy {
@@ -36,32 +48,31 @@ pub struct Proxy {
 }
 
 impl Proxy {
-    /// What stands for the surroundings of a probe; contains its pane. A side that nothing faces is as far as the probe sees.
+    /// What stands for the surroundings of a cube map; contains its pane. A side that nothing faces is as far as the map sees.
     ///
     /// `draw` draws the scene without glass, with [`ATTACHMENTS`], into the whole of a buffer.
     ///
     /// # Errors
     /// Those of `draw`.
-    pub fn find<E>(probe: &Probe, mut draw: impl FnMut(View, &mut GBuffer) -> Result<(), E>) -> Result<Self, E> {
+    pub fn find<E>(eye: &Eye, mut draw: impl FnMut(View, &mut GBuffer) -> Result<(), E>) -> Result<Self, E> {
         let mut seen: [Vec<(f32, f32)>; 6] = Default::default();
         let mut buffer = GBuffer::new(FACE, FACE, ATTACHMENTS);
         for face in 0..FACES {
-            draw(probe.view(face), &mut buffer)?;
+            draw(cube::view(face, eye.center, eye.near, eye.far), &mut buffer)?;
             for index in 0..buffer.triangle.len() {
                 if buffer.triangle[index] == NO_TRIANGLE {
                     continue;
                 }
                 let [position, normal] =
                     [&buffer.position, &buffer.normal].map(|values| Vec4::from_array(values[index]).truncate());
-                if let Some((side, distance)) = side_of(position - probe.center, normal) {
+                if let Some((side, distance)) = side_of(position - eye.center, normal) {
                     seen[side].push((distance, solid_angle(index)));
                 }
             }
         }
-        let half = (probe.bounds.max - probe.bounds.min) * 0.5;
         let mut distance = |side: usize| {
-            let least = half[side / 2].max(probe.near);
-            weighted_median(&mut seen[side]).unwrap_or(probe.far).max(least)
+            let least = eye.half[side / 2].max(eye.near);
+            weighted_median(&mut seen[side]).unwrap_or(eye.far).max(least)
         };
         Ok(Self {
             low: -Vec3::new(distance(1), distance(3), distance(5)),

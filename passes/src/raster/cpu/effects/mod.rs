@@ -408,7 +408,7 @@ pub(in crate::raster) fn find_proxy(
     job: &EffectJob<'_>,
     probe: &Probe,
 ) -> Result<Proxy, BackendError> {
-    Proxy::find(probe, |view, buffer| {
+    Proxy::find(&probe.eye(), |view, buffer| {
         let map_job = map_job(job, view, None, square(proxy::FACE), proxy::ATTACHMENTS);
         raster.render(&map_job, job.glass, Target::Attachments(buffer, proxy::ATTACHMENTS)).map(drop)
     })
