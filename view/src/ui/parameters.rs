@@ -31,7 +31,7 @@ fn edit(app: &App, ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Opti
             combo.show_ui(ui, |ui| {
                 for name in names {
                     let missing = missing(app, parameter, name);
-                    super::passes::offer(ui, &mut chosen, (*name).to_owned(), name, missing.as_deref());
+                    offer(ui, &mut chosen, (*name).to_owned(), name, missing.as_deref());
                 }
             });
             (chosen != parameter.value).then_some(chosen)
@@ -57,6 +57,15 @@ fn edit(app: &App, ui: &mut Ui, pass: &PassFacts, parameter: &Parameter) -> Opti
             named(&response, &label, value.into());
             response.changed().then(|| value.to_string())
         }
+    }
+}
+
+/// One of several values; grey with the reason where it is not there.
+pub(super) fn offer<T: PartialEq>(ui: &mut Ui, chosen: &mut T, value: T, name: &str, missing: Option<&str>) {
+    let label = egui::Button::selectable(*chosen == value, name);
+    let response = ui.add_enabled(missing.is_none(), label);
+    if response.on_disabled_hover_text(missing.unwrap_or_default()).clicked() {
+        *chosen = value;
     }
 }
 

@@ -1,6 +1,6 @@
 //! The passes in their order: on and off, what they write, what they took, what can be set.
 
-use super::parameters;
+use super::parameters::{self, offer};
 use crate::app::App;
 use crate::theme::{BLUE, YELLOW, color, milliseconds};
 use crate::worker::{Available, Command, Facts, PassFacts, PassState};
@@ -60,14 +60,6 @@ fn engines(app: &App, ui: &mut Ui, facts: &Facts) {
 fn engine(ui: &mut Ui, [name, device]: &[String; 2]) {
     let text = RichText::new(format!("{name}: {device}")).weak().small();
     ui.add(egui::Label::new(text).truncate()).on_hover_text(device);
-}
-
-pub(super) fn offer<T: PartialEq>(ui: &mut Ui, chosen: &mut T, value: T, name: &str, missing: Option<&str>) {
-    let label = egui::Button::selectable(*chosen == value, name);
-    let response = ui.add_enabled(missing.is_none(), label);
-    if response.on_disabled_hover_text(missing.unwrap_or_default()).clicked() {
-        *chosen = value;
-    }
 }
 
 /// A pass. The whole row shows what it writes.
