@@ -253,7 +253,7 @@ pub(super) fn ray_parameters(pass: &str, mut values: RayParams, settings: &Setti
 fn parameters(pass: &Pass, settings: &Settings) -> Vec<Parameter> {
     let prefix = format!("{}.", pass.name);
     let set = settings.set.iter().filter_map(|set| set.strip_prefix(&prefix)?.split_once('='));
-    let backend = set.clone().filter(|(name, _)| *name == OWN_BACKEND.name).last().map_or("auto", |(_, value)| value);
+    let backend = set.clone().rfind(|(name, _)| *name == OWN_BACKEND.name).map_or("auto", |(_, value)| value);
     let backend = may_trace(&pass.kind).then(|| Parameter { info: &OWN_BACKEND, value: backend.to_owned() });
     let mut parameters: Vec<Parameter> = match &pass.kind {
         PassKind::Ray(ray) => {
