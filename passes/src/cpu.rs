@@ -412,11 +412,11 @@ fn run_corrected<T: Tracer, C: Coverage, R: Runner>(pass: &Pass<'_, T, C>, pixel
 }
 
 /// Tiles side by side that a thread takes at a time. Many spare the program of hard shadows, whose pixels take about 70 cycles, what each
-/// start costs. Of the others a pixel may take a thousand times as long as its neighbour: with few tiles at a time no thread is left
-/// with the last ones.
+/// start costs. Of the others a pixel may take a thousand times as long as its neighbour, and the last tile of a frame keeps 15 of 16
+/// threads waiting: of pairs that took 4 % of the time of ambient occlusion, and 7 % of `final`'s.
 fn tiles_at_a_time(job: &RayJob<'_>) -> usize {
     let is_soft = job.program.info().sun_samples(&job.params) > 0;
-    if job.program == RayProgram::DeferredShadows && !is_soft { 8 } else { 2 }
+    if job.program == RayProgram::DeferredShadows && !is_soft { 8 } else { 1 }
 }
 
 /// The rows of an image, cut into runs of some tiles: those of the first row of tiles come first.
