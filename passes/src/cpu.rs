@@ -80,9 +80,20 @@ impl RayBackend for CpuRays {
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
+        self.build_until(scene, filtered, &Progress::default())
+    }
+
+    fn build_until(
+        &mut self,
+        scene: &Arc<RenderScene>,
+        filtered: &[bool],
+        progress: &Progress,
+    ) -> Result<BuildStats, BackendError> {
         // The old structure is released first: two would not always fit.
         self.built = None;
-        let triangles = Bvh::build(&scene.geometry, filtered, Quality::default());
+        let Some(triangles) = Bvh::build_until(&scene.geometry, filtered, Quality::default(), progress) else {
+            return Ok(BuildStats::default());
+        };
         let spheres = SphereTree::build(&scene.geometry, filtered);
         let (bytes, nodes) = (triangles.bytes() + spheres.bytes(), triangles.node_count() + spheres.node_count());
         self.built = Some((Arc::clone(scene), Structure { triangles, spheres }));

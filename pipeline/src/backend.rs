@@ -360,6 +360,19 @@ pub trait Rasteriser {
     /// # Errors
     /// If the device fails.
     fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError>;
+    /// [`Rasteriser::draw`] that moves `progress`, and may be given up between parts of the work when [`Progress::is_cancelled`] says so:
+    /// it returns early then, and what `target` holds is not defined. A rasteriser that has no parts draws to the end.
+    ///
+    /// # Errors
+    /// As [`Rasteriser::draw`].
+    fn draw_until(
+        &mut self,
+        job: &RasterJob<'_>,
+        target: &mut GBuffer,
+        _progress: &Progress,
+    ) -> Result<DrawStats, BackendError> {
+        self.draw(job, target)
+    }
     /// Whether it draws with own shaders of the project.
     fn draws_shaders(&self) -> bool {
         false
@@ -772,6 +785,19 @@ pub trait RayBackend {
     /// # Errors
     /// If the device cannot hold it.
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError>;
+    /// [`RayBackend::build`] that may be given up between parts of the work when [`Progress::is_cancelled`] says so: it returns early
+    /// then, and nothing is built. A backend whose work has no parts builds to the end.
+    ///
+    /// # Errors
+    /// As [`RayBackend::build`].
+    fn build_until(
+        &mut self,
+        scene: &Arc<RenderScene>,
+        filtered: &[bool],
+        _progress: &Progress,
+    ) -> Result<BuildStats, BackendError> {
+        self.build(scene, filtered)
+    }
     /// About how many bytes a triangle takes in the structure and while it is built.
     fn bytes_per_triangle(&self) -> u64;
     /// Whether the backend can read attachments where a rasteriser leaves them; from then on jobs with [`RayJob::shared`] do.

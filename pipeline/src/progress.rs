@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// A request to stop, shared between who renders and who may ask: clones are one request.
 ///
-/// It is asked for between passes, between parts of a picture, and on the processor between the tiles of a ray pass. A frame that is
+/// It is looked for between passes, between parts of a picture, and on the processor between the tiles of raster, effect and ray passes, between
+/// the rows of quads and between the steps of building a structure. A frame that is
 /// given up ends in [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stands until [`Self::reset`], so that one
 /// that arrives between two frames is not lost.
 #[derive(Debug, Clone, Default)]
@@ -41,6 +42,7 @@ pub struct Progress {
     done: AtomicU64,
     total: AtomicU64,
     cancellation: Cancellation,
+    given_up: Arc<AtomicBool>,
 }
 
 impl Progress {
@@ -50,10 +52,26 @@ impl Progress {
         Self { cancellation: cancellation.clone(), ..Self::default() }
     }
 
-    /// Whether the step is to be given up: what it writes from now on is thrown away.
+    /// Whether the step is to be given up: what it writes from now on is thrown away. Once that was the answer it stays, also where the
+    /// request is taken back while the step runs.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
-        self.cancellation.is_cancelled()
+        if self.cancellation.is_cancelled() {
+            self.given_up.store(true, Ordering::Relaxed);
+        }
+        self.is_given_up()
+    }
+
+    /// For a part of the step: it counts for itself, and what one of both knows of the request, the other knows.
+    #[must_use]
+    pub fn part(&self) -> Self {
+        Self { cancellation: self.cancellation.clone(), given_up: Arc::clone(&self.given_up), ..Self::default() }
+    }
+
+    /// Whether someone who works on the step was told to give it up: what it wrote is not whole.
+    #[must_use]
+    pub fn is_given_up(&self) -> bool {
+        self.given_up.load(Ordering::Relaxed)
     }
 
     /// Starts counting to `total`.
@@ -71,5 +89,37 @@ impl Progress {
     #[must_use]
     pub fn get(&self) -> (u64, u64) {
         (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_that_was_given_up_stays_so_when_the_request_is_taken_back() {
+        let stop = Cancellation::new();
+        let (step, unaware) = (Progress::until(&stop), Progress::until(&stop));
+        assert!(!step.is_cancelled() && !step.is_given_up());
+        stop.cancel();
+        // Nobody has asked yet.
+        assert!(!step.is_given_up());
+        assert!(step.is_cancelled() && step.is_given_up());
+        stop.reset();
+        assert!(step.is_cancelled() && step.is_given_up());
+        assert!(!unaware.is_cancelled() && !unaware.is_given_up());
+    }
+
+    #[test]
+    fn a_part_counts_for_itself_and_is_given_up_with_its_step() {
+        let stop = Cancellation::new();
+        let step = Progress::until(&stop);
+        step.start(3);
+        let part = step.part();
+        part.start(7);
+        part.advance(2);
+        assert_eq!((step.get(), part.get()), ((0, 3), (2, 7)));
+        stop.cancel();
+        assert!(part.is_cancelled() && step.is_given_up());
     }
 }

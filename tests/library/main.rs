@@ -2,6 +2,7 @@
 
 mod accumulate;
 mod cancel;
+mod given_up;
 mod own;
 mod setters;
 

@@ -9,6 +9,7 @@ use super::simd::{Detected, InstructionSet, Kernel, Simd};
 use super::single::{BlockedBy, Closest, Occluded};
 use super::tracer::Tracer;
 use super::tree::{Leaf, Plane, WideTree};
+use curitiba_pipeline::progress::Progress;
 use curitiba_pipeline::scene::Geometry;
 use glam::Vec3;
 
@@ -45,9 +46,24 @@ impl Bvh {
     /// If there are 2³¹ triangles or more.
     #[must_use]
     pub fn build(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Self {
-        let built = build::build::<Leaf>(&Triangles::new(geometry, transparent), quality);
+        Self::build_until(geometry, transparent, quality, &Progress::default()).expect("nobody asks to give it up")
+    }
+
+    /// [`Self::build`] that may be given up, and gives nothing then: between the parts of the work that threads take, but for the
+    /// clustering of the binary tree, which is one piece.
+    ///
+    /// # Panics
+    /// As [`Self::build`].
+    #[must_use]
+    pub fn build_until(
+        geometry: &Geometry,
+        transparent: &[bool],
+        quality: Quality,
+        progress: &Progress,
+    ) -> Option<Self> {
+        let built = build::build_until::<Leaf>(&Triangles::new(geometry, transparent), quality, progress)?;
         let tree = WideTree { nodes: built.nodes, leaves: built.leaves, root: built.root, bounds: built.bounds };
-        Self { tree, instruction_set: Detected::best() }
+        Some(Self { tree, instruction_set: Detected::best() })
     }
 
     /// The same tree, traversed with another instruction set; nothing if the processor lacks it. For tests and benches.

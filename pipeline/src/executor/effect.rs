@@ -1,7 +1,7 @@
 //! Effect passes: raster effects on the G-buffer that the rasteriser drew.
 
 use super::rays::{Traced, by_kind};
-use super::{Observer, Progress, RenderError, Renderer, StepKind, channel_of};
+use super::{Observer, RenderError, Renderer, StepKind, channel_of};
 use crate::backend::{Answers, BackendError, EffectJob, EffectStats, GBuffer, NO_TRIANGLE, RayJob};
 use crate::image::Image;
 use crate::memory::{self, mebibytes};
@@ -113,13 +113,14 @@ impl Renderer {
             shades: &materials.shades,
             glass: &materials.glass,
         };
-        let progress = Arc::new(Progress::until(&self.cancellation));
+        let progress = self.progress();
         observer.begin(StepKind::Effect, name, &progress);
         let computed = match self.stays(index) {
             true => self.engines.raster.effect_in_place(&job, target, &progress),
             false => self.engines.raster.effect(&job, &mut output, &progress),
         };
         observer.end();
+        self.given_up |= progress.is_given_up();
         self.targets[target] = GBuffer { color: output.pixels, ..buffer };
         let stats = computed?;
         self.record_effect(name, &effect, stats);
@@ -182,14 +183,15 @@ impl Renderer {
             glass: &materials.glass,
             shadow_glass: &materials.shadow_glass,
         };
-        let progress = Arc::new(Progress::until(&self.cancellation));
+        let progress = self.progress();
         observer.begin(StepKind::Rays, name, &progress);
         let start = Instant::now();
         let result = self.engines.rays_of_mut(name).run(&job, &mut output, &progress);
         let elapsed = start.elapsed();
         observer.end();
         let stats = result?;
-        if self.cancellation.is_cancelled() {
+        self.given_up |= progress.is_given_up();
+        if self.given_up {
             return Ok(());
         }
         for ((pixel, traced), id) in self.targets[target].color.iter_mut().zip(&output.pixels).zip(&triangle) {

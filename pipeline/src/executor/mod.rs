@@ -199,6 +199,8 @@ pub struct Renderer {
     stale: bool,
     shows_everything: bool,
     cancellation: Cancellation,
+    /// Whether a step of this frame was given up, also where the request is gone.
+    given_up: bool,
     timeline: Timeline,
     warnings: Warnings,
 }
@@ -229,6 +231,7 @@ impl Renderer {
             stale: false,
             shows_everything: false,
             cancellation: Cancellation::new(),
+            given_up: false,
             uploaded: None,
             built: None,
             joined: None,
@@ -462,8 +465,14 @@ impl Renderer {
         Ok(Traced::Done)
     }
 
-    fn check_cancelled(&self) -> Result<(), RenderError> {
-        if self.cancellation.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
+    fn check_cancelled(&mut self) -> Result<(), RenderError> {
+        let given_up = std::mem::take(&mut self.given_up);
+        if given_up || self.cancellation.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(()) }
+    }
+
+    /// What a step that may be given up moves and asks.
+    fn progress(&self) -> Arc<Progress> {
+        Arc::new(Progress::until(&self.cancellation))
     }
 
     /// The picture as the last frame left it, what is cut off left out; black before the first. Of one that is rendered in
@@ -494,7 +503,8 @@ impl Renderer {
         let PassKind::Quad(quad) = &pass.kind else { return Ok(()) };
         let (source, target) = (quad.source, pass.target);
         let shader = quad.shader.clone();
-        observer.begin(StepKind::Quad, name, &Arc::new(Progress::default()));
+        let progress = self.progress();
+        observer.begin(StepKind::Quad, name, &progress);
         let start = Instant::now();
         let mut buffer = std::mem::take(self.buffer(target));
         let width = buffer.width;
@@ -504,7 +514,7 @@ impl Renderer {
             false => viewport,
         };
         let filled = shader.map_or(Ok(()), |shader| self.fill_quad(&shader, viewport, &mut buffer));
-        quad::fill(&mut buffer.color, width, viewport, source, |channel| {
+        quad::fill(&mut buffer.color, width, viewport, source, &progress, |channel| {
             let read = &self.targets[channel.target];
             (read.width, read.height, channel_of(read, channel.channel))
         });
@@ -512,6 +522,7 @@ impl Renderer {
         self.round_to_formats(target);
         let elapsed = start.elapsed();
         observer.end();
+        self.given_up |= progress.is_given_up();
         let row = self.timeline.record(StepKind::Quad, name, elapsed);
         if source == QuadSource::Own {
             row.note = format!("own shader on {}", self.engines.raster.name());

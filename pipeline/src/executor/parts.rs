@@ -1,6 +1,6 @@
 //! Rendering a picture part by part, and drawing in blocks what is larger than a rasteriser can draw.
 
-use super::{Observer, RenderError, Renderer};
+use super::{Observer, Progress, RenderError, Renderer};
 use crate::backend::{Attachments, BackendError, GBuffer, NO_TRIANGLE, RasterJob, Rasteriser, Rect, View};
 use crate::image::{Colors, Image, Rows, count_non_finite};
 use crate::memory::{self, Refused};
@@ -36,6 +36,7 @@ impl Renderer {
     /// A frame begins.
     pub(super) fn begin_frame(&mut self) {
         self.frame = self.frame.saturating_add(1);
+        self.given_up = false;
         if let Some(displayed) = self.displayed.take() {
             self.room_for_codes = displayed.codes.pixels;
         }
@@ -133,11 +134,15 @@ pub(super) fn draw_blocks(
     blocks: &[(View, Rect)],
     host: Attachments,
     target: &mut GBuffer,
+    progress: &Progress,
 ) -> Result<u64, BackendError> {
     let mut triangles = 0;
     for (view, viewport) in blocks {
+        if progress.is_cancelled() {
+            break;
+        }
         let job = RasterJob { view: *view, viewport: *viewport, ..*job };
-        triangles += raster.draw(&job, target)?.triangles;
+        triangles += raster.draw_until(&job, target, progress)?.triangles;
         if raster.needs_read_back() && host != Attachments::default() {
             raster.read_back(&job, host, target)?;
         }

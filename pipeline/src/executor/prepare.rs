@@ -300,6 +300,7 @@ impl Renderer {
             let built = passes
                 .into_iter()
                 .try_for_each(|pass| self.build(set, &pass, &filtered, observer).map_err(|error| (pass, error)));
+            self.check_cancelled()?;
             match built {
                 Ok(()) => {
                     self.built = Some(set);
@@ -321,10 +322,12 @@ impl Renderer {
     ) -> Result<(), BackendError> {
         let rays = self.engines.rays_of_mut(pass);
         let name = rays.name();
-        observer.begin(StepKind::Build, name, &Arc::new(Progress::default()));
+        let progress = Arc::new(Progress::until(&self.cancellation));
+        observer.begin(StepKind::Build, name, &progress);
         let start = Instant::now();
-        let built = rays.build(&self.scenes[set].scene, filtered);
+        let built = rays.build_until(&self.scenes[set].scene, filtered, &progress);
         observer.end();
+        self.given_up |= progress.is_given_up();
         let stats = built?;
         let row = self.timeline.record(StepKind::Build, name, start.elapsed());
         row.bytes = stats.bytes;

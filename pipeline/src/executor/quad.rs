@@ -2,6 +2,7 @@
 
 use crate::backend::Rect;
 use crate::image::Image;
+use crate::progress::Progress;
 use crate::project::{ChannelRef, QuadSource};
 use rayon::prelude::*;
 
@@ -9,22 +10,23 @@ use rayon::prelude::*;
 type Source<'a> = (u32, u32, &'a [[f32; 4]]);
 
 /// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; another is filtered
-/// bilinearly.
+/// bilinearly. It may be given up between rows.
 pub(super) fn fill<'a>(
     pixels: &mut [[f32; 4]],
     width: u32,
     viewport: Rect,
     source: QuadSource,
+    progress: &Progress,
     channel: impl Fn(ChannelRef) -> Source<'a>,
 ) {
     match source {
         QuadSource::Show(shown) => {
             let read = reader(channel(shown), viewport);
-            rows(pixels, width, viewport, read);
+            rows(pixels, width, viewport, progress, read);
         }
         QuadSource::Combine { color, factor } => {
             let (color, factor) = (reader(channel(color), viewport), reader(channel(factor), viewport));
-            rows(pixels, width, viewport, |x, y| {
+            rows(pixels, width, viewport, progress, |x, y| {
                 let factor = factor(x, y)[0];
                 color(x, y).map(|value| value * factor)
             });
@@ -34,17 +36,29 @@ pub(super) fn fill<'a>(
     }
 }
 
-fn rows(pixels: &mut [[f32; 4]], width: u32, viewport: Rect, pixel: impl Fn(u32, u32) -> [f32; 4] + Sync) {
+fn rows(
+    pixels: &mut [[f32; 4]],
+    width: u32,
+    viewport: Rect,
+    progress: &Progress,
+    pixel: impl Fn(u32, u32) -> [f32; 4] + Sync,
+) {
     if viewport.width == 0 || viewport.height == 0 {
         return;
     }
     let width = width as usize;
     let rows = viewport.y as usize * width..(viewport.y + viewport.height) as usize * width;
+    progress.start(u64::from(viewport.height));
     pixels[rows].par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+        // What is written after that is thrown away.
+        if progress.is_cancelled() {
+            return;
+        }
         let covered = &mut row[viewport.x as usize..(viewport.x + viewport.width) as usize];
         for (x, out) in covered.iter_mut().enumerate() {
             *out = pixel(x as u32, y as u32);
         }
+        progress.advance(1);
     });
 }
 
@@ -64,6 +78,8 @@ fn reader<'a>((width, height, texels): Source<'a>, viewport: Rect) -> impl Fn(u3
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::progress::Cancellation;
+    use std::sync::atomic::{AtomicU64, Ordering, fence};
 
     const A: ChannelRef = ChannelRef { target: 0, channel: 0 };
     const B: ChannelRef = ChannelRef { target: 1, channel: 0 };
@@ -74,7 +90,7 @@ mod tests {
         let factor = vec![[0.5, 9.0, 9.0, 9.0]; 4];
         let mut out = vec![[7.0; 4]; 16];
         let viewport = Rect { x: 1, y: 2, width: 2, height: 2 };
-        fill(&mut out, 4, viewport, QuadSource::Combine { color: A, factor: B }, |channel| {
+        fill(&mut out, 4, viewport, QuadSource::Combine { color: A, factor: B }, &Progress::default(), |channel| {
             (2, 2, if channel == A { color.as_slice() } else { factor.as_slice() })
         });
         for (index, pixel) in out.iter().enumerate() {
@@ -85,14 +101,35 @@ mod tests {
     }
 
     #[test]
+    fn threads_end_the_rows_that_they_are_at_when_it_is_given_up() {
+        let stop = Cancellation::new();
+        let progress = Progress::until(&stop);
+        let asked = AtomicU64::new(u64::MAX);
+        let mut out = vec![[0.0; 4]; 4 * 512];
+        rows(&mut out, 4, Rect { x: 0, y: 0, width: 4, height: 512 }, &progress, |_, _| {
+            if progress.get().0 >= 100 && asked.load(Ordering::SeqCst) == u64::MAX {
+                stop.cancel();
+                fence(Ordering::SeqCst);
+                asked.store(progress.get().0, Ordering::SeqCst);
+            }
+            [1.0; 4]
+        });
+        let (asked, (end, total)) = (asked.into_inner(), progress.get());
+        assert!(progress.is_given_up() && total == 512 && (100..400).contains(&asked), "{asked} of {total}");
+        let threads = rayon::current_num_threads() as u64;
+        assert!(end.saturating_sub(asked) <= threads, "{} rows more, by {threads} threads", end - asked);
+        assert_eq!(out.iter().filter(|pixel| **pixel == [1.0; 4]).count() as u64, 4 * end);
+    }
+
+    #[test]
     fn a_source_of_the_same_size_is_copied_exactly_and_another_is_filtered() {
         let source: Vec<[f32; 4]> = (0..16).map(|i| [i as f32 * 0.1, 0.0, 0.0, 1.0]).collect();
         let mut out = vec![[0.0; 4]; 16];
         let whole = Rect { x: 0, y: 0, width: 4, height: 4 };
-        fill(&mut out, 4, whole, QuadSource::Show(A), |_| (4, 4, source.as_slice()));
+        fill(&mut out, 4, whole, QuadSource::Show(A), &Progress::default(), |_| (4, 4, source.as_slice()));
         assert_eq!(out, source);
         let mut half = vec![[0.0; 4]; 4];
-        fill(&mut half, 2, Rect { x: 0, y: 0, width: 2, height: 2 }, QuadSource::Show(A), |_| {
+        fill(&mut half, 2, Rect { x: 0, y: 0, width: 2, height: 2 }, QuadSource::Show(A), &Progress::default(), |_| {
             (4, 4, source.as_slice())
         });
         assert!((half[0][0] - 0.25).abs() < 1e-6, "the mean of texels 0, 1, 4 and 5");

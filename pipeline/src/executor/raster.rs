@@ -61,11 +61,13 @@ impl Renderer {
         };
         if self.plan.block.is_some() {
             let (host, raster) = (self.in_host(target, host, traced), &mut self.engines.raster);
-            observer.begin(StepKind::Raster, name, &Arc::new(Progress::default()));
+            let progress = Arc::new(Progress::until(&self.cancellation));
+            observer.begin(StepKind::Raster, name, &progress);
             let start = Instant::now();
-            let drawn = parts::draw_blocks(raster.as_mut(), &job, &blocks, host, &mut buffer);
+            let drawn = parts::draw_blocks(raster.as_mut(), &job, &blocks, host, &mut buffer, &progress);
             let elapsed = start.elapsed();
             observer.end();
+            self.given_up |= progress.is_given_up();
             *self.buffer(target) = buffer;
             self.round_to_formats(target);
             let (triangles, blocks) = (drawn?, blocks.len());
@@ -74,15 +76,16 @@ impl Renderer {
                 format!("{triangles} triangles on {engine}, in {blocks} blocks");
             return Ok(());
         }
-        let progress = Arc::new(Progress::default());
+        let progress = Arc::new(Progress::until(&self.cancellation));
         observer.begin(StepKind::Raster, name, &progress);
         let start = Instant::now();
         let drawn = match own_materials.is_empty() {
-            true => self.engines.raster.draw(&job, &mut buffer),
+            true => self.engines.raster.draw_until(&job, &mut buffer, &progress),
             false => self.engines.raster.draw_with(&job, &own, &mut buffer),
         };
         let elapsed = start.elapsed();
         observer.end();
+        self.given_up |= progress.is_given_up();
         let handed = drawn.as_ref().ok().and_then(|stats| stats.shared);
         let mut result = drawn.map(|stats| {
             let joining = handed.map_or(Duration::ZERO, |handed| handed.host);

@@ -1,6 +1,6 @@
 //! Ray passes: building what they need, and running them.
 
-use super::{Estimate, Observer, Progress, RenderError, Renderer, Row, StepKind, channel_of};
+use super::{Estimate, Observer, RenderError, Renderer, Row, StepKind, channel_of};
 use crate::backend::{BackendError, FromCamera, GBuffer, RayCounts, RayJob};
 use crate::image::Image;
 use crate::plan::{PlannedPass, Work};
@@ -104,7 +104,7 @@ impl Renderer {
                 surfaces: &materials.surfaces,
             }),
         };
-        let progress = Arc::new(Progress::until(&self.cancellation));
+        let progress = self.progress();
         observer.begin(StepKind::Rays, name, &progress);
         let start = Instant::now();
         let stays = self.stays(index);
@@ -114,11 +114,13 @@ impl Renderer {
         };
         let elapsed = start.elapsed();
         observer.end();
+        self.given_up |= progress.is_given_up();
         if traced.is_ok() && in_host && !stays {
             observer.traced(name, &job, &output);
         }
         let mut sums = self.part > 0 || self.sample > 0;
-        if let (Ok(_), Some((estimate, samples)), false) = (&traced, batch, self.cancellation.is_cancelled()) {
+        let given_up = self.given_up || self.cancellation.is_cancelled();
+        if let (Ok(_), Some((estimate, samples)), false) = (&traced, batch, given_up) {
             sums |= estimate.batches() > 0;
             estimate.add(&output.pixels, *samples);
         }

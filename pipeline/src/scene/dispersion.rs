@@ -5,6 +5,7 @@ pub(crate) const CAUCHY: f32 = 523_655.0;
 pub(crate) const CAUCHY_AT_D: f32 = 1.5168;
 
 /// Index at the line d and [`Dielectric::spread`](crate::glass::Dielectric::spread) of a material whose index is A + B / λ², with λ in micrometres.
+#[cfg(any(feature = "gltf", test))]
 #[must_use]
 pub fn of_cauchy([a, b]: [f64; 2]) -> [f64; 2] {
     let spread = b * 1e6 / f64::from(CAUCHY);

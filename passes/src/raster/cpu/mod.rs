@@ -28,6 +28,7 @@ mod vertex;
 
 pub use simd::InstructionSet;
 
+#[cfg(feature = "wgpu")]
 pub(in crate::raster) use effects::find_proxy;
 
 use bins::Bins;
@@ -135,12 +136,14 @@ impl CpuRasteriser {
         self.stages
     }
 
-    /// Draws a job into a target that has its size, but for the triangles of hidden materials.
+    /// Draws a job into a target that has its size, but for the triangles of hidden materials, and counts what threads take. Between that it
+    /// may be given up; what the target holds then is nobody's picture.
     fn render(
         &mut self,
         job: &RasterJob<'_>,
         hidden: &[bool],
         mut target: Target<'_>,
+        progress: &Progress,
     ) -> Result<DrawStats, BackendError> {
         let held = target.held();
         check::scene(job, held)?;
@@ -159,7 +162,9 @@ impl CpuRasteriser {
         resize(&mut self.vertices, geometry.positions.len(), ScreenVertex::default()).map_err(refused)?;
         let outputs = self.vertices.par_chunks_mut(VERTEX_RUN);
         outputs.zip(geometry.positions.par_chunks(VERTEX_RUN)).for_each(|(output, positions)| {
-            detected.run(Project { projection: &projection, positions, output });
+            if !progress.is_cancelled() {
+                detected.run(Project { projection: &projection, positions, output });
+            }
         });
         if let Some(plane) = projection.plane {
             let outputs = self.vertices.par_chunks_mut(VERTEX_RUN);
@@ -168,6 +173,10 @@ impl CpuRasteriser {
             });
         }
         self.stages.vertices = start.elapsed();
+        // A thread that was told so has left something out, which the next stage would read.
+        if progress.is_given_up() {
+            return Ok(stats);
+        }
 
         self.cuts.clear();
         self.cuts.extend(job.shades.iter().map(Shade::is_cut));
@@ -182,6 +191,7 @@ impl CpuRasteriser {
         grow(&mut self.tiles, if rounds == 1 { threads } else { grid.drawn() });
         grow(&mut self.clipped, bins);
         grow(&mut self.bins, bins.min(self.round));
+        progress.start((bins + rounds * grid.drawn()) as u64);
 
         for round in 0..rounds {
             let start = Instant::now();
@@ -190,6 +200,9 @@ impl CpuRasteriser {
             let filled = &mut self.bins[..last - first];
             let clipped = self.clipped[first..last].par_iter_mut();
             filled.par_iter_mut().zip(clipped).enumerate().with_max_len(1).for_each(|(offset, (bins, clipped))| {
+                if progress.is_cancelled() {
+                    return;
+                }
                 let index = first + offset;
                 detected.run(bins::Fill {
                     geometry,
@@ -204,8 +217,12 @@ impl CpuRasteriser {
                     bins,
                     clipped,
                 });
+                progress.advance(1);
             });
             self.stages.bins += start.elapsed();
+            if progress.is_given_up() {
+                return Ok(stats);
+            }
 
             let start = Instant::now();
             let clipped = &self.clipped;
@@ -213,6 +230,9 @@ impl CpuRasteriser {
             let (tiles, rows, shown) = (&self.tiles, &self.rows, &self.shown);
             let spheres = spheres.as_ref().filter(|_| round + 1 == rounds);
             surface::for_each_tile(&mut target, &grid, |number, index, surface| {
+                if progress.is_cancelled() {
+                    return;
+                }
                 let thread = rayon::current_thread_index().unwrap_or(0);
                 let tile = &tiles[if rounds == 1 { thread } else { number }];
                 let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
@@ -229,8 +249,12 @@ impl CpuRasteriser {
                     spheres: spheres.map(|screen| (screen, &mut *shown)),
                     surface,
                 });
+                progress.advance(1);
             });
             self.stages.tiles += start.elapsed();
+            if progress.is_given_up() {
+                return Ok(stats);
+            }
         }
         Ok(stats)
     }
@@ -257,8 +281,17 @@ impl Rasteriser for CpuRasteriser {
     }
 
     fn draw(&mut self, job: &RasterJob<'_>, target: &mut GBuffer) -> Result<DrawStats, BackendError> {
+        self.draw_until(job, target, &Progress::default())
+    }
+
+    fn draw_until(
+        &mut self,
+        job: &RasterJob<'_>,
+        target: &mut GBuffer,
+        progress: &Progress,
+    ) -> Result<DrawStats, BackendError> {
         check::target(job, target)?;
-        self.render(job, &[], Target::Attachments(target, job.attachments))
+        self.render(job, &[], Target::Attachments(target, job.attachments), progress)
     }
 
     fn needs_read_back(&self) -> bool {

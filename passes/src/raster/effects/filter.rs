@@ -12,6 +12,7 @@
 #![allow(clippy::needless_range_loop, reason = "a pixel indexes several lists side by side")]
 
 use crate::trace::{Detected, Kernel, Simd};
+use curitiba_pipeline::executor::Progress;
 use curitiba_pipeline::memory::{Refused, resize};
 use curitiba_pipeline::raster_effects::MAX_FILTER_LEVELS;
 use rayon::prelude::*;
@@ -66,8 +67,8 @@ impl Filter {
         Ok(())
     }
 
-    /// Filters so many levels; the pixels' values then.
-    pub fn run(&mut self, levels: u32) -> &[f32] {
+    /// Filters so many levels; the pixels' values then. May be given up between rows.
+    pub fn run(&mut self, levels: u32, progress: &Progress) -> &[f32] {
         let width = self.width;
         for level in 0..levels.min(MAX_FILTER_LEVELS) {
             if width == 0 {
@@ -77,6 +78,9 @@ impl Filter {
             self.next.par_chunks_mut(width).enumerate().for_each_init(
                 || [vec![0.0; width], vec![0.0; width]],
                 |sums, (row, output)| {
+                    if progress.is_cancelled() {
+                        return;
+                    }
                     let [sum, weight] = sums;
                     Detected::cached().run(Row { surfaces, shares, row, step: 1 << level, sum, weight, output });
                 },
@@ -183,7 +187,7 @@ mod tests {
     fn filtered(values: &[[f32; 4]], [position, normal]: &[Vec<[f32; 4]>; 2], levels: u32) -> Vec<f32> {
         let mut filter = Filter::default();
         filter.load(SIDE, values, position, normal).expect("host memory");
-        filter.run(levels).to_vec()
+        filter.run(levels, &Progress::default()).to_vec()
     }
 
     #[test]

@@ -7,6 +7,10 @@ use super::input::{Survey, Triangles};
 use super::leaf_format::LeafFormat;
 use super::ploc::binary_tree;
 use crate::trace::tree::{Bounds, Child, Node};
+use curitiba_pipeline::progress::Progress;
+
+/// The survey of the triangles, the binary tree, its collapse, and the writing.
+const STEPS: u64 = 4;
 
 /// The tree.
 pub(crate) struct Built<L> {
@@ -20,16 +24,30 @@ pub(crate) struct Built<L> {
 
 /// Builds the tree over the triangles with finite corners. The result does not depend on the number of threads.
 pub(crate) fn build<L: LeafFormat>(triangles: &Triangles<'_>, quality: Quality) -> Built<L> {
-    let survey = Survey::new(triangles, L::MOST);
+    build_until(triangles, quality, &Progress::default()).expect("nobody asks to give it up")
+}
+
+/// [`build`] that may be given up, and gives nothing then: between its four steps, and inside of all but obvhs's between what threads take.
+pub(crate) fn build_until<L: LeafFormat>(
+    triangles: &Triangles<'_>,
+    quality: Quality,
+    progress: &Progress,
+) -> Option<Built<L>> {
+    progress.start(STEPS);
+    let survey = Survey::new(triangles, L::MOST, progress)?;
+    progress.advance(1);
     let (bounds, count) = (survey.bounds, survey.triangles);
-    let tree = binary_tree(triangles, survey, quality.effort(count));
+    let tree = binary_tree(triangles, survey, quality.effort(count), progress)?;
+    progress.advance(1);
     if tree.nodes.is_empty() {
-        return Built { nodes: Vec::new(), leaves: Vec::new(), root: Child::NONE, bounds, triangles: 0 };
+        return Some(Built { nodes: Vec::new(), leaves: Vec::new(), root: Child::NONE, bounds, triangles: 0 });
     }
-    let plan = Plan::new::<L>(&tree);
+    let plan = Plan::new::<L>(&tree, progress)?;
     drop(tree);
-    let Emitted { nodes, leaves, root } = emit(&plan, triangles);
-    Built { nodes, leaves, root, bounds, triangles: count }
+    progress.advance(1);
+    let Emitted { nodes, leaves, root } = emit(&plan, triangles, progress)?;
+    progress.advance(1);
+    Some(Built { nodes, leaves, root, bounds, triangles: count })
 }
 
 #[cfg(test)]
@@ -37,8 +55,10 @@ mod tests {
     use super::*;
     use crate::trace::Bvh;
     use crate::trace::simd::LANES;
+    use curitiba_pipeline::progress::Cancellation;
     use curitiba_pipeline::scene::{Batch, Geometry};
     use glam::Vec3;
+    use std::sync::atomic::{AtomicBool, Ordering, fence};
 
     /// Waves of triangles, some of them on one spot, enough of them that the work is shared.
     fn waves(count: u32) -> Geometry {
@@ -77,6 +97,41 @@ mod tests {
         }
         // The comparison can fail: another effort gives another tree.
         assert!(bytes(&Bvh::build(&geometry, &[], Quality::Fast)) != all);
+    }
+
+    #[test]
+    fn a_build_that_is_given_up_gives_nothing_and_one_that_is_not_the_tree() {
+        let geometry = waves(60_000);
+        let whole = bytes(&Bvh::build(&geometry, &[], Quality::Balanced));
+        let stop = Cancellation::new();
+        stop.cancel();
+        assert!(Bvh::build_until(&geometry, &[], Quality::Balanced, &Progress::until(&stop)).is_none());
+        // After each of the four steps, by another thread: at most the step that runs is ended.
+        let mut given_up = 0;
+        for after in (0..STEPS).cycle().take(40) {
+            let (stop, over) = (Cancellation::new(), AtomicBool::new(false));
+            let progress = Progress::until(&stop);
+            let (built, asked) = std::thread::scope(|scope| {
+                let watcher = scope.spawn(|| {
+                    while !over.load(Ordering::Relaxed) && (progress.get().1 == 0 || progress.get().0 < after) {
+                        std::hint::spin_loop();
+                    }
+                    stop.cancel();
+                    fence(Ordering::SeqCst);
+                    progress.get().0
+                });
+                let built = Bvh::build_until(&geometry, &[], Quality::Balanced, &progress);
+                over.store(true, Ordering::Relaxed);
+                (built, watcher.join().expect("the watcher does not panic"))
+            });
+            let end = progress.get().0;
+            assert!(end - asked <= 1, "{asked} steps were done when it was asked, {end} at last");
+            match built {
+                Some(bvh) => assert!(end == STEPS && bytes(&bvh) == whole),
+                None => given_up += 1,
+            }
+        }
+        assert!(given_up > 0);
     }
 
     #[test]

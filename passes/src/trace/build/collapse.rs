@@ -2,6 +2,7 @@
 
 use super::leaf_format::LeafFormat;
 use crate::trace::simd::{Detected, F8, Kernel, LANES, Plain, Simd, lower};
+use curitiba_pipeline::progress::Progress;
 use obvhs::bvh2::Bvh2;
 use std::marker::PhantomData;
 
@@ -80,9 +81,10 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// The plan of a tree that has nodes.
-    pub(crate) fn new<L: LeafFormat>(tree: &Bvh2) -> Self {
-        Planner::<L> { tree, large: tree.nodes.len() / SHARE, leaf: PhantomData }.whole(0, 0).0
+    /// The plan of a tree that has nodes; nothing if it is given up, which is asked for before each part that a thread takes.
+    pub(crate) fn new<L: LeafFormat>(tree: &Bvh2, progress: &Progress) -> Option<Self> {
+        let planner = Planner::<L> { tree, large: tree.nodes.len() / SHARE, progress, leaf: PhantomData };
+        Some(planner.whole(0, 0)?.0)
     }
 
     /// The whole tree.
@@ -161,21 +163,26 @@ struct Planner<'a, L> {
     tree: &'a Bvh2,
     /// The nodes before this one may have halves that are planned side by side.
     large: usize,
+    progress: &'a Progress,
     leaf: PhantomData<fn() -> L>,
 }
 
 impl<L: LeafFormat> Planner<'_, L> {
     /// Plans a subtree, the halves of a large one side by side.
-    fn whole(&self, index: u32, depth: u32) -> (Plan, Summary) {
+    fn whole(&self, index: u32, depth: u32) -> Option<(Plan, Summary)> {
+        if self.progress.is_cancelled() {
+            return None;
+        }
         let node = &self.tree.nodes[index as usize];
         if index as usize >= self.large || depth >= DEEPEST || node.is_leaf() {
-            return Detected::cached().run(Small { planner: self, root: index });
+            return Some(Detected::cached().run(Small { planner: self, root: index }));
         }
         let half = |index: u32| self.whole(index, depth + 1);
         let (left, right) = rayon::join(|| half(node.first_index), || half(node.first_index + 1));
+        let (left, right) = (left?, right?);
         let (choice, cost, summary) = Self::inner(Plain, node.aabb().half_area(), &left.1, &right.1);
         let entry = Entry { choice, cost, end: 1, first: 0 };
-        (Plan { entries: vec![entry], triangles: Vec::new(), halves: Some(Box::new([left.0, right.0])) }, summary)
+        Some((Plan { entries: vec![entry], triangles: Vec::new(), halves: Some(Box::new([left.0, right.0])) }, summary))
     }
 
     /// Plans a node with two halves. What is done for all numbers of children is written as loops over lanes.

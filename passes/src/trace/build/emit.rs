@@ -5,6 +5,7 @@ use super::input::Triangles;
 use super::leaf_format::LeafFormat;
 use crate::trace::simd::LANES;
 use crate::trace::tree::{Bounds, Child, Node, STACK};
+use curitiba_pipeline::progress::Progress;
 use rayon::prelude::*;
 
 /// Levels of nodes that follow the binary tree; below them, subtrees are rebuilt by halving, whose depth is bounded.
@@ -25,9 +26,13 @@ pub(crate) struct Emitted<L> {
     pub(crate) root: Child,
 }
 
-/// Writes the tree: which nodes and leaves there are, then the leaves, and then the nodes around them.
-pub(crate) fn emit<L: LeafFormat>(plan: &Plan, triangles: &Triangles<'_>) -> Emitted<L> {
-    let layout = Layout::new(&Source { plan, triangles, most: L::MOST });
+/// Writes the tree: which nodes and leaves there are, then the leaves, and then the nodes around them. Nothing if it is given up, which is
+/// asked for before each of these and before the parts of the first.
+pub(crate) fn emit<L: LeafFormat>(plan: &Plan, triangles: &Triangles<'_>, progress: &Progress) -> Option<Emitted<L>> {
+    let layout = Layout::new(&Source { plan, triangles, most: L::MOST }, progress)?;
+    if progress.is_cancelled() {
+        return None;
+    }
     let (mut leaves, mut leaf_bounds) = (Vec::new(), Vec::new());
     let leaf = |leaf: usize| L::new(triangles, layout.leaf(leaf));
     let count = layout.ends.len();
@@ -35,6 +40,9 @@ pub(crate) fn emit<L: LeafFormat>(plan: &Plan, triangles: &Triangles<'_>) -> Emi
     let bounds_of = |child: Child, nodes: &[Bounds]| {
         if child.is_leaf() { leaf_bounds[child.index()] } else { nodes[child.index()] }
     };
+    if progress.is_cancelled() {
+        return None;
+    }
     let mut node_bounds = vec![Bounds::EMPTY; layout.nodes.len()];
     for (slot, children) in layout.nodes.iter().enumerate().rev() {
         let used = children.iter().filter(|child| **child != Child::NONE);
@@ -48,7 +56,7 @@ pub(crate) fn emit<L: LeafFormat>(plan: &Plan, triangles: &Triangles<'_>) -> Emi
         node
     };
     let nodes = layout.nodes.par_iter().with_min_len(GRAIN / LANES).map(node).collect();
-    Emitted { nodes, leaves, root: layout.root }
+    Some(Emitted { nodes, leaves, root: layout.root })
 }
 
 /// What nodes and leaves there are.
@@ -64,15 +72,18 @@ struct Layout {
 }
 
 impl Layout {
-    fn new(source: &Source<'_>) -> Self {
+    fn new(source: &Source<'_>, progress: &Progress) -> Option<Self> {
         let mut subtrees = Vec::new();
         below(source.plan.root(), 0, &mut subtrees);
         let write = |&(subtree, depth): &(Subtree<'_>, usize)| {
+            if progress.is_cancelled() {
+                return None;
+            }
             let mut writer = Writer { source, layout: Self::for_about(subtree.count()), written: None };
             let root = writer.write(subtree, depth);
-            Self { root, ..writer.layout }
+            Some(Self { root, ..writer.layout })
         };
-        let parts: Vec<Self> = subtrees.par_iter().with_max_len(1).map(write).collect();
+        let parts = subtrees.par_iter().with_max_len(1).map(write).collect::<Option<Vec<Self>>>()?;
         let total = |count: fn(&Self) -> usize| parts.iter().map(count).sum::<usize>();
         let layout = Self {
             nodes: Vec::with_capacity(total(|part| part.nodes.len())),
@@ -82,7 +93,7 @@ impl Layout {
         };
         let mut writer = Writer { source, layout, written: Some(parts.into_iter()) };
         let root = writer.write(source.plan.root(), 0);
-        Self { root, ..writer.layout }
+        Some(Self { root, ..writer.layout })
     }
 
     /// Lists that hold a subtree of so many triangles, as a rule: on many threads lists that grow wait for each other.

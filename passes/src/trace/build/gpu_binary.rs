@@ -9,6 +9,7 @@ use super::ploc::binary_tree;
 use crate::trace::rounding;
 use crate::trace::tree::{self, Bounds};
 use bytemuck::{Pod, Zeroable};
+use curitiba_pipeline::progress::Progress;
 use curitiba_pipeline::scene::Geometry;
 use obvhs::bvh2::Bvh2;
 
@@ -79,9 +80,11 @@ impl BinaryTree {
     pub fn build(geometry: &Geometry, transparent: &[bool], quality: Quality) -> Self {
         assert!(geometry.triangles.len() < MOST_TRIANGLES, "a tree holds fewer than 2^29 triangles");
         let triangles = Triangles::new(geometry, transparent);
-        let survey = Survey::new(&triangles, MOST as usize);
+        let to_the_end = &Progress::default();
+        let survey = Survey::new(&triangles, MOST as usize, to_the_end).expect("nobody asks to give it up");
         let (bounds, count) = (survey.bounds, survey.triangles);
-        let binary = binary_tree(&triangles, survey, quality.effort(count));
+        let binary = binary_tree(&triangles, survey, quality.effort(count), to_the_end);
+        let binary = binary.expect("nobody asks to give it up");
         if binary.nodes.is_empty() {
             return Self::default();
         }

@@ -1,6 +1,7 @@
 //! The triangles that a tree is built over.
 
 use crate::trace::tree::{Bounds, TRANSPARENT};
+use curitiba_pipeline::progress::Progress;
 use curitiba_pipeline::scene::Geometry;
 use glam::{Vec3, Vec3A};
 use rayon::prelude::*;
@@ -97,10 +98,14 @@ pub(crate) struct Survey {
 impl Survey {
     /// Two triangles that follow each other and share an edge are put together if wide leaves hold at least four triangles
     /// (`most`). The result does not depend on the number of threads, not even the sign of a zero.
-    pub(crate) fn new(triangles: &Triangles<'_>, most: usize) -> Self {
+    /// Nothing if it is given up, which is asked for between parts.
+    pub(crate) fn new(triangles: &Triangles<'_>, most: usize, progress: &Progress) -> Option<Self> {
         let count = triangles.geometry.triangles.len();
-        let part = |part: usize| Self::part(triangles, part * GRAIN..count.min((part + 1) * GRAIN), most);
-        let parts: Vec<Self> = (0..count.div_ceil(GRAIN)).into_par_iter().map(part).collect();
+        let part = |part: usize| {
+            let ids = part * GRAIN..count.min((part + 1) * GRAIN);
+            (!progress.is_cancelled()).then(|| Self::part(triangles, ids, most))
+        };
+        let parts = (0..count.div_ceil(GRAIN)).into_par_iter().map(part).collect::<Option<Vec<Self>>>()?;
         let mut all = Self { bounds: Bounds::EMPTY, triangles: 0, leaves: Vec::new() };
         all.leaves.reserve_exact(parts.iter().map(|part| part.leaves.len()).sum());
         for part in parts {
@@ -108,7 +113,7 @@ impl Survey {
             all.triangles += part.triangles;
             all.leaves.extend_from_slice(&part.leaves);
         }
-        all
+        Some(all)
     }
 
     fn part(triangles: &Triangles<'_>, ids: std::ops::Range<usize>, most: usize) -> Self {

@@ -17,6 +17,6 @@ mod ploc;
 #[cfg(test)]
 mod soup;
 
-pub(crate) use builder::build;
+pub(crate) use builder::build_until;
 pub use effort::Quality;
 pub(crate) use input::Triangles;

@@ -3,6 +3,7 @@
 use super::effort::Effort;
 use super::input::{InputLeaf, Survey, Triangles};
 use bytemuck::Zeroable;
+use curitiba_pipeline::progress::Progress;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -29,10 +30,17 @@ const GRAIN: usize = 8192;
 /// Its clustering merges neighbours that prefer each other, and loses its linear time when costs tie (a row of equal
 /// boxes merges one pair a pass), overflow or are NaN. So it is given boxes scaled to a unit cube and grown on each side
 /// by a pseudo-random 1/64 of their size at most. What is taken from the tree is its topology, and areas to choose by.
-pub(crate) fn binary_tree(triangles: &Triangles<'_>, survey: Survey, effort: Effort) -> Bvh2 {
+///
+/// Nothing if it is given up: before the library clusters, or before it optimises, since it is not asked inside of either.
+pub(crate) fn binary_tree(
+    triangles: &Triangles<'_>,
+    survey: Survey,
+    effort: Effort,
+    progress: &Progress,
+) -> Option<Bvh2> {
     let count = survey.leaves.len();
     if count == 0 {
-        return Bvh2::default();
+        return Some(Bvh2::default());
     }
     let bounds = survey.bounds;
     let low = bounds.low.as_dvec3();
@@ -52,6 +60,9 @@ pub(crate) fn binary_tree(triangles: &Triangles<'_>, survey: Survey, effort: Eff
     drop(survey);
     builder.next_nodes = touched(count);
     builder.mortons = touched(count.div_ceil(2));
+    if progress.is_cancelled() {
+        return None;
+    }
     let mut tree = Bvh2 { nodes: touched(2 * count - 1), ..Bvh2::default() };
     // The order along the curve is that of a cube: along the flat side of a scene, noise would have its highest bits.
     let cube = Aabb::new(Vec3A::splat(-2.0 * GROWTH), Vec3A::splat(1.0 + 2.0 * GROWTH));
@@ -74,10 +85,13 @@ pub(crate) fn binary_tree(triangles: &Triangles<'_>, survey: Survey, effort: Eff
         }
     }
     drop(builder);
+    if progress.is_cancelled() {
+        return None;
+    }
     if effort.reinsertion > 0.0 && overlap(&tree) < MAX_OVERLAP {
         ReinsertionOptimizer::default().run(&mut tree, effort.reinsertion, None);
     }
-    tree
+    Some(tree)
 }
 
 /// Zeros that all threads write: obvhs writes most of its memory from one thread first, which then waits for the pages.

@@ -116,7 +116,7 @@ impl Effects {
         if levels > 0 {
             let start = Instant::now();
             self.filter.load(job.width, &output.pixels, job.position, job.normal).map_err(refused)?;
-            let shares = self.filter.run(levels);
+            let shares = self.filter.run(levels, progress);
             let width = job.width as usize;
             let filtering = start.elapsed();
             let finish = each_span(output, progress, |x, y, pixels| {
@@ -160,7 +160,7 @@ impl Effects {
         for (fit, map) in cascades.fits.iter().zip(&mut self.shadows) {
             map.resize(size);
             let map_job = map_job(job, fit.view, None, square(size), Attachments::default());
-            let drawn = raster.render(&map_job, &[], Target::Depth(map))?;
+            let drawn = raster.render(&map_job, &[], Target::Depth(map), &progress.part())?;
             stats.triangles += drawn.triangles;
             progress.advance(1);
         }
@@ -239,7 +239,7 @@ impl Effects {
         let faces = probes.iter().flat_map(|probe| (0..cube::FACES).map(|face| probe.view(face)));
         for (view, face) in faces.zip(&mut self.faces) {
             let map_job = map_job(job, view, job.sun, square(size), attachments);
-            raster.render(&map_job, job.glass, Target::Attachments(face, attachments))?;
+            raster.render(&map_job, job.glass, Target::Attachments(face, attachments), &progress.part())?;
             progress.advance(1);
         }
         stats.triangles += maps as u64 * unglazed(job);
@@ -291,7 +291,7 @@ impl Effects {
             resize(&mut map.color, held.width as usize * held.height as usize, [0.0; 4]).map_err(refused)?;
             // As the picture itself is drawn: of two layers the nearer one is seen.
             let map_job = RasterJob { snapped_depth: false, ..map_job(job, mirror.view, job.sun, whole, attachments) };
-            raster.render(&map_job, job.glass, Target::Attachments(map, attachments))?;
+            raster.render(&map_job, job.glass, Target::Attachments(map, attachments), &progress.part())?;
             drawing += start.elapsed();
             let start = Instant::now();
             take(output, &self.plane_of, mirror, map);
@@ -410,7 +410,9 @@ pub(in crate::raster) fn find_proxy(
 ) -> Result<Proxy, BackendError> {
     Proxy::find(&probe.eye(), |view, buffer| {
         let map_job = map_job(job, view, None, square(proxy::FACE), proxy::ATTACHMENTS);
-        raster.render(&map_job, job.glass, Target::Attachments(buffer, proxy::ATTACHMENTS)).map(drop)
+        // To the end: boxes are kept.
+        let progress = Progress::default();
+        raster.render(&map_job, job.glass, Target::Attachments(buffer, proxy::ATTACHMENTS), &progress).map(drop)
     })
 }
 

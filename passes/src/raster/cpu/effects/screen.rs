@@ -35,7 +35,7 @@ impl Effects {
         let refracts = job.program.refracts();
         let mut behind = std::mem::take(&mut self.behind);
         if refracts {
-            draw_behind(raster, job, &mut behind, stats)?;
+            draw_behind(raster, job, &mut behind, progress, stats)?;
         }
         let mut pyramid = std::mem::take(&mut self.pyramid);
         let (position, normal, color): (&[_], &[_], &[_]) = match refracts {
@@ -121,6 +121,7 @@ fn draw_behind(
     raster: &mut CpuRasteriser,
     job: &EffectJob<'_>,
     behind: &mut GBuffer,
+    progress: &Progress,
     stats: &mut EffectStats,
 ) -> Result<(), BackendError> {
     let attachments = Attachments { color: true, position: true, normal: true, triangle: false };
@@ -136,7 +137,7 @@ fn draw_behind(
     let whole = Rect { x: 0, y: 0, width: job.width, height: job.height };
     // As the picture itself is drawn: of two layers the nearer one is seen.
     let map_job = RasterJob { snapped_depth: false, ..map_job(job, job.view, job.sun, whole, attachments) };
-    raster.render(&map_job, job.glass, Target::Attachments(behind, attachments))?;
+    raster.render(&map_job, job.glass, Target::Attachments(behind, attachments), &progress.part())?;
     stats.maps = Some(Part { host: start.elapsed(), device: None });
     (stats.map_count, stats.triangles) = (1, unglazed(job));
     Ok(())

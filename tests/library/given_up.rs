@@ -1,0 +1,127 @@
+//! How much is still done of a step after a frame was given up in the middle of it: what each thread was at, and no more.
+//!
+//! Another thread asks, at moments that chance chooses. What is asserted is counted, not timed; the times are printed.
+
+use super::{bits, file};
+use curitiba::Choice;
+use curitiba::pipeline::executor::{Observer, Progress, RenderError, Renderer, Silent, StepKind};
+use curitiba::pipeline::plan::Settings;
+use std::sync::atomic::{AtomicBool, Ordering, fence};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Frames that are given up in the middle of the step, and tries until there are so many.
+const WANTED: usize = 8;
+const TRIES: usize = 100;
+
+/// Shows the progress of a step to another thread.
+struct Shows<'a> {
+    kind: StepKind,
+    running: &'a Mutex<Option<Arc<Progress>>>,
+}
+
+impl Observer for Shows<'_> {
+    fn begin(&mut self, kind: StepKind, _: &str, progress: &Arc<Progress>) {
+        if kind == self.kind {
+            *self.running.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(progress));
+        }
+    }
+    fn end(&mut self) {}
+}
+
+/// What was seen of one try: parts that were done when it was asked and in the end, of how many, and how long the frame took to end.
+struct Try {
+    asked: u64,
+    end: u64,
+    total: u64,
+    took: Duration,
+}
+
+/// Renders a frame and asks to give it up when so much of a step is done, as a part of 1; nothing if it ended before.
+fn one_try(renderer: &mut Renderer, kind: StepKind, when: f64) -> Option<Try> {
+    let (running, over) = (Mutex::new(None), AtomicBool::new(false));
+    let stop = renderer.cancellation();
+    let (asked, ended) = std::thread::scope(|scope| {
+        let watcher = scope.spawn(|| {
+            while !over.load(Ordering::Relaxed) {
+                let step: Option<Arc<Progress>> = running.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                if let Some(step) = step {
+                    let (done, total) = step.get();
+                    if total > 0 && done as f64 >= when * total as f64 {
+                        let now = Instant::now();
+                        stop.cancel();
+                        fence(Ordering::SeqCst);
+                        return Some((now, step.get().0, step));
+                    }
+                }
+                std::thread::yield_now();
+            }
+            None
+        });
+        let result = renderer.frame(&mut Shows { kind, running: &running });
+        let end = Instant::now();
+        over.store(true, Ordering::Relaxed);
+        let asked = watcher.join().expect("the watcher does not panic");
+        (asked, result.map(drop).map_err(|error| (error, end)))
+    });
+    stop.reset();
+    let (now, asked, step) = asked?;
+    let (end, total) = step.get();
+    match ended {
+        Err((RenderError::Cancelled, returned)) => Some(Try { asked, end, total, took: returned - now }),
+        Err((error, _)) => panic!("{error}"),
+        // It was asked when the last pass was done.
+        Ok(()) => None,
+    }
+}
+
+/// Chance that is the same in every run (the 64-bit congruential generator of Knuth, MMIX).
+fn parts() -> impl Iterator<Item = f64> {
+    let mut state = 1_u64;
+    std::iter::repeat_with(move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f64 / (1_u64 << 24) as f64
+    })
+}
+
+#[test]
+fn threads_end_what_they_are_at_in_every_kind_of_pass() {
+    let threads = rayon::current_num_threads() as u64;
+    let size = Some([1024, 1024]);
+    for (name, kind, set) in [
+        ("SceneNoEffects", StepKind::Raster, None),
+        ("SceneSSAO", StepKind::Rays, Some("pass2.samples=4")),
+        ("raster/SceneShadowMap", StepKind::Effect, None),
+    ] {
+        let settings = Settings { size, set: set.map(str::to_owned).into_iter().collect(), ..Settings::default() };
+        let mut renderer = curitiba::open(file(name), settings, Choice::CPU, &mut Silent).expect("the project opens");
+        let whole = bits(&renderer.frame(&mut Silent).expect("the frame renders"));
+        let mut times = Vec::new();
+        let mut most = 0;
+        for when in parts().take(TRIES) {
+            let Some(tried) = one_try(&mut renderer, kind, 0.95 * when) else { continue };
+            assert!(
+                tried.end - tried.asked <= threads,
+                "{name}: {} of {} parts were done, at last {}, by {threads} threads",
+                tried.asked,
+                tried.total,
+                tried.end
+            );
+            most = most.max(tried.end - tried.asked);
+            times.push(tried.took);
+            if times.len() == WANTED {
+                break;
+            }
+        }
+        assert_eq!(times.len(), WANTED, "{name}: in {TRIES} tries");
+        times.sort();
+        println!(
+            "{name}, {} given up {WANTED} times: at most {most} parts more by {threads} threads; {:.1} ms in the middle, {:.1} ms at most",
+            kind.name(),
+            times[WANTED / 2].as_secs_f64() * 1e3,
+            times[WANTED - 1].as_secs_f64() * 1e3
+        );
+        // Nothing of what was given up is left.
+        assert!(bits(&renderer.update(&mut Silent).expect("the frame renders")) == whole, "{name}");
+    }
+}
