@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Frames that are given up in the middle of the step, and tries until there are so many.
-const WANTED: usize = 8;
+const WANTED: usize = 5;
 const TRIES: usize = 100;
 
 /// Shows the progress of a step to another thread.
