@@ -39,18 +39,18 @@ pub struct Merged {
 /// or references.
 pub fn merge(paths: &[PathBuf]) -> Result<Merged, PartError> {
     let (files, folders) = named(paths)?;
-    let sources: Vec<Source> = files.into_par_iter().map(read).collect::<Result<_, _>>()?;
+    let mut sources: Vec<Source> = files.into_par_iter().map(read).collect::<Result<_, _>>()?;
     let list = list(&sources, folders)?;
     check(&sources, list.as_ref())?;
     let mut warnings = interrupted(&sources);
     let (machines, places) = machines(&sources);
     let order: HashMap<&str, usize> =
         list.iter().flat_map(|list| &list.rows).enumerate().map(|(index, row)| (row.key.as_str(), index)).collect();
-    let rows = rows(&sources, &machines, &order);
-    warnings.extend(repeated(&rows, &machines));
-    warnings.extend(machines.first().and_then(changed));
     let missing = missing(list.as_ref(), &sources);
     let whole = missing.is_empty() && sources.iter().all(|source| source.file.complete);
+    let rows = take_rows(&mut sources, &machines, &order);
+    warnings.extend(repeated(&rows, &machines));
+    warnings.extend(machines.first().and_then(changed));
     let Some(first) = sources.first() else {
         return Err(PartError::Io {
             path: paths.first().cloned().unwrap_or_default(),
@@ -276,20 +276,20 @@ fn join(known: &mut Environment, other: &Environment) {
     }
 }
 
-/// All rows, each with its machine: by the list, where it is in one, else as they come; equal ones by machine, then as they come.
-fn rows(sources: &[Source], machines: &[Environment], order: &HashMap<&str, usize>) -> Vec<BenchRow> {
+/// All rows of the sources, which have none after that, each with its machine: by the list, where it is in one, else as they come; equal ones by machine, then as they come.
+fn take_rows(sources: &mut [Source], machines: &[Environment], order: &HashMap<&str, usize>) -> Vec<BenchRow> {
     let mut unlisted: HashMap<String, usize> = HashMap::new();
     let mut rows: Vec<(usize, BenchRow)> = Vec::new();
     for source in sources {
-        for row in &source.file.rows {
-            let environment = source.file.environment_of(row);
+        for row in std::mem::take(&mut source.file.rows) {
+            let environment = source.file.environment_of(&row);
             let machine = machines.iter().position(|machine| machine.same_machine(environment)).unwrap_or(0);
             let next = order.len() + unlisted.len();
             let place = match order.get(row.key.as_str()) {
                 Some(place) => *place,
                 None => *unlisted.entry(row.key.clone()).or_insert(next),
             };
-            rows.push((place, BenchRow { machine, ..row.clone() }));
+            rows.push((place, BenchRow { machine, ..row }));
         }
     }
     rows.sort_by_key(|(place, row)| (*place, row.machine));
