@@ -52,7 +52,7 @@ impl Environment {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             commit: env!("CURITIBA_COMMIT").to_owned(),
             profile: if cfg!(debug_assertions) { "debug" } else { "release" }.to_owned(),
-            flags: env!("CURITIBA_FLAGS").to_owned(),
+            flags: format!("opt-level {}, {}", crate::passes::OPT_LEVEL, env!("CURITIBA_FLAGS")),
             platform: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
             cpu: cpu_name().unwrap_or_else(|| "unknown processor".to_owned()),
             threads: rayon::current_num_threads(),
@@ -138,21 +138,22 @@ impl Environment {
     #[must_use]
     pub fn build_differs_from(&self, other: &Self) -> Option<(&'static str, String, String)> {
         first_difference([
-            ("version", self.version.clone(), other.version.clone()),
-            ("commit", self.commit.clone(), other.commit.clone()),
-            ("profile", self.profile.clone(), other.profile.clone()),
-            ("flags", self.flags.clone(), other.flags.clone()),
+            ("version", &self.version, &other.version),
+            ("commit", &self.commit, &other.commit),
+            ("profile", &self.profile, &other.profile),
+            ("flags", &self.flags, &other.flags),
         ])
     }
 
     fn machine_differs_from(&self, other: &Self) -> Option<(&'static str, String, String)> {
-        let host = |environment: &Self| environment.host.clone().unwrap_or_default();
-        first_difference([
-            ("platform", self.platform.clone(), other.platform.clone()),
-            ("cpu", self.cpu.clone(), other.cpu.clone()),
-            ("number of threads", self.threads.to_string(), other.threads.to_string()),
-            ("host", host(self), host(other)),
-        ])
+        let threads = || {
+            let differ = self.threads != other.threads;
+            differ.then(|| ("number of threads", self.threads.to_string(), other.threads.to_string()))
+        };
+        let [here, there] = [self, other].map(|environment| environment.host.as_deref().unwrap_or_default());
+        first_difference([("platform", &self.platform, &other.platform), ("cpu", &self.cpu, &other.cpu)])
+            .or_else(threads)
+            .or_else(|| first_difference([("host", here, there)]))
     }
 
     /// Whether both are one machine, as far as they say: the same processor, threads, graphics devices, drivers and name.
@@ -170,10 +171,9 @@ impl Environment {
     }
 }
 
-fn first_difference<const N: usize>(
-    pairs: [(&'static str, String, String); N],
-) -> Option<(&'static str, String, String)> {
-    pairs.into_iter().find(|(_, a, b)| a != b)
+fn first_difference<const N: usize>(pairs: [(&'static str, &str, &str); N]) -> Option<(&'static str, String, String)> {
+    let (what, a, b) = pairs.into_iter().find(|(_, a, b)| a != b)?;
+    Some((what, a.to_owned(), b.to_owned()))
 }
 
 fn cpu_name() -> Option<String> {

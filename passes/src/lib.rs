@@ -13,3 +13,6 @@ pub mod trace;
 pub mod visibility;
 #[cfg(feature = "wgpu")]
 pub mod wgpu_rays;
+
+/// The optimisation level that this crate was compiled with, `0` to `3`, `s` or `z`: whoever tells a time tells it as well.
+pub const OPT_LEVEL: &str = env!("CURITIBA_PASSES_OPT_LEVEL");
