@@ -346,6 +346,34 @@ mod drawn {
         }
     }
 
+    /// Four small squares from one, each in the colour of its number.
+    #[test]
+    fn instances_are_drawn_where_the_shader_puts_them() {
+        let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nout vec4 tint;\n\
+                      void main() { int n = gl_InstanceID; vec2 at = vec2(n % 2, n / 2) - 0.5;\n\
+                      tint = vec4(float(n + 1) * 0.25, float(n % 2), 0.0, 1.0);\n\
+                      gl_Position = pvm * vec4(position.xy * 0.25 + at, position.z, 1.0); }\n";
+        let fragment = "#version 330\nin vec4 tint;\nout vec4 color;\nvoid main() { color = tint; }\n";
+        let map = r#"<materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="own"/></materialMaps>"#;
+        for instances in [1, 3, 4] {
+            let shader = Shader { vertex, fragment, ..Shader::default() };
+            let pass = format!(r#"<scenes instances="{instances}"><scene name="Square"/></scenes>{map}"#);
+            let Some(picture) = Scene::new(&shader, &pass).picture() else { return };
+            let known = |x: u32, y: u32| {
+                // Quarters of the picture, the lower row first; a square fills the middle half of its quarter.
+                let (half, row) = (SIDE / 2, SIDE - 1 - y);
+                let inside = |at: u32| (half / 4..half * 3 / 4).contains(&(at % half));
+                let number = x / half + 2 * (row / half);
+                let drawn = inside(x) && inside(row) && number < instances;
+                let tint = [(number + 1) as f32 * 0.25, (number % 2) as f32, 0.0, 1.0];
+                if drawn { tint } else { [0.0, 0.0, 0.0, 1.0] }
+            };
+            assert_near(&picture, known, 1e-6);
+        }
+        let refused = Scene::new(&Shader { vertex, fragment, ..Shader::default() }, "<scenes instances=\"0\"/>");
+        assert!(refused.refused(RasterChoice::Auto).contains("draws its scenes 0 times"));
+    }
+
     #[test]
     fn only_what_the_maps_are_for_is_drawn_with_them_and_what_is_not_bound_is_black() {
         let fragment = "#version 330\nuniform sampler2D t;\nout vec4 color;\nvoid main() { color = texture(t, vec2(0.5)) + vec4(0.25, 0, 0, 0); }\n";

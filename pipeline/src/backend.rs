@@ -245,11 +245,14 @@ pub struct OwnShaders<'a> {
     pub depth: Option<usize>,
     /// Whether what lies before the near plane or behind the far plane is drawn at that plane's depth, instead of left out.
     pub clamped: bool,
+    /// How often each triangle is drawn: `gl_InstanceID` counts from 0.
+    pub instances: u32,
 }
 
 impl OwnShaders<'_> {
     /// None.
-    pub const NONE: Self = Self { programs: &[], materials: &[], channels: &[], depth: None, clamped: false };
+    pub const NONE: Self =
+        Self { programs: &[], materials: &[], channels: &[], depth: None, clamped: false, instances: 1 };
 }
 
 /// What a sampler of a quad's own shader reads.

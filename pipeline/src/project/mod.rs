@@ -407,6 +407,8 @@ impl PassKind {
 pub struct RasterPass {
     /// Indices of the scenes drawn.
     pub scenes: Vec<usize>,
+    /// How often they are drawn, at least once. Own shaders alone tell one time from another.
+    pub instances: u32,
     /// Index of the camera.
     pub camera: usize,
     /// Index of the first light, if any.
@@ -476,12 +478,16 @@ pub enum ShaderTexture {
     Nothing,
 }
 
+/// What the engine calls the material of OBJ triangles that name none, and what it is called here.
+const ENGINES_PLAIN: &str = "DefaultOBJMaterial";
+const PLAIN: &str = "default";
+
 /// Which materials a map is for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum MaterialPattern {
     /// `*`.
     All,
-    /// One name.
+    /// One name. `DefaultOBJMaterial` is also the material of OBJ triangles that name none.
     Named(String),
     /// Names that begin so.
     Beginning(String),
@@ -493,7 +499,7 @@ impl MaterialPattern {
     pub fn matches(&self, name: &str) -> bool {
         match self {
             Self::All => true,
-            Self::Named(named) => named == name,
+            Self::Named(named) => named == name || named == ENGINES_PLAIN && name == PLAIN,
             Self::Beginning(beginning) => name.starts_with(beginning.as_str()),
         }
     }

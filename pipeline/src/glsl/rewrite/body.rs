@@ -148,8 +148,7 @@ impl Reader<'_> {
                 self.done.depth = true;
                 "curitiba_FragDepth"
             }
-            // Scenes are drawn once.
-            "gl_InstanceID" if self.stage == Stage::Vertex => "0",
+            "gl_InstanceID" if self.stage == Stage::Vertex => "int ( gl_InstanceIndex )",
             "dFdy" | "dFdyFine" | "dFdyCoarse" if called => "curitiba_dFdy",
             other => other,
         };

@@ -93,6 +93,7 @@ impl Common<'_> {
         };
         let drawn = RasterPass {
             scenes: vec![0],
+            instances: 1,
             camera: 0,
             light: Some(0),
             program: RasterProgram::Deferred,

@@ -18,6 +18,9 @@ use quad::{Quad, channel_texture};
 use std::sync::Arc;
 use textures::{Sampled, Textures};
 
+/// Most triangles of a pass, of all instances together.
+const MAX_DRAWN: u64 = 1 << 32;
+
 /// One draw call.
 #[derive(Debug)]
 struct Draw {
@@ -39,6 +42,8 @@ pub(super) struct Shaders {
     pipelines: Pipelines,
     textures: Textures,
     draws: Vec<Draw>,
+    /// How often each is drawn.
+    instances: u32,
     /// By chunk of the scene: its triangles with the last corner first, once a shader has asked for them.
     turned: Vec<Option<wgpu::Buffer>>,
     /// Zeros, for attributes that a scene lacks.
@@ -54,6 +59,7 @@ impl Shaders {
             pipelines: Pipelines::default(),
             textures: Textures::new(gpu)?,
             draws: Vec::new(),
+            instances: 1,
             turned: Vec::new(),
             nothing,
             quad: None,
@@ -89,7 +95,7 @@ impl Shaders {
 
     /// Triangles of the draws listed.
     pub fn triangles(&self) -> u64 {
-        self.draws.iter().map(|draw| u64::from(draw.count)).sum()
+        self.draws.iter().map(|draw| u64::from(draw.count) * u64::from(self.instances)).sum()
     }
 
     /// Lists the draws of the materials that own shaders draw, and hands over what they read.
@@ -104,6 +110,13 @@ impl Shaders {
         let stored = Stored::of(job);
         if stored.attachments.triangle {
             return Err(unsupported("triangle ids of own shaders", "they write none;"));
+        }
+        self.instances = own.instances;
+        let triangles: u64 = geometry.parts.iter().map(|part| u64::from(part.count)).sum();
+        if own.instances > 1 && triangles.saturating_mul(own.instances.into()) > MAX_DRAWN {
+            let what = format!("{triangles} triangles drawn {} times", own.instances);
+            let why = format!("{MAX_DRAWN} triangles a pass are drawn at most; draw fewer instances");
+            return Err(unsupported(&what, &why));
         }
         if own.clamped && !gpu.has(wgpu::Features::DEPTH_CLIP_CONTROL) {
             let why = format!("{} does not clamp depth;", gpu.adapter);
@@ -174,7 +187,7 @@ impl Shaders {
             let indices = turned.unwrap_or(&chunk.indices);
             pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
             let first = 3 * (draw.first - chunk.first);
-            pass.draw_indexed(first..first + 3 * draw.count, 0, 0..1);
+            pass.draw_indexed(first..first + 3 * draw.count, 0, 0..self.instances);
         }
     }
 
