@@ -374,6 +374,40 @@ mod drawn {
         assert!(refused.refused(RasterChoice::Auto).contains("draws its scenes 0 times"));
     }
 
+    /// Three squares over the middle of the picture that are added to what is there, or hidden by what is nearer.
+    #[test]
+    fn states_blend_and_leave_depth_alone() {
+        let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\n\
+                      void main() { gl_Position = pvm * vec4(position.xy * 0.5, float(gl_InstanceID) * -0.5, 1.0); }\n";
+        let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(0.25, 0.125, 0.0, 0.5); }\n";
+        let map = r#"<materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="own"/></materialMaps>"#;
+        let pass = format!(r#"<scenes instances="3"><scene name="Square"/></scenes>{map}"#);
+        let adds = r#"<BLEND value="true"/><BLEND_SRC value="ONE"/><BLEND_DST value="ONE"/>"#;
+        let over = r#"<BLEND value="1"/><BLEND_SRC value="SRC_ALPHA"/><BLEND_DST value="ONE_MINUS_SRC_ALPHA"/>"#;
+        // The first is the nearest. Of alpha, which is 1 at first, as of colours.
+        let layers = |factor: f32| (0..3).fold(0.0, |there: f32, _| factor * 0.5 + there * 0.5);
+        let mixed = [layers(0.25), layers(0.125), 0.0, (0..3).fold(1.0, |there: f32, _| 0.25 + there * 0.5)];
+        for (state, known) in [
+            (String::new(), [0.25, 0.125, 0.0, 0.5]),
+            (adds.to_owned(), [0.25, 0.125, 0.0, 1.5]),
+            (format!(r#"{adds}<DEPTH_MASK value="false"/>"#), [0.75, 0.375, 0.0, 2.5]),
+            (format!(r#"{adds}<DEPTH_TEST value=0 />"#), [0.75, 0.375, 0.0, 2.5]),
+            (format!(r#"{over}<DEPTH_MASK value="false"/>"#), mixed),
+        ] {
+            let scene = Scene::new(&Shader { vertex, fragment, ..Shader::default() }, &pass);
+            let library = scene.folder.path().join("own.mlib");
+            let text = std::fs::read_to_string(&library).expect("read");
+            let states = format!(r#"<states><state name="drawn">{state}</state></states><materials>"#);
+            let text = text.replace("<materials>", &states);
+            let text = text.replace(r#"<material name="own">"#, r#"<material name="own"><state name="drawn"/>"#);
+            std::fs::write(&library, text).expect("written");
+            let Some(picture) = scene.picture() else { return };
+            let inside = |at: u32| (SIDE / 4..SIDE * 3 / 4).contains(&at);
+            let known = |x, y| if inside(x) && inside(y) { known } else { [0.0, 0.0, 0.0, 1.0] };
+            assert_near(&picture, known, 1e-6);
+        }
+    }
+
     #[test]
     fn only_what_the_maps_are_for_is_drawn_with_them_and_what_is_not_bound_is_black() {
         let fragment = "#version 330\nuniform sampler2D t;\nout vec4 color;\nvoid main() { color = texture(t, vec2(0.5)) + vec4(0.25, 0, 0, 0); }\n";

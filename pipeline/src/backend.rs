@@ -5,7 +5,7 @@ pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
 use crate::camera_programs::SurfaceKind;
 use crate::device_quad::{DeviceQuad, DeviceQuadStats, QuadPlace, Shown};
 use crate::glass::Dielectric;
-use crate::glsl::{Program, Side};
+use crate::glsl::{Drawn, Program};
 use crate::image::Image;
 use crate::pixel_samples::PixelSamples;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
@@ -217,8 +217,8 @@ pub struct OwnMaterial {
     pub uniforms: Vec<Vec<u8>>,
     /// By sampler of the program.
     pub textures: Vec<OwnTexture>,
-    /// Which side of triangles is left out, where the shader's states say so.
-    pub culled: Option<Side>,
+    /// How its triangles are drawn.
+    pub drawn: Drawn,
 }
 
 /// What a sampler of an own shader reads in a raster pass.

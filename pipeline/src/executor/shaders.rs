@@ -138,7 +138,7 @@ impl Renderer {
                 program: surface.shader,
                 uniforms: self.uniforms(shader, surface, &scope),
                 textures: shader.textures.iter().map(|of| texture(of).unwrap_or(OwnTexture::Nothing)).collect(),
-                culled: shader.culled,
+                drawn: shader.drawn,
             }
         };
         let programs = raster.shaders.iter().map(|map| Arc::clone(&map.shader.program)).collect();

@@ -27,7 +27,7 @@ mod tokens;
 mod translate;
 mod value;
 
-pub use value::{CameraValue, ColorValue, LightValue, Matrix, Side, Value};
+pub use value::{Blend, BlendFactor, CameraValue, ColorValue, Drawn, LightValue, Matrix, Side, Value};
 
 use std::fmt;
 

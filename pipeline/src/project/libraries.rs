@@ -3,7 +3,7 @@
 use super::dom::{Element, Value};
 use super::report::{Found, Names, Span};
 use super::{ChannelRef, RenderTarget};
-use crate::glsl::Side;
+use crate::glsl::Drawn;
 use glam::Vec4;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -84,8 +84,8 @@ impl ValueOf {
 /// What a `<state>` says of how triangles are drawn.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct State {
-    /// The side of triangles that is left out.
-    pub culled: Option<Side>,
+    /// What is done of it.
+    pub drawn: Drawn,
     /// What it asks for beside that, and is not done.
     pub other: Option<&'static str>,
 }

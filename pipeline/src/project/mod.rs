@@ -447,8 +447,8 @@ pub struct OwnShader {
     pub bound: Option<u32>,
     /// Textures that are bound beside those of the scene's material.
     pub injected: u32,
-    /// Which side of triangles is left out.
-    pub culled: Option<glsl::Side>,
+    /// How its triangles are drawn.
+    pub drawn: glsl::Drawn,
 }
 
 impl RasterPass {

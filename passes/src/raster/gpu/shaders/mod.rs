@@ -34,6 +34,7 @@ struct Draw {
     count: u32,
     /// Whether the last corner of a triangle comes first.
     turned: bool,
+    blends: bool,
 }
 
 /// What draws with own shaders; kept from frame to frame.
@@ -129,7 +130,12 @@ impl Shaders {
             let material = own.materials.get(part.material as usize).and_then(Option::as_ref);
             let Some(material) = material else { continue };
             let program = own.programs.get(material.program).ok_or_else(|| failure("a material has no program"))?;
-            let culled = match material.culled {
+            let drawn = material.drawn;
+            if drawn.blend.is_some() && !gpu.has(wgpu::Features::FLOAT32_BLENDABLE) {
+                let why = format!("{} does not blend 32-bit floats;", gpu.adapter);
+                return Err(unsupported("a state that blends", &why));
+            }
+            let culled = match drawn.culled {
                 Some(Side::Front) => Some(wgpu::Face::Front),
                 Some(Side::Back) => Some(wgpu::Face::Back),
                 None => (job.culled.get(part.material as usize) == Some(&true)).then_some(wgpu::Face::Back),
@@ -149,7 +155,7 @@ impl Shaders {
             let built = self.pipelines.require(
                 gpu,
                 program,
-                Into::attachments(stored, culled, own.clamped, exact.clone()),
+                Into::attachments(stored, drawn, culled, own, exact.clone()),
                 &missing,
             )?;
             let uniforms = uniforms(gpu, built, program, &material.uniforms)?;
@@ -167,8 +173,11 @@ impl Shaders {
                 first: part.first,
                 count: part.count,
                 turned,
+                blends: drawn.blend.is_some(),
             });
         }
+        // What blends is seen before what does not.
+        self.draws.sort_by_key(|draw| draw.blends);
         Ok(())
     }
 
