@@ -408,6 +408,73 @@ mod drawn {
         }
     }
 
+    /// One quad stores by pixel and counts, and another shows it, the picture mirrored.
+    #[test]
+    fn quads_store_to_buffers_and_count() {
+        const QUAD: &str = "#version 430\nin vec4 position;\nin vec4 texCoord0;\nout vec2 at;\n\
+                            void main() { gl_Position = position; at = texCoord0.xy; }\n";
+        let store = "#version 430\nlayout(binding = 1, offset = 4) uniform atomic_uint all;\n\
+                     struct pair { vec4 a; vec4 b; };\nlayout(std430, binding = 2) buffer Pairs { pair pairs[]; };\n\
+                     in vec2 at;\nout vec4 color;\nvoid main() { ivec2 c = ivec2(at * 64.0);\n\
+                     pair p; p.a = vec4(1.0); p.b = vec4(at, 0.5, 1.0); pairs[c.y * 64 + c.x] = p;\n\
+                     atomicCounterIncrement(all); memoryBarrier(); color = vec4(1.0); }\n";
+        let show = "#version 430\nlayout(binding = 1, offset = 4) uniform atomic_uint all;\n\
+                    struct pair { vec4 a; vec4 b; };\n\
+                    layout(std430, binding = 2) readonly buffer Pairs { pair pairs[]; };\n\
+                    in vec2 at;\nout vec4 color;\nvoid main() { ivec2 c = ivec2(at * 64.0);\n\
+                    color = pairs[c.y * 64 + 63 - c.x].b;\ncolor.z = float(atomicCounter(all)) / 8192.0; }\n";
+        let map = |name: &str| {
+            format!("<materialMaps><map fromMaterial=\"*\" toLibrary=\"Own\" toMaterial=\"{name}\"/></materialMaps>")
+        };
+        let passes = format!(
+            "<pass class=\"quad\" name=\"store\"><renderTarget name=\"buffers\" fromLibrary=\"Own\"/>{}</pass>\
+             <pass class=\"quad\" name=\"show\">{}</pass>",
+            map("own"),
+            map("depth")
+        );
+        let made = |bound: &str, size: &str| {
+            let shader = Shader { vertex: QUAD, fragment: store, depth: show, ..Shader::default() };
+            let scene = Scene::with_passes(&shader, &passes);
+            std::fs::write(scene.folder.path().join("depth.vert"), QUAD).expect("written");
+            let library = scene.folder.path().join("own.mlib");
+            let text = std::fs::read_to_string(&library).expect("read");
+            let declared = format!(
+                "<buffers><buffer name=\"counts\"><SIZE value=\"16\"/></buffer><buffer name=\"pairs\">{size}</buffer></buffers><materials>"
+            );
+            let bind = |name: &str, kind: &str, point: u32| {
+                format!("<buffer name=\"{name}\"><TYPE value=\"{kind}\"/><BINDING_POINT value=\"{point}\"/></buffer>")
+            };
+            let bindings = format!(
+                "<buffers>{}{}</buffers>",
+                bind("counts", "ATOMIC_COUNTER", 1),
+                bind(bound, "SHADER_STORAGE", 2)
+            );
+            let text = text.replace("<materials>", &declared);
+            let text = ["own", "depth"].iter().fold(text, |text, name| {
+                let material = format!("<material name=\"{name}\">");
+                text.replace(&material, &format!("{material}{bindings}"))
+            });
+            std::fs::write(&library, text).expect("written");
+            scene
+        };
+        let size =
+            "<DIM x=\"64\" y=\"64\" z=\"1\"/><structure><field value=\"VEC4\"/><field value=\"VEC4\"/></structure>";
+        let refused = made("pears", size).refused(RasterChoice::Auto);
+        assert!(refused.contains("there is no buffer `pears`"), "{refused}");
+        let refused = made("pairs", "").refused(RasterChoice::Auto);
+        assert!(refused.contains("the size of the buffer `pairs` cannot be read"), "{refused}");
+        let scene = made("pairs", size);
+        let Some(picture) = scene.picture() else { return };
+        let side = SIDE as f32;
+        let known = |x, y| [(side - x as f32 - 0.5) / side, (side - y as f32 - 0.5) / side, 0.5, 1.0];
+        assert_near(&picture, known, 1e-6);
+        // Frames begin with zeros: the next counts no further.
+        let mut renderer = scene.open(RasterChoice::Auto).unwrap_or_else(|error| panic!("{}", error.joined()));
+        renderer.frame(&mut Silent).expect("it renders");
+        assert_eq!(renderer.frame(&mut Silent).expect("it renders").pixels, picture.pixels);
+        assert_eq!(renderer.update(&mut Silent).expect("it renders").pixels, picture.pixels);
+    }
+
     #[test]
     fn only_what_the_maps_are_for_is_drawn_with_them_and_what_is_not_bound_is_black() {
         let fragment = "#version 330\nuniform sampler2D t;\nout vec4 color;\nvoid main() { color = texture(t, vec2(0.5)) + vec4(0.25, 0, 0, 0); }\n";

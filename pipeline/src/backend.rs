@@ -383,11 +383,17 @@ pub trait Rasteriser {
         Err(BackendError::no_shaders(self.name(), "a pass"))
     }
     /// Fills a quad by an own shader of the project: every pixel of `pixels`, top row first, of which there are as many as the job says.
-    /// What the shader discards stays.
+    /// What the shader discards stays. `buffers` are what is bound to the program's storage buffers, 16 bytes each; what is stored is there
+    /// afterwards.
     ///
     /// # Errors
     /// If the device fails, or it runs none.
-    fn fill(&mut self, _job: &QuadJob<'_>, _pixels: &mut [[f32; 4]]) -> Result<(), BackendError> {
+    fn fill(
+        &mut self,
+        _job: &QuadJob<'_>,
+        _pixels: &mut [[f32; 4]],
+        _buffers: &mut [Vec<[f32; 4]>],
+    ) -> Result<(), BackendError> {
         Err(BackendError::no_shaders(self.name(), "a quad"))
     }
     /// Whether [`Rasteriser::read_back`] has anything to do.

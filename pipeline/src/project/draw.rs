@@ -201,6 +201,10 @@ impl Loader {
                     Self::reads(context, Some(*channel), at);
                 }
             }
+            for channel in shader.stored(true).filter(|channel| !shader.stored(false).any(|own| own == *channel)) {
+                Self::reads(context, Some(channel), at);
+            }
+            context.facts.stores(shader.stored(false));
             return Some(QuadPass { source: QuadSource::Own, shader: Some(shader) });
         }
         match self.shader_program(context, library, &material, at, QUAD_PROGRAMS, "quad")? {

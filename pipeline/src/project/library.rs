@@ -91,6 +91,7 @@ impl Loader {
                 }
             }
         }
+        self.buffers(&mut library, &root);
         for list in root.children_named(&["states"]) {
             list.children_named(&["state"]).for_each(|state| self.state(&mut library, state));
         }
@@ -172,6 +173,7 @@ impl Loader {
                 name: name.text.clone(),
                 size: [width, height],
                 clear_color,
+                buffer: None,
                 channels,
             }),
             _ => None,
@@ -280,6 +282,7 @@ impl Loader {
                 textures
             });
         }
+        let buffers = self.bound_buffers(element);
         let material = (|| {
             Some(LibraryMaterial {
                 name: name.text.clone(),
@@ -291,6 +294,7 @@ impl Loader {
                 shader: shader?,
                 values,
                 textures: textures?,
+                buffers: buffers.clone(),
                 state,
             })
         })();

@@ -88,6 +88,7 @@ impl Loader {
             },
             values: self.uniforms(&program, files, &values)?,
             textures: self.samplers(&program, files, &values, used)?,
+            storage: self.storage(&program, files[1], used)?,
             bound: used.replaces.then_some(used.material.textures.len() as u32),
             injected: used.injected.iter().filter(|binding| binding.unit > 0).count() as u32,
             drawn: used.material.state.drawn,

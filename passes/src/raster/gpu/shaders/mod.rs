@@ -14,7 +14,7 @@ use curitiba_pipeline::backend::{BackendError, OwnShaders, OwnTexture, QuadJob, 
 use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind, Side};
 use curitiba_pipeline::scene::Geometry;
 use pipelines::{Built, Into, Pipelines};
-use quad::{Quad, channel_texture};
+use quad::{Filled, Quad, channel_texture};
 use std::sync::Arc;
 use textures::{Sampled, Textures};
 
@@ -73,13 +73,13 @@ impl Shaders {
         gpu: &Gpu,
         staging: &mut Staging,
         job: &QuadJob<'_>,
-        pixels: &mut [[f32; 4]],
+        filled: Filled<'_>,
     ) -> Result<(), BackendError> {
         let quad = match &mut self.quad {
             Some(quad) => quad,
             none => none.insert(Quad::new(gpu)?),
         };
-        quad.fill(gpu, staging, (&mut self.pipelines, &self.textures, &self.nothing), job, pixels)
+        quad.fill(gpu, staging, (&mut self.pipelines, &self.textures, &self.nothing), job, filled)
     }
 
     /// What is of another scene.

@@ -13,6 +13,8 @@ pub(super) struct Built {
     pub pipeline: wgpu::RenderPipeline,
     pub uniforms: wgpu::BindGroupLayout,
     pub textures: wgpu::BindGroupLayout,
+    /// Of storage buffers, where there are some.
+    pub storage: Option<wgpu::BindGroupLayout>,
 }
 
 /// What a pipeline draws into, and how.
@@ -126,9 +128,20 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
     };
     let (uniforms, textures) = (group("own uniforms", &blocks), group("own textures", &samplers));
+    let stored: Vec<wgpu::BindGroupLayoutEntry> = (0..)
+        .zip(&program.storage)
+        .map(|(binding, buffer)| {
+            let ty = wgpu::BufferBindingType::Storage { read_only: buffer.readonly };
+            let ty = wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+            entry(binding, wgpu::ShaderStages::FRAGMENT, ty)
+        })
+        .collect();
+    let storage = (!stored.is_empty()).then(|| group("own buffers", &stored));
+    let mut groups = vec![Some(&uniforms), Some(&textures)];
+    groups.extend(storage.as_ref().map(Some));
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("own shader"),
-        bind_group_layouts: &[Some(&uniforms), Some(&textures)],
+        bind_group_layouts: &groups,
         immediate_size: 0,
     });
     let module = |label, text: &str| {
@@ -206,7 +219,7 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         multiview_mask: None,
         cache: None,
     });
-    Built { pipeline, uniforms, textures }
+    Built { pipeline, uniforms, textures, storage }
 }
 
 /// Alpha is added up like the colours.
