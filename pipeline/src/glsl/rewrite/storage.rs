@@ -127,7 +127,7 @@ impl Reader<'_> {
         if !declarator.array.is_empty() {
             return Err(self.fault(token, "an array of atomic counters, which is not supported", "declare one by one"));
         }
-        if offset % COUNTER_BYTES != 0 {
+        if !offset.is_multiple_of(COUNTER_BYTES) {
             return Err(self.fault(token, format!("a counter at byte {offset}"), "valid: multiples of 4"));
         }
         self.in_pixels(token)?;

@@ -140,7 +140,7 @@ impl Quad {
 }
 
 fn upload_storage(gpu: &Gpu, buffers: &[Vec<[f32; 4]>]) -> Result<Vec<wgpu::Buffer>, BackendError> {
-    let most = u64::from(gpu.limits.max_storage_buffer_binding_size).min(gpu.max_buffer_bytes);
+    let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
     let upload = |buffer: &Vec<[f32; 4]>| {
         let bytes: &[u8] = bytemuck::cast_slice(buffer);
         if bytes.len() as u64 > most {
