@@ -129,7 +129,10 @@ impl Loader {
                         });
                     }
                     None => {
-                        let written = passes[..index].iter().flat_map(Facts::written);
+                        // A depth without a name is no channel.
+                        let targets = &self.libraries.targets;
+                        let named = |channel: &ChannelRef| channel.channel < targets[channel.target].channels.len();
+                        let written = passes[..index].iter().flat_map(Facts::written).filter(named);
                         let names = || written.map(|channel| self.libraries.channel_name(channel)).collect::<Vec<_>>();
                         self.report.error_help(*at, format!("{reader}, which no pass writes"), || {
                             let names = names();
