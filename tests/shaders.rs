@@ -476,6 +476,13 @@ mod drawn {
     }
 
     #[test]
+    fn a_depth_that_is_not_kept_is_not_among_what_was_written() {
+        let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(1.0); }\n";
+        let said = Scene::ball(&Shader { fragment, ..Shader::default() }, true, "seen").refused(RasterChoice::Auto);
+        assert!(said.contains("reads `Own::seen`, which no pass writes"), "{said}");
+    }
+
+    #[test]
     fn only_what_the_maps_are_for_is_drawn_with_them_and_what_is_not_bound_is_black() {
         let fragment = "#version 330\nuniform sampler2D t;\nout vec4 color;\nvoid main() { color = texture(t, vec2(0.5)) + vec4(0.25, 0, 0, 0); }\n";
         let values = r#"<valueof uniform="t" type="TEXTURE_BINDING" context="CURRENT" component="UNIT" id="3"/>"#;
