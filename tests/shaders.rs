@@ -346,6 +346,142 @@ mod drawn {
         }
     }
 
+    /// Four small squares from one, each in the colour of its number.
+    #[test]
+    fn instances_are_drawn_where_the_shader_puts_them() {
+        let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nout vec4 tint;\n\
+                      void main() { int n = gl_InstanceID; vec2 at = vec2(n % 2, n / 2) - 0.5;\n\
+                      tint = vec4(float(n + 1) * 0.25, float(n % 2), 0.0, 1.0);\n\
+                      gl_Position = pvm * vec4(position.xy * 0.25 + at, position.z, 1.0); }\n";
+        let fragment = "#version 330\nin vec4 tint;\nout vec4 color;\nvoid main() { color = tint; }\n";
+        let map = r#"<materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="own"/></materialMaps>"#;
+        for instances in [1, 3, 4] {
+            let shader = Shader { vertex, fragment, ..Shader::default() };
+            let pass = format!(r#"<scenes instances="{instances}"><scene name="Square"/></scenes>{map}"#);
+            let Some(picture) = Scene::new(&shader, &pass).picture() else { return };
+            let known = |x: u32, y: u32| {
+                // Quarters of the picture, the lower row first; a square fills the middle half of its quarter.
+                let (half, row) = (SIDE / 2, SIDE - 1 - y);
+                let inside = |at: u32| (half / 4..half * 3 / 4).contains(&(at % half));
+                let number = x / half + 2 * (row / half);
+                let drawn = inside(x) && inside(row) && number < instances;
+                let tint = [(number + 1) as f32 * 0.25, (number % 2) as f32, 0.0, 1.0];
+                if drawn { tint } else { [0.0, 0.0, 0.0, 1.0] }
+            };
+            assert_near(&picture, known, 1e-6);
+        }
+        let refused = Scene::new(&Shader { vertex, fragment, ..Shader::default() }, "<scenes instances=\"0\"/>");
+        assert!(refused.refused(RasterChoice::Auto).contains("draws its scenes 0 times"));
+    }
+
+    /// Three squares over the middle of the picture that are added to what is there, or hidden by what is nearer.
+    #[test]
+    fn states_blend_and_leave_depth_alone() {
+        let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\n\
+                      void main() { gl_Position = pvm * vec4(position.xy * 0.5, float(gl_InstanceID) * -0.5, 1.0); }\n";
+        let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(0.25, 0.125, 0.0, 0.5); }\n";
+        let map = r#"<materialMaps><map fromMaterial="*" toLibrary="Own" toMaterial="own"/></materialMaps>"#;
+        let pass = format!(r#"<scenes instances="3"><scene name="Square"/></scenes>{map}"#);
+        let adds = r#"<BLEND value="true"/><BLEND_SRC value="ONE"/><BLEND_DST value="ONE"/>"#;
+        let over = r#"<BLEND value="1"/><BLEND_SRC value="SRC_ALPHA"/><BLEND_DST value="ONE_MINUS_SRC_ALPHA"/>"#;
+        // The first is the nearest. Of alpha, which is 1 at first, as of colours.
+        let layers = |factor: f32| (0..3).fold(0.0, |there: f32, _| factor * 0.5 + there * 0.5);
+        let mixed = [layers(0.25), layers(0.125), 0.0, (0..3).fold(1.0, |there: f32, _| 0.25 + there * 0.5)];
+        for (state, known) in [
+            (String::new(), [0.25, 0.125, 0.0, 0.5]),
+            (adds.to_owned(), [0.25, 0.125, 0.0, 1.5]),
+            (format!(r#"{adds}<DEPTH_MASK value="false"/>"#), [0.75, 0.375, 0.0, 2.5]),
+            (format!(r#"{adds}<DEPTH_TEST value=0 />"#), [0.75, 0.375, 0.0, 2.5]),
+            (format!(r#"{over}<DEPTH_MASK value="false"/>"#), mixed),
+        ] {
+            let scene = Scene::new(&Shader { vertex, fragment, ..Shader::default() }, &pass);
+            let library = scene.folder.path().join("own.mlib");
+            let text = std::fs::read_to_string(&library).expect("read");
+            let states = format!(r#"<states><state name="drawn">{state}</state></states><materials>"#);
+            let text = text.replace("<materials>", &states);
+            let text = text.replace(r#"<material name="own">"#, r#"<material name="own"><state name="drawn"/>"#);
+            std::fs::write(&library, text).expect("written");
+            let Some(picture) = scene.picture() else { return };
+            let inside = |at: u32| (SIDE / 4..SIDE * 3 / 4).contains(&at);
+            let known = |x, y| if inside(x) && inside(y) { known } else { [0.0, 0.0, 0.0, 1.0] };
+            assert_near(&picture, known, 1e-6);
+        }
+    }
+
+    /// One quad stores by pixel and counts, and another shows it, the picture mirrored.
+    #[test]
+    fn quads_store_to_buffers_and_count() {
+        const QUAD: &str = "#version 430\nin vec4 position;\nin vec4 texCoord0;\nout vec2 at;\n\
+                            void main() { gl_Position = position; at = texCoord0.xy; }\n";
+        let store = "#version 430\nlayout(binding = 1, offset = 4) uniform atomic_uint all;\n\
+                     struct pair { vec4 a; vec4 b; };\nlayout(std430, binding = 2) buffer Pairs { pair pairs[]; };\n\
+                     in vec2 at;\nout vec4 color;\nvoid main() { ivec2 c = ivec2(at * 64.0);\n\
+                     pair p; p.a = vec4(1.0); p.b = vec4(at, 0.5, 1.0); pairs[c.y * 64 + c.x] = p;\n\
+                     atomicCounterIncrement(all); memoryBarrier(); color = vec4(1.0); }\n";
+        let show = "#version 430\nlayout(binding = 1, offset = 4) uniform atomic_uint all;\n\
+                    struct pair { vec4 a; vec4 b; };\n\
+                    layout(std430, binding = 2) readonly buffer Pairs { pair pairs[]; };\n\
+                    in vec2 at;\nout vec4 color;\nvoid main() { ivec2 c = ivec2(at * 64.0);\n\
+                    color = pairs[c.y * 64 + 63 - c.x].b;\ncolor.z = float(atomicCounter(all)) / 8192.0; }\n";
+        let map = |name: &str| {
+            format!("<materialMaps><map fromMaterial=\"*\" toLibrary=\"Own\" toMaterial=\"{name}\"/></materialMaps>")
+        };
+        let passes = format!(
+            "<pass class=\"quad\" name=\"store\"><renderTarget name=\"buffers\" fromLibrary=\"Own\"/>{}</pass>\
+             <pass class=\"quad\" name=\"show\">{}</pass>",
+            map("own"),
+            map("depth")
+        );
+        let made = |bound: &str, size: &str| {
+            let shader = Shader { vertex: QUAD, fragment: store, depth: show, ..Shader::default() };
+            let scene = Scene::with_passes(&shader, &passes);
+            std::fs::write(scene.folder.path().join("depth.vert"), QUAD).expect("written");
+            let library = scene.folder.path().join("own.mlib");
+            let text = std::fs::read_to_string(&library).expect("read");
+            let declared = format!(
+                "<buffers><buffer name=\"counts\"><SIZE value=\"16\"/></buffer><buffer name=\"pairs\">{size}</buffer></buffers><materials>"
+            );
+            let bind = |name: &str, kind: &str, point: u32| {
+                format!("<buffer name=\"{name}\"><TYPE value=\"{kind}\"/><BINDING_POINT value=\"{point}\"/></buffer>")
+            };
+            let bindings = format!(
+                "<buffers>{}{}</buffers>",
+                bind("counts", "ATOMIC_COUNTER", 1),
+                bind(bound, "SHADER_STORAGE", 2)
+            );
+            let text = text.replace("<materials>", &declared);
+            let text = ["own", "depth"].iter().fold(text, |text, name| {
+                let material = format!("<material name=\"{name}\">");
+                text.replace(&material, &format!("{material}{bindings}"))
+            });
+            std::fs::write(&library, text).expect("written");
+            scene
+        };
+        let size =
+            "<DIM x=\"64\" y=\"64\" z=\"1\"/><structure><field value=\"VEC4\"/><field value=\"VEC4\"/></structure>";
+        let refused = made("pears", size).refused(RasterChoice::Auto);
+        assert!(refused.contains("there is no buffer `pears`"), "{refused}");
+        let refused = made("pairs", "").refused(RasterChoice::Auto);
+        assert!(refused.contains("the size of the buffer `pairs` cannot be read"), "{refused}");
+        let scene = made("pairs", size);
+        let Some(picture) = scene.picture() else { return };
+        let side = SIDE as f32;
+        let known = |x, y| [(side - x as f32 - 0.5) / side, (side - y as f32 - 0.5) / side, 0.5, 1.0];
+        assert_near(&picture, known, 1e-6);
+        // Frames begin with zeros: the next counts no further.
+        let mut renderer = scene.open(RasterChoice::Auto).unwrap_or_else(|error| panic!("{}", error.joined()));
+        renderer.frame(&mut Silent).expect("it renders");
+        assert_eq!(renderer.frame(&mut Silent).expect("it renders").pixels, picture.pixels);
+        assert_eq!(renderer.update(&mut Silent).expect("it renders").pixels, picture.pixels);
+    }
+
+    #[test]
+    fn a_depth_that_is_not_kept_is_not_among_what_was_written() {
+        let fragment = "#version 330\nout vec4 color;\nvoid main() { color = vec4(1.0); }\n";
+        let said = Scene::ball(&Shader { fragment, ..Shader::default() }, true, "seen").refused(RasterChoice::Auto);
+        assert!(said.contains("reads `Own::seen`, which no pass writes"), "{said}");
+    }
+
     #[test]
     fn only_what_the_maps_are_for_is_drawn_with_them_and_what_is_not_bound_is_black() {
         let fragment = "#version 330\nuniform sampler2D t;\nout vec4 color;\nvoid main() { color = texture(t, vec2(0.5)) + vec4(0.25, 0, 0, 0); }\n";

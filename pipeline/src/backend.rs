@@ -5,7 +5,7 @@ pub use crate::gbuffer::{Attachments, GBuffer, NO_TRIANGLE, Rect, drawn_part};
 use crate::camera_programs::SurfaceKind;
 use crate::device_quad::{DeviceQuad, DeviceQuadStats, QuadPlace, Shown};
 use crate::glass::Dielectric;
-use crate::glsl::{Program, Side};
+use crate::glsl::{Drawn, Program};
 use crate::image::Image;
 use crate::pixel_samples::PixelSamples;
 use crate::programs::{Fidelity, RasterProgram, RayParams, RayProgram};
@@ -217,8 +217,8 @@ pub struct OwnMaterial {
     pub uniforms: Vec<Vec<u8>>,
     /// By sampler of the program.
     pub textures: Vec<OwnTexture>,
-    /// Which side of triangles is left out, where the shader's states say so.
-    pub culled: Option<Side>,
+    /// How its triangles are drawn.
+    pub drawn: Drawn,
 }
 
 /// What a sampler of an own shader reads in a raster pass.
@@ -245,11 +245,14 @@ pub struct OwnShaders<'a> {
     pub depth: Option<usize>,
     /// Whether what lies before the near plane or behind the far plane is drawn at that plane's depth, instead of left out.
     pub clamped: bool,
+    /// How often each triangle is drawn: `gl_InstanceID` counts from 0.
+    pub instances: u32,
 }
 
 impl OwnShaders<'_> {
     /// None.
-    pub const NONE: Self = Self { programs: &[], materials: &[], channels: &[], depth: None, clamped: false };
+    pub const NONE: Self =
+        Self { programs: &[], materials: &[], channels: &[], depth: None, clamped: false, instances: 1 };
 }
 
 /// What a sampler of a quad's own shader reads.
@@ -393,11 +396,17 @@ pub trait Rasteriser {
         Err(BackendError::no_shaders(self.name(), "a pass"))
     }
     /// Fills a quad by an own shader of the project: every pixel of `pixels`, top row first, of which there are as many as the job says.
-    /// What the shader discards stays.
+    /// What the shader discards stays. `buffers` are what is bound to the program's storage buffers, 16 bytes each; what is stored is there
+    /// afterwards.
     ///
     /// # Errors
     /// If the device fails, or it runs none.
-    fn fill(&mut self, _job: &QuadJob<'_>, _pixels: &mut [[f32; 4]]) -> Result<(), BackendError> {
+    fn fill(
+        &mut self,
+        _job: &QuadJob<'_>,
+        _pixels: &mut [[f32; 4]],
+        _buffers: &mut [Vec<[f32; 4]>],
+    ) -> Result<(), BackendError> {
         Err(BackendError::no_shaders(self.name(), "a quad"))
     }
     /// Whether [`Rasteriser::read_back`] has anything to do.

@@ -107,6 +107,14 @@ impl Renderer {
             !ran.is_some_and(|ran| ran.serves(&self.given(index)))
         };
         let mut run: Vec<bool> = self.plan.passes.iter().enumerate().map(stale).collect();
+        // What passes store to buffers is added to what others stored, from zeros on.
+        let stores = self.plan.passes.iter().any(
+            |planned| matches!(&self.plan.pass(planned).kind, PassKind::Quad(quad) if quad.stored(false).next().is_some()),
+        );
+        if stores && run.contains(&true) {
+            run.fill(true);
+            return run;
+        }
         let accesses: Vec<Access> = self.plan.passes.iter().map(|planned| self.plan.access(planned)).collect();
         spread(&accesses, &mut run);
         // A rasteriser with a device keeps one G-buffer: where several are drawn, an effect finds its own only just behind its pass.

@@ -513,7 +513,7 @@ impl Renderer {
             true => Rect { x: 0, y: 0, width, height: buffer.height },
             false => viewport,
         };
-        let filled = shader.map_or(Ok(()), |shader| self.fill_quad(&shader, viewport, &mut buffer));
+        let filled = shader.map_or(Ok(()), |shader| self.fill_quad((&shader, planned.pass), viewport, &mut buffer));
         quad::fill(&mut buffer.color, width, viewport, source, &progress, |channel| {
             let read = &self.targets[channel.target];
             (read.width, read.height, channel_of(read, channel.channel))

@@ -22,7 +22,7 @@ impl Renderer {
         let pass = self.plan.pass(planned);
         let PassKind::Raster(raster) = &pass.kind else { return Ok(()) };
         let (program, target) = (raster.program, pass.target);
-        let sampled = shaders::own_channels(raster);
+        let (sampled, instances) = (shaders::own_channels(raster), raster.instances);
         let clamped = self.plan.project.is_of_light(raster.camera);
         let sun = raster.light.and_then(|light| self.sun(light));
         self.upload(scene_set, observer)?;
@@ -43,8 +43,8 @@ impl Renderer {
             .collect();
         let depth = target.and_then(|target| self.plan.project.targets[target].depth());
         // The engine's depth maps keep what stands between the light and the view.
-        let own =
-            OwnShaders { programs: &own_programs, materials: &own_materials, channels: &channels, depth, clamped };
+        let (programs, materials, channels) = (&own_programs[..], &own_materials[..], &channels[..]);
+        let own = OwnShaders { programs, materials, channels, depth, clamped, instances };
         let job = RasterJob {
             scene: &scene,
             program,

@@ -138,7 +138,7 @@ impl Renderer {
                 program: surface.shader,
                 uniforms: self.uniforms(shader, surface, &scope),
                 textures: shader.textures.iter().map(|of| texture(of).unwrap_or(OwnTexture::Nothing)).collect(),
-                culled: shader.culled,
+                drawn: shader.drawn,
             }
         };
         let programs = raster.shaders.iter().map(|map| Arc::clone(&map.shader.program)).collect();
@@ -148,7 +148,40 @@ impl Renderer {
     /// Fills a viewport of a buffer's colour by an own shader.
     pub(super) fn fill_quad(
         &mut self,
+        (shader, pass): (&OwnShader, usize),
+        viewport: Rect,
+        buffer: &mut GBuffer,
+    ) -> Result<(), BackendError> {
+        let mut buffers = self.take_buffers(shader, pass);
+        let filled = self.fill_with(shader, &mut buffers, viewport, buffer);
+        for (target, bytes) in shader.storage.iter().zip(buffers) {
+            self.targets[*target].color = bytes;
+        }
+        filled
+    }
+
+    /// The buffers that a shader binds, of which none is bound twice. A frame begins with zeros in all.
+    fn take_buffers(&mut self, shader: &OwnShader, pass: usize) -> Vec<Vec<[f32; 4]>> {
+        let mut taken = Vec::new();
+        for target in &shader.storage {
+            let binds = |planned: &&PlannedPass| {
+                let PassKind::Quad(quad) = &self.plan.pass(planned).kind else { return false };
+                quad.shader.iter().any(|shader| shader.storage.contains(target))
+            };
+            let first = self.plan.passes.iter().find(binds).is_some_and(|first| first.pass == pass);
+            let mut bytes = std::mem::take(&mut self.targets[*target].color);
+            if first {
+                bytes.fill([0.0; 4]);
+            }
+            taken.push(bytes);
+        }
+        taken
+    }
+
+    fn fill_with(
+        &mut self,
         shader: &OwnShader,
+        buffers: &mut [Vec<[f32; 4]>],
         viewport: Rect,
         buffer: &mut GBuffer,
     ) -> Result<(), BackendError> {
@@ -187,7 +220,7 @@ impl Renderer {
         }
         let program = &shader.program;
         let job = QuadJob { program, uniforms: &uniforms, textures: &textures, width, height };
-        self.engines.raster.fill(&job, &mut pixels)?;
+        self.engines.raster.fill(&job, &mut pixels, buffers)?;
         for (line, filled) in (0..).zip(pixels.chunks_exact(width as usize)) {
             buffer.color[row(line)..][..width as usize].copy_from_slice(filled);
         }

@@ -4,7 +4,7 @@ use super::link::{link, next_binding};
 use super::rewrite::read;
 use super::tokens::tokens;
 use super::translate::translate;
-use super::{Fault, Program, Source, Stage};
+use super::{Fault, Program, Source, Stage, StorageBuffer};
 
 /// Bytes of the stack on which files are read: the compiler recurses as deeply as they nest, which is bounded.
 const STACK: usize = 256 << 20;
@@ -41,6 +41,12 @@ fn compile(source: Source<'_>) -> Result<Program, Vec<Fault>> {
     )?;
     let mut blocks = [vertex_done.blocks, fragment_done.blocks].concat();
     blocks.sort_by_key(|(binding, _)| *binding);
+    let used = |(index, buffer): (usize, &StorageBuffer)| {
+        let [read, written] =
+            fragment_done.storage.iter().find(|(at, _)| *at == index).map_or([false; 2], |(_, of)| *of);
+        StorageBuffer { read, written, ..buffer.clone() }
+    };
+    let storage = fragment.storage.iter().enumerate().map(used).collect();
     debug_assert!((0..).zip(&blocks).all(|(index, (binding, _))| index == *binding), "bindings have no gaps");
     Ok(Program {
         vertex: vertex_done.wgsl,
@@ -50,6 +56,7 @@ fn compile(source: Source<'_>) -> Result<Program, Vec<Fault>> {
         samplers: linked.samplers,
         outputs: linked.outputs,
         flat: linked.flat,
+        storage,
         fixed: [vertex.fixed, fragment.fixed].concat(),
     })
 }

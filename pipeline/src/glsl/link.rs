@@ -1,8 +1,8 @@
 //! Joins two stages: locations of what passes between them, of attributes and results, and our `main` around the file's.
 
 use super::rewrite::{
-    OURS, Origin, Stated, TRUTH, Variable, attribute, beside_name, compare_name, compare_projected_name, loose_block,
-    sampler_name, texture_name,
+    OURS, Origin, Stated, TRUTH, Variable, attribute, beside_name, compare_name, compare_projected_name, counters,
+    loose_block, sampler_name, texture_name,
 };
 use super::{Attribute, FRAME, Fault, MAX_OUTPUTS, Sampler, SamplerKind, Stage};
 use std::fmt::Write;
@@ -64,6 +64,8 @@ pub(super) fn link(vertex: &Stated, fragment: &Stated, depth: Option<usize>) -> 
             }
         }
         text += &loose_block(stated, binding);
+        let counting = stated.storage.iter().enumerate().filter(|(_, buffer)| buffer.counters);
+        text.extend(counting.map(|(index, _)| counters(index)));
         for own in &stated.samplers {
             match own.kind {
                 SamplerKind::Compared => text += &compare(own),

@@ -11,6 +11,8 @@
 //! Our `main` turns clip space from OpenGL's into that of the rasteriser: depth from -1 (near) to 1 (far) becomes 1 to 0. Rows count upwards for
 //! the shader, in `gl_FragCoord` as in textures, whose rows are handed over from the bottom.
 //!
+//! Storage buffers are bound as they are; what atomic counters do is put behind the compiler, which has no word for it (`translate`).
+//!
 //! Files are bounded ([`MAX_FILE`]), and so are tokens, nesting and macros; macros with parameters are refused.
 
 #[cfg(feature = "glsl")]
@@ -27,7 +29,7 @@ mod tokens;
 mod translate;
 mod value;
 
-pub use value::{CameraValue, ColorValue, LightValue, Matrix, Side, Value};
+pub use value::{Blend, BlendFactor, CameraValue, ColorValue, Drawn, LightValue, Matrix, Side, Value};
 
 use std::fmt;
 
@@ -223,10 +225,30 @@ pub struct Fixed {
     pub at: [usize; 2],
 }
 
+/// A buffer that a fragment shader reads and stores to, or one of atomic counters.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StorageBuffer {
+    /// As the shader declares it: the block, or the first counter.
+    pub name: String,
+    /// The binding point at which the project binds it.
+    pub point: u32,
+    /// Whether it holds atomic counters.
+    pub counters: bool,
+    /// Whether it is declared `readonly`.
+    pub readonly: bool,
+    /// Whether the shader reads it.
+    pub read: bool,
+    /// Whether the shader stores to it.
+    pub written: bool,
+    /// Where its declaration is in the file of the fragment shader, bytes.
+    pub at: [usize; 2],
+}
+
 /// A compiled shader.
 ///
 /// The entry point of both stages is `main`. Uniform buffers are in group 0, by their places in [`Self::blocks`]; textures in group 1: the
-/// texture of [`Self::samplers`] `i` is binding `2 i`, its sampler `2 i + 1`.
+/// texture of [`Self::samplers`] `i` is binding `2 i`, its sampler `2 i + 1`; storage buffers in group 2, by their places in
+/// [`Self::storage`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Program {
     /// WGSL.
@@ -243,6 +265,8 @@ pub struct Program {
     pub outputs: [bool; MAX_OUTPUTS],
     /// Whether something is not interpolated: OpenGL then takes it from a triangle's last corner.
     pub flat: bool,
+    /// Buffers that the fragment shader reads and stores to.
+    pub storage: Vec<StorageBuffer>,
     /// Uniforms that keep the values that they begin with.
     pub fixed: Vec<Fixed>,
 }

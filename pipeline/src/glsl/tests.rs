@@ -251,11 +251,16 @@ fn what_is_not_supported_is_named_with_its_reason() {
         format!("#version 430\n{declaration}\nout vec4 color;\nvoid main() {{ color = vec4(1.0); {read} }}\n")
     };
     for (declaration, read, said) in [
-        ("layout(std430, binding = 1) buffer B { vec4 b[]; };", "b[0] = color;", "std430"),
-        ("buffer B { vec4 b[]; };", "b[0] = color;", "storage buffer"),
+        ("layout(std430) uniform B { vec4 b; };", "color = b;", "std430"),
+        ("layout(std140) buffer B { float b[]; };", "b[0] = color.x;", "cannot lay the buffer `B` out"),
+        ("buffer B { vec4 b[]; };\nbuffer C { vec4 c[]; };", "b[0] = c[0];", "a second buffer of binding point 0"),
+        ("readonly buffer B { vec4 b[]; };", "b[0] = color;", ""),
+        ("buffer float b;", "color.r = b;", "without its block"),
         ("layout(rgba8) uniform image2D i;", "imageStore(i, ivec2(0), color);", "images is not supported"),
-        ("writeonly uniform image2D i;", "imageStore(i, ivec2(0), color);", "stores to"),
-        ("uniform atomic_uint a;", "atomicCounterIncrement(a);", "atomic counters"),
+        ("writeonly uniform image2D i;", "imageStore(i, ivec2(0), color);", "images is not supported"),
+        ("uniform atomic_uint a[2];", "atomicCounterIncrement(a);", "array of atomic counters"),
+        ("layout(offset = 2) uniform atomic_uint a;", "atomicCounterIncrement(a);", "at byte 2"),
+        ("uniform uint a;", "atomicCounterIncrement(a);", "not a counter"),
         ("uniform samplerCube c;", "color = texture(c, vec3(1));", "samplerCube"),
         ("uniform bool b[2];", "if (b[1]) discard;", "array of truth values"),
         ("uniform sampler2DShadow s;", "color = textureGather(s, vec2(0), 0.5);", "of a sampler2DShadow"),
@@ -292,6 +297,31 @@ fn what_is_not_supported_is_named_with_its_reason() {
     assert!(found[0].3.contains("no vertex attribute `bone`"), "{found:?}");
     assert!(compile("#version 300 es\nvoid main() {}\n", FRAGMENT).is_err());
     assert!(compile("", "").expect_err("empty").iter().any(|fault| fault.message.contains("no main()")));
+}
+
+#[test]
+fn buffers_say_whether_they_are_read_and_written_and_counters_are_atomic() {
+    let fragment = "#version 430\nstruct ray { vec4 at; vec4 way; };\n\
+        layout(std430, binding = 3) buffer Rays { ray rays[]; };\n\
+        layout(std430, binding = 1) readonly buffer Hits { vec4 hits[]; } found;\n\
+        layout(binding = 2) uniform atomic_uint first;\nlayout(binding = 2) uniform atomic_uint second;\n\
+        layout(binding = 7) buffer Unread { vec4 unread[]; };\nout vec4 color;\n\
+        void main() { ray r; r.at = found.hits[4]; r.way = vec4(1.0); rays[2] = r;\n\
+        uint n = atomicCounterIncrement(second) + atomicCounterDecrement(first) + atomicCounter(first);\n\
+        memoryBarrier(); color = vec4(float(n)); }\n";
+    let program = compile(VERTEX, fragment).expect("it compiles");
+    let of = |buffer: &StorageBuffer| (buffer.point, buffer.counters, buffer.read, buffer.written);
+    let found: Vec<_> = program.storage.iter().map(of).collect();
+    assert_eq!(found, [(3, false, false, true), (1, false, true, false), (2, true, true, true)]);
+    let wgsl = &program.fragment;
+    for part in ["array<atomic<u32>>", "atomicAdd(", "atomicSub(", "atomicLoad("] {
+        assert_eq!(wgsl.matches(part).count(), 1, "{part}: {wgsl}");
+    }
+    // The second counter is behind the first, and counting down gives what is left.
+    assert!(wgsl.contains("curitiba_up2_(1u)") && wgsl.contains("curitiba_down2_(0u)"), "{wgsl}");
+    let vertex = VERTEX.replace("void main", "layout(std430) buffer B { vec4 b[]; };\nvoid main");
+    let vertex = vertex.replace("pvm * position", "pvm * (position + b[0])");
+    assert!(faults(&vertex, FRAGMENT)[0].3.contains("a vertex shader reads"));
 }
 
 /// What would let the preprocessor or the compiler run for long, or recurse until the stack ends.

@@ -1,12 +1,15 @@
 //! From the rewritten text to WGSL, and what the compiler knows of uniform blocks.
 
 use super::link::Text;
-use super::rewrite::{LOOSE, Stated, TRUTH};
-use super::{Block, FRAME, Fault, Member, Scalar, Shape, Stage};
+use super::rewrite::{LOOSE, Stated, TRUTH, counting_name};
+use super::{Block, FRAME, Fault, Member, Scalar, Shape, Stage, StorageBuffer};
 use crate::guard;
 use naga::front::glsl::{Frontend, Options};
-use naga::valid::{Capabilities, ValidationFlags, Validator};
-use naga::{AddressSpace, Handle, Module, ScalarKind, ShaderStage, Span, Type, TypeInner, VectorSize};
+use naga::valid::{Capabilities, GlobalUse, ValidationFlags, Validator};
+use naga::{
+    AddressSpace, Expression, Handle, Module, Scalar as ScalarType, ScalarKind, ShaderStage, Span, Statement, Type,
+    TypeInner, VectorSize,
+};
 
 /// A stage as the device takes it.
 #[derive(Debug)]
@@ -14,6 +17,8 @@ pub(super) struct Translated {
     pub wgsl: String,
     /// Uniform blocks and their bindings.
     pub blocks: Vec<(u32, Block)>,
+    /// Bindings of storage buffers, with whether they are read and whether they are written.
+    pub storage: Vec<(usize, [bool; 2])>,
 }
 
 /// The WGSL of a stage, and its uniform blocks.
@@ -24,10 +29,11 @@ pub(super) fn translate(stage: Stage, text: &Text, stated: &Stated) -> Result<Tr
         Stage::Fragment => ShaderStage::Fragment,
     });
     let parsed = guard::call("naga", || Frontend::default().parse(&options, &text.source)).map_err(of_crate)?;
-    let module = parsed.map_err(|errors| {
+    let mut module = parsed.map_err(|errors| {
         let fault = |error: &naga::front::glsl::Error| at(stage, text, error.meta, error.kind.to_string());
         errors.errors.iter().take(8).map(fault).collect::<Vec<_>>()
     })?;
+    count_atomically(&mut module, stated);
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
     let validate = || validator.validate(&module).map_err(Box::new);
     let info = guard::call("naga", validate).map_err(of_crate)?.map_err(|error| {
@@ -52,30 +58,22 @@ pub(super) fn translate(stage: Stage, text: &Text, stated: &Stated) -> Result<Tr
     let wgsl = written.map_err(|error| of_crate(format!("this cannot be written as WGSL: {error}")))?;
     let device = guard::call("naga", || naga::front::wgsl::parse_str(&wgsl)).map_err(of_crate)?;
     let device = device.map_err(|error| of_crate(format!("what is written as WGSL cannot be read: {error}")))?;
-    let faults = laid_out_otherwise(stage, [&module, &device], &blocks);
+    let mut faults = laid_out_otherwise(stage, [&module, &device], &blocks);
+    faults.extend(stored_otherwise(stage, [&module, &device], stated));
     if !faults.is_empty() {
         return Err(faults);
     }
     debug_assert_eq!(validator.validate(&device).map(|_| ()).map_err(|error| error.emit_to_string(&wgsl)), Ok(()));
-    Ok(Translated { wgsl, blocks })
+    let storage = storage(&module, &info);
+    Ok(Translated { wgsl, blocks, storage })
 }
 
 /// Members of blocks that lie elsewhere in the WGSL that the device reads (`modules[1]`) than `std140` has them (`modules[0]`): WGSL
 /// pads neither the elements of arrays nor structures to 16 bytes.
 fn laid_out_otherwise(stage: Stage, modules: [&Module; 2], blocks: &[(u32, Block)]) -> Vec<Fault> {
-    let members = |module: &Module, binding: u32| {
-        let bound = |variable: &&naga::GlobalVariable| {
-            variable.space == AddressSpace::Uniform && variable.binding.is_some_and(|at| at.binding == binding)
-        };
-        let variable = module.global_variables.iter().map(|(_, variable)| variable).find(bound)?;
-        match &module.types[variable.ty].inner {
-            TypeInner::Struct { members, .. } => Some(members.clone()),
-            _ => None,
-        }
-    };
     let mut faults = Vec::new();
     for (binding, block) in blocks {
-        let of = modules.map(|module| members(module, *binding).unwrap_or_default());
+        let of = modules.map(|module| members(module, 0, *binding).unwrap_or_default());
         for (stated, device) in of[0].iter().zip(&of[1]) {
             let same = stated.offset == device.offset && same_layout(modules, [stated.ty, device.ty]);
             let member = block.members.iter().find(|member| Some(&member.name) == stated.name.as_ref());
@@ -88,6 +86,115 @@ fn laid_out_otherwise(stage: Stage, modules: [&Module; 2], blocks: &[(u32, Block
         }
     }
     faults
+}
+
+/// The members of a buffer that is bound there.
+fn members(module: &Module, group: u32, binding: u32) -> Option<Vec<naga::StructMember>> {
+    let at = Some(naga::ResourceBinding { group, binding });
+    let variable =
+        module.global_variables.iter().map(|(_, variable)| variable).find(|variable| variable.binding == at)?;
+    match &module.types[variable.ty].inner {
+        TypeInner::Struct { members, .. } => Some(members.clone()),
+        _ => None,
+    }
+}
+
+/// The same of storage buffers.
+fn stored_otherwise(stage: Stage, modules: [&Module; 2], stated: &Stated) -> Vec<Fault> {
+    let differs = |(binding, _): &(u32, &StorageBuffer)| {
+        let [stated, device] = modules.map(|module| members(module, 2, *binding).unwrap_or_default());
+        let same = |(stated, device): (&naga::StructMember, &naga::StructMember)| {
+            stated.offset == device.offset && same_layout(modules, [stated.ty, device.ty])
+        };
+        !stated.iter().zip(&device).all(same)
+    };
+    let fault = |(_, buffer): (u32, &StorageBuffer)| {
+        let message = format!("the device cannot lay the buffer `{}` out as the shader does", buffer.name);
+        let help = "valid: layout(std430), and elements without gaps: vec4, or numbers";
+        Fault { stage, start: buffer.at[0], end: buffer.at[1], message, help: Some(help.to_owned()) }
+    };
+    (0..).zip(&stated.storage).filter(differs).map(fault).collect()
+}
+
+/// Bindings of storage buffers, with whether they are read and written.
+fn storage(module: &Module, info: &naga::valid::ModuleInfo) -> Vec<(usize, [bool; 2])> {
+    let mut found = Vec::new();
+    for (handle, variable) in module.global_variables.iter() {
+        let (AddressSpace::Storage { .. }, Some(at)) = (variable.space, variable.binding) else { continue };
+        let used = info.get_entry_point(0)[handle];
+        let atomic = used.contains(GlobalUse::ATOMIC);
+        found.push((
+            at.binding as usize,
+            [atomic || used.contains(GlobalUse::READ), atomic || used.contains(GlobalUse::WRITE)],
+        ));
+    }
+    found
+}
+
+/// Makes the numbers of buffers of counters atomic, and gives their functions, of which the language that the compiler reads has none, the
+/// bodies that they stand for.
+fn count_atomically(module: &mut Module, stated: &Stated) {
+    let number = Type { name: None, inner: TypeInner::Scalar(ScalarType::U32) };
+    for (index, _) in stated.storage.iter().enumerate().filter(|(_, buffer)| buffer.counters) {
+        let at = Some(naga::ResourceBinding { group: 2, binding: index as u32 });
+        let Some((variable, _)) = module.global_variables.iter().find(|(_, variable)| variable.binding == at) else {
+            continue;
+        };
+        let inner = module.types[module.global_variables[variable].ty].clone();
+        let TypeInner::Struct { mut members, span } = inner.inner else { continue };
+        let mut insert = |inner: TypeInner| module.types.insert(Type { name: None, inner }, Span::UNDEFINED);
+        let base = insert(TypeInner::Atomic(ScalarType::U32));
+        let ty = insert(TypeInner::Array { base, size: naga::ArraySize::Dynamic, stride: 4 });
+        members.iter_mut().for_each(|member| member.ty = ty);
+        let held = Type { name: inner.name, inner: TypeInner::Struct { members, span } };
+        module.global_variables[variable].ty = module.types.insert(held, Span::UNDEFINED);
+        let number = module.types.insert(number.clone(), Span::UNDEFINED);
+        let of = |what: &str| (counting_name(what, index), what == "count");
+        let functions = [(of("up"), naga::AtomicFunction::Add), (of("down"), naga::AtomicFunction::Subtract)];
+        let reads = (of("count"), naga::AtomicFunction::Add);
+        for ((name, only_reads), fun) in functions.into_iter().chain([reads]) {
+            let wanted =
+                |(_, function): &(Handle<naga::Function>, &naga::Function)| function.name.as_ref() == Some(&name);
+            let Some((handle, _)) = module.functions.iter().find(wanted) else { continue };
+            let function = &mut module.functions[handle];
+            function.expressions.clear();
+            function.named_expressions.clear();
+            function.local_variables.clear();
+            let mut add = |expression| function.expressions.append(expression, Span::UNDEFINED);
+            let argument = add(Expression::FunctionArgument(0));
+            let one = add(Expression::Literal(naga::Literal::U32(1)));
+            let buffer = add(Expression::GlobalVariable(variable));
+            let numbers = add(Expression::AccessIndex { base: buffer, index: 0 });
+            let pointer = add(Expression::Access { base: numbers, index: argument });
+            let mut body = naga::Block::new();
+            let mut emit =
+                |from, to| body.push(Statement::Emit(naga::Range::new_from_bounds(from, to)), Span::UNDEFINED);
+            emit(numbers, pointer);
+            let value = if only_reads {
+                let value = function.expressions.append(Expression::Load { pointer }, Span::UNDEFINED);
+                emit(value, value);
+                value
+            } else {
+                let result = Expression::AtomicResult { ty: number, comparison: false };
+                let before = function.expressions.append(result, Span::UNDEFINED);
+                let counts = Statement::Atomic { pointer, fun, value: one, result: Some(before) };
+                body.push(counts, Span::UNDEFINED);
+                match fun {
+                    // Counting down gives the number after it, counting up the one before.
+                    naga::AtomicFunction::Subtract => {
+                        let op = naga::BinaryOperator::Subtract;
+                        let after = Expression::Binary { op, left: before, right: one };
+                        let after = function.expressions.append(after, Span::UNDEFINED);
+                        body.push(Statement::Emit(naga::Range::new_from_bounds(after, after)), Span::UNDEFINED);
+                        after
+                    }
+                    _ => before,
+                }
+            };
+            body.push(Statement::Return { value: Some(value) }, Span::UNDEFINED);
+            function.body = body;
+        }
+    }
 }
 
 /// Whether the members and elements of a type lie in both modules at the same places.

@@ -100,3 +100,78 @@ pub enum Side {
     /// `CULL_TYPE` `BACK`.
     Back,
 }
+
+/// What a colour is multiplied by before it is added to another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum BlendFactor {
+    /// 0.
+    Zero,
+    /// 1.
+    One,
+    /// What the shader writes, by channel.
+    SrcColor,
+    /// 1 less that.
+    OneMinusSrcColor,
+    /// What is there, by channel.
+    DstColor,
+    /// 1 less that.
+    OneMinusDstColor,
+    /// The alpha that the shader writes.
+    SrcAlpha,
+    /// 1 less that.
+    OneMinusSrcAlpha,
+    /// The alpha that is there.
+    DstAlpha,
+    /// 1 less that.
+    OneMinusDstAlpha,
+}
+
+impl BlendFactor {
+    /// All, by the engine's names.
+    pub const NAMED: [(&str, Self); 10] = [
+        ("ZERO", Self::Zero),
+        ("ONE", Self::One),
+        ("SRC_COLOR", Self::SrcColor),
+        ("ONE_MINUS_SRC_COLOR", Self::OneMinusSrcColor),
+        ("DST_COLOR", Self::DstColor),
+        ("ONE_MINUS_DST_COLOR", Self::OneMinusDstColor),
+        ("SRC_ALPHA", Self::SrcAlpha),
+        ("ONE_MINUS_SRC_ALPHA", Self::OneMinusSrcAlpha),
+        ("DST_ALPHA", Self::DstAlpha),
+        ("ONE_MINUS_DST_ALPHA", Self::OneMinusDstAlpha),
+    ];
+
+    /// The one of a name of the engine, in any letters' case.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Self::NAMED.iter().find(|(known, _)| known.eq_ignore_ascii_case(name)).map(|(_, factor)| *factor)
+    }
+}
+
+/// How what a shader writes and what is there are added up, alpha like the colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Blend {
+    /// What the shader's result is multiplied by.
+    pub source: BlendFactor,
+    /// What is multiplied that is there.
+    pub destination: BlendFactor,
+}
+
+/// How a shader's states say that triangles are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Drawn {
+    /// Which side of triangles is left out, where the states say so.
+    pub culled: Option<Side>,
+    /// What is added up; `None` where the result takes the place of what is there.
+    pub blend: Option<Blend>,
+    /// Whether triangles are hidden by what is nearer. Those that are not hide nothing either, as in OpenGL.
+    pub tests_depth: bool,
+    /// Whether they hide what is farther.
+    pub writes_depth: bool,
+}
+
+impl Default for Drawn {
+    fn default() -> Self {
+        Self { culled: None, blend: None, tests_depth: true, writes_depth: true }
+    }
+}

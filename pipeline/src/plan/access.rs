@@ -39,7 +39,7 @@ impl Plan {
         let ids = |reads: bool, position: Option<ChannelRef>| {
             position.filter(|_| reads).map(|position| (Some(position.target), TRIANGLES))
         };
-        let reads = match (&planned.work, &pass.kind) {
+        let reads: Vec<Slot> = match (&planned.work, &pass.kind) {
             (Work::Rays { params, reads_triangle, .. }, PassKind::Ray(ray)) => {
                 let read = liveness::inputs(ray, params).into_iter().map(slot);
                 read.chain(ids(*reads_triangle, ray.position)).collect()
@@ -52,10 +52,17 @@ impl Plan {
             (Work::Quad { .. }, PassKind::Quad(quad)) => liveness::sources(quad).into_iter().map(slot).collect(),
             _ => Vec::new(),
         };
-        let writes = match (&planned.work, pass.target) {
+        let stored: Vec<Slot> = match &pass.kind {
+            PassKind::Quad(quad) => quad.stored(false).map(slot).collect(),
+            _ => Vec::new(),
+        };
+        let mut writes: Vec<Slot> = match (&planned.work, pass.target) {
             (Work::Raster { .. }, Some(_)) => (0..=TRIANGLES).map(|channel| (pass.target, channel)).collect(),
             _ => vec![(pass.target, 0)],
         };
+        // What a pass both reads and stores to is its own.
+        let reads = reads.into_iter().filter(|slot| !stored.contains(slot)).collect();
+        writes.extend(stored);
         Access { reads, writes }
     }
 

@@ -50,10 +50,15 @@ impl Plan {
                 continue;
             }
             let written = self.channels_written(pass);
-            let live = attachments(pass, written, &wanted.channels, &wanted.triangles);
+            let mut live = attachments(pass, written, &wanted.channels, &wanted.triangles);
+            let stores = match &pass.kind {
+                PassKind::Quad(quad) => quad.stored(false).any(|channel| wanted.channels.contains(&channel)),
+                _ => false,
+            };
+            live.color |= stores;
             let host = attachments(pass, written, &wanted.host, &wanted.host_triangles);
             let traced = attachments(pass, written, &wanted.traced, &wanted.traced_triangles);
-            if let Some(reason) = dead(pass, live, &wanted) {
+            if let Some(reason) = dead(pass, live, &wanted).filter(|_| !stores) {
                 self.decide(format!("pass `{}`", pass.name), false, reason.into());
                 continue;
             }
@@ -98,6 +103,11 @@ impl Plan {
                 }
                 PassKind::Quad(quad) => {
                     wanted.read_in_host(sources(quad));
+                    // What it stores to a part of, it leaves in the rest.
+                    wanted.read_in_host(quad.stored(false).collect());
+                    for channel in quad.stored(true).chain(quad.stored(false)) {
+                        self.targets[channel.target].stored.color = true;
+                    }
                     self.explain_quad(pass, quad);
                     Work::Quad { viewport: rect }
                 }
@@ -376,7 +386,7 @@ pub(super) fn sources(quad: &QuadPass) -> Vec<ChannelRef> {
                 ShaderTexture::Channel(channel) => Some(*channel),
                 _ => None,
             };
-            textures.filter_map(channel).collect()
+            textures.filter_map(channel).chain(quad.stored(true)).collect()
         }
     }
 }

@@ -170,11 +170,15 @@ impl Plan {
         check_size("the window", window)?;
         project.place_light_cameras(camera, window, rectangle);
         let mut targets = Vec::new();
+        // Shaders that bind buffers count on the sizes that the project has.
+        let fixed = project.pipelines[pipeline].passes.iter().any(
+            |pass| matches!(&pass.kind, PassKind::Quad(quad) if quad.stored(true).chain(quad.stored(false)).next().is_some()),
+        );
         for target in &project.targets {
             // What a light sees does not grow with the window.
             let alone = target.channels.iter().all(|channel| channel.depth);
             let scaled = |axis: usize| {
-                if alone {
+                if alone || fixed || target.buffer.is_some() {
                     return f64::from(target.size[axis]);
                 }
                 let scale = f64::from(window[axis]) / f64::from(project.window[axis]);

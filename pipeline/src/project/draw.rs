@@ -35,7 +35,7 @@ impl Loader {
         self.expect_children(element, &[CHILDREN, others].concat());
         self.no_parameters(context, "default");
         context.facts.writes_first(RASTER_CHANNELS);
-        let scenes = self.pass_scenes(context);
+        let (scenes, instances) = (self.scenes_of(context), self.instances(context));
         let camera = camera.or_else(|| self.pass_camera(context));
         let light = self.pass_light(context);
         if let Some(depth) = self.single(element, &["depth"]) {
@@ -89,7 +89,7 @@ impl Loader {
             return None;
         }
         let light = light.map(|(index, _)| index);
-        Some(RasterPass { scenes: scenes?, camera: camera?, light, program, colors, shaders })
+        Some(RasterPass { scenes: scenes?, instances: instances?, camera: camera?, light, program, colors, shaders })
     }
 
     /// Reports a target without colours, unless own shaders draw all: they leave the depth.
@@ -201,6 +201,10 @@ impl Loader {
                     Self::reads(context, Some(*channel), at);
                 }
             }
+            for channel in shader.stored(true).filter(|channel| !shader.stored(false).any(|own| own == *channel)) {
+                Self::reads(context, Some(channel), at);
+            }
+            context.facts.stores(shader.stored(false));
             return Some(QuadPass { source: QuadSource::Own, shader: Some(shader) });
         }
         match self.shader_program(context, library, &material, at, QUAD_PROGRAMS, "quad")? {

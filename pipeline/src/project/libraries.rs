@@ -3,7 +3,7 @@
 use super::dom::{Element, Value};
 use super::report::{Found, Names, Span};
 use super::{ChannelRef, RenderTarget};
-use crate::glsl::Side;
+use crate::glsl::Drawn;
 use glam::Vec4;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -84,8 +84,8 @@ impl ValueOf {
 /// What a `<state>` says of how triangles are drawn.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct State {
-    /// The side of triangles that is left out.
-    pub culled: Option<Side>,
+    /// What is done of it.
+    pub drawn: Drawn,
     /// What it asks for beside that, and is not done.
     pub other: Option<&'static str>,
 }
@@ -99,6 +99,17 @@ pub(super) struct Binding {
     pub name: Value,
     /// `COMPARE_FUNC`, where it is given.
     pub compare: Option<Value>,
+}
+
+/// A buffer that is bound to a binding point.
+#[derive(Debug, Clone)]
+pub(super) struct BufferBinding {
+    pub point: u32,
+    /// Whether it holds atomic counters.
+    pub counters: bool,
+    /// The library's name; `None` for that of the material itself.
+    pub library: Option<Value>,
+    pub name: Value,
 }
 
 /// A material of a library.
@@ -116,6 +127,8 @@ pub(super) struct LibraryMaterial {
     pub values: Vec<ValueOf>,
     /// What is bound to texture units.
     pub textures: Vec<Binding>,
+    /// Buffers that are bound.
+    pub buffers: Vec<BufferBinding>,
     /// How it is drawn.
     pub state: State,
 }
@@ -145,6 +158,9 @@ pub(super) struct Library {
     pub target_indices: Vec<Option<usize>>,
     pub texture_names: Names,
     pub textures: Vec<Texture>,
+    /// Names of storage buffers, with their indices into [`Libraries::targets`]; `None` of one whose size is not known.
+    pub buffer_names: Names,
+    pub buffer_indices: Vec<Option<usize>>,
     pub shader_names: Names,
     pub shaders: Vec<Shader>,
     /// By name.
@@ -162,6 +178,8 @@ impl Library {
             target_indices: Vec::new(),
             texture_names: Names::new("texture"),
             textures: Vec::new(),
+            buffer_names: Names::new("buffer"),
+            buffer_indices: Vec::new(),
             shader_names: Names::new("shader"),
             shaders: Vec::new(),
             states: HashMap::new(),
@@ -186,6 +204,7 @@ impl Library {
                 shader: None,
                 values: Vec::new(),
                 textures: Vec::new(),
+                buffers: Vec::new(),
                 state: State::default(),
             })));
         }

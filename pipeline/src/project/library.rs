@@ -5,7 +5,7 @@ use super::libraries::{Binding, Library, LibraryMaterial, ROOT, Shader, State, T
 use super::loader::Loader;
 use super::report::{Found, shown, suggest};
 use super::{Channel, ChannelRef, RenderTarget, file};
-use crate::glsl::{self, Side};
+use crate::glsl::{self, Blend, BlendFactor, Drawn, Side};
 use crate::image::PixelFormat;
 use glam::Vec4;
 use std::rc::Rc;
@@ -91,6 +91,7 @@ impl Loader {
                 }
             }
         }
+        self.buffers(&mut library, &root);
         for list in root.children_named(&["states"]) {
             list.children_named(&["state"]).for_each(|state| self.state(&mut library, state));
         }
@@ -172,6 +173,7 @@ impl Loader {
                 name: name.text.clone(),
                 size: [width, height],
                 clear_color,
+                buffer: None,
                 channels,
             }),
             _ => None,
@@ -280,6 +282,7 @@ impl Loader {
                 textures
             });
         }
+        let buffers = self.bound_buffers(element);
         let material = (|| {
             Some(LibraryMaterial {
                 name: name.text.clone(),
@@ -291,6 +294,7 @@ impl Loader {
                 shader: shader?,
                 values,
                 textures: textures?,
+                buffers: buffers.clone(),
                 state,
             })
         })();
@@ -333,11 +337,24 @@ impl Loader {
             _ => None,
         };
         let is = |name: &str, wanted: bool| {
-            value(name).is_some_and(|value| value.text.eq_ignore_ascii_case(if wanted { "true" } else { "false" }))
+            let names: [&str; 2] = if wanted { ["true", "1"] } else { ["false", "0"] };
+            value(name).is_some_and(|value| names.iter().any(|name| value.text.eq_ignore_ascii_case(name)))
         };
-        let others = [("BLEND", true), ("DEPTH_TEST", false), ("DEPTH_MASK", false)];
-        let other = others.into_iter().find(|(name, wanted)| is(name, *wanted)).map(|(name, _)| name);
-        library.states.insert(name.text.clone(), State { culled: side.filter(|_| on), other });
+        let (tests_depth, writes_depth) = (!is("DEPTH_TEST", false), !is("DEPTH_MASK", false));
+        let mut drawn = Drawn { culled: side.filter(|_| on), tests_depth, writes_depth, ..Drawn::default() };
+        let mut other = None;
+        if is("BLEND", true) {
+            // The engine's factors, where a state is silent.
+            let factor = |name: &str, own| value(name).map_or(Some(own), |value| BlendFactor::named(&value.text));
+            let source = factor("BLEND_SRC", BlendFactor::One);
+            let destination = factor("BLEND_DST", BlendFactor::Zero);
+            let adds = value("BLEND_EQUATION").is_none_or(|value| value.text.eq_ignore_ascii_case("ADD"));
+            match source.zip(destination).filter(|_| adds) {
+                Some((source, destination)) => drawn.blend = Some(Blend { source, destination }),
+                None => other = Some("a BLEND of another kind"),
+            }
+        }
+        library.states.insert(name.text.clone(), State { drawn, other });
     }
 
     /// `<shader><name>X</name>…</shader>` or `<shader name="X">…</shader>`.

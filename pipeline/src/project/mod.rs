@@ -27,6 +27,7 @@
 //! Files are bounded (16 MiB, 64 levels of elements, 65,536 elements), and so is what is reported.
 
 mod assets;
+mod buffers;
 mod camera_pass;
 mod cameras;
 mod dom;
@@ -299,6 +300,8 @@ pub struct RenderTarget {
     pub size: [u32; 2],
     /// What the colour is cleared to before a pass draws into it.
     pub clear_color: Vec4,
+    /// Of a storage buffer its bytes: its only channel holds them, 16 a pixel. `None` of what passes draw into.
+    pub buffer: Option<u64>,
     /// Colour channels, in order; behind them the depth, where it has a name and no more than two colours are before it.
     pub channels: Vec<Channel>,
 }
@@ -407,6 +410,8 @@ impl PassKind {
 pub struct RasterPass {
     /// Indices of the scenes drawn.
     pub scenes: Vec<usize>,
+    /// How often they are drawn, at least once. Own shaders alone tell one time from another.
+    pub instances: u32,
     /// Index of the camera.
     pub camera: usize,
     /// Index of the first light, if any.
@@ -441,12 +446,14 @@ pub struct OwnShader {
     pub values: Vec<Vec<Option<glsl::Value>>>,
     /// By sampler of the program.
     pub textures: Vec<ShaderTexture>,
+    /// By buffer of the program: what is bound, an index into [`Project::targets`].
+    pub storage: Vec<usize>,
     /// Textures that are bound; `None` where it is the scene's material that binds them.
     pub bound: Option<u32>,
     /// Textures that are bound beside those of the scene's material.
     pub injected: u32,
-    /// Which side of triangles is left out.
-    pub culled: Option<glsl::Side>,
+    /// How its triangles are drawn.
+    pub drawn: glsl::Drawn,
 }
 
 impl RasterPass {
@@ -476,12 +483,16 @@ pub enum ShaderTexture {
     Nothing,
 }
 
+/// What the engine calls the material of OBJ triangles that name none, and what it is called here.
+const ENGINES_PLAIN: &str = "DefaultOBJMaterial";
+const PLAIN: &str = "default";
+
 /// Which materials a map is for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum MaterialPattern {
     /// `*`.
     All,
-    /// One name.
+    /// One name. `DefaultOBJMaterial` is also the material of OBJ triangles that name none.
     Named(String),
     /// Names that begin so.
     Beginning(String),
@@ -493,7 +504,7 @@ impl MaterialPattern {
     pub fn matches(&self, name: &str) -> bool {
         match self {
             Self::All => true,
-            Self::Named(named) => named == name,
+            Self::Named(named) => named == name || named == ENGINES_PLAIN && name == PLAIN,
             Self::Beginning(beginning) => name.starts_with(beginning.as_str()),
         }
     }
@@ -599,7 +610,21 @@ pub struct QuadPass {
     pub shader: Option<Arc<OwnShader>>,
 }
 
+impl OwnShader {
+    /// The channels of storage buffers that it reads (`read`), or else those that it stores to.
+    pub fn stored(&self, read: bool) -> impl Iterator<Item = ChannelRef> + '_ {
+        let bound = self.storage.iter().zip(&self.program.storage);
+        let used = bound.filter(move |(_, buffer)| if read { buffer.read } else { buffer.written });
+        used.map(|(target, _)| ChannelRef { target: *target, channel: 0 })
+    }
+}
+
 impl QuadPass {
+    /// The storage buffers that it reads (`read`), or else those that it stores to.
+    pub fn stored(&self, read: bool) -> impl Iterator<Item = ChannelRef> + '_ {
+        self.shader.iter().flat_map(move |shader| shader.stored(read))
+    }
+
     /// A pass without a shader of the project's own.
     #[must_use]
     pub fn new(source: QuadSource) -> Self {

@@ -19,6 +19,8 @@ pub(super) struct Facts {
     writes: usize,
     /// Whether it leaves the depth, in the channel behind the colours.
     depth: Kept,
+    /// Storage buffers that it stores to.
+    stores: Vec<ChannelRef>,
     /// Whether all that it reads and writes must have one size.
     pub one_size: bool,
 }
@@ -37,7 +39,7 @@ enum Kept {
 impl Facts {
     pub fn new(name: &str, span: Span) -> Self {
         let (name, depth) = (name.to_owned(), Kept::Untouched);
-        Self { name, span, reads: Vec::new(), target: None, writes: 0, depth, one_size: false }
+        Self { name, span, reads: Vec::new(), target: None, writes: 0, depth, stores: Vec::new(), one_size: false }
     }
 
     pub fn set_target(&mut self, target: Option<usize>, colors: usize, at: Span) {
@@ -65,6 +67,11 @@ impl Facts {
         self.writes = count;
     }
 
+    /// The pass stores to these buffers.
+    pub fn stores(&mut self, buffers: impl Iterator<Item = ChannelRef>) {
+        self.stores.extend(buffers);
+    }
+
     /// The pass writes all channels of its target.
     pub fn writes_all(&mut self) {
         self.writes = usize::MAX;
@@ -74,7 +81,8 @@ impl Facts {
         let (target, channels) = self.target.map_or((0, 0), |(target, channels, _)| (target, channels));
         let colors = (0..channels.min(self.writes)).map(move |channel| ChannelRef { target, channel });
         let depth = self.target.filter(|_| self.depth == Kept::Written);
-        colors.chain(depth.map(|(target, channel, _)| ChannelRef { target, channel }))
+        let depth = depth.map(|(target, channel, _)| ChannelRef { target, channel });
+        colors.chain(depth).chain(self.stores.iter().copied())
     }
 }
 
@@ -121,7 +129,10 @@ impl Loader {
                         });
                     }
                     None => {
-                        let written = passes[..index].iter().flat_map(Facts::written);
+                        // A depth without a name is no channel.
+                        let targets = &self.libraries.targets;
+                        let named = |channel: &ChannelRef| channel.channel < targets[channel.target].channels.len();
+                        let written = passes[..index].iter().flat_map(Facts::written).filter(named);
                         let names = || written.map(|channel| self.libraries.channel_name(channel)).collect::<Vec<_>>();
                         self.report.error_help(*at, format!("{reader}, which no pass writes"), || {
                             let names = names();

@@ -14,6 +14,9 @@ use std::rc::Rc;
 /// Classes of passes.
 const CLASSES: [&str; 7] = ["default", "optix", "rt", "effect", "quad", "depthmap", "depthmap2"];
 
+/// Most often that a pass draws its scenes.
+const MAX_INSTANCES: f32 = 16_777_216.0;
+
 fn is_class(name: &str) -> bool {
     CLASSES.iter().any(|class| name.eq_ignore_ascii_case(class))
 }
@@ -189,19 +192,45 @@ impl Loader {
         }
     }
 
-    /// The scenes of a pass. `None` if one could not be resolved, or there is none.
+    /// The scenes of a pass that meets each once. `None` if one could not be resolved, or there is none.
     pub fn pass_scenes(&mut self, context: &PassContext<'_>) -> Option<Vec<usize>> {
+        let scenes = self.scenes_of(context);
+        if self.instances(context)? == 1 {
+            return scenes;
+        }
+        let name = shown(&context.name);
+        let message = format!("pass `{name}` has its scenes many times, as only passes that draw triangles can");
+        self.report.error_help(context.element.span, message, || "valid: <scenes instances=\"1\">".to_owned());
+        None
+    }
+
+    /// How often a pass draws its scenes: `<scenes instances="…">`.
+    pub fn instances(&mut self, context: &PassContext<'_>) -> Option<u32> {
+        let (mut found, mut whole) = (None, true);
+        for value in context.element.children_named(&["scenes"]).filter_map(|list| list.attribute("instances")) {
+            let Some(number) = self.number(value) else {
+                whole = false;
+                continue;
+            };
+            let is_count = number.fract() == 0.0 && (1.0..=MAX_INSTANCES).contains(&number);
+            if !is_count || found.is_some_and(|before| before != number) {
+                let message = format!("pass `{}` draws its scenes {} times", shown(&context.name), value.shown());
+                let help =
+                    format!("valid: a whole number from 1 to {MAX_INSTANCES}, the same for all <scenes> of the pass");
+                self.report.error_help(value.span, message, || help);
+                whole = false;
+            }
+            found = Some(number);
+        }
+        whole.then(|| found.unwrap_or(1.0) as u32)
+    }
+
+    /// The scenes of a pass. `None` if one could not be resolved, or there is none.
+    pub fn scenes_of(&mut self, context: &PassContext<'_>) -> Option<Vec<usize>> {
         let mut scenes = Some(Vec::new());
         let mut any = false;
         for list in context.element.children_named(&["scenes"]) {
             self.expect(list, &["scene"], &["instances"]);
-            if let Some(value) = list.attribute("instances")
-                && self.number(value).is_some_and(|count| count != 1.0)
-            {
-                let message = format!("pass `{}` draws its scenes {} times", shown(&context.name), value.shown());
-                self.report.error_help(value.span, message, || "not supported; valid: instances=\"1\"".to_owned());
-                scenes = None;
-            }
             for reference in list.children_named(&["scene"]) {
                 any = true;
                 if self.is_camera(reference) {

@@ -74,9 +74,11 @@ impl Loader {
                 None => whole = false,
             }
         }
-        if let Some(other) = used.material.state.other {
+        let state = used.material.state;
+        let blends = used.quad && state.drawn.blend.is_some();
+        if let Some(other) = state.other.or(blends.then_some("BLEND")) {
             let message = format!("the state of material `{}` has {other}, which is not done", used.material.name);
-            self.report.warning(used.at, message, || Some("triangles hide what is behind them".to_owned()));
+            self.report.warning(used.at, message, || Some("its result takes the place of what is there".to_owned()));
         }
         let own = OwnShader {
             name: format!("{}::{}", self.libraries.get(used.library).name, used.material.name),
@@ -86,9 +88,10 @@ impl Loader {
             },
             values: self.uniforms(&program, files, &values)?,
             textures: self.samplers(&program, files, &values, used)?,
+            storage: self.storage(&program, files[1], used)?,
             bound: used.replaces.then_some(used.material.textures.len() as u32),
             injected: used.injected.iter().filter(|binding| binding.unit > 0).count() as u32,
-            culled: used.material.state.culled,
+            drawn: used.material.state.drawn,
             program,
         };
         whole.then(|| Arc::new(own))

@@ -1,7 +1,7 @@
 //! What projects of the engine hold that draws nothing here, or does not run: it is left out with a warning, and the rest renders.
 
-use crate::support::{RASTER, bad, errors, good, project, with};
-use curitiba_pipeline::project::Project;
+use crate::support::{RASTER, SHADOWS, bad, errors, good, project, with};
+use curitiba_pipeline::project::{MaterialPattern, PassKind, Project};
 
 const COMPUTE: &str = r#"<pass class="compute" name="sums"></pass>"#;
 
@@ -76,15 +76,33 @@ fn scenes_of_lines_are_empty_and_those_of_triangles_need_a_file() {
 }
 
 #[test]
-fn a_scene_drawn_many_times_is_refused() {
+fn the_engines_name_fits_triangles_without_a_material() {
+    let named = |name: &str| MaterialPattern::Named(name.to_owned());
+    assert!(
+        named("DefaultOBJMaterial").matches("default") && named("DefaultOBJMaterial").matches("DefaultOBJMaterial")
+    );
+    assert!(!named("DefaultOBJMaterial").matches("brick") && !named("brick").matches("default"));
+}
+
+#[test]
+fn scenes_are_drawn_a_whole_number_of_times() {
     // The last list is the pass's.
     let times = |count: &str| {
         let text = project(RASTER);
         let at = text.rfind("<scenes>").expect("the pass's scenes");
         format!("{}<scenes instances=\"{count}\">{}", &text[..at], &text[at + "<scenes>".len()..])
     };
-    good(&times("1"));
-    assert!(errors(&bad(times("30")))[0].ends_with("draws its scenes 30 times"));
+    let drawn = |count: &str| match &good(&times(count)).pipelines[0].passes[0].kind {
+        PassKind::Raster(raster) => raster.instances,
+        _ => panic!("a raster pass"),
+    };
+    assert_eq!((drawn("1"), drawn("30")), (1, 30));
+    for wrong in ["0", "1.5", "-3", "16777218"] {
+        assert!(errors(&bad(times(wrong)))[0].ends_with(&format!("draws its scenes {wrong} times")));
+    }
+    // Rays and effects meet scenes once.
+    let rays = [RASTER, &with(SHADOWS, "<scenes>", "<scenes instances=\"2\">")].concat();
+    assert!(errors(&bad(project(&rays)))[0].contains("has its scenes many times"));
 }
 
 #[test]

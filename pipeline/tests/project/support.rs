@@ -15,7 +15,7 @@ pub const LIBRARY: &str = r#"<?xml version="1.0" ?>
 				<color name="color" internalFormat="RGBA32F" />
 				<color name="pos" internalFormat="RGBA32F" />
 				<color name="norm" internalFormat="RGBA16F" />
-			</colors>
+			</colors><depth name="far" internalFormat="DEPTH_COMPONENT24" />
 		</rendertarget>
 		<rendertarget name="rays">
 			<size width="64" height="32" />
@@ -56,7 +56,7 @@ pub const LIBRARY: &str = r#"<?xml version="1.0" ?>
 		<material name="half"><shader name="combine" /><textures><texture unit="0" name="color" /></textures></material>
 		<material name="pictures">
 			<shader name="combine" />
-			<textures><texture unit="0" name="crate" /><texture unit="1" name="depth" /></textures>
+			<textures><texture unit="0" name="crate" /><texture unit="1" name="far" /></textures>
 		</material>
 		<material name="glass">
 			<color><diffuse r="1.0" g="0.0" b="1.0" a="0.0" /><emission r="1.0" g="0.0" b="1.0" a="0.0" /></color>

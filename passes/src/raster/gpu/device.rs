@@ -58,6 +58,7 @@ impl Gpu {
             | wgpu::Features::PRIMITIVE_INDEX
             | wgpu::Features::SUBGROUP
             | wgpu::Features::FLOAT32_FILTERABLE
+            | wgpu::Features::FLOAT32_BLENDABLE
             | wgpu::Features::DEPTH_CLIP_CONTROL;
         let limits = adapter.limits();
         let descriptor = wgpu::DeviceDescriptor {

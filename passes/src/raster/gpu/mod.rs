@@ -316,12 +316,17 @@ impl Rasteriser for WgpuRasteriser {
         Ok(DrawStats { device_time, shared, triangles })
     }
 
-    fn fill(&mut self, job: &QuadJob<'_>, pixels: &mut [[f32; 4]]) -> Result<(), BackendError> {
+    fn fill(
+        &mut self,
+        job: &QuadJob<'_>,
+        pixels: &mut [[f32; 4]],
+        buffers: &mut [Vec<[f32; 4]>],
+    ) -> Result<(), BackendError> {
         let shaders = match &mut self.shaders {
             Some(shaders) => shaders,
             none => none.insert(Shaders::new(&self.gpu)?),
         };
-        shaders.fill(&self.gpu, &mut self.staging, job, pixels)
+        shaders.fill(&self.gpu, &mut self.staging, job, (pixels, buffers))
     }
 
     fn needs_read_back(&self) -> bool {

@@ -43,7 +43,11 @@ impl<'a> Reader<'a> {
         }
         self.expect(";")?;
         match storage {
+            Storage::Uniform if qualifiers.std430 => {
+                Err(self.fault(name, "`std430` is for storage buffers", "valid: std140"))
+            }
             Storage::Uniform => self.uniform_block(name, &members, instance.as_ref()),
+            Storage::Buffer => self.storage_block(qualifiers, name, &members, instance.as_ref()),
             Storage::In | Storage::Out => self.interface(storage, name, &members, instance.as_ref()),
         }
     }

@@ -112,6 +112,9 @@ impl Reader<'_> {
         if let Some((_, now)) = SAMPLING.iter().find(|(name, _)| *name == word && called) {
             return self.sampled(now, token);
         }
+        if called && self.counted(token)? {
+            return Ok(());
+        }
         if let Some(members) = self.instances.get(word)
             && self.peek(0).is_some_and(|next| next.is("."))
         {
@@ -148,8 +151,7 @@ impl Reader<'_> {
                 self.done.depth = true;
                 "curitiba_FragDepth"
             }
-            // Scenes are drawn once.
-            "gl_InstanceID" if self.stage == Stage::Vertex => "0",
+            "gl_InstanceID" if self.stage == Stage::Vertex => "int ( gl_InstanceIndex )",
             "dFdy" | "dFdyFine" | "dFdyCoarse" if called => "curitiba_dFdy",
             other => other,
         };

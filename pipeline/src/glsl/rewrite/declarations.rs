@@ -7,6 +7,9 @@ use super::{OURS, Reader, Uniform, Variable};
 /// Longest array that passes from stage to stage.
 const MAX_PARTS: usize = 8;
 
+/// Largest number of a binding, and of an offset in bytes.
+const MAX_OFFSET: u32 = 1 << 20;
+
 /// What stands before a declaration's type.
 #[derive(Debug, Default)]
 pub(super) struct Qualifiers {
@@ -14,6 +17,12 @@ pub(super) struct Qualifiers {
     pub flat: bool,
     pub location: Option<u32>,
     pub std140: bool,
+    pub std430: bool,
+    pub readonly: bool,
+    /// Of a buffer.
+    pub binding: Option<u32>,
+    /// Of a counter in its buffer, bytes.
+    pub offset: Option<u32>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +30,8 @@ pub(super) enum Storage {
     In,
     Out,
     Uniform,
+    /// A shader storage buffer.
+    Buffer,
 }
 
 /// One name of a declaration.
@@ -51,13 +62,9 @@ impl<'a> Reader<'a> {
                     return Err(self.fault(token, "`noperspective` is not supported", "valid: smooth, flat"));
                 }
                 "smooth" | "centroid" | "sample" | "highp" | "mediump" | "lowp" | "precise" => {}
-                "buffer" => {
-                    return Err(self.fault(token, "a shader storage buffer, which is not supported", "read a uniform"));
-                }
-                "coherent" | "volatile" | "restrict" | "readonly" | "writeonly" => {
-                    let message = "an image or a buffer that the shader stores to, which is not supported";
-                    return Err(self.fault(token, message, "write results with `out`"));
-                }
+                "buffer" => found.storage = Some(Storage::Buffer),
+                "readonly" => found.readonly = true,
+                "coherent" | "volatile" | "restrict" | "writeonly" => {}
                 "subroutine" | "shared" | "patch" => {
                     return Err(self.fault(token, format!("`{}` is not supported", token.text), ""));
                 }
@@ -77,7 +84,7 @@ impl<'a> Reader<'a> {
             }
             match token.text.as_str() {
                 "std140" => found.std140 = true,
-                "std430" => return Err(self.fault(token, "`std430` is for storage buffers", "valid: std140")),
+                "std430" => found.std430 = true,
                 "row_major" => return Err(self.fault(token, "`row_major` is not supported", "valid: column_major")),
                 "location" if self.peek(0).is_some_and(|next| next.is("=")) => {
                     let value = self.peek(1).ok_or_else(|| self.fault(token, "a location without its number", ""))?;
@@ -86,6 +93,16 @@ impl<'a> Reader<'a> {
                         return Err(self.fault(value, format!("`{}` is no location", value.text), "valid: 0 to 63"));
                     };
                     found.location = Some(number);
+                    self.at += 2;
+                }
+                "binding" | "offset" if self.peek(0).is_some_and(|next| next.is("=")) => {
+                    let value = self.peek(1).ok_or_else(|| self.fault(token, "a layout without its number", ""))?;
+                    let Some(number) = value.text.parse::<u32>().ok().filter(|number| *number <= MAX_OFFSET) else {
+                        let message = format!("`{}` is no {}", value.text, token.text);
+                        return Err(self.fault(value, message, "valid: 0 to 1048576"));
+                    };
+                    let place = if token.is_word("binding") { &mut found.binding } else { &mut found.offset };
+                    *place = Some(number);
                     self.at += 2;
                 }
                 _ => {}
@@ -97,6 +114,10 @@ impl<'a> Reader<'a> {
         let kind = self.word("a type")?;
         if self.peek(0).is_some_and(|token| token.is("{")) {
             return self.block(qualifiers, storage, kind);
+        }
+        if storage == Storage::Buffer {
+            let message = format!("`{}` is a buffer without its block", kind.text);
+            return Err(self.fault(kind, message, "valid: layout(std430, binding = 1) buffer Name { … };"));
         }
         if self.peek(0).is_some_and(|token| token.is(";")) {
             // A type without a name declares nothing.
@@ -111,8 +132,9 @@ impl<'a> Reader<'a> {
                 return Err(self.fault(name, format!("`{}` is a reserved name", name.text), ""));
             }
             match storage {
+                Storage::Uniform if kind.is_word("atomic_uint") => self.counter(qualifiers, &declarator)?,
                 Storage::Uniform => self.uniform(kind, declarator)?,
-                Storage::In | Storage::Out => {
+                Storage::In | Storage::Out | Storage::Buffer => {
                     let variable =
                         self.variable(qualifiers, kind, &declarator, name.text.clone(), name.text.clone())?;
                     let used = self.uses(&name.text) > 1;
@@ -239,7 +261,6 @@ impl<'a> Reader<'a> {
         let why = match kind.text.as_str() {
             name if name.contains("sampler") => Some("samplers of this type are not supported"),
             name if name.contains("image") => Some("loading from and storing to images is not supported"),
-            "atomic_uint" => Some("atomic counters are not supported"),
             "mat2" | "mat2x2" | "mat3x2" | "mat4x2" => Some("uniforms of matrices with two rows are not supported"),
             name if name.starts_with('d') => Some("numbers of 64 bits are not supported"),
             _ => None,

@@ -6,9 +6,12 @@
 mod blocks;
 mod body;
 mod declarations;
+mod storage;
+
+pub(super) use storage::{counters, counting_name};
 
 use super::tokens::{Kind, Token};
-use super::{Attribute, FRAME, Fault, Fixed, Sampler, SamplerKind, Stage};
+use super::{Attribute, FRAME, Fault, Fixed, Sampler, SamplerKind, Stage, StorageBuffer};
 use std::collections::HashMap;
 
 /// What names of our own begin with.
@@ -100,6 +103,8 @@ pub(super) struct Stated {
     pub members: HashMap<(String, String), [usize; 2]>,
     /// Those that are read.
     pub samplers: Vec<Sampler>,
+    /// Buffers that it binds, in the order of their bindings.
+    pub storage: Vec<StorageBuffer>,
     /// Whether it reads `gl_FragCoord`.
     pub coordinates: bool,
     /// Whether it writes `gl_FragDepth`.
@@ -122,6 +127,8 @@ pub(super) fn read(stage: Stage, tokens: &[Token], first_block: usize) -> Result
         first_block,
         instances: HashMap::new(),
         sampler_names: HashMap::new(),
+        counters: HashMap::new(),
+        next_offset: HashMap::new(),
         functions: Vec::new(),
         faults: Vec::new(),
         done: Stated {
@@ -133,6 +140,7 @@ pub(super) fn read(stage: Stage, tokens: &[Token], first_block: usize) -> Result
             blocks: Vec::new(),
             members: HashMap::new(),
             samplers: Vec::new(),
+            storage: Vec::new(),
             coordinates: false,
             depth: false,
             fixed: Vec::new(),
@@ -205,6 +213,10 @@ struct Reader<'a> {
     /// Instances of interface blocks: to the names of their members.
     instances: HashMap<String, HashMap<String, String>>,
     sampler_names: HashMap<String, SamplerKind>,
+    /// Atomic counters by name.
+    counters: HashMap<String, storage::Counter>,
+    /// By binding point, where the next counter is that does not say it, bytes.
+    next_offset: HashMap<u32, u32>,
     functions: Vec<Function>,
     faults: Vec<Fault>,
     done: Stated,

@@ -80,6 +80,7 @@ impl Common<'_> {
     pub fn pipeline(&self, steps: &[Step]) -> (Vec<RenderTarget>, Pipeline) {
         let channel = |name: &str| Channel { name: name.to_owned(), format: PixelFormat::Rgba32Float, depth: false };
         let target = |name: &str, channels: Vec<Channel>| RenderTarget {
+            buffer: None,
             library: LIBRARY.to_owned(),
             name: name.to_owned(),
             size: self.window,
@@ -93,6 +94,7 @@ impl Common<'_> {
         };
         let drawn = RasterPass {
             scenes: vec![0],
+            instances: 1,
             camera: 0,
             light: Some(0),
             program: RasterProgram::Deferred,

@@ -14,9 +14,12 @@ use curitiba_pipeline::backend::{BackendError, OwnShaders, OwnTexture, QuadJob, 
 use curitiba_pipeline::glsl::{Attribute, Program, Sampler, SamplerKind, Side};
 use curitiba_pipeline::scene::Geometry;
 use pipelines::{Built, Into, Pipelines};
-use quad::{Quad, channel_texture};
+use quad::{Filled, Quad, channel_texture};
 use std::sync::Arc;
 use textures::{Sampled, Textures};
+
+/// Most triangles of a pass, of all instances together.
+const MAX_DRAWN: u64 = 1 << 32;
 
 /// One draw call.
 #[derive(Debug)]
@@ -31,6 +34,7 @@ struct Draw {
     count: u32,
     /// Whether the last corner of a triangle comes first.
     turned: bool,
+    blends: bool,
 }
 
 /// What draws with own shaders; kept from frame to frame.
@@ -39,6 +43,8 @@ pub(super) struct Shaders {
     pipelines: Pipelines,
     textures: Textures,
     draws: Vec<Draw>,
+    /// How often each is drawn.
+    instances: u32,
     /// By chunk of the scene: its triangles with the last corner first, once a shader has asked for them.
     turned: Vec<Option<wgpu::Buffer>>,
     /// Zeros, for attributes that a scene lacks.
@@ -54,6 +60,7 @@ impl Shaders {
             pipelines: Pipelines::default(),
             textures: Textures::new(gpu)?,
             draws: Vec::new(),
+            instances: 1,
             turned: Vec::new(),
             nothing,
             quad: None,
@@ -66,13 +73,13 @@ impl Shaders {
         gpu: &Gpu,
         staging: &mut Staging,
         job: &QuadJob<'_>,
-        pixels: &mut [[f32; 4]],
+        filled: Filled<'_>,
     ) -> Result<(), BackendError> {
         let quad = match &mut self.quad {
             Some(quad) => quad,
             none => none.insert(Quad::new(gpu)?),
         };
-        quad.fill(gpu, staging, (&mut self.pipelines, &self.textures, &self.nothing), job, pixels)
+        quad.fill(gpu, staging, (&mut self.pipelines, &self.textures, &self.nothing), job, filled)
     }
 
     /// What is of another scene.
@@ -89,7 +96,7 @@ impl Shaders {
 
     /// Triangles of the draws listed.
     pub fn triangles(&self) -> u64 {
-        self.draws.iter().map(|draw| u64::from(draw.count)).sum()
+        self.draws.iter().map(|draw| u64::from(draw.count) * u64::from(self.instances)).sum()
     }
 
     /// Lists the draws of the materials that own shaders draw, and hands over what they read.
@@ -105,6 +112,13 @@ impl Shaders {
         if stored.attachments.triangle {
             return Err(unsupported("triangle ids of own shaders", "they write none;"));
         }
+        self.instances = own.instances;
+        let triangles: u64 = geometry.parts.iter().map(|part| u64::from(part.count)).sum();
+        if own.instances > 1 && triangles.saturating_mul(own.instances.into()) > MAX_DRAWN {
+            let what = format!("{triangles} triangles drawn {} times", own.instances);
+            let why = format!("{MAX_DRAWN} triangles a pass are drawn at most; draw fewer instances");
+            return Err(unsupported(&what, &why));
+        }
         if own.clamped && !gpu.has(wgpu::Features::DEPTH_CLIP_CONTROL) {
             let why = format!("{} does not clamp depth;", gpu.adapter);
             return Err(unsupported("a depth map", &why));
@@ -116,7 +130,12 @@ impl Shaders {
             let material = own.materials.get(part.material as usize).and_then(Option::as_ref);
             let Some(material) = material else { continue };
             let program = own.programs.get(material.program).ok_or_else(|| failure("a material has no program"))?;
-            let culled = match material.culled {
+            let drawn = material.drawn;
+            if drawn.blend.is_some() && !gpu.has(wgpu::Features::FLOAT32_BLENDABLE) {
+                let why = format!("{} does not blend 32-bit floats;", gpu.adapter);
+                return Err(unsupported("a state that blends", &why));
+            }
+            let culled = match drawn.culled {
                 Some(Side::Front) => Some(wgpu::Face::Front),
                 Some(Side::Back) => Some(wgpu::Face::Back),
                 None => (job.culled.get(part.material as usize) == Some(&true)).then_some(wgpu::Face::Back),
@@ -136,7 +155,7 @@ impl Shaders {
             let built = self.pipelines.require(
                 gpu,
                 program,
-                Into::attachments(stored, culled, own.clamped, exact.clone()),
+                Into::attachments(stored, drawn, culled, own, exact.clone()),
                 &missing,
             )?;
             let uniforms = uniforms(gpu, built, program, &material.uniforms)?;
@@ -154,8 +173,11 @@ impl Shaders {
                 first: part.first,
                 count: part.count,
                 turned,
+                blends: drawn.blend.is_some(),
             });
         }
+        // What blends is seen before what does not.
+        self.draws.sort_by_key(|draw| draw.blends);
         Ok(())
     }
 
@@ -174,7 +196,7 @@ impl Shaders {
             let indices = turned.unwrap_or(&chunk.indices);
             pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
             let first = 3 * (draw.first - chunk.first);
-            pass.draw_indexed(first..first + 3 * draw.count, 0, 0..1);
+            pass.draw_indexed(first..first + 3 * draw.count, 0, 0..self.instances);
         }
     }
 

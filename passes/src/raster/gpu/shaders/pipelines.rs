@@ -2,8 +2,8 @@
 
 use super::super::device::Gpu;
 use super::super::targets::{DEPTH_FORMAT, Stored};
-use curitiba_pipeline::backend::BackendError;
-use curitiba_pipeline::glsl::{Attribute, Program, Stage};
+use curitiba_pipeline::backend::{BackendError, OwnShaders};
+use curitiba_pipeline::glsl::{Attribute, Blend, BlendFactor, Drawn, Program, Stage};
 use std::num::NonZeroU64;
 use std::sync::Arc;
 
@@ -13,6 +13,8 @@ pub(super) struct Built {
     pub pipeline: wgpu::RenderPipeline,
     pub uniforms: wgpu::BindGroupLayout,
     pub textures: wgpu::BindGroupLayout,
+    /// Of storage buffers, where there are some.
+    pub storage: Option<wgpu::BindGroupLayout>,
 }
 
 /// What a pipeline draws into, and how.
@@ -21,6 +23,9 @@ pub(super) struct Into {
     formats: Vec<Option<wgpu::TextureFormat>>,
     depth: bool,
     culled: Option<wgpu::Face>,
+    drawn: Drawn,
+    /// The attachment that keeps the depth.
+    kept: Option<usize>,
     /// Whether depth beyond the near and far plane is that of the plane, instead of nothing being drawn there.
     clamped: bool,
     /// By sampler: whether it reads a texture unfiltered.
@@ -29,13 +34,21 @@ pub(super) struct Into {
 
 impl Into {
     /// The attachments of a raster pass.
-    pub fn attachments(stored: Stored, culled: Option<wgpu::Face>, clamped: bool, exact: Vec<bool>) -> Self {
-        Self { formats: stored.formats().to_vec(), depth: true, culled, clamped, exact }
+    pub fn attachments(
+        stored: Stored,
+        drawn: Drawn,
+        culled: Option<wgpu::Face>,
+        own: &OwnShaders<'_>,
+        exact: Vec<bool>,
+    ) -> Self {
+        let (formats, kept, clamped) = (stored.formats().to_vec(), own.depth, own.clamped);
+        Self { formats, depth: true, culled, drawn, kept, clamped, exact }
     }
 
     /// A texture of full precision, without depth.
     pub fn quad(exact: Vec<bool>) -> Self {
-        Self { formats: vec![Some(QUAD_FORMAT)], depth: false, culled: None, clamped: false, exact }
+        let (formats, drawn) = (vec![Some(QUAD_FORMAT)], Drawn::default());
+        Self { formats, depth: false, culled: None, drawn, kept: None, clamped: false, exact }
     }
 }
 
@@ -115,9 +128,20 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
     };
     let (uniforms, textures) = (group("own uniforms", &blocks), group("own textures", &samplers));
+    let stored: Vec<wgpu::BindGroupLayoutEntry> = (0..)
+        .zip(&program.storage)
+        .map(|(binding, buffer)| {
+            let ty = wgpu::BufferBindingType::Storage { read_only: buffer.readonly };
+            let ty = wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+            entry(binding, wgpu::ShaderStages::FRAGMENT, ty)
+        })
+        .collect();
+    let storage = (!stored.is_empty()).then(|| group("own buffers", &stored));
+    let mut groups = vec![Some(&uniforms), Some(&textures)];
+    groups.extend(storage.as_ref().map(Some));
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some("own shader"),
-        bind_group_layouts: &[Some(&uniforms), Some(&textures)],
+        bind_group_layouts: &groups,
         immediate_size: 0,
     });
     let module = |label, text: &str| {
@@ -150,11 +174,15 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         })
         .collect();
     let written = |location: usize| program.outputs.get(location) == Some(&true);
-    let formats = &key.into.formats;
+    let (formats, drawn) = (&key.into.formats, key.into.drawn);
+    let hides = drawn.tests_depth && drawn.writes_depth;
     let targets: Vec<Option<wgpu::ColorTargetState>> = (0..formats.len())
         .map(|location| {
-            let write_mask = if written(location) { wgpu::ColorWrites::ALL } else { wgpu::ColorWrites::empty() };
-            formats[location].map(|format| wgpu::ColorTargetState { format, blend: None, write_mask })
+            let kept = key.into.kept == Some(location);
+            let writes = written(location) && (!kept || hides);
+            let write_mask = if writes { wgpu::ColorWrites::ALL } else { wgpu::ColorWrites::empty() };
+            let blend = drawn.blend.filter(|_| written(location) && !kept).map(blend_state);
+            formats[location].map(|format| wgpu::ColorTargetState { format, blend, write_mask })
         })
         .collect();
     let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
@@ -173,8 +201,11 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         },
         depth_stencil: key.into.depth.then(|| wgpu::DepthStencilState {
             format: DEPTH_FORMAT,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
+            depth_write_enabled: Some(hides),
+            depth_compare: Some(match drawn.tests_depth {
+                true => wgpu::CompareFunction::Greater,
+                false => wgpu::CompareFunction::Always,
+            }),
             stencil: wgpu::StencilState::default(),
             bias: wgpu::DepthBiasState::default(),
         }),
@@ -188,5 +219,24 @@ fn build(gpu: &Gpu, program: &Program, key: &Key) -> Built {
         multiview_mask: None,
         cache: None,
     });
-    Built { pipeline, uniforms, textures }
+    Built { pipeline, uniforms, textures, storage }
+}
+
+/// Alpha is added up like the colours.
+fn blend_state(Blend { source, destination }: Blend) -> wgpu::BlendState {
+    let factor = |factor| match factor {
+        BlendFactor::Zero => wgpu::BlendFactor::Zero,
+        BlendFactor::One => wgpu::BlendFactor::One,
+        BlendFactor::SrcColor => wgpu::BlendFactor::Src,
+        BlendFactor::OneMinusSrcColor => wgpu::BlendFactor::OneMinusSrc,
+        BlendFactor::DstColor => wgpu::BlendFactor::Dst,
+        BlendFactor::OneMinusDstColor => wgpu::BlendFactor::OneMinusDst,
+        BlendFactor::SrcAlpha => wgpu::BlendFactor::SrcAlpha,
+        BlendFactor::OneMinusSrcAlpha => wgpu::BlendFactor::OneMinusSrcAlpha,
+        BlendFactor::DstAlpha => wgpu::BlendFactor::DstAlpha,
+        BlendFactor::OneMinusDstAlpha => wgpu::BlendFactor::OneMinusDstAlpha,
+    };
+    let operation = wgpu::BlendOperation::Add;
+    let added = wgpu::BlendComponent { src_factor: factor(source), dst_factor: factor(destination), operation };
+    wgpu::BlendState { color: added, alpha: added }
 }

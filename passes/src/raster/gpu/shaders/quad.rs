@@ -1,6 +1,7 @@
 //! Quads that own shaders fill.
 
 use super::super::device::Gpu;
+use super::super::faults::failure;
 use super::super::targets::Staging;
 use super::pipelines::{Into, Pipelines, QUAD_FORMAT};
 use super::textures::{Sampled, Textures, upload};
@@ -10,6 +11,9 @@ use curitiba_pipeline::glsl::{Attribute, Sampler, SamplerKind};
 
 /// Corners of two triangles: in clip space, and where they are in a texture.
 const CORNERS: [[f32; 2]; 6] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+
+/// What is filled: pixels, and by storage buffer of the program its contents.
+pub(super) type Filled<'a> = (&'a mut [[f32; 4]], &'a mut [Vec<[f32; 4]>]);
 
 /// The corners in device memory.
 #[derive(Debug)]
@@ -35,7 +39,7 @@ impl Quad {
         staging: &mut Staging,
         (pipelines, textures, nothing): (&mut Pipelines, &Textures, &wgpu::Buffer),
         job: &QuadJob<'_>,
-        pixels: &mut [[f32; 4]],
+        (pixels, buffers): Filled<'_>,
     ) -> Result<(), BackendError> {
         let QuadJob { program, width, height, .. } = *job;
         let filters = gpu.has(wgpu::Features::FLOAT32_FILTERABLE);
@@ -68,6 +72,15 @@ impl Quad {
             label: Some("textures of a quad"),
             layout: &built.textures,
             entries: &entries,
+        });
+        let storage = upload_storage(gpu, buffers)?;
+        let stored = built.storage.as_ref().map(|layout| {
+            let entries: Vec<wgpu::BindGroupEntry<'_>> = (0..)
+                .zip(&storage)
+                .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+                .collect();
+            let label = Some("buffers of a quad");
+            gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label, layout, entries: &entries })
         });
         let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("quad"),
@@ -103,6 +116,9 @@ impl Quad {
             pass.set_pipeline(&built.pipeline);
             pass.set_bind_group(0, &blocks, &[]);
             pass.set_bind_group(1, &sampled, &[]);
+            if let Some(stored) = &stored {
+                pass.set_bind_group(2, stored, &[]);
+            }
             for (slot, attribute) in (0..).zip(&program.attributes) {
                 let buffer = match attribute {
                     Attribute::Position => &self.positions,
@@ -114,8 +130,38 @@ impl Quad {
             pass.draw(0..CORNERS.len() as u32, 0..1);
         }
         gpu.submit_and_wait(Some(encoder.finish()), "filling a quad")?;
+        for ((device, host), of) in storage.iter().zip(buffers).zip(&program.storage) {
+            if of.written {
+                read_storage(gpu, device, host)?;
+            }
+        }
         staging.read(gpu, &target, pixels)
     }
+}
+
+fn upload_storage(gpu: &Gpu, buffers: &[Vec<[f32; 4]>]) -> Result<Vec<wgpu::Buffer>, BackendError> {
+    let most = gpu.limits.max_storage_buffer_binding_size.min(gpu.max_buffer_bytes);
+    let upload = |buffer: &Vec<[f32; 4]>| {
+        let bytes: &[u8] = bytemuck::cast_slice(buffer);
+        if bytes.len() as u64 > most {
+            let (needed, device) = (bytes.len(), &gpu.adapter);
+            return Err(failure(&format!("a buffer has {needed} bytes, {device} takes {most} at most")));
+        }
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        gpu.upload_buffer("upload of a storage buffer", usage, bytes)
+    };
+    buffers.iter().map(upload).collect()
+}
+
+fn read_storage(gpu: &Gpu, device: &wgpu::Buffer, host: &mut [[f32; 4]]) -> Result<(), BackendError> {
+    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+    let read = gpu.buffer("read-back of a storage buffer", usage, device.size())?;
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read back") });
+    encoder.copy_buffer_to_buffer(device, 0, &read, 0, device.size());
+    let commands = Some(encoder.finish());
+    gpu.read_mapped(&read, device.size(), commands, "read-back of a storage buffer", |bytes| {
+        bytemuck::cast_slice_mut(host).copy_from_slice(bytes);
+    })
 }
 
 /// What a sampler reads, uploaded: black where that is nothing.

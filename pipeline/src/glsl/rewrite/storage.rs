@@ -1,0 +1,156 @@
+//! Storage buffers and atomic counters: both are buffers that the device holds, of which group and binding are ours.
+
+use super::super::tokens::{Kind, Token};
+use super::super::{Fault, Stage, StorageBuffer};
+use super::declarations::{Declarator, Qualifiers};
+use super::{OURS, Reader};
+
+/// Functions of atomic counters, and what those of ours are called before the number of the buffer.
+const COUNTING: [(&str, &str); 3] =
+    [("atomicCounterIncrement", "up"), ("atomicCounterDecrement", "down"), ("atomicCounter", "count")];
+
+/// Functions that wait for what was stored. Passes end before what they stored is read.
+const WAITING: [&str; 5] =
+    ["memoryBarrier", "memoryBarrierBuffer", "memoryBarrierImage", "memoryBarrierAtomicCounter", "groupMemoryBarrier"];
+
+/// Numbers of 32 bits between two counters that follow each other.
+const COUNTER_BYTES: u32 = 4;
+
+/// An atomic counter: the buffer that it is in, by its place among the buffers, and its number there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Counter {
+    buffer: usize,
+    word: u32,
+}
+
+/// What a counter's function of ours is called.
+pub(in super::super) fn counting_name(what: &str, buffer: usize) -> String {
+    format!("{OURS}{what}{buffer}")
+}
+
+/// The buffer of counters of that place, and its functions. What they do here is not atomic: the compiler is given no word for that, so the
+/// functions are exchanged behind it.
+pub(in super::super) fn counters(buffer: usize) -> String {
+    let [up, down, count] = COUNTING.map(|(_, what)| counting_name(what, buffer));
+    let all = format!("{OURS}n{buffer}");
+    format!(
+        "layout(std430, set = 2, binding = {buffer}) buffer {OURS}N{buffer} {{ uint {all}[]; }};
+uint {up}(uint at) {{ {all}[at] = {all}[at] + 1u; return {all}[at]; }}
+uint {down}(uint at) {{ {all}[at] = {all}[at] - 1u; return {all}[at]; }}
+uint {count}(uint at) {{ return {all}[at]; }}
+"
+    )
+}
+
+impl Reader<'_> {
+    /// The place among the buffers of what is bound to a binding point: `fresh` for a block, of which only one may be there.
+    fn storage(&mut self, point: u32, counters: bool, token: &Token, fresh: bool) -> Result<usize, Fault> {
+        let known = self.done.storage.iter().position(|buffer| buffer.point == point && buffer.counters == counters);
+        match known {
+            Some(_) if fresh => {
+                let message = format!("a second buffer of binding point {point}");
+                Err(self.fault(token, message, "declare what it holds once, as one structure"))
+            }
+            Some(index) => Ok(index),
+            None => {
+                let (name, at) = (token.text.clone(), [token.start, token.end]);
+                let (readonly, read, written) = (false, false, false);
+                self.done.storage.push(StorageBuffer { name, point, counters, readonly, read, written, at });
+                Ok(self.done.storage.len() - 1)
+            }
+        }
+    }
+
+    fn in_pixels(&self, token: &Token) -> Result<(), Fault> {
+        match self.stage {
+            Stage::Fragment => Ok(()),
+            Stage::Vertex => {
+                let message =
+                    format!("`{}` is a buffer that a vertex shader reads, which is not supported", token.text);
+                Err(self.fault(token, message, "read it in the pixel shader"))
+            }
+        }
+    }
+
+    /// `layout(std430, binding = 1) buffer Name { … } instance;`.
+    pub(super) fn storage_block(
+        &mut self,
+        qualifiers: &Qualifiers,
+        name: &Token,
+        members: &[(Qualifiers, &Token, Declarator)],
+        instance: Option<&Token>,
+    ) -> Result<(), Fault> {
+        let read = match instance {
+            Some(instance) => self.uses(&instance.text) > 1,
+            None => members.iter().any(|(_, _, member)| self.uses(&member.token.text) > 1),
+        };
+        if !read {
+            return Ok(());
+        }
+        self.in_pixels(name)?;
+        if name.text.starts_with(OURS) {
+            return Err(self.fault(name, format!("`{}` is a reserved name", name.text), ""));
+        }
+        let index = self.storage(qualifiers.binding.unwrap_or(0), false, name, true)?;
+        self.done.storage[index].readonly = qualifiers.readonly;
+        let rules = if qualifiers.std140 { "std140" } else { "std430" };
+        let only = if qualifiers.readonly { "readonly " } else { "" };
+        self.put(&format!("layout ( {rules} , set = 2 , binding = {index} ) {only}buffer"), name);
+        self.put(&name.text, name);
+        self.put("{", name);
+        for (_, kind, member) in members {
+            if matches!(kind.text.as_str(), "bool" | "bvec2" | "bvec3" | "bvec4") {
+                return Err(self.fault(kind, "buffers of truth values are not supported", "declare it as uint"));
+            }
+            self.put(&kind.text, kind);
+            self.put(&format!("{}{}", member.token.text, member.array), &member.token);
+            self.put(";", &member.token);
+        }
+        self.put("}", name);
+        if let Some(instance) = instance {
+            self.put(&instance.text, instance);
+        }
+        self.put(";", name);
+        Ok(())
+    }
+
+    /// `layout(binding = 1, offset = 4) uniform atomic_uint name;`.
+    pub(super) fn counter(&mut self, qualifiers: &Qualifiers, declarator: &Declarator) -> Result<(), Fault> {
+        let token = &declarator.token;
+        let point = qualifiers.binding.unwrap_or(0);
+        let next = self.next_offset.entry(point).or_insert(0);
+        let offset = qualifiers.offset.unwrap_or(*next);
+        *next = offset.saturating_add(COUNTER_BYTES);
+        if self.uses(&token.text) < 2 {
+            return Ok(());
+        }
+        if !declarator.array.is_empty() {
+            return Err(self.fault(token, "an array of atomic counters, which is not supported", "declare one by one"));
+        }
+        if !offset.is_multiple_of(COUNTER_BYTES) {
+            return Err(self.fault(token, format!("a counter at byte {offset}"), "valid: multiples of 4"));
+        }
+        self.in_pixels(token)?;
+        let buffer = self.storage(point, true, token, false)?;
+        self.counters.insert(token.text.clone(), Counter { buffer, word: offset / COUNTER_BYTES });
+        Ok(())
+    }
+
+    /// A call that counts or waits, rewritten; `false` for any other.
+    pub(super) fn counted(&mut self, token: &Token) -> Result<bool, Fault> {
+        if WAITING.contains(&token.text.as_str()) && self.peek(1).is_some_and(|token| token.is(")")) {
+            self.at += 2;
+            return Ok(true);
+        }
+        let Some((_, what)) = COUNTING.iter().find(|(name, _)| token.is_word(name)) else { return Ok(false) };
+        self.expect("(")?;
+        let name = self.next()?;
+        let Some(Counter { buffer, word }) = self.counters.get(&name.text).copied().filter(|_| name.kind == Kind::Word)
+        else {
+            let help = "valid: a `uniform atomic_uint` of this file, by its name";
+            return Err(self.fault(name, format!("`{}` is not a counter that is declared above", name.text), help));
+        };
+        self.put(&format!("{} ( {word}u", counting_name(what, buffer)), token);
+        Ok(true)
+    }
+}

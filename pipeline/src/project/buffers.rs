@@ -1,0 +1,152 @@
+//! Storage buffers: declared in libraries, bound by materials. They are held as targets of one channel, of 16 bytes a pixel.
+
+use super::dom::Element;
+use super::libraries::{BufferBinding, Library};
+use super::loader::Loader;
+use super::report::Found;
+use super::shaders::ShaderUse;
+use super::{Channel, RenderTarget};
+use crate::glsl::{self, Program};
+use crate::image::PixelFormat;
+use glam::Vec4;
+
+/// Bytes of a pixel.
+const PIXEL: u64 = 16;
+/// Pixels of a row, at most.
+const ROW: u64 = 4096;
+/// Largest buffer, bytes.
+const MOST: u64 = 1 << 30;
+
+/// Bytes of a field of a structure, by its type.
+const FIELDS: [(&str, u64); 14] = [
+    ("FLOAT", 4),
+    ("INT", 4),
+    ("UINT", 4),
+    ("VEC2", 8),
+    ("IVEC2", 8),
+    ("UIVEC2", 8),
+    ("VEC3", 12),
+    ("IVEC3", 12),
+    ("UIVEC3", 12),
+    ("VEC4", 16),
+    ("IVEC4", 16),
+    ("UIVEC4", 16),
+    ("MAT3", 36),
+    ("MAT4", 64),
+];
+
+impl Loader {
+    /// `<buffers>` of a library. What is wrong with one is said where it is bound.
+    pub fn buffers(&mut self, library: &mut Library, root: &Element) {
+        let lists = root.children_named(&["buffers"]).filter(|_| glsl::AVAILABLE);
+        for buffer in lists.flat_map(|list| list.children_named(&["buffer"])) {
+            let Some(name) = self.required(buffer, "name") else { continue };
+            library.buffer_names.declare(&mut self.report, &name.text, name.span);
+            let bytes = self.bytes_of(buffer).filter(|bytes| (1..=MOST).contains(bytes));
+            library.buffer_indices.push(bytes.map(|bytes| {
+                let pixels = bytes.div_ceil(PIXEL);
+                let width = pixels.min(ROW);
+                let channel = Channel { name: name.text.clone(), format: PixelFormat::Rgba32Float, depth: false };
+                self.libraries.targets.push(RenderTarget {
+                    library: library.name.clone(),
+                    name: name.text.clone(),
+                    size: [width as u32, pixels.div_ceil(width) as u32],
+                    clear_color: Vec4::ZERO,
+                    buffer: Some(bytes),
+                    channels: vec![channel],
+                });
+                self.libraries.targets.len() - 1
+            }));
+        }
+    }
+
+    /// `<SIZE value="…"/>` in bytes, or `<DIM x y z/>` times the fields of `<structure>`; `None` where neither can be read.
+    fn bytes_of(&mut self, buffer: &Element) -> Option<u64> {
+        let number = |loader: &Self, element: &Element, name: &str| {
+            let text = &element.attribute(name)?.text;
+            let number = text.parse().ok().or_else(|| loader.constants.get(text).copied())?;
+            (number >= 1.0 && number < MOST as f32 * 2.0).then_some(number as u64)
+        };
+        if let Some(size) = buffer.children_named(&["size"]).next() {
+            return number(self, size, "value");
+        }
+        let dim = buffer.children_named(&["dim"]).next()?;
+        let sides = ["x", "y", "z"].map(|name| number(self, dim, name));
+        let mut bytes = 0;
+        for field in buffer.children_named(&["structure"]).flat_map(|structure| structure.children_named(&["field"])) {
+            let kind = &field.attribute("value")?.text;
+            bytes += FIELDS.iter().find(|(known, _)| known.eq_ignore_ascii_case(kind))?.1;
+        }
+        sides.into_iter().try_fold(bytes, |bytes, side| bytes.checked_mul(side?))
+    }
+
+    /// What `<buffers>` of a material binds.
+    pub fn bound_buffers(&mut self, material: &Element) -> Vec<BufferBinding> {
+        let mut found = Vec::new();
+        let lists = material.children_named(&["buffers"]).filter(|_| glsl::AVAILABLE);
+        for buffer in lists.flat_map(|list| list.children_named(&["buffer"])) {
+            let of = |name: &str| buffer.children.iter().find(|child| child.is(&[name]))?.attribute("value");
+            let point = of("binding_point").and_then(|value| value.text.parse().ok());
+            let counters = of("type").is_some_and(|value| value.text.eq_ignore_ascii_case("ATOMIC_COUNTER"));
+            if let (Some(point), Some(name)) = (point, buffer.attribute("name")) {
+                let library = buffer.attribute("fromLibrary").cloned();
+                found.push(BufferBinding { point, counters, library, name: name.clone() });
+            }
+        }
+        found
+    }
+
+    /// By buffer of the program: what is bound.
+    pub(super) fn storage(&mut self, program: &Program, file: u32, used: &ShaderUse<'_>) -> Option<Vec<usize>> {
+        let mut found = Some(Vec::new());
+        for buffer in &program.storage {
+            let index = self.storage_of(buffer, file, used);
+            found = found.zip(index).map(|(mut found, index)| {
+                found.push(index);
+                found
+            });
+        }
+        found
+    }
+
+    fn storage_of(&mut self, buffer: &glsl::StorageBuffer, file: u32, used: &ShaderUse<'_>) -> Option<usize> {
+        let at = Self::span_in(file, buffer.at);
+        if !used.quad {
+            let message = format!("`{}` is a buffer in a pass that draws scenes, which is not supported", buffer.name);
+            self.report.error_help(at, message, || "valid: in the shaders of quad passes".to_owned());
+            return None;
+        }
+        let fits = |bound: &&BufferBinding| (bound.point, bound.counters) == (buffer.point, buffer.counters);
+        let Some(bound) = used.material.buffers.iter().rev().find(fits).cloned() else {
+            let kind = if buffer.counters { "ATOMIC_COUNTER" } else { "SHADER_STORAGE" };
+            let material = &used.material.name;
+            let message =
+                format!("material `{material}` binds no {kind} to point {} of `{}`", buffer.point, buffer.name);
+            let help =
+                "valid: <buffer name=\"…\"><TYPE value=\"…\"/><BINDING_POINT value=\"…\"/></buffer> in its <buffers>";
+            self.report.error_help(at, message, || help.to_owned());
+            return None;
+        };
+        let library = match &bound.library {
+            Some(library) => self.find_library(library)?,
+            None => used.library,
+        };
+        let library = self.libraries.get(library);
+        let index = match library.buffer_names.find(&bound.name.text) {
+            Found::Exact(index) | Found::OtherCase(index) => index,
+            Found::Missing => {
+                let help = super::report::suggest(&bound.name.text, library.buffer_names.iter());
+                let message = format!("there is no buffer `{}`", bound.name.shown());
+                self.report.error_help(bound.name.span, message, || help);
+                return None;
+            }
+        };
+        let target = library.buffer_indices[index];
+        if target.is_none() {
+            let message = format!("the size of the buffer `{}` cannot be read", bound.name.shown());
+            let help = "valid: <SIZE value=\"…\"/> in bytes up to 1073741824, or <DIM x=\"…\" y=\"…\" z=\"…\"/> with a <structure> of fields";
+            self.report.error_help(bound.name.span, message, || help.to_owned());
+        }
+        target
+    }
+}
