@@ -160,7 +160,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         params: &RayParams,
         dielectrics: &[Dielectric],
     ) -> Result<(), BackendError> {
-        check_glass(T::NAME, params, dielectrics)
+        check_glass(T::NAME, false, params, dielectrics)
     }
 
     fn build(&mut self, scene: &Arc<RenderScene>, filtered: &[bool]) -> Result<BuildStats, BackendError> {
@@ -201,7 +201,7 @@ impl<T: DeviceTracer> RayBackend for DeviceRays<T> {
         if job.program != RayProgram::Dummy {
             check::scene(T::NAME, job, false)?;
             check::sun(T::NAME, job)?;
-            check_glass(T::NAME, &job.params, job.dielectrics)?;
+            check_glass(T::NAME, false, &job.params, job.dielectrics)?;
         }
         if output.pixels.is_empty() {
             return Ok(RayStats::default());

@@ -46,6 +46,7 @@ fn text(program: RayProgram, tracer: usize, variant: Variant) -> Option<&'static
             Some(texts[tracer][usize::from(fidelity == Fidelity::Thesis)])
         }
         Variant::Bodies => BODIES.iter().find(|(own, _)| *own == program).map(|(_, texts)| texts[tracer]),
+        Variant::Ways => None,
     }
 }
 

@@ -79,10 +79,10 @@ pub mod constants {
     pub use super::dielectric::MOST_SURFACES;
     pub use super::light::{SHADOWED, THROUGH_GLASS};
     pub use super::material::{AMBIENT, LEAST_SQUARE};
-    pub use super::optics::{REFLECTED, REFRACTED};
+    pub use super::optics::{REFLECTED, REFRACTED, SCATTERED};
     pub use super::terminator::ROUND;
     pub use super::thesis::{BOUNCE, EPSILON, REFRACTED_EPSILON};
-    pub use crate::sampling::hash::{DIMENSIONS, PATH, PIXEL, SCRAMBLE};
+    pub use crate::sampling::hash::{DIMENSIONS, FACETS, PATH, PIXEL, ROULETTE, SCRAMBLE};
 
     /// In tables of device programs: a material without a texture.
     pub const NO_TEXTURE: u32 = u32::MAX;

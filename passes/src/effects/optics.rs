@@ -8,7 +8,7 @@ pub const REFLECTED: u32 = 0;
 /// The refracted branch.
 pub const REFRACTED: u32 = 1;
 /// The first of the ways on from rough glass, as it enters the key of what they meet.
-pub(super) const SCATTERED: u32 = 2;
+pub const SCATTERED: u32 = 2;
 
 /// Mirrors the direction `i` at a surface with unit normal `n`, whichever way `n` points.
 #[must_use]

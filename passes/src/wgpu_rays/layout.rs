@@ -28,7 +28,22 @@ pub const WRAP_MIRROR: u32 = 1;
 /// The texels at its edge.
 pub const WRAP_CLAMP: u32 = 2;
 /// Words of a material as rays in glass see it.
-pub const BODY_WORDS: u32 = 13;
+pub const BODY_WORDS: u32 = 16;
+/// Words in front of them, of what a pass asks of paths in glass: whether light falls straight through; then by [`HEAD`].
+pub const BODY_HEAD: u32 = 1 + HEAD.len() as u32;
+/// What programs call the places of these words, from the second on.
+pub const HEAD: [&str; 10] = [
+    "HEAD_CUTOFF",
+    "HEAD_REFLECTIONS",
+    "HEAD_REFRACTIONS",
+    "HEAD_ROULETTE",
+    "HEAD_BACKGROUND",
+    "HEAD_CHANCE",
+    "HEAD_STRATA",
+    "HEAD_STRATUM_COUNT",
+    "HEAD_FACETS",
+    "HEAD_FACET_COUNT",
+];
 /// The colours of vertices are no part of a filter.
 pub const VERTEX_COLORS_NONE: u32 = 0;
 /// They are shares of light.
@@ -137,6 +152,7 @@ pub fn constants() -> String {
         ("WRAP_MIRROR", WRAP_MIRROR),
         ("WRAP_CLAMP", WRAP_CLAMP),
         ("BODY_WORDS", BODY_WORDS),
+        ("BODY_HEAD", BODY_HEAD),
         ("VERTEX_COLORS_NONE", VERTEX_COLORS_NONE),
         ("VERTEX_COLORS_DISPLAY", VERTEX_COLORS_DISPLAY),
         ("SHAPE_PANE", SHAPE_PANE),
@@ -150,8 +166,11 @@ pub fn constants() -> String {
         ("HASH_PATH", effects::PATH),
         ("HASH_DIMENSIONS", effects::DIMENSIONS),
         ("HASH_SCRAMBLE", effects::SCRAMBLE),
+        ("HASH_FACETS", effects::FACETS),
+        ("HASH_ROULETTE", effects::ROULETTE),
         ("BRANCH_REFLECTED", effects::REFLECTED),
         ("BRANCH_REFRACTED", effects::REFRACTED),
+        ("BRANCH_SCATTERED", effects::SCATTERED),
         ("MAX_DEPTH", effects::MAX_DEPTH),
         ("MAX_CROSSINGS", effects::MAX_CROSSINGS),
         ("THROUGH_GLASS_ENTRIES", effects::THROUGH_GLASS_ENTRIES),
@@ -171,10 +190,13 @@ pub fn constants() -> String {
         ("LEAST_SQUARE", effects::LEAST_SQUARE),
         ("LEAST_HEIGHT", curitiba_pipeline::scene::normal_map::LEAST_HEIGHT),
         ("LEAST_COSINE", curitiba_pipeline::scene::normal_map::LEAST_COSINE),
+        ("CAUCHY", curitiba_pipeline::glass::CAUCHY),
+        ("CAUCHY_AT_D", curitiba_pipeline::glass::CAUCHY_AT_D),
+        ("SMOOTH_ALPHA", curitiba_pipeline::glass::Dielectric::SMOOTH),
     ];
     let mut text = String::new();
     // Writing to a string does not fail. `{:e}` is the shortest text that reads back as the same number.
-    for (name, value) in integers {
+    for (name, value) in integers.into_iter().chain(HEAD.into_iter().zip(1..)) {
         _ = writeln!(text, "const {name}: u32 = {value}u;");
     }
     for (name, value) in floats.into_iter().chain(gpu_binary::BOUNDS.iter().copied()).chain(gpu_binary::PLANE_TEST) {

@@ -169,7 +169,7 @@ impl WgpuRays {
         let tables = Tables::of(job).map_err(|why| check::missing(NAME, job, &why))?;
         let variant = Variant::of(job);
         let mut stages = programs::stages(job.program, variant, tables.params.samples).to_vec();
-        if job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) && variant == Variant::Bodies {
+        if variant.knows_bodies() && job.dielectrics.iter().any(|dielectric| dielectric.shape == Shape::Solid) {
             stages.insert(0, Stage::Eye);
         }
         let most_tiles = self.require_points(job, &stages)?;
@@ -275,7 +275,7 @@ impl WgpuRays {
         self.supports(job.program, job.fidelity)?;
         check::scene(NAME, job, false)?;
         check::sun(NAME, job)?;
-        check_glass(NAME, &job.params, job.dielectrics)?;
+        check_glass(NAME, true, &job.params, job.dielectrics)?;
         Images::check_size(&self.gpu, job)
     }
 
@@ -334,14 +334,25 @@ impl RayBackend for WgpuRays {
         params: &RayParams,
         dielectrics: &[Dielectric],
     ) -> Result<(), BackendError> {
-        check_glass(NAME, params, dielectrics)?;
-        let is_long = !dielectrics.is_empty() && Variant::OF_BODIES.contains(&program) && params.depth > CUT_DEPTH;
-        if is_long && selftest::cuts_loops(&self.gpu).map_err(of_rays)? {
+        check_glass(NAME, true, params, dielectrics)?;
+        let is_asked = !dielectrics.is_empty() && Variant::OF_BODIES.contains(&program);
+        let divides =
+            |dielectric: &Dielectric| dielectric.alpha > 0.0 || (dielectric.spread > 0.0 && params.wavelengths > 1);
+        let (what, help) = match () {
+            () if is_asked && dielectrics.iter().any(divides) => {
+                ("glass that divides paths (rough, or of several wavelengths)".to_owned(), String::new())
+            }
+            () if is_asked && params.depth > CUT_DEPTH => {
+                (format!("bodies of glass to depth {}", params.depth), format!("set depth={CUT_DEPTH} on the pass, "))
+            }
+            () => return Ok(()),
+        };
+        if selftest::cuts_loops(&self.gpu).map_err(of_rays)? {
             let why = format!(
                 "its driver leaves loops that have not ended after some ten thousand steps, and paths would be missing without a word; \
-                 set depth={CUT_DEPTH} on the pass, use --backend cpu, or allow it with --fallback cpu"
+                 {help}use --backend cpu, or allow it with --fallback cpu"
             );
-            let what = format!("bodies of glass to depth {} on {}", params.depth, self.gpu.adapter);
+            let what = format!("{what} on {}", self.gpu.adapter);
             return Err(BackendError::Unsupported { backend: NAME, what, why });
         }
         Ok(())

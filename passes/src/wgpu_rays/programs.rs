@@ -121,12 +121,13 @@ const COMMON: [Text; 6] =
 /// The texts of a kernel behind the common ones.
 fn texts(program: RayProgram, variant: Variant, stage: Stage, subgroups: bool) -> Option<Vec<Text>> {
     let texts = of_panes(program, stage, subgroups)?;
-    if variant != Variant::Bodies {
+    if !variant.knows_bodies() {
         return Some(texts);
     }
     let instead = |text: Text| match text {
         WEIGHTS => vec![text!("media"), text!("start_media")],
-        GLASS => vec![text!("bodies")],
+        GLASS if variant == Variant::Ways => vec![text!("bodies"), text!("facets"), text!("ways")],
+        GLASS => vec![text!("bodies"), text!("smooth")],
         LIGHT => vec![text!("light_straight")],
         text => vec![text],
     };
@@ -175,7 +176,7 @@ pub fn functions(arithmetic: Arithmetic, variant: Variant, split: Split) -> Stri
     };
     let product = if arithmetic.fused { text!("product_fused") } else { text!("product_split") };
     let mut source = layout::constants() + &split.text();
-    let crossings = if variant == Variant::Bodies { text!("crossings_hits") } else { text!("crossings") };
+    let crossings = if variant.knows_bodies() { text!("crossings_hits") } else { text!("crossings") };
     COMMON.into_iter().chain([crossings, rounding, product]).for_each(|text| source.push_str(text));
     source
 }

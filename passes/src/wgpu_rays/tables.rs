@@ -1,17 +1,18 @@
 //! What a pass knows beside the scene: materials, sizes of textures, occlusion points, and tables of weights.
 
 use super::layout::{
-    BODY_WORDS, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS, SHADE_VERTEX_COLORS,
-    SHADE_WORDS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS, VERTEX_COLORS_DISPLAY,
-    VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
+    BODY_HEAD, BODY_WORDS, Params, SHADE_CUT, SHADE_GLASS, SHADE_GLOW, SHADE_NORMAL_MAP, SHADE_SHADOW_GLASS,
+    SHADE_VERTEX_COLORS, SHADE_WORDS, SHAPE_OPAQUE, SHAPE_PANE, SHAPE_SOLID, SHAPE_THIN, TEXTURE_WORDS,
+    VERTEX_COLORS_DISPLAY, VERTEX_COLORS_LINEAR, VERTEX_COLORS_NONE, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT,
 };
 use crate::effects::Preparation;
 use crate::effects::constants::{MAX_DEPTH, NO_TEXTURE, THROUGH_GLASS, THROUGH_GLASS_ENTRIES};
+use crate::effects::dielectric::{facets, spectrum};
 use crate::sampling::HemisphereSampler;
 use curitiba_pipeline::backend::{RayJob, Shade};
 use curitiba_pipeline::color::{ColorSpace, DECODED};
-use curitiba_pipeline::glass::{Dielectric, GlassShadow, Shape};
-use curitiba_pipeline::programs::{Fidelity, Fresnel};
+use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassShadow, Roulette, Shape, Stratum};
+use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams};
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
 
 /// The words of group 2, and where its parts begin.
@@ -47,7 +48,13 @@ impl Tables {
         let open_share_at = part(open_share.into_iter().map(bits).collect());
         let through_glass = (0..THROUGH_GLASS_ENTRIES as i32).map(|count| THROUGH_GLASS.powi(count));
         let through_glass_at = part(through_glass.map(bits).collect());
-        let bodies_at = if job.dielectrics.is_empty() { 0 } else { part(bodies(job)) };
+        let bodies_at = if job.dielectrics.is_empty() {
+            0
+        } else {
+            let strata_at = part(spectrum_words(job));
+            let facets_at = part(facets(job).into_flattened());
+            part(bodies(job, [strata_at, facets_at]))
+        };
         let cut = job.fidelity == Fidelity::Corrected && job.shades.iter().any(|shade| shade.alpha_cutoff.is_some());
         let params = Params {
             eye: job.eye.to_array(),
@@ -134,39 +141,63 @@ fn shades(job: &RayJob<'_>) -> Vec<u32> {
     job.shades.iter().enumerate().flat_map(shade).collect()
 }
 
-/// Whether light falls straight through glass, and what the job knows of glass: `Body` of `programs/media.wgsl`.
-fn bodies(job: &RayJob<'_>) -> Vec<u32> {
+/// The strata of the spectrum, a wavelength and its weights each.
+fn spectrum_words(job: &RayJob<'_>) -> Vec<u32> {
+    let words = |stratum: &Stratum| [stratum.wavelength, stratum.weight.x, stratum.weight.y, stratum.weight.z];
+    spectrum(job).iter().flat_map(words).map(f32::to_bits).collect()
+}
+
+/// What the pass asks of paths in glass (`BODY_HEAD`), and what the job knows of glass: `Body` of `programs/media.wgsl`. The places are
+/// those of the strata and of the points of facets.
+fn bodies(job: &RayJob<'_>, [strata_at, facets_at]: [u32; 2]) -> Vec<u32> {
+    let RayParams { limits, first, first_path, .. } = &job.params;
+    let head: [u32; BODY_HEAD as usize] = [
+        (job.params.shadow == GlassShadow::Straight).into(),
+        limits.cutoff.to_bits(),
+        limits.reflections,
+        limits.refractions,
+        (limits.roulette == Roulette::On).into(),
+        (limits.cutoff_color == CutoffColor::Background).into(),
+        first ^ first_path.rotate_left(16),
+        strata_at,
+        spectrum(job).len() as u32,
+        facets_at,
+        facets(job).len() as u32,
+    ];
+    head.into_iter().chain(job.dielectrics.iter().flat_map(|dielectric| body(job, dielectric))).collect()
+}
+
+fn body(job: &RayJob<'_>, dielectric: &Dielectric) -> [u32; BODY_WORDS as usize] {
     let geometry = &job.scene.geometry;
-    let body = |dielectric: &Dielectric| -> [u32; BODY_WORDS as usize] {
-        let vertex_colors = match geometry.color_space {
-            _ if !dielectric.filter_vertex_colors || geometry.colors.is_empty() => VERTEX_COLORS_NONE,
-            ColorSpace::Report => VERTEX_COLORS_DISPLAY,
-            ColorSpace::Linear => VERTEX_COLORS_LINEAR,
-        };
-        let shape = match dielectric.shape {
-            Shape::Opaque => SHAPE_OPAQUE,
-            Shape::Pane => SHAPE_PANE,
-            Shape::Thin => SHAPE_THIN,
-            Shape::Solid => SHAPE_SOLID,
-        };
-        let [absorbs_red, absorbs_green, absorbs_blue] = dielectric.extinction.to_array().map(f32::to_bits);
-        let [passes_red, passes_green, passes_blue] = dielectric.filter.to_array().map(f32::to_bits);
-        [
-            shape,
-            dielectric.index.to_bits(),
-            absorbs_red,
-            absorbs_green,
-            absorbs_blue,
-            passes_red,
-            passes_green,
-            passes_blue,
-            dielectric.filter_texture.unwrap_or(NO_TEXTURE),
-            dielectric.veil.to_bits(),
-            dielectric.thickness.to_bits(),
-            dielectric.priority.into(),
-            vertex_colors,
-        ]
+    let vertex_colors = match geometry.color_space {
+        _ if !dielectric.filter_vertex_colors || geometry.colors.is_empty() => VERTEX_COLORS_NONE,
+        ColorSpace::Report => VERTEX_COLORS_DISPLAY,
+        ColorSpace::Linear => VERTEX_COLORS_LINEAR,
     };
-    let straight = u32::from(job.params.shadow == GlassShadow::Straight);
-    std::iter::once(straight).chain(job.dielectrics.iter().flat_map(body)).collect()
+    let shape = match dielectric.shape {
+        Shape::Opaque => SHAPE_OPAQUE,
+        Shape::Pane => SHAPE_PANE,
+        Shape::Thin => SHAPE_THIN,
+        Shape::Solid => SHAPE_SOLID,
+    };
+    let [absorbs_red, absorbs_green, absorbs_blue] = dielectric.extinction.to_array().map(f32::to_bits);
+    let [passes_red, passes_green, passes_blue] = dielectric.filter.to_array().map(f32::to_bits);
+    [
+        shape,
+        dielectric.index.to_bits(),
+        absorbs_red,
+        absorbs_green,
+        absorbs_blue,
+        passes_red,
+        passes_green,
+        passes_blue,
+        dielectric.filter_texture.unwrap_or(NO_TEXTURE),
+        dielectric.veil.to_bits(),
+        dielectric.thickness.to_bits(),
+        dielectric.priority.into(),
+        vertex_colors,
+        dielectric.spread.to_bits(),
+        dielectric.alpha.to_bits(),
+        dielectric.roughness_texture.unwrap_or(NO_TEXTURE),
+    ]
 }

@@ -14,7 +14,7 @@ pub use decide::{Decided, TRANSPARENT, decide};
 pub use limits::{CutoffColor, MOST_BOUNCES, PathLimits, Roulette};
 pub use spectrum::{MOST_STRATA, Stratum, color_matching, daylight, strata};
 
-use crate::scene::dispersion::{CAUCHY, CAUCHY_AT_D};
+pub use crate::scene::dispersion::{CAUCHY, CAUCHY_AT_D};
 use glam::Vec3;
 
 /// What decides what glass is.

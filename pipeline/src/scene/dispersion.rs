@@ -1,8 +1,9 @@
 //! How an index of refraction falls with the wavelength, as files give it.
 
-/// 1 / (1 / F² - 1 / C²) of the lines F (486.13 nm) and C (656.27 nm), square nanometres, and its share at the line d.
-pub(crate) const CAUCHY: f32 = 523_655.0;
-pub(crate) const CAUCHY_AT_D: f32 = 1.5168;
+/// 1 / (1 / F² - 1 / C²) of the lines F (486.13 nm) and C (656.27 nm), square nanometres.
+pub const CAUCHY: f32 = 523_655.0;
+/// [`CAUCHY`] over the square of the wavelength of the line d, 587.56 nm.
+pub const CAUCHY_AT_D: f32 = 1.5168;
 
 /// Index at the line d and [`Dielectric::spread`](crate::glass::Dielectric::spread) of a material whose index is A + B / λ², with λ in micrometres.
 #[cfg(any(feature = "gltf", test))]

@@ -19,13 +19,18 @@ struct Body {
     thickness: f32,
     priority: u32,
     vertex_colors: u32,
+    // By how much blue light is bent more; width of the distribution of microfacets, and the texture that it is multiplied by.
+    spread: f32,
+    alpha: f32,
+    roughness_texture: u32,
 }
-fn body_place(material: u32) -> u32 { return params.bodies_at + 1u + BODY_WORDS * material; }
+fn body_place(material: u32) -> u32 { return params.bodies_at + BODY_HEAD + BODY_WORDS * material; }
 fn table_vector(place: u32) -> vec3f { return vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u)); }
 fn body_of(material: u32) -> Body {
     let place = body_place(material);
     return Body(tables[place], table_number(place + 1u), table_vector(place + 2u), table_vector(place + 5u), tables[place + 8u],
-                table_number(place + 9u), table_number(place + 10u), tables[place + 11u], tables[place + 12u]);
+                table_number(place + 9u), table_number(place + 10u), tables[place + 11u], tables[place + 12u],
+                table_number(place + 13u), table_number(place + 14u), tables[place + 15u]);
 }
 fn material_of(triangle: u32) -> u32 { return mesh_at(params.materials_at + triangle); }
 fn shape_of(material: u32) -> u32 { return tables[body_place(material)]; }
@@ -38,11 +43,12 @@ fn top_of(media: Media) -> u32 {
     var list = media.list;
     return list[media.length - 1u];
 }
-fn index_in(media: Media) -> f32 {
-    let body = top_of(media);
+// Of what fills a place, or of air for NONE.
+fn index_of(body: u32) -> f32 {
     if body == NONE { return 1.0; }
     return table_number(body_place(body) + 1u);
 }
+fn index_in(media: Media) -> f32 { return index_of(top_of(media)); }
 fn extinction_in(media: Media) -> vec3f {
     let body = top_of(media);
     if body == NONE { return vec3f(0.0); }
@@ -80,9 +86,11 @@ fn take_body(media: ptr<function, Media>, body: u32) -> u32 {
     (*media).length = length - 1u;
     return select(1u, 2u, place == length);
 }
-// Crosses the surface of a body: `media` are then those behind it. Index of refraction behind over that before; 0 where another body fills
-// the place on both sides, so that there is no surface.
-fn cross_border(media: ptr<function, Media>, body: u32, enters: bool) -> f32 {
+// The border of a body: what fills the place before and behind it, and whether there is a surface: there is none where another body fills
+// the place on both sides.
+struct Border { before: u32, after: u32, is_there: bool }
+// Crosses the surface of a body: `media` are then those behind it.
+fn border_of(media: ptr<function, Media>, body: u32, enters: bool) -> Border {
     var before = *media;
     var fills = false;
     if enters {
@@ -93,8 +101,13 @@ fn cross_border(media: ptr<function, Media>, body: u32, enters: bool) -> f32 {
         // Who leaves a body that is not known to have been entered was in it all the same.
         if taken == 0u { fills = put_body(&before, body); }
     }
-    if !fills { return 0.0; }
-    return index_in(*media) / index_in(before);
+    return Border(top_of(before), top_of(*media), fills);
+}
+// The same: index of refraction behind over that before; 0 where there is no surface.
+fn cross_border(media: ptr<function, Media>, body: u32, enters: bool) -> f32 {
+    let border = border_of(media, body, enters);
+    if !border.is_there { return 0.0; }
+    return index_of(border.after) / index_of(border.before);
 }
 
 // exp(-extinction * length) by colour; exactly 1 where nothing is absorbed, whatever the length.

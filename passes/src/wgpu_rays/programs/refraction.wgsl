@@ -11,7 +11,7 @@ fn corrected(pixel: Pixel) -> vec4f {
     if triangle == NO_TRIANGLE || !is_glass(triangle) { return stored_color(pixel); }
     let point = snap(triangle, stored_position(pixel).xyz);
     let view = normalize_or(point.position - params.eye, -point.normal);
-    return opaque(glass_color(pixel, triangle, surface_of(point, stored_normal(pixel), view), view, 0u) + missed_color());
+    return opaque(glass_color(pixel, triangle, surface_of(point, stored_normal(pixel), view), view, pixel_key(pixel)) + missed_color());
 }
 
 fn thesis(pixel: Pixel) -> vec4f {

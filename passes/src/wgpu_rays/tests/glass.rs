@@ -4,8 +4,9 @@ use super::pictures::differing;
 use super::{picture, rays};
 use crate::cpu::CpuRays;
 use crate::effects::tests::world::{Shot, World, grid};
-use curitiba_pipeline::backend::{Glow, RayBackend, RayJob};
-use curitiba_pipeline::glass::{Dielectric, GlassRule, GlassShadow, Shape};
+use crate::wgpu_rays::selftest;
+use curitiba_pipeline::backend::{Glow, RayBackend, RayJob, RayStats};
+use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Roulette, Shape};
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Wrap;
@@ -31,14 +32,23 @@ fn block(world: &mut World, material: u32, center: Vec3, half: Vec3) {
 
 /// Tinted, veiled and overlapping bodies, one in another, an absorbing wall and a pane over a floor with a textured block.
 fn several() -> World {
+    several_of([Dielectric::default(); 3])
+}
+
+/// The same, with the roughness and the dispersion of these in its tinted block, its veiled block and its wall.
+fn several_of(surfaces: [Dielectric; 3]) -> World {
+    let [tinted, veiled, wall] = surfaces.map(|Dielectric { alpha, spread, .. }| (alpha, spread));
     let mut world = World { beyond: Vec3::new(0.2, 0.5, 0.9), ..World::lit_along(Vec3::new(-0.4, -0.8, -0.5)) };
     let floor = world.paint(Vec3::new(0.8, 0.7, 0.5));
     block(&mut world, floor, Vec3::new(0.0, -2.0, 0.0), Vec3::new(9.0, 0.2, 9.0));
-    let tinted = world.dielectric(Dielectric { extinction: Vec3::new(0.1, 0.4, 0.9), ..solid(1.5) });
+    let (alpha, spread) = tinted;
+    let tinted = Dielectric { extinction: Vec3::new(0.1, 0.4, 0.9), alpha, spread, ..solid(1.5) };
+    let tinted = world.dielectric(tinted);
     block(&mut world, tinted, Vec3::new(-1.6, 0.2, 0.3), Vec3::new(0.9, 1.1, 0.8));
     let water = world.dielectric(solid(1.33));
     block(&mut world, water, Vec3::new(-1.6, 0.1, 0.3), Vec3::new(0.5, 0.6, 0.4));
-    let veiled = Dielectric { veil: 0.3, filter: Vec3::new(0.9, 1.0, 0.8), priority: 1, ..solid(1.8) };
+    let (alpha, spread) = veiled;
+    let veiled = Dielectric { veil: 0.3, filter: Vec3::new(0.9, 1.0, 0.8), priority: 1, alpha, spread, ..solid(1.8) };
     let veiled = world.dielectric(veiled);
     block(&mut world, veiled, Vec3::new(1.3, -0.6, -0.4), Vec3::new(0.7, 0.8, 0.7));
     let light = world.dielectric(solid(1.2));
@@ -49,6 +59,7 @@ fn several() -> World {
         thickness: 0.2,
         extinction: Vec3::new(2.0, 0.5, 0.1),
         filter: Vec3::new(1.0, 0.8, 0.9),
+        alpha: wall.0,
         ..Dielectric::default()
     });
     world.quad(wall, Vec3::new(0.1, 0.6, 1.6), Vec3::X * 0.7, Vec3::Y * 1.1);
@@ -59,25 +70,33 @@ fn several() -> World {
     world
 }
 
-/// Pictures of a world on both backends, and what rays were traced.
+/// Pictures of a world on both backends, whose rays are counted alike.
 fn both(world: &World, eye: Vec3, program: RayProgram, params: RayParams) -> Option<[Vec<[f32; 4]>; 2]> {
     let mut rays = rays()?;
-    let targets = grid(SIDE, eye - Vec3::Z * 4.0, Vec3::X * 2.6, Vec3::Y * 2.2);
-    let shot = Shot::of(world, eye, targets).rows(SIDE);
-    // A job names its scene by address.
-    let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
-    let job = RayJob { scene: &scene, ..shot.job(program, Fidelity::Corrected, params) };
-    let mut cpu = CpuRays::new();
-    let filtered = vec![true; scene.materials.len()];
-    rays.build(&scene, &filtered).expect("built");
-    cpu.build(&scene, &filtered).expect("built");
-    let ((found, mine), (expected, theirs)) = (picture(&mut rays, &job), picture(&mut cpu, &job));
+    let (found, mine) = picture_on(&mut rays, world, eye, program, params);
+    let (expected, theirs) = picture_on(&mut CpuRays::new(), world, eye, program, params);
     let counts = |rays: curitiba_pipeline::backend::RayCounts| [rays.reflected, rays.refracted];
     println!("{program:?}: {:?} {:?}", mine.rays, theirs.rays);
     for (mine, theirs) in counts(mine.rays).into_iter().zip(counts(theirs.rays)) {
         assert!(mine.abs_diff(theirs) <= theirs / 100 + 2, "{mine} rays, and {theirs} on the processor");
     }
     Some([found, expected])
+}
+
+fn picture_on(
+    rays: &mut dyn RayBackend,
+    world: &World,
+    eye: Vec3,
+    program: RayProgram,
+    params: RayParams,
+) -> (Vec<[f32; 4]>, RayStats) {
+    let targets = grid(SIDE, eye - Vec3::Z * 4.0, Vec3::X * 2.6, Vec3::Y * 2.2);
+    let shot = Shot::of(world, eye, targets).rows(SIDE);
+    // A job names its scene by address.
+    let scene: Arc<RenderScene> = Arc::new(world.scene.clone());
+    let job = RayJob { scene: &scene, ..shot.job(program, Fidelity::Corrected, params) };
+    rays.build(&scene, &vec![true; scene.materials.len()]).expect("built");
+    picture(rays, &job)
 }
 
 fn auto(depth: u32, shadow: GlassShadow, samples: u32) -> RayParams {
@@ -100,6 +119,83 @@ fn bodies_walls_and_panes_show_what_the_processors_do() {
         assert!(off <= FEW, "{program:?} {params:?}: {off} pixels are off");
         let changed = expected.iter().filter(|pixel| **pixel != expected[0]).count();
         assert!(changed > 1000, "{changed} pixels show something");
+    }
+}
+
+/// Where glass is rough or bends colours apart, and how: tinted block, veiled block, wall.
+fn ways(alphas: [f32; 3], spreads: [f32; 3]) -> [Dielectric; 3] {
+    [0, 1, 2].map(|place| Dielectric { alpha: alphas[place], spread: spreads[place], ..Dielectric::default() })
+}
+
+/// Compares the backends, and that what the world or the parameters ask is seen: `plain` is without.
+fn differs_from_plain(asked: (&World, RayParams), plain: (&World, RayParams), program: RayProgram) -> Option<()> {
+    let eye = Vec3::new(0.2, 0.4, 7.0);
+    let [found, expected] = both(asked.0, eye, program, asked.1)?;
+    let off = differing(&found, &expected, 0.01);
+    assert!(off <= FEW, "{program:?} {:?}: {off} pixels are off", asked.1);
+    let (without, _) = picture_on(&mut CpuRays::new(), plain.0, eye, program, plain.1);
+    let changed = differing(&without, &expected, 0.003);
+    assert!(changed > 5 * FEW, "{program:?} {:?}: {changed} pixels show it", asked.1);
+    Some(())
+}
+
+#[test]
+fn rough_bodies_and_walls_show_what_the_processors_do() {
+    let plain = several();
+    let rough = several_of(ways([0.2, 0.0, 0.3], [0.0; 3]));
+    let params = RayParams { paths: 4, first_path: 8, ..auto(2, GlassShadow::Report, 0) };
+    let seen = differs_from_plain((&rough, params), (&plain, params), RayProgram::Refraction);
+    let Some(()) = seen else { return };
+    // Rough inside smooth, and whose list of points overflows: those pixels are computed by one thread.
+    let rough = several_of(ways([0.0, 0.15, 0.3], [0.0; 3]));
+    let params = RayParams { paths: 6, ..auto(2, GlassShadow::Straight, 2) };
+    differs_from_plain((&rough, params), (&plain, params), RayProgram::Final);
+}
+
+#[test]
+fn colours_that_are_bent_apart_are_where_the_processor_shows_them() {
+    let plain = several();
+    let flint = several_of(ways([0.0; 3], [0.15, 0.2, 0.0]));
+    let params = RayParams { wavelengths: 5, ..auto(3, GlassShadow::Report, 0) };
+    let together = RayParams { wavelengths: 1, ..params };
+    let seen = differs_from_plain((&flint, params), (&plain, together), RayProgram::Refraction);
+    let Some(()) = seen else { return };
+    // What is divided twice: rough and of several colours, in either order.
+    let both_ways = several_of(ways([0.1, 0.0, 0.2], [0.15, 0.2, 0.0]));
+    let params = RayParams { wavelengths: 3, paths: 2, ..auto(2, GlassShadow::Report, 0) };
+    differs_from_plain((&both_ways, params), (&plain, params), RayProgram::Refraction);
+}
+
+#[test]
+fn paths_end_where_the_processor_ends_them() {
+    let world = several_of(ways([0.0, 0.2, 0.0], [0.06, 0.0, 0.0]));
+    let all = RayParams { paths: 3, wavelengths: 3, ..auto(3, GlassShadow::Report, 0) };
+    let limits = |limits| RayParams { limits, ..all };
+    for asked in [
+        PathLimits { cutoff: 0.05, cutoff_color: CutoffColor::Background, ..PathLimits::DEFAULT },
+        PathLimits { cutoff: 0.1, roulette: Roulette::On, ..PathLimits::DEFAULT },
+        PathLimits { reflections: 0, refractions: 3, ..PathLimits::DEFAULT },
+    ] {
+        let Some(()) = differs_from_plain((&world, limits(asked)), (&world, all), RayProgram::Refraction) else {
+            return;
+        };
+    }
+}
+
+#[test]
+fn glass_that_divides_paths_is_refused_where_a_driver_cuts_loops() {
+    let Some(rays) = rays() else { return };
+    let cuts = selftest::cuts_loops(&rays.gpu).expect("it answers");
+    for (params, glass) in [
+        (auto(2, GlassShadow::Report, 0), Dielectric { alpha: 0.2, ..solid(1.5) }),
+        (auto(2, GlassShadow::Report, 0), Dielectric { spread: 0.02, ..solid(1.5) }),
+    ] {
+        match rays.supports_glass(RayProgram::Refraction, &params, &[glass]) {
+            Ok(()) => assert!(!cuts, "paths would be missing"),
+            Err(error) => assert!(cuts && error.to_string().contains("glass that divides paths"), "{error}"),
+        }
+        let plain = RayParams { wavelengths: 1, ..params };
+        assert!(rays.supports_glass(RayProgram::Refraction, &plain, &[solid(1.5)]).is_ok());
     }
 }
 

@@ -23,9 +23,10 @@ fn every_text_is_valid_wgsl_that_needs_no_extension() {
     let mut written = 0;
     for info in RAY_PROGRAMS.iter().filter(|info| is_written(info.program)) {
         let panes = [Fidelity::Corrected, Fidelity::Thesis].map(Variant::Panes);
-        let bodies = Variant::OF_BODIES.contains(&info.program).then_some(Variant::Bodies);
+        let knows = Variant::OF_BODIES.contains(&info.program);
+        let bodies = [Variant::Bodies, Variant::Ways].into_iter().filter(|_| knows);
         for variant in panes.into_iter().chain(bodies) {
-            let eye = bodies.filter(|bodies| *bodies == variant).map(|_| &Stage::Eye);
+            let eye = variant.knows_bodies().then_some(&Stage::Eye);
             let kernels = stages(info.program, variant, 100)
                 .iter()
                 .chain(stages(info.program, variant, 1))

@@ -5,6 +5,7 @@ mod caustics;
 mod dispersion;
 mod limits;
 mod rough;
+mod shells;
 mod spheres;
 
 use crate::effects::fresnel;

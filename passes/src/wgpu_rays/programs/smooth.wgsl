@@ -1,0 +1,160 @@
+// Paths through smooth glass, all ways on and all colours together (`effects/dielectric/walk.rs`), before a background. `seen_through` of a
+// program says what is seen at an end, with its weight by colour. `ways.wgsl` stands in its place where glass is rough, bends colours
+// apart, or paths are cut off.
+//
+// The processor's code recurses; here the tree of rays is walked with a list of the branches still to be traced, each with the weight of
+// its colour. The sum is the same but for the order of its roundings.
+
+// A ray that is still to be traced; `start` is the point of the surface that it leaves, off which it starts.
+struct Branch {
+    origin: vec3f,
+    direction: vec3f,
+    start: vec3f,
+    weight: vec3f,
+    media: Media,
+    key: u32,
+    surfaces: u32,
+    splits: u32,
+}
+
+// What the walk of a pixel has still to do.
+var<private> waiting: array<Branch, MAX_DEPTH + 1u>;
+var<private> stored: u32;
+var<private> next: Branch;
+var<private> follows: bool;
+// What the background adds where rays leave the scene.
+var<private> missed: vec3f;
+
+// The path that has come to the glass which is looked at.
+struct Path { weight: vec3f, media: Media, key: u32, surfaces: u32, splits: u32 }
+fn follow(surface: Surface, path: Path, direction: vec3f, weight: vec3f, media: Media, kind: u32, deeper: u32) {
+    count(kind);
+    let branch = select(BRANCH_REFRACTED, BRANCH_REFLECTED, kind == REFLECTED);
+    next = Branch(spawn(surface.point, direction), direction, surface.point.position, path.weight * weight, media,
+                  path_key(path.key, branch), path.surfaces + 1u, path.splits + deeper);
+    follows = true;
+}
+// Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
+fn split(surface: Surface, path: Path, back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: vec3f, after: Media) {
+    var weight = on_weight;
+    var mirrors = !is_black(back_weight);
+    let through = enters && !is_black(on_weight);
+    // Where all glass is panes, what lies deeper is black, as in the report.
+    let panes = params.bodies_at == 0u;
+    let splits = panes || path.splits < params.depth;
+    let deeper = select(0u, 1u, panes || (mirrors && through && splits));
+    if mirrors && through && !splits {
+        weight = back_weight + weight;
+        mirrors = false;
+    }
+    if through { follow(surface, path, on, weight, after, REFRACTED, deeper); }
+    if !mirrors { return; }
+    if follows {
+        waiting[stored] = next;
+        stored += 1u;
+    }
+    follow(surface, path, back, back_weight, path.media, REFLECTED, deeper);
+}
+
+// What glass does with a ray that meets it; returns the weight of what it scatters back.
+fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path) -> vec3f {
+    follows = false;
+    if path.surfaces >= MOST_SURFACES {
+        count(LOST);
+        return vec3f(0.0);
+    }
+    let material = material_of(hit.triangle);
+    var shape = SHAPE_PANE;
+    var body: Body;
+    if params.bodies_at != 0u {
+        body = body_of(material);
+        shape = body.shape;
+    }
+    var after = path.media;
+    var ratio = params.index;
+    if shape == SHAPE_SOLID { ratio = cross_border(&after, material, is_front(surface)); }
+    // The ways on: straight, unless something bends them.
+    var on = view;
+    var enters = true;
+    var back = vec3f(0.0);
+    var back_weight = vec3f(0.0);
+    var on_weight = vec3f(1.0);
+    var veil = vec3f(0.0);
+    if shape == SHAPE_THIN {
+        let normal = interface_normal(surface, view);
+        let meeting = interface_at(-dot3(normal, view), body.index / index_in(path.media));
+        let wall = wall_of(meeting.reflectance, kept_across(body, meeting.cos_refracted));
+        back = mirrored(view, normal);
+        back_weight = wall.reflected;
+        on_weight = wall.transmitted;
+        veil = on_weight;
+    } else if ratio != 0.0 && (shape != SHAPE_SOLID || ratio != 1.0) {
+        let bent = bend(surface, view, ratio);
+        // Of the report's panes those after the first dim light.
+        let kept = select(1.0, GLASS_BOUNCE, shape != SHAPE_SOLID && path.surfaces > 0u);
+        back = mirrored(view, bent.normal);
+        back_weight = vec3f(kept * bent.meeting.reflectance);
+        on = bent.refracted;
+        enters = bent.enters;
+        on_weight = vec3f(kept * (1.0 - bent.meeting.reflectance));
+        veil = on_weight;
+    } else {
+        veil = on_weight;
+    }
+    // Where there is no surface, and at panes, nothing is filtered or scattered.
+    let filters = shape == SHAPE_THIN || (shape == SHAPE_SOLID && ratio != 0.0);
+    if filters { on_weight *= filter_of(body, hit); }
+    split(surface, path, back, back_weight, enters, on, on_weight, after);
+    return select(vec3f(0.0), body.veil * veil, filters);
+}
+
+// The colour of the glass that a pixel shows, without what the background adds.
+fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, key: u32) -> vec3f {
+    stored = 0u;
+    missed = vec3f(0.0);
+    let position = stored_position(pixel).xyz;
+    let to = position - params.eye;
+    var path = Path(vec3f(1.0), around_eye(), key, 0u, 0u);
+    path.weight = transmittance(extinction_in(path.media), sqrt(dot3(to, to)));
+    var hit = located(triangle, position);
+    var surface = first;
+    var view = first_view;
+    var meets = true;
+    var sum = vec3f(0.0);
+    loop {
+        var weight = vec3f(0.0);
+        var end_key = path.key;
+        if meets {
+            meets = false;
+            weight = path.weight * meet(hit, surface, view, path);
+        }
+        if is_black(weight) {
+            if !follows {
+                if stored == 0u { break; }
+                stored -= 1u;
+                next = waiting[stored];
+            }
+            follows = false;
+            let extinction = extinction_in(next.media);
+            if !closest_surface(next.origin, next.direction, &hit) {
+                missed += next.weight * transmittance(extinction, HUGE) * params.beyond;
+                continue;
+            }
+            let glass = is_glass(hit.triangle);
+            if glass && params.bodies_at == 0u && next.splits > params.depth { continue; }
+            surface = surface_hit(next.direction, hit);
+            let length = max(dot3(surface.point.position - next.start, next.direction), 0.0);
+            weight = next.weight * transmittance(extinction, length);
+            if glass {
+                view = next.direction;
+                path = Path(weight, next.media, next.key, next.surfaces, next.splits);
+                meets = true;
+                continue;
+            }
+            end_key = next.key;
+        }
+        sum += seen_through(hit, surface, end_key, weight);
+    }
+    return sum;
+}
+fn missed_color() -> vec3f { return missed; }

@@ -1,0 +1,368 @@
+// Paths through glass that may be rough, bend colours apart, or be cut off (`walk.rs`, `solid.rs` and `limits.rs` of `effects/dielectric`).
+//
+// As in `smooth.wgsl`, the tree of rays is walked with a list of the branches still to be traced. Where a surface divides a path, into the
+// ways on from rough glass or into strata of the spectrum, the meeting is kept, and its ways are taken one after the other: the next when
+// all branches of the one before are traced. A path is divided once by each, so two meetings are kept at most.
+
+// What is to be known of a path.
+struct Path {
+    media: Media,
+    key: u32,
+    surfaces: u32,
+    splits: u32,
+    // The stratum of its light; NONE until a body has bent colours apart.
+    stratum: u32,
+    // Which of the ways on from rough glass it is; NONE before.
+    sample: u32,
+    // The share of the pixel's colour that depends on it; larger where it is one of few that were followed by chance.
+    importance: f32,
+    reflections: u32,
+    refractions: u32,
+}
+// A ray that is still to be traced; `start` is the point of the surface that it leaves, off which it starts.
+struct Branch { origin: vec3f, direction: vec3f, start: vec3f, weight: vec3f, path: Path }
+// A path that has come to a surface.
+struct Meeting { hit: Hit, surface: Surface, view: vec3f, weight: vec3f, path: Path }
+// How a path meets a surface: for the first time, or as one way of those into which it is divided there.
+const WHOLE: u32 = 0u;
+const BY_FACET: u32 = 1u;
+const BY_COLOR: u32 = 2u;
+// A meeting whose path is divided: its next way, how many there are, and how many branches waited before; of strata, whether the flat
+// surface served the first one.
+struct Division { at: Meeting, part: u32, is_flat: bool, following: u32, ways: u32, base: u32 }
+
+// What the walk of a pixel has still to do. One branch a split may wait, one that colours share, and one that they do not.
+var<private> waiting: array<Branch, MAX_DEPTH + 3u>;
+var<private> stored: u32;
+var<private> divisions: array<Division, 2>;
+var<private> divided: u32;
+var<private> next: Branch;
+var<private> follows: bool;
+// Where the path is, or has ended.
+var<private> now: Meeting;
+// What the background adds where rays leave the scene, or are not followed.
+var<private> missed: vec3f;
+
+fn asked(word: u32) -> u32 { return tables[params.bodies_at + word]; }
+fn stratum_at(stratum: u32) -> u32 { return asked(HEAD_STRATA) + 4u * stratum; }
+// The index of what fills a place, for light of a stratum.
+fn index_for(body: u32, stratum: u32) -> f32 {
+    let index = index_of(body);
+    if body == NONE || stratum == NONE { return index; }
+    let wavelength = table_number(stratum_at(stratum));
+    let spread = table_number(body_place(body) + 13u);
+    return max(index + sep(spread * (CAUCHY / sep(wavelength * wavelength) - CAUCHY_AT_D)), 1.0);
+}
+fn bends_apart(body: u32) -> bool { return body != NONE && table_number(body_place(body) + 13u) > 0.0; }
+// The key of what a path meets where it ends.
+fn own_key(path: Path) -> u32 {
+    if path.sample == NONE { return path.key; }
+    return path_key(path.key, BRANCH_SCATTERED + path.sample);
+}
+
+// By what a way counts that is followed: 1, or more where it was followed by chance; 0 where chance left it out, -1 where it is cut off.
+fn kept_of(weight: vec3f, kind: u32, path: ptr<function, Path>) -> f32 {
+    if kind == REFLECTED {
+        (*path).reflections += 1u;
+        if (*path).reflections > asked(HEAD_REFLECTIONS) { return -1.0; }
+    } else {
+        (*path).refractions += 1u;
+        if (*path).refractions > asked(HEAD_REFRACTIONS) { return -1.0; }
+    }
+    (*path).importance *= most3(abs(weight));
+    let cutoff = bitcast<f32>(asked(HEAD_CUTOFF));
+    if (*path).importance >= cutoff { return 1.0; }
+    if asked(HEAD_ROULETTE) == 0u { return -1.0; }
+    let chance = (*path).importance / cutoff;
+    var wavelength = 0u;
+    if (*path).stratum != NONE { wavelength = tables[stratum_at((*path).stratum)]; }
+    let key = path_key(path_key(own_key(*path), wavelength), asked(HEAD_CHANCE));
+    (*path).importance = cutoff;
+    if unit_of(dimensions(key, HASH_ROULETTE).x) < chance { return 1.0 / chance; }
+    return 0.0;
+}
+// The next way on; the one before waits.
+fn follow(direction: vec3f, weight: vec3f, media: Media, kind: u32, deeper: u32) {
+    var path = now.path;
+    path.media = media;
+    path.surfaces += 1u;
+    path.splits += deeper;
+    path.key = path_key(path.key, select(BRANCH_REFRACTED, BRANCH_REFLECTED, kind == REFLECTED));
+    var whole = now.weight * weight;
+    let kept = kept_of(weight, kind, &path);
+    if kept <= 0.0 {
+        if kept < 0.0 && asked(HEAD_BACKGROUND) != 0u { missed += whole * params.beyond; }
+        return;
+    }
+    whole *= kept;
+    count(kind);
+    wait_for_it();
+    next = Branch(spawn(now.surface.point, direction), direction, now.surface.point.position, whole, path);
+    follows = true;
+}
+fn wait_for_it() {
+    if !follows { return; }
+    waiting[stored] = next;
+    stored += 1u;
+    follows = false;
+}
+// Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
+fn split(back: vec3f, back_weight: vec3f, enters: bool, on: vec3f, on_weight: vec3f, after: Media) {
+    var weight = on_weight;
+    var mirrors = !is_black(back_weight);
+    let through = enters && !is_black(on_weight);
+    let both = mirrors && through;
+    let deeper = select(0u, 1u, both && now.path.splits < params.depth);
+    if both && deeper == 0u {
+        weight = back_weight + weight;
+        mirrors = false;
+    }
+    if through { follow(on, weight, after, REFRACTED, deeper); }
+    if mirrors { follow(back, back_weight, now.path.media, REFLECTED, deeper); }
+}
+// Keeps the meeting, whose path is divided.
+fn divide(part: u32, is_flat: bool, ways: u32) {
+    divisions[divided] = Division(now, part, is_flat, 0u, ways, stored);
+    divided += 1u;
+}
+
+// Whether the path meets a microfacet; then it is `facet`.
+fn meets_facet(body: Body, facet: ptr<function, Facet>) -> bool {
+    if now.path.sample == NONE || body.alpha <= 0.0 { return false; }
+    let alpha = alpha_at(body, now.hit);
+    if alpha <= 0.0 { return false; }
+    let place = asked(HEAD_FACETS) + 2u * now.path.sample;
+    let seeds = dimensions(now.path.key, HASH_FACETS);
+    let point = vec2f(unit_of(scramble_reversed(tables[place], seeds.x)), unit_of(scramble_reversed(tables[place + 1u], seeds.y)));
+    *facet = facet_seen(alpha, interface_normal(now.surface, now.view), now.view, point);
+    return true;
+}
+
+// Both ways on from the surface of a body: the share reflected, where both go, what other facets leave of them, and whether the flat
+// surface served.
+struct Ways { reflectance: f32, mirrored: vec3f, enters: bool, refracted: vec3f, kept: vec2f, is_flat: bool }
+// On which side of the surface a direction goes, as a whole and of the triangle; 0 where they differ.
+fn side_of(direction: vec3f) -> f32 {
+    let flat_side = dot3(direction, now.surface.facing);
+    if dot3(direction, interface_normal(now.surface, now.view)) * flat_side > 0.0 { return with_sign(1.0, flat_side); }
+    return 0.0;
+}
+fn ways_of(body: Body, ratio: f32) -> Ways {
+    var facet: Facet;
+    if !meets_facet(body, &facet) {
+        let normal = interface_normal(now.surface, now.view);
+        let bent = bend(now.surface, now.view, ratio);
+        return Ways(bent.meeting.reflectance, mirrored(now.view, bent.normal), bent.enters, bent.refracted, vec2f(1.0),
+                    any(bent.normal != normal));
+    }
+    let bent = bent_by(facet.normal, now.view, ratio);
+    let back = mirrored(now.view, facet.normal);
+    let enters = bent.enters && side_of(bent.refracted) < 0.0;
+    var kept = vec2f(0.0);
+    if side_of(back) > 0.0 { kept.x = passes_facets(facet, back); }
+    if enters { kept.y = passes_facets(facet, bent.refracted); }
+    return Ways(bent.meeting.reflectance, back, enters, bent.refracted, kept, false);
+}
+
+// What light of one stratum does at the surface of a body that bends colours apart, and what it counts there: beyond the depth light goes
+// through, with the weight of both.
+struct Stratum { ways: Ways, share: vec3f, back: vec3f, through: vec3f }
+fn stratum_of(body: Body, border: Border, stratum: u32) -> Stratum {
+    let ways = ways_of(body, index_for(border.after, stratum) / index_for(border.before, stratum));
+    let share = table_vector(stratum_at(stratum) + 1u);
+    let back = share * (ways.reflectance * ways.kept.x);
+    let through = share * ((1.0 - ways.reflectance) * ways.kept.y);
+    return Stratum(ways, share, back, through);
+}
+// Takes all of them: what is reflected stays together, and waits; the strata follow. Returns the share that enters.
+fn disperse(body: Body, border: Border) -> vec3f {
+    let splits = now.path.splits < params.depth;
+    var direction: vec3f;
+    var is_flat = false;
+    var together = vec3f(0.0);
+    var entering = vec3f(0.0);
+    var deeper = 0u;
+    let strata = asked(HEAD_STRATUM_COUNT);
+    for (var i = 0u; i < strata; i += 1u) {
+        let stratum = stratum_of(body, border, i);
+        entering += stratum.share * (1.0 - stratum.ways.reflectance);
+        let goes_on = stratum.ways.enters && !splits;
+        if stratum.ways.enters && splits && !is_black(stratum.back) { deeper = 1u; }
+        if i == 0u {
+            direction = stratum.ways.mirrored;
+            is_flat = stratum.ways.is_flat;
+        }
+        if stratum.ways.is_flat == is_flat && !goes_on { together += stratum.back; }
+    }
+    if !is_black(together) { follow(direction, together, now.path.media, REFLECTED, deeper); }
+    wait_for_it();
+    divide(BY_COLOR, is_flat, strata);
+    return entering;
+}
+// Takes one.
+fn follow_stratum(body: Body, border: Border, filter_: vec3f, after: Media, is_flat: bool) {
+    let splits = now.path.splits < params.depth;
+    let stratum = stratum_of(body, border, now.path.stratum);
+    let ways = stratum.ways;
+    var through = stratum.through * filter_;
+    if ways.enters && !splits { through += stratum.back; }
+    if ways.enters { follow(ways.refracted, through, after, REFRACTED, select(0u, 1u, splits)); }
+    // By another normal, which few surfaces have.
+    let apart = ways.is_flat != is_flat && !(ways.enters && !splits);
+    if apart && !is_black(stratum.back) { follow(ways.mirrored, stratum.back, now.path.media, REFLECTED, 0u); }
+}
+
+// What a thin wall or a pane of the report does with the path; returns the weight of what it scatters back.
+fn meet_flat(body: Body) -> vec3f {
+    let view = now.view;
+    if body.shape != SHAPE_THIN {
+        let bent = bend(now.surface, view, params.index);
+        // Panes after the first surface dim light.
+        let kept = select(1.0, GLASS_BOUNCE, now.path.surfaces > 0u);
+        split(mirrored(view, bent.normal), vec3f(kept * bent.meeting.reflectance), bent.enters, bent.refracted,
+              vec3f(kept * (1.0 - bent.meeting.reflectance)), now.path.media);
+        return vec3f(0.0);
+    }
+    var facet: Facet;
+    let is_rough = meets_facet(body, &facet);
+    let normal = select(interface_normal(now.surface, view), facet.normal, is_rough);
+    let meeting = interface_at(-dot3(normal, view), body.index / index_for(top_of(now.path.media), now.path.stratum));
+    let wall = wall_of(meeting.reflectance, kept_across(body, meeting.cos_refracted));
+    let back = mirrored(view, normal);
+    var back_weight = wall.reflected;
+    var on = view;
+    var on_weight = wall.transmitted * filter_of(body, now.hit);
+    if is_rough {
+        // What is mirrored, as far as it stays on the viewer's side, and behind the wall what would be mirrored there.
+        let kept = passes_facets(facet, back);
+        let is_above = dot3(back, facet.surface) > 0.0;
+        on = mirrored(back, facet.surface);
+        back_weight *= select(0.0, kept, is_above && dot3(back, now.surface.facing) > 0.0);
+        on_weight *= select(0.0, kept, is_above && dot3(on, now.surface.facing) < 0.0);
+    }
+    split(back, back_weight, true, on, on_weight, now.path.media);
+    return body.veil * wall.transmitted;
+}
+
+// What glass does with the path that meets it; returns the weight of what it scatters back. `part` says whether it comes for the first
+// time, or which of the divisions it goes on with: `is_flat` is of a stratum whether the flat surface served the first one.
+fn meet(part: u32, is_flat: bool) -> vec3f {
+    if now.path.surfaces >= MOST_SURFACES {
+        count(LOST);
+        return vec3f(0.0);
+    }
+    let material = material_of(now.hit.triangle);
+    let body = body_of(material);
+    let divides = now.path.sample == NONE && asked(HEAD_FACET_COUNT) > 0u && body.alpha > 0.0;
+    if body.shape != SHAPE_SOLID {
+        if body.shape == SHAPE_THIN && divides && alpha_at(body, now.hit) > 0.0 {
+            divide(BY_FACET, false, asked(HEAD_FACET_COUNT));
+            return vec3f(0.0);
+        }
+        return meet_flat(body);
+    }
+    var after = now.path.media;
+    let lost = rays[LOST];
+    let border = border_of(&after, material, is_front(now.surface));
+    // Who comes again is not lost again.
+    if part != WHOLE { rays[LOST] = lost; }
+    if !border.is_there {
+        follow(now.view, vec3f(1.0), after, REFRACTED, 0u);
+        return vec3f(0.0);
+    }
+    let filter_ = filter_of(body, now.hit);
+    if part == BY_COLOR {
+        follow_stratum(body, border, filter_, after, is_flat);
+        return vec3f(0.0);
+    }
+    let strata = asked(HEAD_STRATUM_COUNT);
+    let disperses = now.path.stratum == NONE && strata > 0u && (bends_apart(border.before) || bends_apart(border.after));
+    let ratio = index_for(border.after, now.path.stratum) / index_for(border.before, now.path.stratum);
+    if ratio == 1.0 && !disperses {
+        follow(now.view, filter_, after, REFRACTED, 0u);
+        return vec3f(body.veil);
+    }
+    if divides && alpha_at(body, now.hit) > 0.0 {
+        divide(BY_FACET, false, asked(HEAD_FACET_COUNT));
+        return vec3f(0.0);
+    }
+    if disperses { return body.veil * disperse(body, border); }
+    let ways = ways_of(body, ratio);
+    split(ways.mirrored, vec3f(ways.reflectance * ways.kept.x), ways.enters, ways.refracted,
+          (1.0 - ways.reflectance) * ways.kept.y * filter_, after);
+    return vec3f(body.veil * (1.0 - ways.reflectance));
+}
+
+// The colour of the glass that a pixel shows, without what the background adds.
+fn glass_color(pixel: Pixel, triangle: u32, first: Surface, first_view: vec3f, key: u32) -> vec3f {
+    stored = 0u;
+    divided = 0u;
+    follows = false;
+    missed = vec3f(0.0);
+    let position = stored_position(pixel).xyz;
+    let to = position - params.eye;
+    let around = around_eye();
+    let path = Path(around, key, 0u, 0u, NONE, NONE, 1.0, 0u, 0u);
+    now = Meeting(located(triangle, position), first, first_view, transmittance(extinction_in(around), sqrt(dot3(to, to))), path);
+    var part = WHOLE;
+    var is_flat = false;
+    var meets = true;
+    var sum = vec3f(0.0);
+    loop {
+        // What is seen where the path is now, and what that counts.
+        var weight = vec3f(0.0);
+        if meets {
+            meets = false;
+            weight = meet(part, is_flat) * now.weight;
+            part = WHOLE;
+        }
+        if is_black(weight) {
+            if !follows && divided > 0u && stored == divisions[divided - 1u].base {
+                let last = divided - 1u;
+                let way = divisions[last].following;
+                if way == divisions[last].ways {
+                    divided = last;
+                    continue;
+                }
+                divisions[last].following = way + 1u;
+                now = divisions[last].at;
+                part = divisions[last].part;
+                is_flat = divisions[last].is_flat;
+                if part == BY_COLOR {
+                    now.path.stratum = way;
+                } else {
+                    let share = 1.0 / f32(divisions[last].ways);
+                    now.path.sample = way;
+                    now.path.importance *= share;
+                    now.weight *= share;
+                }
+                meets = true;
+                continue;
+            }
+            if !follows {
+                if stored == 0u { break; }
+                stored -= 1u;
+                next = waiting[stored];
+            }
+            follows = false;
+            let extinction = extinction_in(next.path.media);
+            var hit: Hit;
+            if !closest_surface(next.origin, next.direction, &hit) {
+                missed += next.weight * transmittance(extinction, HUGE) * params.beyond;
+                continue;
+            }
+            let surface = surface_hit(next.direction, hit);
+            let kept = transmittance(extinction, max(dot3(surface.point.position - next.start, next.direction), 0.0));
+            now = Meeting(hit, surface, next.direction, next.weight * kept, next.path);
+            if is_glass(hit.triangle) {
+                now.path.importance *= most3(kept);
+                meets = true;
+                continue;
+            }
+            weight = now.weight;
+        }
+        sum += seen_through(now.hit, now.surface, own_key(now.path), weight);
+    }
+    return sum;
+}
+fn missed_color() -> vec3f { return missed; }
