@@ -62,6 +62,17 @@ fn glass_is_what_its_materials_say_and_no_pixel_is_black() {
             ],
         ),
         (
+            "Shells",
+            &[
+                ("nothing", "solid"),
+                ("water", "solid"),
+                ("crown glass", "solid"),
+                ("blue water", "solid"),
+                ("green glass", "solid"),
+                ("red diamond", "solid"),
+            ],
+        ),
+        (
             "Caustics",
             &[
                 ("water", "solid"),

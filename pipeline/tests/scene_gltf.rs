@@ -3,6 +3,7 @@
 mod scene_support;
 
 use curitiba_pipeline::color::ColorSpace;
+use curitiba_pipeline::glass::Reflectance;
 use curitiba_pipeline::scene::texture::Wrap;
 use curitiba_pipeline::scene::{BuildOptions, LoadOptions, Needs, RenderScene, Scene, TextureSource, load};
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
@@ -262,6 +263,39 @@ fn dispersion_is_that_of_the_extension_or_cauchys_equation() {
     ] {
         assert_eq!(count(&scene.warnings, what), expected, "{what}");
     }
+}
+
+#[test]
+fn glass_may_have_a_reflectance_and_colours_of_its_own() {
+    let (mut json, binary) = square();
+    let glass = |extras: Value| {
+        json!({"extras": extras, "pbrMetallicRoughness": {"baseColorFactor": [0.5, 1.0, 1.0, 1.0]}, "extensions": {
+            "KHR_materials_transmission": {"transmissionFactor": 1.0}, "KHR_materials_ior": {"ior": 3.0}
+        }})
+    };
+    json["materials"] = json!([
+        glass(json!({})),
+        glass(json!({"schlick": {"minimum": 0.1, "maximum": 0.9, "exponent": 3}, "reflectionColor": [1, 0.5, 0]})),
+        glass(json!({"schlick": {}, "refractionColor": [0.5, 0.25, 0]})),
+        // The index follows from Cauchy's equation; the minimum without a choice from that.
+        glass(json!({"schlick": {"exponent": 4}, "cauchy": [2.0, 0.0]})),
+        glass(json!({"schlick": {"minimum": 0.8, "maximum": 0.2}, "reflectionColor": [1, 2, 0]})),
+        glass(json!({"schlick": {"power": 5}, "refractionColor": "red"})),
+        glass(json!({"schlick": 5, "reflectionColor": [1, 1]})),
+    ]);
+    let scene = read(&json, &binary).unwrap();
+    let curve = |minimum, maximum, exponent| Some(Reflectance { minimum, maximum, exponent });
+    let curves: Vec<_> = scene.materials.iter().map(|material| material.reflectance).collect();
+    assert_eq!(curves[..3], [None, curve(0.1, 0.9, 3.0), curve(0.25, 1.0, 5.0)]);
+    let cauchy = curves[3].unwrap();
+    assert!((cauchy.minimum - 1.0 / 9.0).abs() < 1e-6 && cauchy.exponent == 4.0, "{cauchy:?}");
+    assert_eq!(curves[4..], [None; 3]);
+    let colors: Vec<_> = scene.materials.iter().map(|material| (material.reflection, material.filter)).collect();
+    assert_eq!(colors[0], (Vec3::ONE, Vec3::new(0.5, 1.0, 1.0)));
+    assert_eq!((colors[1].0, colors[2].1), (Vec3::new(1.0, 0.5, 0.0), Vec3::new(0.25, 0.25, 0.0)));
+    assert_eq!(colors[4..], [colors[0]; 3]);
+    let warned: usize = scene.warnings.groups().iter().map(|group| group.count as usize).sum();
+    assert_eq!(warned, 6, "{:?}", scene.warnings.groups());
 }
 
 #[test]

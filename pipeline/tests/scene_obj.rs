@@ -181,6 +181,26 @@ fn what_is_not_needed_is_not_stored() {
 }
 
 #[test]
+fn roughness_maps_of_glass_multiply_its_roughness() {
+    let folder = Folder::new();
+    folder.png("r.png", 1, 1, [128, 128, 128, 255]);
+    let scene = mtl(
+        &folder,
+        "newmtl alone\nillum 7\nmap_Pr r.png\nnewmtl both\nillum 7\nPr 0.5\nmap_Pr r.png\nnewmtl paint\nPr 0.5\nmap_Pr r.png\n\
+         newmtl lost\nillum 7\nPr 0.25\nmap_Pr none.png\nnewmtl turned\nillum 7\nPr 0.75\nmap_Kd r.png\nmap_Pr -s 2 2 2 r.png\n",
+    );
+    let rough = |name| (named(&scene, name).roughness, named(&scene, name).roughness_texture.is_some());
+    assert_eq!((rough("alone"), rough("both")), ((1.0, true), (0.5, true)));
+    assert_eq!([rough("paint"), rough("lost"), rough("turned")], [(0.5, false), (0.25, false), (0.75, false)]);
+    assert!(scene.textures[named(&scene, "both").roughness_texture.unwrap() as usize].is_data(), "not decoded");
+    for what in
+        ["roughness maps that no program reads", "missing textures", "roughness textures with coordinates of their own"]
+    {
+        assert_eq!(count(&scene.warnings, what), 1, "{what}: {:?}", scene.warnings.groups());
+    }
+}
+
+#[test]
 fn material_statements_are_read_in_every_legal_form() {
     let folder = Folder::new();
     let scene = mtl(

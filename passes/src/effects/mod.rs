@@ -65,7 +65,7 @@ mod workspace;
 pub use coverage::{AlphaTested, Coverage, Opaque};
 pub use light::SHADOWED;
 pub use occlusion::open_shares;
-pub use optics::{Interface, fresnel, interface, reflect, schlick};
+pub use optics::{Interface, fresnel, interface, interface_of, reflect, schlick};
 pub(crate) use pass::opaque;
 pub use pass::{Pass, Pixel};
 pub use preparation::Preparation;

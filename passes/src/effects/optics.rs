@@ -1,5 +1,6 @@
 //! Smooth dielectric interfaces.
 
+use curitiba_pipeline::glass::Dielectric;
 use curitiba_pipeline::programs::Fresnel;
 use glam::Vec3;
 
@@ -74,6 +75,18 @@ pub fn interface(weights: Fresnel, cos: f32, index: f32) -> Interface {
         Fresnel::Exact => fresnel(cos, index),
         Fresnel::Schlick => schlick(cos, index),
     }
+}
+
+/// [`interface`] of a material, whose own reflectance stands in the place of Fresnel's share but at total reflection. Where it goes on is
+/// Snell's in both.
+#[must_use]
+#[inline]
+pub fn interface_of(dielectric: &Dielectric, weights: Fresnel, cos: f32, index: f32) -> Interface {
+    let smooth = interface(weights, cos, index);
+    let total = smooth.cos_refracted == 0.0 && smooth.reflectance >= 1.0;
+    let Some(curve) = dielectric.reflectance.filter(|_| !total) else { return smooth };
+    let cos = if index < 1.0 { smooth.cos_refracted } else { cos.clamp(0.0, 1.0) };
+    Interface { reflectance: curve.at(1.0 - cos), ..smooth }
 }
 
 impl Interface {

@@ -125,7 +125,8 @@ fn texts(program: RayProgram, variant: Variant, stage: Stage, subgroups: bool) -
         return Some(texts);
     }
     let instead = |text: Text| match text {
-        WEIGHTS => vec![text!("media"), text!("start_media")],
+        WEIGHTS if variant == Variant::Ways => vec![text!("media"), text!("start_media"), text!("face_own")],
+        WEIGHTS => vec![text!("media"), text!("start_media"), text!("face_smooth")],
         GLASS if variant == Variant::Ways => vec![text!("bodies"), text!("facets"), text!("ways")],
         GLASS => vec![text!("bodies"), text!("smooth")],
         LIGHT => vec![text!("light_straight")],

@@ -11,7 +11,7 @@ use crate::effects::dielectric::{facets, spectrum};
 use crate::sampling::HemisphereSampler;
 use curitiba_pipeline::backend::{RayJob, Shade};
 use curitiba_pipeline::color::{ColorSpace, DECODED};
-use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassShadow, Roulette, Shape, Stratum};
+use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassShadow, Reflectance, Roulette, Shape, Stratum};
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams};
 use curitiba_pipeline::scene::texture::{Texture, Wrap};
 
@@ -181,6 +181,10 @@ fn body(job: &RayJob<'_>, dielectric: &Dielectric) -> [u32; BODY_WORDS as usize]
         Shape::Solid => SHAPE_SOLID,
     };
     let [absorbs_red, absorbs_green, absorbs_blue] = dielectric.extinction.to_array().map(f32::to_bits);
+    let [mirrors_red, mirrors_green, mirrors_blue] = dielectric.mirrors().to_array().map(f32::to_bits);
+    // No curve has an exponent below 0.
+    let none = Reflectance { minimum: 0.0, maximum: 0.0, exponent: -1.0 };
+    let Reflectance { minimum, maximum, exponent } = dielectric.reflectance.unwrap_or(none);
     let [passes_red, passes_green, passes_blue] = dielectric.filter.to_array().map(f32::to_bits);
     [
         shape,
@@ -199,5 +203,11 @@ fn body(job: &RayJob<'_>, dielectric: &Dielectric) -> [u32; BODY_WORDS as usize]
         dielectric.spread.to_bits(),
         dielectric.alpha.to_bits(),
         dielectric.roughness_texture.unwrap_or(NO_TEXTURE),
+        mirrors_red,
+        mirrors_green,
+        mirrors_blue,
+        minimum.to_bits(),
+        maximum.to_bits(),
+        exponent.to_bits(),
     ]
 }

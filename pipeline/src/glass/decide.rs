@@ -1,9 +1,10 @@
 //! Pane, thin or solid: what each material of a scene is.
 
-use super::{Closedness, Dielectric, Shape, closedness};
+use super::{Closedness, Dielectric, Reflectance, Shape, closedness};
 use crate::diagnostic::Decision;
 use crate::diagnostic::Warnings;
 use crate::scene::{Geometry, Material, RenderScene};
+use glam::Vec3;
 use std::path::Path;
 
 /// A material is glass if it lets this share of the light through.
@@ -77,6 +78,8 @@ fn properties(material: &Material) -> Dielectric {
         alpha: alpha(material),
         roughness_texture: material.roughness_texture.filter(|_| alpha(material) > 0.0),
         extinction: Dielectric::extinction_of(material.attenuation_color, material.attenuation_distance),
+        reflectance: material.reflectance,
+        reflection: Some(material.reflection).filter(|color| *color != Vec3::ONE),
         filter: material.filter,
         filter_texture: material.texture.filter(|_| material.filter_textured),
         filter_vertex_colors: material.vertex_colors && material.filter_textured,
@@ -103,6 +106,13 @@ fn roughness(material: &Material) -> String {
     }
 }
 
+/// What a surface reflects in the place of Fresnel's share, in words; nothing where that serves.
+fn reflectance(material: &Material) -> String {
+    material.reflectance.map_or(String::new(), |Reflectance { minimum, maximum, exponent }| {
+        format!("; reflects {minimum} to {maximum}, by exponent {exponent}")
+    })
+}
+
 /// By Abbe's number, which is 20 over the dispersion. What reflects everything bends no colour.
 fn spread(material: &Material) -> f32 {
     if material.ior < Dielectric::MIRROR { (material.ior - 1.0).max(0.0) * (material.dispersion / 20.0) } else { 0.0 }
@@ -126,13 +136,13 @@ fn shape(
     file: &Path,
     warnings: &mut Warnings,
 ) -> ((Shape, Vec<u32>), String) {
-    let (index, rough) = (material.ior, roughness(material));
+    let (index, rough) = (material.ior, roughness(material) + &reflectance(material));
     if !material.volume && spheres == 0 {
         return ((Shape::Thin, Vec::new()), format!("it has no volume; index {index}{rough}"));
     }
     match closedness(geometry, triangles) {
         Closedness::Closed { inside_out } => {
-            let absorbs = material.attenuation_distance.is_finite() && material.attenuation_color != glam::Vec3::ONE;
+            let absorbs = material.attenuation_distance.is_finite() && material.attenuation_color != Vec3::ONE;
             let absorption = if absorbs { "it absorbs" } else { "clear" };
             let colors = dispersion(material);
             let bodies = match (triangles.len(), spheres) {
@@ -169,7 +179,6 @@ fn turn(scene: &mut RenderScene, triangles: &[u32], material: usize, file: &Path
 mod tests {
     use super::*;
     use crate::scene::{Batch, Sphere};
-    use glam::Vec3;
 
     /// Tetrahedra of a material each; `None` leaves out a triangle.
     fn scene(materials: Vec<Material>, whole: &[bool]) -> RenderScene {

@@ -7,11 +7,13 @@
 mod closed;
 mod decide;
 mod limits;
+mod reflectance;
 mod spectrum;
 
 pub use closed::{Closedness, closedness};
 pub use decide::{Decided, TRANSPARENT, decide};
 pub use limits::{CutoffColor, MOST_BOUNCES, PathLimits, Roulette};
+pub use reflectance::Reflectance;
 pub use spectrum::{MOST_STRATA, Stratum, color_matching, daylight, strata};
 
 pub use crate::scene::dispersion::{CAUCHY, CAUCHY_AT_D};
@@ -100,6 +102,10 @@ pub struct Dielectric {
     pub roughness_texture: Option<u32>,
     /// Extinction by colour, per scene unit: light keeps `exp(-extinction * length)`. At least 0, finite.
     pub extinction: Vec3,
+    /// What a surface of a body or of a wall reflects in the place of Fresnel's share; `None` where that serves.
+    pub reflectance: Option<Reflectance>,
+    /// What is kept of reflected light by colour, 0 to 1; `None` for all of it.
+    pub reflection: Option<Vec3>,
     /// Share of the light by colour that passes a surface, beside Fresnel's: 0 to 1.
     pub filter: Vec3,
     /// A texture whose colour (decoded from sRGB) is part of the filter: an index into the scene's textures.
@@ -127,6 +133,13 @@ impl Dielectric {
     #[must_use]
     pub fn index_at(&self, wavelength: f32) -> f32 {
         (self.index + self.spread * (CAUCHY / (wavelength * wavelength) - CAUCHY_AT_D)).max(1.0)
+    }
+
+    /// What is kept of reflected light by colour: [`Self::reflection`], or all of it.
+    #[inline]
+    #[must_use]
+    pub fn mirrors(&self) -> Vec3 {
+        self.reflection.unwrap_or(Vec3::ONE)
     }
 
     /// Extinction per unit of a material in which light keeps `color` after `distance`: `-ln(color) / distance` (Beer and Lambert;

@@ -32,6 +32,7 @@ pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics}
 
 use crate::color::ColorSpace;
 use crate::diagnostic::Warnings;
+use crate::glass::Reflectance;
 use glam::{DMat4, DVec3, Mat4, Vec2, Vec3, Vec4};
 use std::path::PathBuf;
 use texture::{Texture, Wrap};
@@ -279,6 +280,10 @@ pub struct Material {
     /// Share of the light by colour that passes the surface, beside Fresnel's, each time that light passes it: glTF's base colour;
     /// MTL's `Tf`, of which a body has the square root, since light enters and leaves it. Linear, 0..=1.
     pub filter: Vec3,
+    /// What is kept of reflected light by colour, each time that glass reflects it (glTF `extras.reflectionColor`). Linear, 0..=1.
+    pub reflection: Vec3,
+    /// What glass reflects in the place of Fresnel's share (glTF `extras.schlick`); `None` where that serves.
+    pub reflectance: Option<Reflectance>,
     /// Whether the texture's colour is part of the filter (glTF) and not only of the diffuse colour (MTL).
     pub filter_textured: bool,
     /// Share of the light that enters and is scattered back by the diffuse colour, 0..=1.
@@ -294,7 +299,7 @@ pub struct Material {
     /// microfacets.
     pub roughness: f32,
     /// What the roughness is multiplied by: the green channel, as a number, at the coordinates of [`Self::texture`] (glTF
-    /// `metallicRoughnessTexture`). Index into [`Scene::textures`].
+    /// `metallicRoughnessTexture`, MTL `map_Pr`). Index into [`Scene::textures`].
     pub roughness_texture: Option<u32>,
     /// Thickness (glTF `KHR_materials_volume`), of use only where a surface with a volume is not closed. In scene units, as the file
     /// has it.
@@ -326,6 +331,8 @@ impl Default for Material {
             transmission: 0.0,
             volume: false,
             filter: Vec3::ONE,
+            reflection: Vec3::ONE,
+            reflectance: None,
             filter_textured: false,
             priority: 0,
             veil: 0.0,

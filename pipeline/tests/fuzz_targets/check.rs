@@ -149,6 +149,8 @@ fn material(material: &Material) {
     assert!(material.thickness.is_finite() && (0.0..=1.0).contains(&material.transmission), "{material:?}");
     assert!(material.ior >= 1.0 && !material.attenuation_distance.is_nan(), "{material:?}");
     assert!((0.0..=1.0).contains(&material.roughness), "{material:?}");
+    assert!(material.reflectance.is_none_or(|curve| curve.is_valid()), "{material:?}");
+    assert!(material.reflection.cmpge(Vec3::ZERO).all() && material.reflection.cmple(Vec3::ONE).all(), "{material:?}");
     assert!(material.dispersion >= 0.0 && material.dispersion.is_finite(), "{material:?}");
     assert!(material.alpha_cutoff.is_none_or(|cutoff| !cutoff.is_nan()), "{material:?}");
 }

@@ -3,7 +3,7 @@
 use super::ball::{Bundle, Turned};
 use super::lenses::Lens;
 use crate::effects::material::AMBIENT;
-use crate::effects::optics::interface;
+use crate::effects::optics::interface_of;
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, Pass, Workspace};
 use crate::trace::{Ray, Tracer};
@@ -83,7 +83,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
         let faces = (face * face).as_dvec3();
         let diameter = 2.0 * lens.radius;
         move |ray| {
-            let reflectance = f64::from(interface(weights, ray.cos as f32, dielectric.index).reflectance);
+            let reflectance =
+                f64::from(interface_of(&dielectric, weights, ray.cos as f32, dielectric.index).reflectance);
             let inside = dielectric.transmittance((diameter * ray.inner) as f32);
             (1.0 - reflectance) * (1.0 - reflectance) * faces * inside.as_dvec3()
         }

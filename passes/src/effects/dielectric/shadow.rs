@@ -4,7 +4,7 @@ use super::media::{Border, Crossing, Media};
 use super::slab::{kept_across, slab};
 use crate::effects::interpolate::interpolate;
 use crate::effects::light::{SHADOWED, THROUGH_GLASS};
-use crate::effects::optics::interface;
+use crate::effects::optics::interface_of;
 use crate::effects::sun::LitSide;
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, Pass, Workspace};
@@ -92,7 +92,8 @@ impl<T: Tracer, C: Coverage> Pass<'_, T, C> {
             let normal = self
                 .sphere_normal(ray, hit)
                 .unwrap_or_else(|| interpolate(geometry, &geometry.normals, hit).normalize_or_zero());
-            let share = |ratio: f32| interface(self.job.params.fresnel, normal.dot(ray.direction).abs(), ratio);
+            let share =
+                |ratio: f32| interface_of(dielectric, self.job.params.fresnel, normal.dot(ray.direction).abs(), ratio);
             passes *= match dielectric.shape {
                 Shape::Solid => {
                     let Border { after, ratio, overflows, .. } = media.cross(crossing(hit), dielectrics);

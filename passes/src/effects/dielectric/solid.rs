@@ -4,7 +4,7 @@ use super::branch::Branch;
 use super::facets::Facet;
 use super::media::{Border, Crossing, Media};
 use super::walk::{Met, Path, Walk};
-use crate::effects::optics::{interface, reflect};
+use crate::effects::optics::{interface_of, reflect};
 use crate::effects::surface::Surface;
 use crate::effects::{Coverage, Workspace};
 use crate::trace::{Hit, Purpose, Tracer};
@@ -70,7 +70,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         let reflected = Branch {
             purpose: Purpose::Reflected,
             direction: mirrored,
-            weight: Vec3::splat(reflectance * kept[0]),
+            weight: reflectance * kept[0] * dielectric.mirrors(),
             media: path.media,
         };
         let through = refracted.map(|direction| Branch {
@@ -86,14 +86,20 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
     /// Where a surface sends light; `ratio` is the index behind it over that before.
     fn ways(&self, met: Met<'_>, dielectric: &Dielectric, ratio: f32, path: Path) -> Ways {
         match self.facet(met, dielectric, path) {
-            Some(facet) => self.rough_ways(met, &facet, ratio),
-            None => self.smooth_ways(met, ratio),
+            Some(facet) => self.rough_ways(met, dielectric, &facet, ratio),
+            None => self.smooth_ways(met, dielectric, ratio),
         }
     }
 
     /// Those of a microfacet. What it would send to the wrong side of the surface, as a whole or of the triangle, is lost.
-    fn rough_ways(&self, Met { surface, view, .. }: Met<'_>, facet: &Facet, ratio: f32) -> Ways {
-        let interface = interface(self.pass.job.params.fresnel, -facet.normal.dot(view), ratio);
+    fn rough_ways(
+        &self,
+        Met { surface, view, .. }: Met<'_>,
+        dielectric: &Dielectric,
+        facet: &Facet,
+        ratio: f32,
+    ) -> Ways {
+        let interface = interface_of(dielectric, self.pass.job.params.fresnel, -facet.normal.dot(view), ratio);
         let side = |direction: Vec3| {
             let [whole, flat] = [surface.interface_normal(view), surface.facing].map(|normal| direction.dot(normal));
             if whole * flat > 0.0 { flat.signum() } else { 0.0 }
@@ -106,9 +112,9 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
     }
 
     /// Those of a smooth surface.
-    fn smooth_ways(&self, Met { surface, view, .. }: Met<'_>, ratio: f32) -> Ways {
+    fn smooth_ways(&self, Met { surface, view, .. }: Met<'_>, dielectric: &Dielectric, ratio: f32) -> Ways {
         let bend = |normal: Vec3| {
-            let interface = interface(self.pass.job.params.fresnel, -normal.dot(view), ratio);
+            let interface = interface_of(dielectric, self.pass.job.params.fresnel, -normal.dot(view), ratio);
             (normal, interface, interface.refract(view, normal, ratio))
         };
         let bent = bend(surface.interface_normal(view));
@@ -136,7 +142,7 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
             let ratio = border.ratio_at(self.pass.job.dielectrics, *wavelength);
             let Ways { reflectance, mirrored, refracted, kept } = self.ways(met, dielectric, ratio, path);
             entering += *weight * (1.0 - reflectance);
-            let mut back = *weight * (reflectance * kept[0]);
+            let mut back = *weight * (reflectance * kept[0]) * dielectric.mirrors();
             let mut through = *weight * ((1.0 - reflectance) * kept[1]) * filter;
             if refracted.is_some() && !splits {
                 // Beyond the depth light goes through, with the weight of both.

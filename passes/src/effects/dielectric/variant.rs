@@ -12,7 +12,7 @@ pub enum Variant {
     Panes(Fidelity),
     /// In corrected fidelity, with smooth glass as each material says and a background.
     Bodies,
-    /// The same with glass that is rough or bends colours apart, and with paths that are cut off.
+    /// The same with glass that is rough, bends colours apart or has a reflectance of its own, and with paths that are cut off.
     Ways,
 }
 
@@ -43,9 +43,11 @@ impl Variant {
 fn asks_of_ways(params: &RayParams, dielectrics: &[Dielectric]) -> Option<(&'static str, &'static str)> {
     let disperses = params.wavelengths > 1 && dielectrics.iter().any(|dielectric| dielectric.spread > 0.0);
     let rough = dielectrics.iter().any(|dielectric| dielectric.alpha > 0.0);
+    let own = dielectrics.iter().any(|dielectric| dielectric.reflectance.is_some() || dielectric.reflection.is_some());
     let cut = params.limits.cut() && !dielectrics.is_empty();
     match () {
         () if disperses => Some(("glass that bends colours apart", "set wavelengths=1 on the pass, use --backend cpu")),
+        () if own => Some(("glass with a reflectance or a colour of reflections of its own", "use --backend cpu")),
         () if rough => Some(("rough glass", "use --backend cpu")),
         () if cut => {
             Some(("glass whose paths are cut off", "leave out cutoff, reflections and refractions, use --backend cpu"))
@@ -55,7 +57,7 @@ fn asks_of_ways(params: &RayParams, dielectrics: &[Dielectric]) -> Option<(&'sta
 }
 
 /// Refuses what device programs lack of the glass that a pass finds: light that spheres focus; and where they know no
-/// [`Variant::Ways`], bodies that bend colours apart, rough surfaces, and paths that are cut off.
+/// [`Variant::Ways`], bodies that bend colours apart, rough surfaces, reflectances of their own, and paths that are cut off.
 ///
 /// # Errors
 /// [`BackendError::Unsupported`], with what would help.

@@ -5,7 +5,7 @@ use super::facets::Facet;
 use super::media::Media;
 use super::slab::{kept_across, slab};
 use crate::effects::interpolate::locate;
-use crate::effects::optics::{Interface, REFLECTED, REFRACTED, SCATTERED, interface, reflect};
+use crate::effects::optics::{Interface, REFLECTED, REFRACTED, SCATTERED, interface, interface_of, reflect};
 use crate::effects::surface::Surface;
 use crate::effects::thesis::BOUNCE;
 use crate::effects::{Coverage, Pass, Pixel, Workspace};
@@ -132,12 +132,12 @@ impl<T: Tracer, C: Coverage, F: Fn(&Hit, &Surface, Media, u32, &mut Workspace) -
         let normal = facet.map_or(surface.interface_normal(view), |facet| facet.normal);
         let ratio = dielectric.index / path.media.index_at(self.pass.job.dielectrics, path.wavelength);
         let Interface { reflectance, cos_refracted } =
-            interface(self.pass.job.params.fresnel, -normal.dot(view), ratio);
+            interface_of(dielectric, self.pass.job.params.fresnel, -normal.dot(view), ratio);
         let wall = slab(reflectance, kept_across(dielectric, cos_refracted));
         let mirrored = Branch {
             purpose: Purpose::Reflected,
             direction: reflect(view, normal),
-            weight: wall.reflected,
+            weight: wall.reflected * dielectric.mirrors(),
             media: path.media,
         };
         let through = Branch {

@@ -10,14 +10,14 @@ fn around_eye() -> Media {
 
 // By the normal that bends light, or the flat surface's where that would send refracted light back to the viewer's side.
 struct Bend { normal: vec3f, meeting: Interface, enters: bool, refracted: vec3f }
-fn bent_by(normal: vec3f, view: vec3f, ratio: f32) -> Bend {
-    let meeting = interface_at(-dot3(normal, view), ratio);
+fn bent_by(body: Body, normal: vec3f, view: vec3f, ratio: f32) -> Bend {
+    let meeting = face_of(body, -dot3(normal, view), ratio);
     var refracted: vec3f;
     let enters = refracts(meeting, view, normal, ratio, &refracted);
     return Bend(normal, meeting, enters, refracted);
 }
-fn bend(surface: Surface, view: vec3f, ratio: f32) -> Bend {
-    let bent = bent_by(interface_normal(surface, view), view, ratio);
-    if bent.enters && dot3(bent.refracted, surface.facing) >= 0.0 { return bent_by(surface.facing, view, ratio); }
+fn bend(body: Body, surface: Surface, view: vec3f, ratio: f32) -> Bend {
+    let bent = bent_by(body, interface_normal(surface, view), view, ratio);
+    if bent.enters && dot3(bent.refracted, surface.facing) >= 0.0 { return bent_by(body, surface.facing, view, ratio); }
     return bent;
 }

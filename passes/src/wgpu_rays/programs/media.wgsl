@@ -23,6 +23,9 @@ struct Body {
     spread: f32,
     alpha: f32,
     roughness_texture: u32,
+    // What is kept of reflected light; minimum, maximum and exponent of a reflectance of its own, the last below 0 where there is none.
+    mirrors: vec3f,
+    curve: vec3f,
 }
 fn body_place(material: u32) -> u32 { return params.bodies_at + BODY_HEAD + BODY_WORDS * material; }
 fn table_vector(place: u32) -> vec3f { return vec3f(table_number(place), table_number(place + 1u), table_number(place + 2u)); }
@@ -30,7 +33,8 @@ fn body_of(material: u32) -> Body {
     let place = body_place(material);
     return Body(tables[place], table_number(place + 1u), table_vector(place + 2u), table_vector(place + 5u), tables[place + 8u],
                 table_number(place + 9u), table_number(place + 10u), tables[place + 11u], tables[place + 12u],
-                table_number(place + 13u), table_number(place + 14u), tables[place + 15u]);
+                table_number(place + 13u), table_number(place + 14u), tables[place + 15u],
+                table_vector(place + 16u), table_vector(place + 19u));
 }
 fn material_of(triangle: u32) -> u32 { return mesh_at(params.materials_at + triangle); }
 fn shape_of(material: u32) -> u32 { return tables[body_place(material)]; }

@@ -82,14 +82,14 @@ fn meet(hit: Hit, surface: Surface, view: vec3f, path: Path) -> vec3f {
     var veil = vec3f(0.0);
     if shape == SHAPE_THIN {
         let normal = interface_normal(surface, view);
-        let meeting = interface_at(-dot3(normal, view), body.index / index_in(path.media));
+        let meeting = face_of(body, -dot3(normal, view), body.index / index_in(path.media));
         let wall = wall_of(meeting.reflectance, kept_across(body, meeting.cos_refracted));
         back = mirrored(view, normal);
         back_weight = wall.reflected;
         on_weight = wall.transmitted;
         veil = on_weight;
     } else if ratio != 0.0 && (shape != SHAPE_SOLID || ratio != 1.0) {
-        let bent = bend(surface, view, ratio);
+        let bent = bend(body, surface, view, ratio);
         // Of the report's panes those after the first dim light.
         let kept = select(1.0, GLASS_BOUNCE, shape != SHAPE_SOLID && path.surfaces > 0u);
         back = mirrored(view, bent.normal);

@@ -151,11 +151,11 @@ fn ways_of(body: Body, ratio: f32) -> Ways {
     var facet: Facet;
     if !meets_facet(body, &facet) {
         let normal = interface_normal(now.surface, now.view);
-        let bent = bend(now.surface, now.view, ratio);
+        let bent = bend(body, now.surface, now.view, ratio);
         return Ways(bent.meeting.reflectance, mirrored(now.view, bent.normal), bent.enters, bent.refracted, vec2f(1.0),
                     any(bent.normal != normal));
     }
-    let bent = bent_by(facet.normal, now.view, ratio);
+    let bent = bent_by(body, facet.normal, now.view, ratio);
     let back = mirrored(now.view, facet.normal);
     let enters = bent.enters && side_of(bent.refracted) < 0.0;
     var kept = vec2f(0.0);
@@ -170,7 +170,7 @@ struct Stratum { ways: Ways, share: vec3f, back: vec3f, through: vec3f }
 fn stratum_of(body: Body, border: Border, stratum: u32) -> Stratum {
     let ways = ways_of(body, index_for(border.after, stratum) / index_for(border.before, stratum));
     let share = table_vector(stratum_at(stratum) + 1u);
-    let back = share * (ways.reflectance * ways.kept.x);
+    let back = share * (ways.reflectance * ways.kept.x) * body.mirrors;
     let through = share * ((1.0 - ways.reflectance) * ways.kept.y);
     return Stratum(ways, share, back, through);
 }
@@ -212,11 +212,17 @@ fn follow_stratum(body: Body, border: Border, filter_: vec3f, after: Media, is_f
     if apart && !is_black(stratum.back) { follow(ways.mirrored, stratum.back, now.path.media, REFLECTED, 0u); }
 }
 
+// A material of which nothing is said.
+fn pane() -> Body {
+    var body: Body;
+    body.curve = vec3f(-1.0);
+    return body;
+}
 // What a thin wall or a pane of the report does with the path; returns the weight of what it scatters back.
 fn meet_flat(body: Body) -> vec3f {
     let view = now.view;
     if body.shape != SHAPE_THIN {
-        let bent = bend(now.surface, view, params.index);
+        let bent = bend(pane(), now.surface, view, params.index);
         // Panes after the first surface dim light.
         let kept = select(1.0, GLASS_BOUNCE, now.path.surfaces > 0u);
         split(mirrored(view, bent.normal), vec3f(kept * bent.meeting.reflectance), bent.enters, bent.refracted,
@@ -226,10 +232,10 @@ fn meet_flat(body: Body) -> vec3f {
     var facet: Facet;
     let is_rough = meets_facet(body, &facet);
     let normal = select(interface_normal(now.surface, view), facet.normal, is_rough);
-    let meeting = interface_at(-dot3(normal, view), body.index / index_for(top_of(now.path.media), now.path.stratum));
+    let meeting = face_of(body, -dot3(normal, view), body.index / index_for(top_of(now.path.media), now.path.stratum));
     let wall = wall_of(meeting.reflectance, kept_across(body, meeting.cos_refracted));
     let back = mirrored(view, normal);
-    var back_weight = wall.reflected;
+    var back_weight = wall.reflected * body.mirrors;
     var on = view;
     var on_weight = wall.transmitted * filter_of(body, now.hit);
     if is_rough {
@@ -288,7 +294,7 @@ fn meet(part: u32, is_flat: bool) -> vec3f {
     }
     if disperses { return body.veil * disperse(body, border); }
     let ways = ways_of(body, ratio);
-    split(ways.mirrored, vec3f(ways.reflectance * ways.kept.x), ways.enters, ways.refracted,
+    split(ways.mirrored, ways.reflectance * ways.kept.x * body.mirrors, ways.enters, ways.refracted,
           (1.0 - ways.reflectance) * ways.kept.y * filter_, after);
     return vec3f(body.veil * (1.0 - ways.reflectance));
 }

@@ -6,7 +6,9 @@ use crate::cpu::CpuRays;
 use crate::effects::tests::world::{Shot, World, grid};
 use crate::wgpu_rays::selftest;
 use curitiba_pipeline::backend::{Glow, RayBackend, RayJob, RayStats};
-use curitiba_pipeline::glass::{CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Roulette, Shape};
+use curitiba_pipeline::glass::{
+    CutoffColor, Dielectric, GlassRule, GlassShadow, PathLimits, Reflectance, Roulette, Shape,
+};
 use curitiba_pipeline::programs::{Fidelity, Fresnel, RayParams, RayProgram};
 use curitiba_pipeline::scene::RenderScene;
 use curitiba_pipeline::scene::texture::Wrap;
@@ -37,31 +39,37 @@ fn several() -> World {
 
 /// The same, with the roughness and the dispersion of these in its tinted block, its veiled block and its wall.
 fn several_of(surfaces: [Dielectric; 3]) -> World {
-    let [tinted, veiled, wall] = surfaces.map(|Dielectric { alpha, spread, .. }| (alpha, spread));
+    let [tinted, veiled, wall] = surfaces;
+    let with = |own: Dielectric, plain: Dielectric| Dielectric {
+        alpha: own.alpha,
+        spread: own.spread,
+        reflectance: own.reflectance,
+        reflection: own.reflection,
+        ..plain
+    };
     let mut world = World { beyond: Vec3::new(0.2, 0.5, 0.9), ..World::lit_along(Vec3::new(-0.4, -0.8, -0.5)) };
     let floor = world.paint(Vec3::new(0.8, 0.7, 0.5));
     block(&mut world, floor, Vec3::new(0.0, -2.0, 0.0), Vec3::new(9.0, 0.2, 9.0));
-    let (alpha, spread) = tinted;
-    let tinted = Dielectric { extinction: Vec3::new(0.1, 0.4, 0.9), alpha, spread, ..solid(1.5) };
+    let tinted = with(tinted, Dielectric { extinction: Vec3::new(0.1, 0.4, 0.9), ..solid(1.5) });
     let tinted = world.dielectric(tinted);
     block(&mut world, tinted, Vec3::new(-1.6, 0.2, 0.3), Vec3::new(0.9, 1.1, 0.8));
     let water = world.dielectric(solid(1.33));
     block(&mut world, water, Vec3::new(-1.6, 0.1, 0.3), Vec3::new(0.5, 0.6, 0.4));
-    let (alpha, spread) = veiled;
-    let veiled = Dielectric { veil: 0.3, filter: Vec3::new(0.9, 1.0, 0.8), priority: 1, alpha, spread, ..solid(1.8) };
+    let plain = Dielectric { veil: 0.3, filter: Vec3::new(0.9, 1.0, 0.8), priority: 1, ..solid(1.8) };
+    let veiled = with(veiled, plain);
     let veiled = world.dielectric(veiled);
     block(&mut world, veiled, Vec3::new(1.3, -0.6, -0.4), Vec3::new(0.7, 0.8, 0.7));
     let light = world.dielectric(solid(1.2));
     block(&mut world, light, Vec3::new(1.9, -0.5, -0.3), Vec3::new(0.8, 0.4, 0.5));
-    let wall = world.dielectric(Dielectric {
+    let plain = Dielectric {
         shape: Shape::Thin,
         index: 1.5,
         thickness: 0.2,
         extinction: Vec3::new(2.0, 0.5, 0.1),
         filter: Vec3::new(1.0, 0.8, 0.9),
-        alpha: wall.0,
         ..Dielectric::default()
-    });
+    };
+    let wall = world.dielectric(with(wall, plain));
     world.quad(wall, Vec3::new(0.1, 0.6, 1.6), Vec3::X * 0.7, Vec3::Y * 1.1);
     let pane = world.glass();
     world.quad(pane, Vec3::new(2.2, 1.2, 1.5), Vec3::X * 0.6, Vec3::Y * 0.7);
@@ -164,6 +172,21 @@ fn colours_that_are_bent_apart_are_where_the_processor_shows_them() {
     let both_ways = several_of(ways([0.1, 0.0, 0.2], [0.15, 0.2, 0.0]));
     let params = RayParams { wavelengths: 3, paths: 2, ..auto(2, GlassShadow::Report, 0) };
     differs_from_plain((&both_ways, params), (&plain, params), RayProgram::Refraction);
+}
+
+#[test]
+fn reflectances_and_colours_of_their_own_are_those_of_the_processor() {
+    let curve = |minimum, maximum, exponent| Some(Reflectance { minimum, maximum, exponent });
+    let own = several_of([
+        Dielectric { reflectance: curve(0.3, 0.9, 2.0), ..Dielectric::default() },
+        Dielectric { reflection: Some(Vec3::new(1.0, 0.4, 0.1)), spread: 0.1, ..Dielectric::default() },
+        Dielectric { reflectance: curve(0.2, 0.2, 0.0), reflection: Some(Vec3::X), ..Dielectric::default() },
+    ]);
+    let params = RayParams { wavelengths: 2, ..auto(3, GlassShadow::Report, 0) };
+    let seen = differs_from_plain((&own, params), (&several(), params), RayProgram::Refraction);
+    let Some(()) = seen else { return };
+    let params = RayParams { wavelengths: 1, ..auto(3, GlassShadow::Straight, 0) };
+    differs_from_plain((&own, params), (&several(), params), RayProgram::Final);
 }
 
 #[test]

@@ -10,6 +10,7 @@ use super::accessor::Data;
 use super::container::{Target, base64, shortened, uri_target};
 use crate::color::encode;
 use crate::diagnostic::Warnings;
+use crate::glass::Reflectance;
 use ::gltf::json::deserialize::from_str;
 use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, validation::Checked};
 use glam::{Mat2, Vec2, Vec3, Vec4};
@@ -272,6 +273,18 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         Ok(Some(rank)) => material.priority = rank,
         Err(()) => warn("materials whose `extras.priority` is no whole number from 0 to 255", "0 serves", ""),
     }
+    match extras.color("reflectionColor") {
+        Ok(color) => material.reflection = color.unwrap_or(Vec3::ONE),
+        Err(()) => {
+            warn("materials whose `extras.reflectionColor` is not three numbers from 0 to 1", "white serves", "")
+        }
+    }
+    match extras.color("refractionColor") {
+        Ok(color) => material.filter *= color.unwrap_or(Vec3::ONE),
+        Err(()) => {
+            warn("materials whose `extras.refractionColor` is not three numbers from 0 to 1", "white serves", "")
+        }
+    }
     match dispersion(extensions) {
         Ok(share) => material.dispersion = share,
         Err(()) => warn("materials whose dispersion is no number from 0 on", "0 serves", ""),
@@ -285,6 +298,15 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
                 "ignored",
                 "",
             );
+        }
+    }
+    // Its minimum is that of the index without a choice.
+    match extras.reflectance(&material) {
+        Ok(curve) => material.reflectance = curve,
+        Err(()) => {
+            let what = "materials whose `extras.schlick` is not {minimum, maximum, exponent}, 0 <= minimum <= maximum <= 1, \
+                        exponent from 0 to 1000";
+            warn(what, "Fresnel's equations serve", "");
         }
     }
     if material.dispersion > 0.0 && material.transmission > 0.0 && !material.volume {
@@ -320,6 +342,32 @@ impl Extras {
     fn priority(&self) -> Result<Option<u8>, ()> {
         let Some(written) = self.0.get("priority") else { return Ok(None) };
         written.as_u64().and_then(|rank| u8::try_from(rank).ok()).map(Some).ok_or(())
+    }
+
+    /// Three shares of light, linear.
+    fn color(&self, name: &str) -> Result<Option<Vec3>, ()> {
+        let Some(written) = self.0.get(name) else { return Ok(None) };
+        let numbers: Option<Vec<f64>> = written.as_array().and_then(|list| list.iter().map(Value::as_f64).collect());
+        let Some([r, g, b]) = numbers.as_deref() else { return Err(()) };
+        let color = [r, g, b].map(|share| *share as f32);
+        color.iter().all(|share| (0.0..=1.0).contains(share)).then_some(Some(Vec3::from(color))).ok_or(())
+    }
+
+    /// What is reflected in the place of Fresnel's share.
+    fn reflectance(&self, material: &Material) -> Result<Option<Reflectance>, ()> {
+        let Some(written) = self.0.get("schlick") else { return Ok(None) };
+        let Some(numbers) = written.as_object() else { return Err(()) };
+        let mut curve = Reflectance::of_index(material.ior);
+        for (name, number) in numbers {
+            let place = match name.as_str() {
+                "minimum" => &mut curve.minimum,
+                "maximum" => &mut curve.maximum,
+                "exponent" => &mut curve.exponent,
+                _ => return Err(()),
+            };
+            *place = number.as_f64().ok_or(())? as f32;
+        }
+        curve.is_valid().then_some(Some(curve)).ok_or(())
     }
 
     /// Cauchy's A and B (µm²) of an index A + B / λ², as the index at the line d and the dispersion.

@@ -56,6 +56,7 @@ struct Declaration {
     map_kd: Option<Map>,
     map_d: Option<Map>,
     norm: Option<Map>,
+    map_pr: Option<Map>,
 }
 
 /// The materials of all libraries of a file.
@@ -99,7 +100,8 @@ impl Library {
                 });
                 continue;
             }
-            let coordinates = declaration.map_kd.as_ref().or(declaration.norm.as_ref()).map(Map::coordinates);
+            let coordinates = [&declaration.map_kd, &declaration.norm, &declaration.map_pr];
+            let coordinates = coordinates.into_iter().find_map(|map| Some(map.as_ref()?.coordinates()));
             let material = self.material(declaration, context, warnings)?;
             self.table.declare(material);
             self.coordinates.push(coordinates.filter(|(scale, offset)| *scale != Vec2::ONE || *offset != Vec2::ZERO));
@@ -150,12 +152,13 @@ impl Library {
             veil: if is_glass { 0.0 } else { dissolve },
             ior: written.ni.filter(|ni| *ni >= 1.0).unwrap_or(defaults.ior),
             roughness: written.pr.unwrap_or(defaults.roughness).clamp(0.0, 1.0),
-            name: written.name,
+            name: written.name.clone(),
             ..defaults
         };
         if let Some(map) = written.norm.as_ref().filter(|_| context.needs.normal_maps) {
             self.normal_map(map, written.map_kd.as_ref(), &mut material, context, warnings);
         }
+        self.roughness_map(&written, &mut material, context, warnings);
         if !context.needs.textures {
             return Ok(material);
         }
@@ -222,6 +225,39 @@ impl Library {
         }
     }
 }
+
+impl Library {
+    /// The roughness map of glass, which multiplies `Pr` (1 where that is left out), read where the other textures are.
+    fn roughness_map(
+        &mut self,
+        written: &Declaration,
+        material: &mut Material,
+        context: &Context<'_>,
+        warnings: &mut Warnings,
+    ) {
+        let Some(map) = &written.map_pr else { return };
+        let needs = context.needs;
+        if !(needs.textures && needs.roughness_maps && material.transmission > 0.0) {
+            let what = "roughness maps that no program reads";
+            warnings.add(context.file, what, "ignored", || format!("`{}`", material.name));
+            return;
+        }
+        let others = [&written.map_kd, &written.norm].into_iter().flatten();
+        if others.into_iter().any(|other| other.coordinates() != map.coordinates()) {
+            let what = "roughness textures with coordinates of their own";
+            warnings.add(context.file, what, NO_ROUGHNESS_MAP, || format!("`{}`", material.name));
+            return;
+        }
+        if let Some(path) = texture_file_or(context, &map.file, warnings, (&material.name, NO_ROUGHNESS_MAP)) {
+            let source = TextureSource::File(path).wrapped(map.wrap()).data();
+            material.roughness_texture = Some(add_texture(&mut self.textures, source));
+            material.roughness = written.pr.unwrap_or(1.0).clamp(0.0, 1.0);
+        }
+    }
+}
+
+/// What serves without a roughness map.
+const NO_ROUGHNESS_MAP: &str = "the factor alone serves";
 
 /// The share of light that enters. The illumination models 4, 6, 7 and 9 are glass: there the transmission filter
 /// `Tf` says how much passes, or else `1 - d`, or else all of it. Other models are glass as far as `d` is below 1;
@@ -300,10 +336,11 @@ impl Parser<'_> {
             b"illum" => set(&mut current.illum, scalar(rest).map(|model| model as u32)),
             b"map_kd" => set(&mut current.map_kd, map(rest)),
             b"map_d" => set(&mut current.map_d, map(rest)),
+            b"map_pr" => set(&mut current.map_pr, map(rest)),
             b"norm" | b"map_kn" => set(&mut current.norm, map(rest)),
             b"map_ka" | b"map_ks" | b"map_ke" | b"map_ns" | b"map_bump" | b"bump" | b"map_tr" | b"disp" | b"decal"
-            | b"refl" | b"map_refl" | b"map_pr" | b"map_pm" | b"map_ps" | b"map_aat" | b"map_rma" | b"map_orm"
-            | b"map_disp" | b"map_ni" => {
+            | b"refl" | b"map_refl" | b"map_pm" | b"map_ps" | b"map_aat" | b"map_rma" | b"map_orm" | b"map_disp"
+            | b"map_ni" => {
                 self.warn(line, "texture maps that no program reads", Some(&keyword));
                 true
             }

@@ -4,6 +4,7 @@ mod ball;
 mod caustics;
 mod dispersion;
 mod limits;
+mod own;
 mod rough;
 mod shells;
 mod spheres;

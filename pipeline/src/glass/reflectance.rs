@@ -1,0 +1,67 @@
+//! Reflectances that materials have in the place of Fresnel's.
+
+/// A curve after Schlick: `minimum + (maximum - minimum) (1 - cos)^exponent`, with the cosine of the angle on the side of the lower index,
+/// so that light has the same share both ways. With ((n - 1) / (n + 1))², 1 and 5 it is Schlick's approximation of Fresnel's equations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reflectance {
+    /// Share reflected at normal incidence: 0 to [`Self::maximum`].
+    pub minimum: f32,
+    /// At grazing incidence, up to 1.
+    pub maximum: f32,
+    /// 0 to [`Self::STEEPEST`].
+    pub exponent: f32,
+}
+
+impl Reflectance {
+    /// The greatest exponent.
+    pub const STEEPEST: f32 = 1000.0;
+
+    /// Schlick's approximation for an index of refraction.
+    #[must_use]
+    pub fn of_index(index: f32) -> Self {
+        let root = if index.is_finite() { (index - 1.0) / (index + 1.0) } else { 1.0 };
+        Self { minimum: root * root, maximum: 1.0, exponent: 5.0 }
+    }
+
+    /// Whether its numbers are in their ranges: then it is nowhere below 0 or above 1.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        let Self { minimum, maximum, exponent } = *self;
+        (0.0..=1.0).contains(&minimum)
+            && (minimum..=1.0).contains(&maximum)
+            && (0.0..=Self::STEEPEST).contains(&exponent)
+    }
+
+    /// The share reflected where 1 less the cosine is `away`, 0 to 1.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, away: f32) -> f32 {
+        self.minimum + (self.maximum - self.minimum) * away.powf(self.exponent)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn its_ends_are_its_numbers_and_it_stays_between_them() {
+        let curve = Reflectance { minimum: 0.04, maximum: 0.9, exponent: 5.0 };
+        assert_eq!((curve.at(0.0), curve.at(1.0)), (0.04, 0.9));
+        for step in 0..=100 {
+            let share = curve.at(step as f32 / 100.0);
+            assert!((0.04..=0.9).contains(&share), "{share}");
+        }
+        // Who adds the rest of the minimum to the whole (a precedence in a source of this model) gains light at grazing incidence.
+        let wrong = |away: f32| 0.04 + (1.0 - 0.04) * 0.04 + (1.0 - 0.04) * away.powf(5.0);
+        assert!((wrong(0.0) - 0.0784).abs() < 1e-4 && wrong(1.0) > 1.03);
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_told() {
+        let valid = |minimum, maximum, exponent| Reflectance { minimum, maximum, exponent }.is_valid();
+        assert!(valid(0.0, 1.0, 5.0) && valid(0.3, 0.3, 0.0) && Reflectance::of_index(f32::INFINITY).is_valid());
+        assert!(!valid(0.5, 0.4, 5.0) && !valid(0.0, 1.1, 5.0) && !valid(-0.1, 1.0, 5.0));
+        assert!(!valid(0.0, 1.0, -1.0) && !valid(0.0, 1.0, f32::INFINITY) && !valid(f32::NAN, 1.0, 5.0));
+    }
+}
