@@ -7,16 +7,15 @@
 mod closed;
 mod decide;
 mod limits;
-mod reflectance;
 mod spectrum;
 
 pub use closed::{Closedness, closedness};
 pub use decide::{Decided, TRANSPARENT, decide};
 pub use limits::{CutoffColor, MOST_BOUNCES, PathLimits, Roulette};
-pub use reflectance::Reflectance;
 pub use spectrum::{MOST_STRATA, Stratum, color_matching, daylight, strata};
 
 pub use crate::scene::dispersion::{CAUCHY, CAUCHY_AT_D};
+pub use crate::scene::reflectance::Reflectance;
 use glam::Vec3;
 
 /// What decides what glass is.

@@ -15,6 +15,7 @@ mod obj;
 mod ogre;
 mod origin;
 mod parallel;
+pub(crate) mod reflectance;
 mod render;
 pub(crate) mod shapes;
 mod statistics;
@@ -32,8 +33,8 @@ pub use statistics::{FileStatistics, MaterialStatistics, Statistics, statistics}
 
 use crate::color::ColorSpace;
 use crate::diagnostic::Warnings;
-use crate::glass::Reflectance;
 use glam::{DMat4, DVec3, Mat4, Vec2, Vec3, Vec4};
+use reflectance::Reflectance;
 use std::path::PathBuf;
 use texture::{Texture, Wrap};
 

@@ -3,6 +3,7 @@
 use super::super::context::{Context, MASK_CUTOFF, MaterialTable, add_texture, normal_scale, texture_file_or};
 use super::super::dispersion::of_cauchy;
 use super::super::error::SceneError;
+use super::super::reflectance::Reflectance;
 use super::super::render::texture::NO_NORMAL_MAP;
 use super::super::texture::Wrap;
 use super::super::{Material, TextureSource};
@@ -10,7 +11,6 @@ use super::accessor::Data;
 use super::container::{Target, base64, shortened, uri_target};
 use crate::color::encode;
 use crate::diagnostic::Warnings;
-use crate::glass::Reflectance;
 use ::gltf::json::deserialize::from_str;
 use ::gltf::json::{self, Value, material::AlphaMode, texture::WrappingMode, validation::Checked};
 use glam::{Mat2, Vec2, Vec3, Vec4};
