@@ -1,15 +1,14 @@
-//! Quad passes: filling a rectangle from one texture, or from the product of two.
+//! Quad passes: fill a rectangle from one texture, or from the product of two.
 
 use crate::backend::Rect;
 use crate::image::Image;
 use crate::project::{ChannelRef, QuadSource};
 use rayon::prelude::*;
 
-/// A channel with its size.
+/// Width, height and pixels of a channel.
 type Source<'a> = (u32, u32, &'a [[f32; 4]]);
 
-/// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; another is filtered
-/// bilinearly.
+/// Fills `viewport` of `pixels`. A source of the viewport's size is copied texel by texel; others are filtered bilinearly.
 pub(super) fn fill<'a>(
     pixels: &mut [[f32; 4]],
     width: u32,
@@ -29,7 +28,7 @@ pub(super) fn fill<'a>(
                 color(x, y).map(|value| value * factor)
             });
         }
-        // The rasteriser fills it.
+        // Own shaders are run by the rasteriser instead.
         QuadSource::Own => {}
     }
 }
@@ -48,7 +47,7 @@ fn rows(pixels: &mut [[f32; 4]], width: u32, viewport: Rect, pixel: impl Fn(u32,
     });
 }
 
-/// Reads a source at a pixel of the viewport.
+/// A function that samples a source at a pixel of the viewport.
 fn reader<'a>((width, height, texels): Source<'a>, viewport: Rect) -> impl Fn(u32, u32) -> [f32; 4] + Sync + 'a {
     let exact = width == viewport.width && height == viewport.height;
     move |x, y| {

@@ -42,7 +42,8 @@ impl Renderer {
             })
             .collect();
         let depth = target.and_then(|target| self.plan.project.targets[target].depth());
-        // The engine's depth maps keep what stands between the light and the view.
+        // Depth is clamped for depth maps of lights, as in the report's engine: occluders between the light and its near plane
+        // stay in the map.
         let own =
             OwnShaders { programs: &own_programs, materials: &own_materials, channels: &channels, depth, clamped };
         let job = RasterJob {
