@@ -130,7 +130,8 @@ mod tests {
     use super::*;
     use crate::scene::Batch;
 
-    /// Boxes as 12 triangles each, with corners of their own for every face: low corner, high corner, whether it faces inwards.
+    /// Boxes of 12 triangles, with separate corners for every face. Each entry: low corner, high corner, whether the box faces
+    /// inwards.
     fn boxes(list: &[(f32, f32, bool)]) -> Geometry {
         let mut geometry = Geometry::default();
         for (low, high, inwards) in list {
@@ -169,7 +170,7 @@ mod tests {
         let mut turned = whole.clone();
         turned.triangles[5].swap(0, 1);
         assert!(matches!(look(&turned), Closedness::Open { edges: 3, .. }), "{:?}", look(&turned));
-        // A corner off by one bit opens the surface.
+        // Moving a corner by one bit opens the surface.
         let mut moved = whole;
         moved.positions[0].x = moved.positions[0].x.next_up();
         assert!(matches!(look(&moved), Closedness::Open { .. }));
@@ -189,7 +190,7 @@ mod tests {
 
     #[test]
     fn bodies_that_face_inwards_are_found_and_cavities_are_not() {
-        // A body with a cavity, a body that faces inwards, and one with a cavity that is mirrored as a whole.
+        // A body with a cavity; a body that faces inwards; and a mirrored body with a cavity.
         let at = |list: &[(f32, f32, bool)]| look(&boxes(list));
         let Closedness::Closed { inside_out } = at(&[(-2.0, 2.0, false), (-1.0, 1.0, true)]) else { panic!("closed") };
         assert_eq!(inside_out, [0_u32; 0]);
