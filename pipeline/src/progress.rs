@@ -1,18 +1,18 @@
-//! How far a long step is, and giving it up.
+//! Progress of long steps, and their cancellation.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// A request to stop, shared between who renders and who may ask: clones are one request.
+/// A request to stop, shared between the renderer and whoever may cancel it: all clones are one request.
 ///
-/// It is asked for between passes, between parts of a picture, and on the processor between the tiles of a ray pass. A frame that is
-/// given up ends in [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stands until [`Self::reset`], so that one
-/// that arrives between two frames is not lost.
+/// It is checked between passes, between parts of a picture, and on the processor between the tiles of a ray pass. A cancelled
+/// frame ends with [`RenderError::Cancelled`](crate::executor::RenderError::Cancelled). The request stays set until
+/// [`Self::reset`], so that a request between two frames is not lost.
 #[derive(Debug, Clone, Default)]
 pub struct Cancellation(Arc<AtomicBool>);
 
 impl Cancellation {
-    /// Nothing is asked for.
+    /// A request that is not set.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -23,19 +23,19 @@ impl Cancellation {
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Takes the request back: frames that begin from now on are rendered.
+    /// Clears the request: frames that begin from now on are rendered.
     pub fn reset(&self) {
         self.0.store(false, Ordering::Relaxed);
     }
 
-    /// Whether it was asked to stop.
+    /// Whether the request is set.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// How far a long step is: written by the workers, read by whoever shows it.
+/// Progress of a long step, written by its threads and read by displays.
 #[derive(Debug, Default)]
 pub struct Progress {
     done: AtomicU64,
@@ -44,13 +44,13 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// That of a step which may be given up: engines ask [`Self::is_cancelled`] between tiles.
+    /// Progress of a step that can be cancelled: engines check [`Self::is_cancelled`] between tiles.
     #[must_use]
     pub fn until(cancellation: &Cancellation) -> Self {
         Self { cancellation: cancellation.clone(), ..Self::default() }
     }
 
-    /// Whether the step is to be given up: what it writes from now on is thrown away.
+    /// Whether the step is to be cancelled; its results from now on are discarded.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.cancellation.is_cancelled()
@@ -62,12 +62,12 @@ impl Progress {
         self.total.store(total, Ordering::Relaxed);
     }
 
-    /// Counts `amount` more.
+    /// Adds `amount` to the count.
     pub fn advance(&self, amount: u64) {
         self.done.fetch_add(amount, Ordering::Relaxed);
     }
 
-    /// Done and total; the total is 0 where it is not known.
+    /// Count and total; the total is 0 if it is not known.
     #[must_use]
     pub fn get(&self) -> (u64, u64) {
         (self.done.load(Ordering::Relaxed), self.total.load(Ordering::Relaxed))
