@@ -225,7 +225,7 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
             // glTF compares factor times texture alpha with the cutoff; here the texture's alpha is compared alone, so the factor
             // is divided out.
             let scaled = if factor.w > 0.0 { cutoff / factor.w } else { f32::INFINITY };
-            // Numbers beyond the range of f32 are read as infinite, and the ratio of two infinities is NaN.
+            // The parser refuses numbers beyond the range of f32; should the ratio be NaN all the same, the cutoff stays as written.
             material.alpha_cutoff = Some(if scaled.is_nan() { cutoff } else { scaled });
         }
         Checked::Valid(AlphaMode::Blend) => {
