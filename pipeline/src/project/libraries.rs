@@ -46,7 +46,7 @@ pub(super) enum Texture {
     Channel(Option<ChannelRef>),
     /// The depth of a render target.
     Depth,
-    /// An image file: its path as written, relative to the library.
+    /// An image file: its path as written, relative to the folder of the library's file.
     File(Value),
     /// Data that no pass reads here.
     Other,
