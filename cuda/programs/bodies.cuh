@@ -1,12 +1,12 @@
-// Glass as each material says (`effects/dielectric` of the Rust reference): bodies that light enters and leaves, thin walls and the
-// report's panes, all of them smooth and without dispersion; light that falls straight through; and a background.
+// Glass as defined by each material (`effects/dielectric` of the Rust reference): bodies that light enters and leaves, thin walls and the
+// report's panes, all of them smooth and without dispersion; light that passes straight through; and a background.
 //
-// The Rust reference recurses; here the tree of rays is walked with a list of the branches still to be traced, each with the weight of
-// its colour. The sum is the same but for the order of its roundings.
+// The Rust reference recurses. Here a loop walks the tree of rays with a list of pending branches, each with the weight of its colour. The
+// sum is the same up to the order of its roundings.
 #pragma once
 #include "pass.cuh"
 
-// The bodies that a point of a path lies in; the last fills the place (`media.rs`).
+// The bodies that a point of a path lies in; the last one is the medium at the point (`media.rs`).
 struct Media {
     unsigned list[MOST_BODIES];
     unsigned length;
@@ -23,7 +23,8 @@ DEVICE float index_in(const Params &params, const Media &media) {
     unsigned body = top_of(media);
     return body == NO_BODY ? 1.0f : params.bodies[body].index;
 }
-// With one body more; `fills` says whether it fills the place then, `overflows` whether there was no room for it.
+// The media after a line enters a body. `fills`: whether the body is the medium then. `overflows`: whether the list was full; then nothing
+// is added.
 DEVICE Media with_body(const Params &params, Media media, unsigned body, bool &fills, bool &overflows) {
     unsigned place = 0, priority = params.bodies[body].priority;
     while (place < media.length && params.bodies[media.list[place]].priority <= priority) ++place;
@@ -35,7 +36,7 @@ DEVICE Media with_body(const Params &params, Media media, unsigned body, bool &f
     media.length += 1;
     return media;
 }
-// Without one body, the one entered last; false where there is none.
+// Removes the body from the media (its last entry). Returns false if it is not among them. `fills`: whether it was the medium.
 DEVICE bool without_body(Media &media, unsigned body, bool &fills) {
     unsigned place = media.length;
     while (place > 0 && media.list[place - 1] != body) --place;
@@ -46,10 +47,10 @@ DEVICE bool without_body(Media &media, unsigned body, bool &fills) {
     media.list[media.length] = 0;
     return true;
 }
-// What a line that crosses the surface of a body finds.
+// The crossing of a body's surface by a line.
 struct Border {
     Media after;
-    // Index of refraction behind over that before; where another body fills the place on both sides there is no surface.
+    // Index of refraction behind the surface over that before it. Where another body is the medium on both sides, there is no surface.
     float ratio;
     bool is_surface, overflows;
 };
@@ -61,15 +62,15 @@ DEVICE Border cross_border(const Params &params, const Media &media, unsigned bo
     if (enters) {
         border.after = with_body(params, media, body, border.is_surface, border.overflows);
     } else if (!without_body(border.after, body, border.is_surface)) {
-        // Who leaves a body that is not known to have been entered was in it all the same.
+        // A line that leaves a body without having entered it is taken to have started inside.
         before = with_body(params, media, body, border.is_surface, border.overflows);
     }
     border.ratio = border.is_surface ? index_in(params, border.after) / index_in(params, before) : 1.0f;
     return border;
 }
 
-// exp(-extinction * length) by colour; exactly 1 where nothing is absorbed, whatever the length. The exponential function of single
-// precision would flush what is smallest to 0.
+// exp(-extinction * length) by colour channel; exactly 1 where nothing is absorbed, whatever the length. Computed in double precision: the
+// single-precision function would flush the smallest values to 0.
 DEVICE float kept_of(float extinction, float length) {
     return extinction > 0.0f ? (float)exp((double)(-extinction * length)) : 1.0f;
 }
@@ -85,7 +86,7 @@ DEVICE Interface interface_at(const Params &params, float cos_incident, float ra
     return params.schlick != 0u ? schlick(cos_incident, ratio) : fresnel(cos_incident, ratio);
 }
 
-// A plane-parallel wall after all reflections between its faces (`slab.rs`).
+// Reflectance and transmittance of a plane-parallel wall, with all reflections between its faces (`slab.rs`).
 struct Wall {
     float3 reflected, transmitted;
 };
@@ -104,12 +105,12 @@ DEVICE float decoded(float encoded) {
     double value = encoded;
     return (float)(value <= 0.04045 ? value / 12.92 : pow((value + 0.055) / 1.055, 2.4));
 }
-// The share of the light that passes, by colour, of that which is not reflected.
+// By colour channel, the share of the light that is not reflected that passes the surface.
 DEVICE float3 filter_of(const Params &params, const Body &body, const Hit &hit) {
     float3 texel = splat(1.0f);
     if (body.filter_texture != NO_TEXTURE) {
         texel = xyz(sample_texture(params, body.filter_texture, texture_coordinates(params, hit)));
-        // A share of light is linear whatever the colours of the pass are.
+        // A filter is linear, whatever the encoding of the pass's colours.
         if (params.decoded == nullptr) texel = vec3(decoded(texel.x), decoded(texel.y), decoded(texel.z));
     }
     float3 vertices = splat(1.0f);
@@ -129,7 +130,7 @@ DEVICE Hit located(const Params &params, unsigned triangle, float3 point) {
     return {0.0f, triangle, (float)(dot(cross(to, e2), normal) / area), (float)(dot(cross(e1, to), normal) / area)};
 }
 
-// Whether a surface is seen from the side of the counter-clockwise winding: of a body, from outside.
+// Whether a surface is seen from the side on which its winding is counter-clockwise: for a body, from outside.
 DEVICE bool is_front(const Surface &surface) {
     float3 n = surface.point.normal, f = surface.facing;
     return f.x == n.x && f.y == n.y && f.z == n.z;
@@ -138,14 +139,14 @@ DEVICE bool is_front(const Surface &surface) {
 // A ray that is still to be traced.
 struct BodyBranch {
     float3 origin, direction;
-    // The point of the surface that it leaves: the ray starts a little off it.
+    // The point of the surface that the ray leaves; its origin is offset a little from it.
     float3 from;
     float3 weight;
     Media media;
     unsigned key, surfaces, splits;
 };
 
-// Where a ray through glass ends, and what its colour weighs.
+// A surface at which a path through glass ends, and the weight of its colour.
 struct BodyEnd {
     Hit hit;
     Surface surface;
@@ -155,17 +156,17 @@ struct BodyEnd {
 
 // The tree of rays of one pixel, walked from end to end.
 struct BodyWalk {
-    // One for each split on the way.
+    // Pending branches: at most one for each split on the path.
     BodyBranch waiting[MAX_DEPTH + 1];
     unsigned count = 0;
     BodyBranch next;
     bool follows = false, veiled = false;
-    // What the glass that was met last scatters back.
+    // What the glass that was hit last scatters back.
     BodyEnd veil;
     // What the background adds where rays leave the scene.
     float3 missed = {0.0f, 0.0f, 0.0f};
 
-    // A path that has come to a surface.
+    // A path that has reached a surface.
     struct Path {
         float3 weight;
         Media media;
@@ -189,7 +190,7 @@ struct BodyWalk {
         enter(pass, {hit, surface, view}, path);
     }
 
-    // What glass does with a ray that meets it.
+    // Continues a path that hits glass, according to the shape of the material.
     template <class Tracer> __device__ OUTLINED void enter(Pass<Tracer> &pass, const Met &met, const Path &path) {
         const Params &params = pass.params;
         if (path.surfaces >= MOST_SURFACES) {
@@ -238,7 +239,7 @@ struct BodyWalk {
         scatter_back(met, body, wall.transmitted, path);
     }
 
-    // The report's pane: light enters it at every bounce, and those after the first dim it.
+    // The report's pane: light enters the pane at every bounce, and bounces after the first dim the light.
     template <class Tracer> DEVICE_MEMBER void pane(Pass<Tracer> &pass, const Met &met, const Path &path) {
         float3 normal, refracted;
         Interface interface;
@@ -248,7 +249,8 @@ struct BodyWalk {
               splat(kept * (1.0f - interface.reflectance)), path.media);
     }
 
-    // By the normal that bends light, or the flat surface's where that would send refracted light back to the viewer's side.
+    // Refracts by the shading normal; by the geometric normal where the shading normal would send refracted light back to the viewer's
+    // side.
     DEVICE_MEMBER bool bend(const Params &params, const Met &met, float ratio, float3 &normal, Interface &interface, float3 &refracted) {
         normal = interface_normal(met.surface, met.view);
         interface = interface_at(params, -dot(normal, met.view), ratio);
@@ -259,19 +261,19 @@ struct BodyWalk {
         return refract(interface, met.view, normal, ratio, refracted);
     }
 
-    // What a surface scatters back of the light of which it takes the share `entering`.
+    // Records what a surface scatters back of the share `entering` of the light.
     DEVICE_MEMBER void scatter_back(const Met &met, const Body &body, float3 entering, const Path &path) {
         if (body.veil <= 0.0f) return;
         veil = {met.hit, met.surface, path.weight * (body.veil * entering), path.key};
         veiled = true;
     }
 
-    // Both ways on, or beyond the depth the one through the surface, where there is one. A way that brings nothing is not taken.
+    // Follows both ways; beyond the depth, only the refracted one, if there is one. A way of weight 0 is not followed.
     template <class Tracer>
     DEVICE_MEMBER void split(Pass<Tracer> &pass, const Surface &surface, const Path &path, float3 mirrored, float3 mirrored_weight,
                              bool enters, float3 refracted, float3 refracted_weight, const Media &after) {
         bool back = !is_black(mirrored_weight), through = enters && !is_black(refracted_weight);
-        // Where all glass is panes, what lies deeper is black, as in the report.
+        // Where all glass is panes, deeper surfaces are black, as in the report.
         bool panes = pass.params.bodies == nullptr, splits = panes || path.splits < pass.params.depth;
         unsigned deeper = panes || (back && through && splits) ? 1 : 0;
         if (back && through && !splits) {
@@ -296,7 +298,7 @@ struct BodyWalk {
         follows = true;
     }
 
-    // Goes on to the next end that is not glass, or is what glass scatters back; false when there is none left.
+    // Advances to the next end: a surface that is not glass, or what glass scatters back. Returns false when none is left.
     template <class Tracer> DEVICE_MEMBER bool advance(Pass<Tracer> &pass, BodyEnd &end) {
         const Params &params = pass.params;
         while (true) {
@@ -331,7 +333,7 @@ struct BodyWalk {
     }
 };
 
-// The side of a body's surface that a line meets, by the geometric normal.
+// Whether a line enters a body at a triangle, by the geometric normal.
 DEVICE bool line_enters(const Params &params, float3 direction, unsigned triangle) {
     Corners corners = positions_of(params, triangle);
     double3 a = wide(corners.a);
@@ -341,15 +343,15 @@ DEVICE bool is_solid(const Params &params, unsigned triangle) {
     return params.bodies[__ldg(params.materials + triangle)].shape == SHAPE_SOLID;
 }
 
-// The media at the start of a line of which all crossings are known, in their order: a body that is left without having been entered
-// holds the start, the one left first innermost. `material` and `enters` are asked by the number of the crossing; `counts` tells
-// which of them are crossings of bodies.
+// The media at the start of a line, from all its crossings in order: a body that is left without having been entered holds the start, and
+// the one left first is innermost. `material` and `enters` take the index of a crossing; `counts` says whether it is the crossing of a
+// body.
 template <class Counts, class Material, class Enters>
 DEVICE Media media_at_start(const Params &params, unsigned crossings, Counts &&counts, Material &&material, Enters &&enters) {
     Media media = no_media();
     for (unsigned last = crossings; last-- > 0;) {
         if (!counts(last) || enters(last)) continue;
-        // Whether one of the same body before it was entered and not left.
+        // Counts earlier entries into the same body that were not left again.
         unsigned body = material(last), inside = 0;
         for (unsigned i = 0; i < last; ++i) {
             if (!counts(i) || material(i) != body) continue;
@@ -375,7 +377,7 @@ template <class Tracer> DEVICE void find_bodies_around_eye(Pass<Tracer> &pass) {
         if (is_solid(params, hit.triangle)) {
             unsigned material = __ldg(params.materials + hit.triangle);
             bool enters = is_front(surface);
-            // A body that is entered and left at once holds nothing.
+            // A body that is entered and left in succession does not hold the camera.
             if (kept > 0 && !enters && entered[kept - 1] && materials[kept - 1] == material) {
                 kept -= 1;
             } else if (kept < MOST_KEPT) {
@@ -392,7 +394,7 @@ template <class Tracer> DEVICE void find_bodies_around_eye(Pass<Tracer> &pass) {
         [&](unsigned i) { return entered[i]; });
 }
 
-// The share of the light that passes these surfaces of glass, by colour, though they bend nothing (`shadow.rs`).
+// By colour channel, the share of the light that passes these crossings of glass in a straight line, without refraction (`shadow.rs`).
 template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<Tracer> &pass, Crossings &crossings) {
     const Params &params = pass.params;
     float3 direction = pass.to_light();
@@ -439,7 +441,7 @@ template <class Tracer> static __device__ OUTLINED float3 straight_through(Pass<
     return passes * transmittance(extinction_in(params, media), INFINITY);
 }
 
-// What reaches an origin off its surface of the light.
+// The share of the light that reaches an origin, which is offset from its surface.
 template <class Tracer> DEVICE float3 light_through_bodies(Pass<Tracer> &pass, float3 origin) {
     if ((pass.params.asks & ASKS_STRAIGHT) == 0u) return splat(pass.light_at(origin));
     Crossings crossings;

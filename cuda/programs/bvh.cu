@@ -1,18 +1,17 @@
-// The kernels of one program in one fidelity on our own traversal; `build.sh` names both. The one that writes the picture is
-// called as project files call the ray-generation program. Hits and misses have no kernels of their own: the traversal decides on
-// them (`Accept`).
+// The kernels of one program in one fidelity on our own traversal; `build.sh` sets both. The kernel that writes the picture has the name of
+// the ray-generation program in project files. Hits and misses have no kernels of their own: the traversal decides them (`Accept`).
 #include "trace_bvh.cuh"
 
 #include CURITIBA_PROGRAM
 
-// The pass of a thread that has the pixel of a column and a row of the launch.
+// The pass of a thread for the pixel in a column and row of the launch.
 DEVICE Pass<Bvh> pass_at(const Params &params, const Bvh &tracer, unsigned column, unsigned row) {
     bool inside = column < params.width && row < params.rows;
     unsigned x = min(column, params.width - 1), y = picture_row(params, min(row, params.rows - 1));
     return {params, tracer, {x, y, y * params.width + x}, inside, {}};
 }
 
-// What is called for the picture.
+// The function that computes a pixel of the picture.
 #if defined(CURITIBA_FINAL) && !defined(CURITIBA_THESIS)
 #include "final_stages.cuh"
 #define CURITIBA_LISTS
@@ -25,12 +24,12 @@ DEVICE Pass<Bvh> pass_at(const Params &params, const Bvh &tracer, unsigned colum
 #define CURITIBA_PICTURE CURITIBA_FIDELITY
 #endif
 
-// A warp is a tile of 8 x 4 pixels: blocks have 8 threads a row. So many blocks as the program says are to fit on a
-// multiprocessor at once, which bounds the registers of a thread.
+// A warp is a tile of 8 x 4 pixels: blocks have 8 threads a row. BLOCKS blocks must fit on a multiprocessor at once, which limits the
+// registers of a thread.
 #define KERNEL_OF(WARPS, BLOCKS) extern "C" __global__ void __launch_bounds__(32 * WARPS, BLOCKS)
 #define KERNEL(BLOCKS) KERNEL_OF(BLOCK_WIDTH *BLOCK_HEIGHT / 32, BLOCKS)
 
-// Of the pixel of each thread.
+// Runs a stage for the pixel of each thread.
 template <class Stage> DEVICE void of_pixel(const Params &params, Stage &&stage) {
     Bvh tracer = {params};
     Pass<Bvh> pass = pass_at(params, tracer, blockIdx.x * blockDim.x + threadIdx.x, blockIdx.y * blockDim.y + threadIdx.y);
@@ -46,7 +45,7 @@ KERNEL(RESIDENT_BLOCKS) buffer_camera(const __grid_constant__ Params params) {
 }
 
 #ifdef CURITIBA_BODIES
-// One thread finds out what the camera is in.
+// One thread finds the bodies around the camera.
 extern "C" __global__ void find_eye(const __grid_constant__ Params params) {
     Bvh tracer = {params};
     Pass<Bvh> pass = {params, tracer, {}, true, {}};
@@ -55,7 +54,7 @@ extern "C" __global__ void find_eye(const __grid_constant__ Params params) {
 }
 #endif
 
-// Of listed surfaces: as many blocks as the device runs at once take surfaces from the list until none is left.
+// Runs a stage on listed surfaces: as many blocks as the device runs at once take surfaces from the list until none is left.
 template <class Stage> DEVICE void of_surfaces(const Params &params, Stage &&stage) {
     Bvh tracer = {params};
     Pass<Bvh> pass = {params, tracer, {}, true, {}};

@@ -1,16 +1,16 @@
-// The triangles near the points of a warp, gathered once; the rays of a point are tested against those that it may meet alone.
-// As `trace/fan/candidates.rs` of the processor, and with the same answers as if each ray were traced.
+// The triangles near the points of a warp, gathered once; the rays of a point are tested only against the triangles that they may hit. As
+// `trace/fan/candidates.rs` of the processor, with the same answers as tracing each ray.
 #pragma once
 #include "cone_test.cuh"
 #include "trace_bvh.cuh"
 
-// Nodes that wait to be opened, at most.
+// Greatest number of nodes that wait to be opened.
 constexpr unsigned WAITING = 128;
-// Rounds of opening up to 32 nodes.
+// Greatest number of rounds; each opens up to 32 nodes.
 constexpr unsigned ROUNDS = 48;
-// Facets that are tested together, one bit each; as many again may wait for the next time.
+// Facets that are tested together, one bit each; the buffer holds as many again for the next round.
 constexpr unsigned FACETS = 32;
-// Points farther apart than this part of the radius have lists of their own. With half of it `ssao` takes 2.8 ms instead of 2.3.
+// Points share a list if they are no farther apart than this share of the radius. With half of it, `ssao` takes 2.8 ms instead of 2.3.
 constexpr float NEIGHBOURS = 1.0f;
 
 // The contribution of one axis to an upper bound of the height of a box above a plane (`trace/tree/volumes.rs`).
@@ -20,7 +20,7 @@ DEVICE float height_bound(float low, float high, float origin, float normal) {
     return most + size * SIDE_ERROR;
 }
 
-// A box, and a plane behind which nothing counts; without a normal there is no plane.
+// A box, and a plane behind which nothing counts; `has_plane` is false where there is no plane.
 struct Zone {
     float3 low, high, origin, normal;
     bool has_plane;
@@ -42,7 +42,7 @@ struct Zone {
         }
         return !has_plane || !(is_behind(a - origin, normal) && is_behind(b - origin, normal) && is_behind(c - origin, normal));
     }
-    // Slots of the children of a node; empty ones are not among them.
+    // Mask of the slots of a node's children that meet the zone; empty slots are excluded.
     DEVICE_MEMBER unsigned met_slots(const Node &node, const uint4 *at) const {
         float3 corner = vec3(__uint_as_float(node.head.x), __uint_as_float(node.head.y), __uint_as_float(node.head.z));
         float3 scale = vec3(scale_of(node.head.w, 0), scale_of(node.head.w, 1), scale_of(node.head.w, 2));
@@ -56,7 +56,7 @@ struct Zone {
                 asm("cvt.f32.f16 %0, %1;" : "=f"(quantum) : "h"(__ldg(planes + 8 * index + slot)));
                 return quantum;
             };
-            // Rounded to nearest, as when the boxes were written: the planes are where they were found to be.
+            // Rounded to nearest, as when the boxes were written, so the planes are exactly those that were checked then.
             float3 least = vec3(__fmaf_rn(plane(0), scale.x, corner.x), __fmaf_rn(plane(2), scale.y, corner.y),
                                 __fmaf_rn(plane(4), scale.z, corner.z));
             float3 most = vec3(__fmaf_rn(plane(1), scale.x, corner.x), __fmaf_rn(plane(3), scale.y, corner.y),
@@ -67,12 +67,12 @@ struct Zone {
     }
 };
 
-// What contains all rays of a fan up to a distance; false where it overflows.
+// The zone that contains all rays of a fan up to a distance; false where it overflows.
 DEVICE bool zone_of(const Params &params, const SharedFan &fan, float distance, Zone &zone) {
     float radius = distance * LONGEST;
     float3 slack = slack_around(params, fan.origin);
     auto side = [&](float o, float n, float slack, float &least, float &most) {
-        // The farthest point of the half ball against the normal lies on its rim.
+        // The extreme point of the half ball against the normal lies on its rim.
         float rim = sqrtf(fmaxf(1.0f - n * n, 0.0f)) + RIM_ERROR;
         rim = fminf(rim, 1.0f);
         float pad = (radius + fabsf(o)) * END_ERROR + slack;
@@ -88,10 +88,10 @@ DEVICE bool zone_of(const Params &params, const SharedFan &fan, float distance, 
     return is_finite(zone.low) && is_finite(zone.high);
 }
 
-// Nodes that the search for a clear hemisphere opens at most.
+// Greatest number of nodes that the search for a clear hemisphere opens.
 constexpr unsigned CLEAR_VISITS = 32;
 
-// Whether certainly nothing is in reach of a fan, where all that is lies below a node. Giving up is never wrong.
+// Whether certainly nothing is in reach of a fan; everything in reach must lie below node `from`. False means "not known".
 DEVICE bool is_clear(const Params &params, const Zone &zone, unsigned from) {
     unsigned pending[CLEAR_VISITS];
     unsigned count = 1;
@@ -120,17 +120,17 @@ DEVICE float least_of_warp(float value) {
 DEVICE float3 least_of_warp(float3 v) { return vec3(least_of_warp(v.x), least_of_warp(v.y), least_of_warp(v.z)); }
 DEVICE float3 most_of_warp(float3 v) { return -least_of_warp(-v); }
 
-// Triangles that one point sees within the radius, or within a part of it, at most: beyond, tracing its rays takes less time.
+// Greatest number of triangles that one point may see within the radius, or within a part of it. With more, tracing its rays is faster.
 constexpr unsigned SEEN = 128, SEEN_NEARER = 96;
 
-// What a warp has in shared memory while it counts open rays.
+// A warp's shared memory for counting open rays.
 struct Nearby {
-    unsigned list[LISTED]; // triangles, by their places in the tree
-    unsigned waiting[SEEN > WAITING ? SEEN : WAITING]; // nodes; then triangles that one point sees
+    unsigned list[LISTED]; // triangles, by index in the tree
+    unsigned waiting[SEEN > WAITING ? SEEN : WAITING]; // nodes; later the triangles that one point sees
     float4 facets[4][2 * FACETS];
 };
 
-// The zone of all members. Where they face the same way, what lies behind all of them is left out.
+// The zone that holds the zones of all members. If all face the same way, what lies behind all of them is excluded.
 DEVICE Zone zone_of_members(bool member, unsigned members, const Zone &own, float3 facing) {
     Zone zone;
     zone.low = least_of_warp(member ? own.low : splat(INFINITY));
@@ -148,9 +148,9 @@ DEVICE Zone zone_of_members(bool member, unsigned members, const Zone &own, floa
     return zone;
 }
 
-// Lists the triangles that meet a zone; below 0 if they are too many or too hard to find. Each thread of the warp opens a
-// node at a time. What is found, and whether it is, does not depend on the order in which threads run. Begins at node `from`,
-// which becomes the one below which everything lies that meets the zone.
+// Lists the triangles that meet a zone; returns their number, or -1 if there are too many or the search takes too long. Each thread of the
+// warp opens one node at a time. The result does not depend on the order in which threads run. The search begins at node `from`, and sets
+// it to a node below which everything lies that meets the zone.
 DEVICE int gather(const Params &params, const Zone &zone, Nearby &nearby, unsigned most, unsigned lane, unsigned &from) {
     unsigned waiting = 1, found = 0;
     bool alone = true;
@@ -186,7 +186,7 @@ DEVICE int gather(const Params &params, const Zone &zone, Nearby &nearby, unsign
         place = found + (before >> 16);
         for (; triangles != 0; triangles &= triangles - 1) nearby.list[place++] = first + __ffs(triangles) - 1;
         __syncwarp();
-        // The boxes of the leaves were met; the triangles themselves may not be.
+        // The boxes of these leaves meet the zone; the triangles themselves may not.
         unsigned kept = found;
         for (unsigned base = found; base < found + (all >> 16); base += 32) {
             bool listed = base + lane < found + (all >> 16);
@@ -205,15 +205,15 @@ DEVICE int gather(const Params &params, const Zone &zone, Nearby &nearby, unsign
     return (int)found;
 }
 
-// Up to 128 rays of one fan: three whole slots, one ray a thread each, and a slot whose `rest` rays are each tested by
-// several threads against a part of the facets, so that no thread idles.
+// Up to 128 rays of one fan: three full slots with one ray a thread, and a last slot of `rest` rays, each of which several threads test
+// against different facets, so that no thread idles.
 struct Rays {
     float3 direction[4];
-    unsigned whole, rest, parts; // parts: threads a ray of the last slot, as the logarithm
+    unsigned whole, rest, parts; // parts: base-2 logarithm of the number of threads for each ray of the last slot
     unsigned blocked;            // one bit a slot
 };
 
-// The rays from `first` on; false if one is longer than the facets' bounds allow, or not made of numbers.
+// Makes `count` rays from `first` on; false if a direction is too long for the facets' bounds, or not finite.
 DEVICE bool make_rays(const Params &params, const SharedFan &fan, unsigned first, unsigned count, unsigned lane, Rays &rays) {
     rays.whole = min(count / 32u, 3u);
     rays.rest = count - 32u * rays.whole;
@@ -222,7 +222,7 @@ DEVICE bool make_rays(const Params &params, const SharedFan &fan, unsigned first
     bool longer = false;
 #pragma unroll
     for (int slot = 0; slot < 4; ++slot) rays.direction[slot] = splat(0.0f);
-    // One loop, so that all that makes a direction is in the instruction cache once.
+    // A single loop, so that the code that makes a direction is in the instruction cache once.
 #pragma unroll 1
     for (unsigned slot = rays.whole > 0 ? 0 : 3; slot < 4; slot = slot + 1 < rays.whole ? slot + 1 : slot < 3 ? 3 : 4) {
         unsigned within = slot < 3 ? 32u * slot + lane : 32u * rays.whole + (lane & (32u >> rays.parts) - 1u);
@@ -279,7 +279,7 @@ DEVICE void test_rays(const Params &params, const SharedFan &fan, const Nearby &
     }
 }
 
-// One bit for each ray of a slot that nothing stopped.
+// The rays of a slot that nothing stopped, one bit each.
 DEVICE unsigned open_rays(const Rays &rays, int slot) {
     unsigned blocked = __ballot_sync(WHOLE_WARP, rays.blocked >> slot & 1u);
     if (slot < 3) return slot < (int)rays.whole ? ~blocked : 0u;
@@ -290,16 +290,16 @@ DEVICE unsigned count_of(const Rays &rays) {
     return __popc(open_rays(rays, 0)) + __popc(open_rays(rays, 1)) + __popc(open_rays(rays, 2)) + __popc(open_rays(rays, 3));
 }
 
-// What is found instead of a number: triangles to look at, a ray that is too long, or nothing in the way of any.
+// Results other than a number of open rays: too many triangles; a ray that is too long; no ray has anything in its way.
 constexpr unsigned TOO_MANY = ~0u - 2u, TOO_LONG = ~0u - 1u, NOTHING_SEEN = ~0u;
 
-// How many rays of a fan, from `first` on, none of the gathered triangles stops within a radius. `open` has a bit
-// for each that is not stopped.
+// Number of a fan's rays, of `count` from `first` on, that no gathered triangle stops within a radius. `open` has a bit for each of these
+// rays.
 template <Accept ACCEPT>
 DEVICE unsigned open_of(const Params &params, const SharedFan &fan, float radius, unsigned first, unsigned count, Nearby &nearby,
                         unsigned gathered, unsigned lane, uint4 &open) {
     HalfBall ball = half_ball(params, fan.origin, fan.facing, radius);
-    // Few of those near some points are near this one.
+    // Only some of the triangles near all members are near this point.
     unsigned near = 0, most = radius == params.radius ? SEEN : SEEN_NEARER;
     for (unsigned base = 0; base < gathered; base += 32) {
         unsigned place = base + lane < gathered ? nearby.list[base + lane] : 0;
@@ -319,7 +319,7 @@ DEVICE unsigned open_of(const Params &params, const SharedFan &fan, float radius
         Triangle triangle = load_triangle(params, place);
         bool met = base + lane < near && facet_of(params, triangle, place, ball, facet);
         seen = seen || __any_sync(WHOLE_WARP, met);
-        // Glass that occlusion rays pass stops none.
+        // Glass that lets occlusion rays pass stops none.
         if (ACCEPT == ACCEPT_STOPS && met && (triangle.id & TRANSPARENT)) {
             met = !passes_light(params, triangle.id & ~TRANSPARENT);
         }
@@ -336,7 +336,7 @@ DEVICE unsigned open_of(const Params &params, const SharedFan &fan, float radius
         if (facets > FACETS || (facets > 0 && base + 32 >= near)) {
             if (!made && !make_rays(params, fan, first, count, lane, rays)) return TOO_LONG;
             made = true;
-            // Once whole and once what is left: the same instructions.
+            // One loop for full buffers and for the rest: the same instructions.
 #pragma unroll 1
             for (unsigned begin = 0; begin < facets; begin += FACETS) {
                 test_rays<ACCEPT>(params, fan, nearby, begin, min(facets - begin, FACETS), lane, rays);

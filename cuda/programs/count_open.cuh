@@ -1,32 +1,32 @@
-// How many rays of fans are open, on our own traversal. The threads of a warp work together, in two steps, which kernels of their
-// own take: what the triangles near the points say (`settle`), then the rays of which these do not (`trace_shared`).
+// Counts the open rays of fans on our own traversal. The threads of a warp work together, in two steps with a kernel each: `settle` decides
+// rays by the triangles near the points, `trace_shared` traces the undecided ones.
 #pragma once
 #include "ray_pool.cuh"
 
-// How far kernels have come: how many surfaces were found; the next that is to be lit, and the next of which is asked what is near;
-// groups of points that have rays to be traced, and the next of them.
+// Counters of the kernels' progress: surfaces found; next surface to be lit; next surface to be settled; groups of points with rays to
+// trace; next of these groups.
 enum Progress { FOUND = 0, LIT = 1, NEAR = 2, UNSETTLED = 3, TRACED = 4 };
 
-// Of kernels for the one step: warps on a multiprocessor. For the other: blocks on one, of TRACING_WARPS each, which trace the rays of
-// 32 points. On an H100 4 warps were faster than 2 and 8, and 7 blocks than 6 and 8.
+// For settling kernels: warps on a multiprocessor. For tracing kernels: blocks on a multiprocessor, of TRACING_WARPS warps each, which
+// trace the rays of 32 points. On an H100, 4 warps were faster than 2 and 8, and 7 blocks faster than 6 and 8.
 constexpr unsigned SETTLING_WARPS = 16, TRACING_BLOCKS = 7;
 
 // What is known of the rays of a point before any is traced.
 struct Settled {
-    uint4 rays;    // where `beyond` is above 0: one bit for each sample whose ray is not stopped before
-    unsigned from;  // the node below which everything lies that they may meet; SETTLED where none is to be traced
-    unsigned open;  // this many are known to be open
-    float beyond;  // nothing nearer stops those that are left
-    unsigned group; // not of this point: at the place n, the nth group of 32 points of which some have rays to be traced
+    uint4 rays;    // valid where `beyond` is above 0: one bit for each sample whose ray is not stopped before `beyond`
+    unsigned from;  // node below which everything lies that the rays may hit; SETTLED where no ray is to be traced
+    unsigned open;  // number of rays known to be open
+    float beyond;  // distance before which nothing stops the undecided rays
+    unsigned group; // unrelated to this point: entry n holds the nth group of 32 points of which some have rays to trace
 };
 static_assert(sizeof(Settled) == SETTLED_BYTES, "Settled");
 constexpr unsigned SETTLED = ~0u;
 
-// Of a point of which nothing is known: all its rays are to be traced, from the root.
+// A point of which nothing is known: all its rays are to be traced from the root.
 DEVICE Settled nothing_settled() { return {make_uint4(0u, 0u, 0u, 0u), 0u, 0u, 0.0f, 0u}; }
-// Where what is known of points is kept between kernels.
+// What is known of points, kept between kernels.
 DEVICE Settled *settled(const Params &params) { return (Settled *)params.settled; }
-// Keeps what is known of a point, if it is there, and where rays are to be traced the warp's group.
+// Stores what is known of a point, if `there`. If any point of the warp has rays to trace, adds the warp's group to the list.
 DEVICE void keep(const Params &params, bool there, unsigned index, const Settled &found, unsigned group, unsigned lane) {
     Settled &kept = settled(params)[index];
     if (there) {
@@ -39,50 +39,50 @@ DEVICE void keep(const Params &params, bool there, unsigned index, const Settled
     if (traces && lane == 0) settled(params)[atomicAdd(params.progress + UNSETTLED, 1u)].group = group;
 }
 
-// What a warp has in shared memory while it looks at what is near.
+// A warp's shared memory for settling.
 struct SettlingMemory {
     SharedFan fans[32];
-    uint4 rays[32]; // of `Settled`
+    uint4 rays[32]; // as `Settled::rays`
     Nearby nearby;
 };
 
-// Points no farther apart than this part of the radius have much the same around them.
+// Points no farther apart than this share of the radius have nearly the same surroundings.
 constexpr float CLOSE = 0.25f;
 
-// Where there is too much in reach, what is nearer than a part of the radius says at least which rays are stopped there, and the others
-// need not test it: most of what a ray meets is around the surface that it leaves. The parts are tried in turn.
+// Distance within which triangles are gathered. If too many are within the radius, a smaller reach still finds the rays that are stopped
+// near their origin, and most hits are near the surface that a ray leaves. The parts are tried in order.
 DEVICE float reach_of(const Params &params, unsigned part) {
     return part == 0 ? params.radius : params.radius * (part == 1 ? 0.125f : 0.04f);
 }
-// That is asked of so many rays at most.
+// Reaches below the radius are tried only for fans of at most this many rays.
 constexpr unsigned REMEMBERED = 128;
 
-// Settles the rays of the points of a warp from the triangles near them, as far as these tell, and counts the rays.
+// Settles the rays of the points of a warp by the triangles near them, as far as possible, and counts the rays.
 //
-// With R the radius and r_0 = R > r_1 > r_2 the reaches (`reach_of`), until no point is left:
-//   1. The first point left is the leader L. Members are the points p with |p - L| <= NEIGHBOURS R: they share a list.
-//   2. For k = 0, 1, 2 the triangles in reach r_k of any member are gathered; the first list that is not too long is taken. It holds
-//      every triangle that a ray of a member may meet before r_k.
-//   3. Each member tests its rays against the list, all threads together, up to r_k; if the member sees too many triangles, up to the
-//      next reach.
-//        r = R: the count of open rays is exact, and nothing is left to trace.
-//        r < R: rays that were stopped are stopped; the others are open before r (`beyond`), and are traced from there.
-//   4. No list for any reach: all rays are traced.
-// At the end, points that saw no triangle within a smaller reach ask once whether their whole half ball is clear (`is_clear`).
+// Let R be the radius and r_0 = R > r_1 > r_2 the reaches (`reach_of`). Until no point is left:
+//   1. The first point left is the leader L. Members are the points p with |p - L| <= NEIGHBOURS R; they share a list.
+//   2. For k = 0, 1, 2, the triangles within r_k of any member are gathered; the first list that is not too long is taken. It holds
+//      every triangle that a ray of a member may hit before r_k.
+//   3. Each member tests its rays against the list up to r_k, with all threads; if it sees too many triangles, up to the
+//      next smaller reach r.
+//        r = R: the number of open rays is exact, and nothing is left to trace.
+//        r < R: rays that were stopped are blocked; the others are open before r (`beyond`), and are traced from there.
+//   4. If no list is short enough, all rays are traced.
+// At the end, points that saw no triangle within a smaller reach test once whether their whole half ball is clear (`is_clear`).
 template <Accept ACCEPT>
 DEVICE Settled settle(const Params &params, bool wanted, const Fan &fan, unsigned samples, SettlingMemory &memory, unsigned lane,
                       RayCounts &rays) {
     Nearby &nearby = memory.nearby;
-    // In shared memory, where all threads read a fan, and no registers are held.
+    // In shared memory, where all threads can read a fan and it takes no registers.
     if (wanted) memory.fans[lane] = SharedFan::of(fan);
     __syncwarp();
     Settled settled = nothing_settled();
     bool certain = wanted && params.node_count == 0, traces = wanted && !certain;
-    // Whether too much was found around a point, but nothing that it sees.
+    // Whether too many triangles were gathered around the point, but it sees none within a smaller reach.
     bool asks = false;
     unsigned left = __ballot_sync(WHOLE_WARP, traces);
     while (left != 0) {
-        // Points near one of them, and that one.
+        // The leader, and the members near it.
         int leader = __ffs(left) - 1;
         bool candidate = left >> lane & 1u;
         const SharedFan &own_fan = memory.fans[candidate ? lane : leader];
@@ -100,7 +100,7 @@ DEVICE Settled settle(const Params &params, bool wanted, const Fan &fan, unsigne
             if (attempt == 0) {
                 member = member && ((int)lane == leader || bounded);
                 left &= ~__ballot_sync(WHOLE_WARP, member);
-                // The rays of a point of which no bounds are known are traced.
+                // A point without finite bounds: its rays are traced.
                 if (!__shfl_sync(WHOLE_WARP, (int)bounded, leader)) member = false;
                 members = __ballot_sync(WHOLE_WARP, member);
                 if (members == 0) break;
@@ -132,7 +132,7 @@ DEVICE Settled settle(const Params &params, bool wanted, const Fan &fan, unsigne
         for (; members != 0; members &= members - 1) {
             unsigned owner = __ffs(members) - 1, sum, found;
             uint4 open;
-            // Where one point sees too much, what is nearer is on the list, too.
+            // If a point sees too many triangles, the same list serves for a smaller reach.
             for (unsigned part = attempt; part < REACHES; ++part) {
                 radius = reach_of(params, part);
                 sum = found = 0;
@@ -176,7 +176,8 @@ DEVICE Settled settle(const Params &params, bool wanted, const Fan &fan, unsigne
 // Rays that a warp takes at a time.
 constexpr unsigned TAKEN = 64;
 
-// Hands points to the warps that trace their rays, or one of so many parts of these: for each thread, whether its point has any.
+// Puts points into shared memory for the warps that trace their rays (part `part` of `parts`). `traces`: whether this thread's point has
+// any.
 DEVICE void share(const Params &params, bool traces, const Fan &fan, const Settled &settled, unsigned part, unsigned parts,
                   Points &points, unsigned lane) {
     unsigned mask = __ballot_sync(WHOLE_WARP, traces);
@@ -205,7 +206,7 @@ DEVICE void share(const Params &params, bool traces, const Fan &fan, const Settl
     }
 }
 
-// Makes the first `count` rays of the queue, behind `ready` others.
+// Prepares the first `count` rays of the queue, behind `ready` prepared ones.
 DEVICE void make_ready(const Params &params, const Points &points, TracingMemory &memory, unsigned count, unsigned ready,
                        unsigned &nodes, unsigned lane) {
     bool able = false;
@@ -217,7 +218,7 @@ DEVICE void make_ready(const Params &params, const Points &points, TracingMemory
         query.longest = 0;
         able = prepare(points.fans[owner].ray(params, queued >> 5), query);
         float3 d = query.direction;
-        // Off by its last bits, which the box test allows for.
+        // The division errs by a few units in the last place, which the box test allows for.
         auto inverse = [](float d) { return __fdividef(1.0f, steered(d)); };
         unsigned of = owner | (unsigned)query.longest << 5;
         memory.inverse[ray] = make_float4(inverse(d.x), inverse(d.y), inverse(d.z), __uint_as_float(of));
@@ -235,9 +236,8 @@ DEVICE void make_ready(const Params &params, const Points &points, TracingMemory
     __syncwarp();
 }
 
-// Traces rays of shared points until none is left, dealt to the threads so that those which are traced together go the same way.
-// From points close to each other these are rays to the same part of the hemisphere, first of every point to one, then to the
-// next; else those of one point after the other.
+// Traces rays of shared points until none is left. Rays are dealt to the threads so that rays traced together are similar: for points close
+// to each other, rays to the same part of the hemisphere, from every point in turn; otherwise, one point's rays after the other's.
 template <Accept ACCEPT>
 DEVICE void trace_shared(const Params &params, Points &points, unsigned samples, TracingMemory &memory, unsigned lane) {
     unsigned end = points.end, per = points.close ? points.count : samples;
@@ -267,7 +267,7 @@ DEVICE void trace_shared(const Params &params, Points &points, unsigned samples,
         if (here) memory.queue[queued + __popc(mask & ((1u << lane) - 1u))] = entry;
         queued += __popc(mask);
         __syncwarp();
-        // Whole warps, and at the end what is left.
+        // Full warps, and at the end the rest.
         if (queued < 32u && !last) continue;
         unsigned count = min(queued, 32u);
         make_ready(params, points, memory, count, ready, nodes, lane);
@@ -285,12 +285,12 @@ DEVICE void trace_shared(const Params &params, Points &points, unsigned samples,
     }
 }
 
-// Parts of the rays of a group, at most.
+// Greatest number of parts into which the rays of a group are split.
 constexpr unsigned MOST_PARTS = 8;
 
-// Traces the rays of groups of points until there are none left, and keeps how many are open. All warps of a block call it, and trace
-// the rays of a group together. `fan_at(group, index, fan)` tells whether this thread of a warp has a point of it, where it is kept,
-// and what its rays are; only the first warp asks.
+// Traces the rays of groups of points until no group is left, and stores how many are open. All warps of a block call it, and trace the
+// rays of a group together. `fan_at(group, index, fan)` returns whether this thread has a point of the group, with the point's index and
+// fan; only the first warp calls it.
 template <Accept ACCEPT, class FanAt> DEVICE void trace_unsettled(const Params &params, FanAt &&fan_at) {
     __shared__ Points points;
     __shared__ TracingMemory memories[TRACING_WARPS];
@@ -302,7 +302,7 @@ template <Accept ACCEPT, class FanAt> DEVICE void trace_unsettled(const Params &
             unsigned next = 0;
             if (lane == 0) next = atomicAdd(params.progress + TRACED, 1u);
             next = __shfl_sync(WHOLE_WARP, next, 0);
-            // Where there are few groups, several blocks take a part of the rays each.
+            // If there are few groups, several blocks trace a part of each group's rays.
             unsigned groups = params.progress[UNSETTLED], parts = min(max(gridDim.x / 4 / max(groups, 1u), 1u), MOST_PARTS);
             bool more = next < groups * parts;
             if (more) {

@@ -2,7 +2,7 @@
 #pragma once
 #include "pass.cuh"
 
-// The fastest of 1, 6, 8, 10, 12 and 16 on an H100.
+// Fastest of 1, 6, 8, 10, 12 and 16 on an H100.
 constexpr unsigned RESIDENT_BLOCKS = 10;
 
 template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {

@@ -5,20 +5,20 @@
 #include "bodies.cuh"
 #endif
 
-// The fastest of 1, 8, 10, 12 and 16 on an H100.
+// Fastest of 1, 8, 10, 12 and 16 on an H100.
 constexpr unsigned RESIDENT_BLOCKS = 8;
-// Of the kernels of `final_stages.cuh`, which our own traversal calls in corrected fidelity.
+// Resident blocks of the kernels of `final_stages.cuh`, which our own traversal runs in corrected fidelity.
 #define CURITIBA_FINAL
 constexpr unsigned LISTING_BLOCKS = 8, LIGHTING_BLOCKS = 10;
 
-// What glass is: what each material says, with shares of light by colour, or the report's panes.
+// The model of glass: as defined by each material, with shares of light by colour channel; or the report's panes.
 #ifdef CURITIBA_BODIES
 using Walk = BodyWalk;
 using End = BodyEnd;
 using Share = float3;
 DEVICE Share share_of(float value) { return splat(value); }
 template <class Tracer> DEVICE Share light_from(Pass<Tracer> &pass, float3 origin) { return light_through_bodies(pass, origin); }
-// The part of a surface's weight that is not in its colour.
+// Multiplies the colour by its weight; returns the part of the weight that is not in the colour.
 DEVICE float weigh(const End &end, float3 &color) {
     color = end.weight * color;
     return 1.0f;
@@ -33,7 +33,7 @@ template <class Tracer> DEVICE Share light_from(Pass<Tracer> &pass, float3 origi
 DEVICE float weigh(const End &end, float3 &) { return end.weight; }
 #endif
 
-// What reaches a surface of the light, on a side that is turned away.
+// The share of the light that reaches a surface on a side that is turned away from the light.
 template <class Tracer>
 DEVICE Share turned_share(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 lit_side) {
     float3 origin;
@@ -41,7 +41,7 @@ DEVICE Share turned_share(Pass<Tracer> &pass, unsigned triangle, const Surface &
     pass.rays.shadow += 1;
     return light_from(pass, origin);
 }
-// The same on the side to which it is lit, whichever that is.
+// The share of the light that reaches a surface on `lit_side`.
 template <class Tracer>
 DEVICE Share light_share(Pass<Tracer> &pass, unsigned triangle, const Surface &surface, float3 lit_side) {
     if (dot(lit_side, pass.to_light()) <= 0.0f) return turned_share(pass, triangle, surface, lit_side);
@@ -49,8 +49,8 @@ DEVICE Share light_share(Pass<Tracer> &pass, unsigned triangle, const Surface &s
     return light_from(pass, spawn(surface.point, pass.to_light()));
 }
 
-// A colour times the light's share and ambient occlusion. Black stays black, without a ray. All threads of a warp call it
-// together, those that have no surface with black.
+// A colour times the share of the light and the ambient occlusion. Black stays black, without tracing a ray. All threads of a warp call it
+// together; those without a surface pass black.
 template <class Tracer>
 static __device__ OUTLINED float3 visible(Pass<Tracer> &pass, float3 color, unsigned triangle, const Surface &surface,
                                               float3 lit_side, unsigned key) {
@@ -66,7 +66,7 @@ template <class Tracer> DEVICE float thesis_light_share(Pass<Tracer> &pass, floa
 }
 
 struct VisibleSurface {
-    // The report's `closest_hit` hands `faceforward` the ray's direction where the other programs hand it the opposite.
+    // The report's `closest_hit` passes the ray's direction to `faceforward`, where the other programs pass its opposite.
     template <class Tracer>
     static __device__ OUTLINED float3 thesis(Pass<Tracer> &pass, bool here, const Ray &ray, const Hit &hit) {
         float3 color = splat(0.0f), normal = color, position = color;
@@ -80,8 +80,8 @@ struct VisibleSurface {
     }
 };
 
-// The surfaces whose light and occlusion a pixel's colour is made of, in the order in which their colours are summed: its own,
-// or, where it shows glass, those that are seen through it.
+// The surfaces that contribute light and occlusion to a pixel, in the order in which their colours are summed: its own surface or, where it
+// shows glass, the surfaces seen through it.
 struct PixelSurfaces {
     bool glass, here;
     float3 color, lit_side;
@@ -106,7 +106,7 @@ struct PixelSurfaces {
         if (glass) walk.enter_pixel(pass, triangle, end.surface, view, end.key);
         here = !glass;
     }
-    // Finds the next surface of glass; the others have one, found already.
+    // Finds the next surface seen through glass; a pixel without glass has one surface, found already.
     template <class Tracer> DEVICE_MEMBER void advance(Pass<Tracer> &pass) {
         if (!glass || here) return;
         here = walk.advance(pass, end);

@@ -1,27 +1,27 @@
-// `final` in corrected fidelity on our own traversal, as kernels one after the other: glass is followed to the surfaces that are
-// seen through it, which go to a list with those seen directly; then one thread a surface traces its shadow ray, one warp
-// looks at what is near 32 surfaces, several trace the rays that are left of their occlusion; then each pixel sums its own. So
-// threads do the same at the same time, whatever glass is seen, and each kernel has the registers that it needs.
+// `final` in corrected fidelity on our own traversal, as a sequence of kernels. First, glass is followed to the surfaces seen through it,
+// which are listed together with those seen directly. Then one thread a surface traces its shadow ray, one warp settles the occlusion of 32
+// surfaces, and several warps trace the occlusion rays that are left. Last, each pixel sums its surfaces. So threads do the same work at
+// the same time, whatever glass is seen, and each kernel uses only the registers that it needs.
 //
-// A pixel whose surfaces do not fit into the list is computed by one thread from begin to end, with the same result.
+// A pixel whose surfaces do not fit into the list is computed by one thread from beginning to end, with the same result.
 #pragma once
 #include "count_open.cuh"
 #include "final.cuh"
 
-// Four vectors a surface.
+// A surface in the list: four vectors.
 struct ListedSurface {
-    float4 start;  // where its rays start, but for the step off the surface; the step, negative if it is turned from the light
-    float4 facing; // and the key of its random numbers
-    float4 normal; // and its weight
-    float4 color;  // and the next surface of the pixel
+    float4 start;  // ray origin, without the step off the surface; w: that step, negative if turned from the light
+    float4 facing; // w: key of its random numbers
+    float4 normal; // w: weight
+    float4 color;  // w: index of the pixel's next surface
 };
 static_assert(sizeof(ListedSurface) == SURFACE_BYTES, "ListedSurface");
 
-// The first surface of a pixel: none, or too many for the list.
+// Values for a pixel's first surface: it has none, or the list had no room.
 constexpr unsigned NO_SURFACE = ~0u, NO_ROOM = ~0u - 1u;
 
 DEVICE ListedSurface *listed(const Params &params) { return (ListedSurface *)params.surfaces; }
-// The first of the next 32 surfaces, for a warp; false when none is left.
+// Takes the next 32 surfaces for a warp; false when none is left.
 DEVICE bool next_surfaces(const Params &params, Progress which, unsigned lane, unsigned &index, bool &here) {
     unsigned count = min(params.progress[FOUND], (unsigned)params.capacity), first = 0;
     if (lane == 0) first = atomicAdd(params.progress + which, 32u);
@@ -31,8 +31,8 @@ DEVICE bool next_surfaces(const Params &params, Progress which, unsigned lane, u
     return first < count;
 }
 
-// All threads of a warp call it. What they find together has 32 places of its own, so that the same surfaces are together again
-// in a warp of the other kernels, however the warps of this one take turns.
+// All threads of a warp call it. The surfaces that a warp finds together get 32 consecutive entries, so that they are together again in a
+// warp of the other kernels, in whatever order the warps of this one run.
 DEVICE void list_surfaces(Pass<Bvh> &pass) {
     const Params &params = pass.params;
     unsigned lane = lane_of_thread(), head = NO_SURFACE, last = NO_SURFACE;
@@ -43,7 +43,7 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         if (!pass.tracer.any(surfaces.here)) break;
         float3 color = surfaces.here ? surfaces.color : splat(0.0f);
         float weight = weigh(surfaces.end, color);
-        // Black stays black, without a ray.
+        // Black stays black, without tracing a ray.
         bool wanted = surfaces.here && head != NO_ROOM && !is_black(color);
         surfaces.here = false;
         unsigned mask = __ballot_sync(WHOLE_WARP, wanted), first = 0;
@@ -53,14 +53,14 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         unsigned below = __popc(mask & ((1u << lane) - 1u));
         bool room = first < params.capacity;
         if (!wanted) {
-            // Black is left alone.
+            // Unused entries are black, and skipped.
             unsigned unused = first + __popc(mask) + lane - below;
             if (room) listed(params)[unused].color = make_float4(0.0f, 0.0f, 0.0f, __uint_as_float(NO_SURFACE));
             continue;
         }
         unsigned place = first + below;
         if (!room) {
-            // What was listed of it counts no more.
+            // The surfaces of this pixel that were listed before are discarded.
             for (unsigned i = head; i != NO_SURFACE; i = __float_as_uint(listed(params)[i].color.w)) {
                 listed(params)[i].color = make_float4(0.0f, 0.0f, 0.0f, listed(params)[i].color.w);
             }
@@ -72,7 +72,8 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
         const Surface &surface = end.surface;
         float step = OFFSET_UNITS * surface.point.error;
         bool turned = dot(surfaces.lit_side, pass.to_light()) <= 0.0f;
-        // Light on turned sides, which few have, is found now: what is left of it will be halved.
+        // Few surfaces are turned away, so their light is found now. Divided by SHADOWED, because the lighting kernel multiplies turned
+        // surfaces by it.
         if (turned) color = color * turned_share(pass, surfaces.triangle, surface, surfaces.lit_side) * (1.0f / SHADOWED);
         float3 start = surface.point.start, facing = surface.facing, normal = surface.normal;
         listed(params)[place] = {make_float4(start.x, start.y, start.z, turned ? -step : step),
@@ -93,7 +94,7 @@ DEVICE void list_surfaces(Pass<Bvh> &pass) {
     if (pass.inside) params.first_surface[pass.pixel.index] = head;
 }
 
-// Multiplies the colours of listed surfaces by what reaches them of the light.
+// Multiplies the colours of listed surfaces by the share of the light that reaches them.
 DEVICE void light_surfaces(Pass<Bvh> &pass) {
     const Params &params = pass.params;
     unsigned index;
@@ -126,7 +127,7 @@ DEVICE bool listed_fan(const Params &params, unsigned index, bool here, Fan &fan
     return params.samples != 0 && !is_black(lit);
 }
 
-// Writes what is near listed surfaces.
+// Settles the occlusion of listed surfaces by the triangles near them.
 DEVICE void settle_surfaces(Pass<Bvh> &pass) {
     __shared__ SettlingMemory memory;
     const Params &params = pass.params;
@@ -141,7 +142,7 @@ DEVICE void settle_surfaces(Pass<Bvh> &pass) {
     }
 }
 
-// Traces the rays of listed surfaces of which what is near does not tell.
+// Traces the occlusion rays of listed surfaces that are not settled.
 DEVICE void trace_listed(const Params &params) {
     trace_unsettled<ACCEPT_STOPS>(params, [&](unsigned group, unsigned &index, Fan &fan) {
         index = 32 * group + lane_of_thread();
@@ -150,7 +151,7 @@ DEVICE void trace_listed(const Params &params) {
     });
 }
 
-// The sum of a pixel's surfaces.
+// Sums the colours of a pixel's surfaces.
 DEVICE float4 sum_surfaces(Pass<Bvh> &pass) {
     const Params &params = pass.params;
     unsigned surface = pass.inside ? params.first_surface[pass.pixel.index] : NO_SURFACE;
@@ -170,7 +171,7 @@ DEVICE float4 sum_surfaces(Pass<Bvh> &pass) {
         float3 lit;
         float share = 1.0f;
         if (listed_fan(params, surface, true, fan, lit)) {
-            // Where rays are few, nobody looked at what is near them.
+            // With few rays the settling kernels do not run.
             unsigned open = params.settled != nullptr
                                 ? settled(params)[surface].open
                                 : count_open_alone<ACCEPT_STOPS>(pass.tracer, fan, params.samples, pass.rays);

@@ -1,20 +1,20 @@
-// Glass that reflects and refracts, shared by `refraction` and `final`. In thesis fidelity `Shader` gives the colour of
-// everything else, and is asked by threads that met nothing too:
+// Glass that reflects and refracts, shared by `refraction` and `final`. In thesis fidelity `Shader` gives the colour of everything else;
+// threads without a hit call it too:
 //   float3 thesis(pass, here, ray, hit)
 //
-// The Rust reference recurses; here the tree of rays is walked with a list of the branches still to be traced, each with
-// the weight of its colour. The sum is the same but for the order of its roundings.
+// The Rust reference recurses. Here a loop walks the tree of rays with a list of pending branches, each with the weight of its colour. The
+// sum is the same up to the order of its roundings.
 #pragma once
 #include "pass.cuh"
 
-// A ray that is still to be traced. At most one a bounce waits while another is followed.
+// A ray that is still to be traced. While one branch is followed, at most one a bounce waits.
 struct Branch {
     float3 origin, direction;
     float weight;
     unsigned key, bounces;
 };
 
-// Where a ray through glass ends, and what its colour weighs.
+// A surface at which a path through glass ends, and the weight of its colour.
 struct GlassEnd {
     Hit hit;
     Surface surface;
@@ -28,7 +28,7 @@ struct GlassWalk {
     unsigned count = 0;
     Branch next;
     bool follows = false, splits = false;
-    // The glass on which a ray splits next.
+    // The glass at which the path splits next.
     Surface surface;
     float3 view;
     float weight;
@@ -39,7 +39,7 @@ struct GlassWalk {
     DEVICE_MEMBER void enter_pixel(Pass<Tracer> &, unsigned, const Surface &at, float3 direction, unsigned path) {
         enter(at, direction, path, 1.0f, 0);
     }
-    // Starts at glass that is seen in a direction.
+    // Starts at glass that is seen along `direction`.
     DEVICE_MEMBER void enter(const Surface &at, float3 direction, unsigned path, float share, unsigned bounce) {
         surface = at;
         view = direction;
@@ -49,7 +49,7 @@ struct GlassWalk {
         splits = true;
     }
 
-    // The light that the glass sends along `view` splits.
+    // Splits the light that the glass sends along `view` into a reflected and a refracted ray.
     template <class Tracer> DEVICE_MEMBER void split(Pass<Tracer> &pass) {
         const Params &params = pass.params;
         float3 normal = interface_normal(surface, view);
@@ -79,7 +79,7 @@ struct GlassWalk {
         splits = false;
     }
 
-    // Goes on to the next end that is not glass; false when there is none left.
+    // Advances to the next end that is not glass; false when none is left.
     template <class Tracer> DEVICE_MEMBER bool advance(Pass<Tracer> &pass, GlassEnd &end) {
         const Params &params = pass.params;
         while (true) {
@@ -103,15 +103,15 @@ struct GlassWalk {
     }
 };
 
-// Where a radiance ray of the report ends.
+// The hit at which a radiance ray of the report ends.
 struct ThesisEnd {
     Ray ray;
     Hit hit;
     float weight;
 };
 
-// The bounces of a radiance ray of the report: a chain, since its glass keeps the reflected colour only. Whether it ends on
-// anything.
+// The bounces of a radiance ray of the report: a chain, since its glass keeps only the reflected colour. Returns whether the chain ends on
+// a surface.
 template <class Tracer>
 DEVICE bool thesis_chain(Pass<Tracer> &pass, float3 origin, float3 direction, float t_min, bool refracted, ThesisEnd &end) {
     const Params &params = pass.params;
@@ -140,7 +140,7 @@ DEVICE bool thesis_chain(Pass<Tracer> &pass, float3 origin, float3 direction, fl
     return false;
 }
 
-// The glass branch of the report's `buffer_camera`, where it is wanted. `Shader` is asked by all threads together.
+// The glass branch of the report's `buffer_camera`, where `wanted`. All threads call `Shader` together.
 template <class Shader, class Tracer> DEVICE float3 thesis_glass(Pass<Tracer> &pass, bool wanted) {
     const Params &params = pass.params;
     float3 position = xyz(pass.position()), normal = pass.normal();
@@ -148,7 +148,7 @@ template <class Shader, class Tracer> DEVICE float3 thesis_glass(Pass<Tracer> &p
     float3 direction = reflect(view, normal), colors[2] = {splat(0.0f), splat(0.0f)};
     float t_min = THESIS_EPSILON;
     bool goes = wanted;
-    // One loop, so that the chain and all that it inlines is compiled once.
+    // One loop, so that the chain and everything inlined in it is compiled once.
 #pragma unroll 1
     for (int branch = 0; branch < 2; ++branch) {
         ThesisEnd end;

@@ -1,6 +1,6 @@
-// `ssao` in corrected fidelity on our own traversal, as kernels one after the other: what the triangles near the pixels say of their
-// rays, one warp a tile of 8 x 4 pixels; the rays of which these do not, several warps a tile, so that tiles with many rays do
-// not keep the others waiting; then the picture.
+// `ssao` in corrected fidelity on our own traversal, as a sequence of kernels. One warp a tile of 8 x 4 pixels settles rays by the
+// triangles near the pixels; then several warps a tile trace the rays that are left, so that tiles with many rays do not keep the others
+// waiting; then the picture is written.
 #pragma once
 #include "count_open.cuh"
 #include "ssao.cuh"
@@ -33,7 +33,7 @@ DEVICE void trace_pixels(const Params &params, const Bvh &tracer) {
     });
 }
 
-// Where rays are few, nobody looked at what is near them: each thread traces those of its pixel.
+// With few rays the settling kernels do not run: each thread traces the rays of its pixel.
 DEVICE float4 occlusion(Pass<Bvh> &pass) {
     const Params &params = pass.params;
     if (params.settled == nullptr) return corrected(pass);

@@ -1,5 +1,5 @@
-// The programs of one effect in one fidelity for OptiX; `build.sh` names both. They are called as project files call them:
-// `RAY_PROGRAMS` of the pipeline says which a project may name for which rays.
+// The programs of one effect in one fidelity for OptiX; `build.sh` sets both. They have their names in project files: `RAY_PROGRAMS` of the
+// pipeline says which program a project may name for which rays.
 #define CURITIBA_OPTIX
 #include "trace_optix.cuh"
 
@@ -21,22 +21,22 @@ extern "C" __global__ void __raygen__buffer_camera() {
     count_rays(params, pass.pixel.index, pass.rays);
 }
 
-// Glass or not, the hit is reported: the ray-generation program, which traces one ray after the other, goes on from there.
+// The hit is reported whether it is glass or not; the ray-generation program, which traces one ray after the other, continues from there.
 extern "C" __global__ void __closesthit__closest_hit() { report_hit(current_hit()); }
 extern "C" __global__ void __closesthit__closest_hit_glass() { report_hit(current_hit()); }
 
-// Any-hit programs run on materials that let some rays through; the others have them switched off, and stop every ray.
+// Any-hit programs run for materials that let some rays through; for other materials they are disabled, and every hit stops the ray.
 extern "C" __global__ void __anyhit__any_hit_shadow() {
     if (!covers(params, current_hit())) ignore_intersection();
 }
-// Lets shadow rays pass, and notes the surface where the ray asks for it.
+// Lets shadow rays pass, and records the surface if the ray asks for it.
 extern "C" __global__ void __anyhit__any_hit_shadow_glass() {
     Hit hit = current_hit();
     Crossings *crossings = asked_crossings();
     if (crossings != nullptr && covers(params, hit)) add_crossing(*crossings, hit);
     ignore_intersection();
 }
-// For radiance rays; no project names it, since the material says by itself that it has holes.
+// For radiance rays. No project names it: the material itself says that it has holes.
 extern "C" __global__ void __anyhit__alpha_test() {
     if (!covers(params, current_hit())) ignore_intersection();
 }
@@ -44,5 +44,5 @@ extern "C" __global__ void __anyhit__alpha_test() {
 extern "C" __global__ void __miss__miss() { report_miss(); }
 extern "C" __global__ void __miss__miss_shadow() { report_miss(); }
 
-// What OptiX stopped is told to the host: no picture comes of it.
+// Reports an OptiX exception to the host, which then discards the picture.
 extern "C" __global__ void __exception__exception() { params.ray_counts[EXCEPTION_SLOT] = exception_code(); }

@@ -1,5 +1,4 @@
-// A pixel of a pass, the counts of its rays, and the rays that only ask whether something is in the way
-// (`effects/occlusion.rs`). Generic over the tracer, which has
+// A pixel of a pass, its ray counts, and its shadow and occlusion rays (`effects/occlusion.rs`). Generic over the tracer, which has
 //   bool closest<Accept>(ray, hit)          the nearest accepted hit; of several at one distance, the lowest triangle
 //   bool occluded<Accept>(ray, crossings)   whether any accepted hit exists
 //   unsigned count_open<Accept>(wanted, fan, samples, rays)  how many rays of a fan nothing stops; counts the rays
@@ -11,7 +10,7 @@ struct RayCounts {
     unsigned shadow, occlusion, reflected, refracted, certain, lost;
 };
 
-// The row of the picture that a row of this launch is.
+// The row of the picture for a row of this launch.
 DEVICE unsigned picture_row(const Params &params, unsigned row) {
     return params.first_row + row + row / params.stripe * params.skipped;
 }
@@ -20,7 +19,7 @@ struct Pixel {
     unsigned x, y, index;
 };
 
-// How many rays of a fan nothing stops, traced one after the other by one thread; counts them.
+// Number of a fan's rays that nothing stops, traced one after the other by one thread; adds them to the counts.
 template <Accept ACCEPT, class Tracer, class Rays>
 DEVICE unsigned count_open_alone(const Tracer &tracer, const Rays &fan, unsigned samples, RayCounts &rays) {
     unsigned open = 0;
@@ -44,7 +43,7 @@ DEVICE Fan fan_of(const Surface &surface, unsigned key) {
 template <class Tracer> struct Pass {
     const Params &params;
     const Tracer &tracer;
-    // Threads beyond the last row or column repeat a pixel, so that warps are whole; they see nothing.
+    // Threads beyond the last row or column repeat a pixel, so that warps are full; they see nothing.
     Pixel pixel;
     bool inside;
     RayCounts rays;
@@ -58,17 +57,17 @@ template <class Tracer> struct Pass {
         return vec3(params.to_light[0], params.to_light[1], params.to_light[2]);
     }
 
-    // The point of a triangle that the pixel shows, and the unit direction in which it is seen.
+    // The point of a triangle that the pixel shows, and the unit direction of view.
     __device__ __forceinline__ Surface surface_at(unsigned triangle, float3 normal, float3 &view) const {
         SurfacePoint point = snap(params, triangle, xyz(position()));
         view = normalize_or(point.position - eye(), -point.normal);
         return surface_of(point, normal, view);
     }
-    // The nearest surface from an origin that lies off its own.
+    // The nearest surface from an origin that is offset from its own surface.
     __device__ __forceinline__ bool closest(float3 origin, float3 direction, Hit &hit) const {
         return tracer.template closest<ACCEPT_COVERED>({origin, direction, 0.0f, INFINITY}, hit);
     }
-    // The first hit farther than `t_min`. A ray that is not made of numbers meets nothing.
+    // The first hit farther than `t_min`. A ray that is not finite hits nothing.
     __device__ __forceinline__ bool thesis_closest(float3 origin, float3 direction, float t_min, Hit &hit) const {
         if (!(is_finite(origin) && is_finite(direction))) return false;
         return tracer.template closest<ACCEPT_ALL>({origin, direction, t_min, INFINITY}, hit);
@@ -78,8 +77,8 @@ template <class Tracer> struct Pass {
         return !tracer.template occluded<ACCEPT>({position, to_light(), THESIS_EPSILON, INFINITY}, nullptr);
     }
 
-    // The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity; 1 where
-    // it is not wanted. All threads of a warp call it together: they share their rays.
+    // The share of the cosine-weighted hemisphere that is open within the radius, to the power of the intensity; 1 where it is not wanted.
+    // All threads of a warp call it together, and share their rays.
     template <Accept ACCEPT> __device__ __forceinline__ float occlusion(bool wanted, const Surface &surface, unsigned key) {
         unsigned samples = params.samples;
         if (samples == 0) return 1.0f;
@@ -96,7 +95,8 @@ template <class Tracer> struct Pass {
         return wanted ? params.open_share[open] : 1.0f;
     }
 
-    // Where the ray to the light starts of a point whose triangle is turned away; false where it is dark without it.
+    // The origin of the shadow ray for a point whose triangle is turned away from the light; false where the point is dark without tracing
+    // one.
     template <Accept ACCEPT>
     __device__ __forceinline__ bool lifted_origin(unsigned triangle, const SurfacePoint &point, float3 facing, float3 &origin) {
         float3 way = lifted(params, triangle, point, facing, to_light());
@@ -104,12 +104,12 @@ template <class Tracer> struct Pass {
         rays.shadow += 1;
         float3 start = spawn(point, facing);
         float length = sqrtf(dot(way, way));
-        // What lies between the triangle and the point lets no light through.
+        // Whatever lies between the triangle and that origin blocks the light.
         if (tracer.template occluded<ACCEPT>({start, way * (1.0f / length), 0.0f, length}, nullptr)) return false;
         origin = start + way;
         return true;
     }
-    // What reaches an origin off its surface of the light in `final`, where each surface of glass dims it alike.
+    // The share of the light that reaches an origin in `final`; each surface of glass dims the light by the same factor.
     __device__ __forceinline__ float light_at(float3 origin) const {
         Crossings crossings;
         crossings.stored = crossings.beyond = 0;
@@ -122,7 +122,7 @@ template <class Tracer> struct Pass {
 DEVICE float4 opaque(float3 color) { return make_float4(color.x, color.y, color.z, 1.0f); }
 DEVICE float4 splat4(float s) { return make_float4(s, s, s, s); }
 
-// Adds a pixel's rays to the sums, which are spread so that threads seldom meet.
+// Adds a pixel's rays to the sums, which are spread over slots so that atomics rarely collide.
 DEVICE void count_rays(const Params &params, unsigned index, const RayCounts &rays) {
     unsigned long long *slot = params.ray_counts + (index >> 5) % RAY_COUNT_SLOTS * RAY_COUNT_KINDS;
     const unsigned counts[RAY_COUNT_KINDS] = {rays.shadow,    rays.occlusion, rays.reflected,

@@ -1,41 +1,41 @@
-// Occlusion rays traced together. What is to be done waits in shared memory, for any thread of the warp, whichever ray it is of: nodes
-// to be opened, triangles to be tested. So no thread waits for the ray that takes longest, and few for triangles, of which only
-// few of the rays find any at a time.
+// Occlusion rays traced together. Pending work (nodes to open, triangles to test) is kept in shared memory, and any thread of the warp may
+// take it, whichever ray it belongs to. So no thread waits for the longest ray, and few wait during triangle tests, although few rays have
+// triangles to test at a time.
 #pragma once
 #include "candidates.cuh"
 
-// Rays of a warp that are traced together. On an H100 96 took longer: less of the memory is left for caching.
+// Rays of a warp that are traced together. On an H100, 96 took longer: less memory is left for the cache.
 constexpr unsigned RAYS = 64;
-// Nodes that wait to be opened: so many, and as many again as opening them one by one may add.
+// Greatest number of nodes that wait to be opened, and a reserve for the nodes that opening them one by one may add.
 constexpr unsigned OPENABLE = 128, RESERVE = 7 * STACK;
-// Triangles that wait to be tested.
+// Greatest number of triangles that wait to be tested.
 constexpr unsigned TESTABLE = 128;
-// Triangles that pass the first half of the triangle test (the edge functions) wait until this many have: few of them are hit, so the
-// second half (the distance) is then done by a whole warp. Rays that they would stop go on until then.
+// Triangles that pass the first half of the triangle test (the edge functions) wait until there are this many: they are few, so the second
+// half (the distance) is then done by a full warp. Until then, rays that they would stop go on.
 constexpr unsigned LIKELY = 24;
 
 // Points whose rays the warps of a block trace.
 struct Points {
-    float4 origins[32]; // and the distance before which nothing is
+    float4 origins[32]; // w: the distance before which nothing is hit
     SharedFan fans[32];
-    uint4 rays[32];   // where that distance is above 0: one bit for each sample whose ray is to be traced
-    unsigned from[32]; // the node below which everything lies that they may meet
-    unsigned open[32]; // rays that were found open
+    uint4 rays[32];   // valid where that distance is above 0: one bit for each sample whose ray is to be traced
+    unsigned from[32]; // node below which everything lies that the rays may hit
+    unsigned open[32]; // number of rays found open
     unsigned char order[32];
-    unsigned count;       // points
-    unsigned next, end;   // the next of their rays that are to be traced here, and where these end
-    bool close;           // whether all are close to each other
-    bool more;            // whether there are any
+    unsigned count;       // number of points
+    unsigned next, end;   // next ray to be traced here, and the end of these rays
+    bool close;           // whether all points are close to each other
+    bool more;            // whether there are points to trace
     float3 pad;           // by which boxes are widened
 };
 
-// What a warp has in shared memory while it traces rays.
+// A warp's shared memory for tracing rays.
 struct TracingMemory {
-    float4 inverse[RAYS];   // of directions; and a point, and 32 times the longest axis
-    float4 direction[RAYS]; // and the first shear
-    float shear[RAYS];      // the second
-    unsigned queue[64];     // rays that are to be made: a point, and 32 times a sample
-    // What waits: nodes, triangles, and triangles that are likely hit; and the rays that these are of.
+    float4 inverse[RAYS];   // reciprocals of the directions; w: point + 32 * longest axis
+    float4 direction[RAYS]; // w: first shear coefficient
+    float shear[RAYS];      // second shear coefficient
+    unsigned queue[64];     // rays to be prepared: point + 32 * sample
+    // Pending nodes, triangles and likely hit triangles, each with its ray.
     unsigned nodes[OPENABLE + RESERVE], triangles[TESTABLE], likely[64];
     unsigned char node_rays[OPENABLE + RESERVE], triangle_rays[TESTABLE], likely_rays[64];
     unsigned char blocked[RAYS];
@@ -57,7 +57,7 @@ struct TracingMemory {
     }
 };
 
-// The sum of the values of the threads of a warp up to each.
+// Inclusive prefix sum over the threads of a warp.
 DEVICE unsigned sum_up_to(unsigned value) {
 #pragma unroll
     for (int step = 1; step < 32; step <<= 1) {
@@ -69,7 +69,7 @@ DEVICE unsigned sum_up_to(unsigned value) {
     return value;
 }
 
-// Ends the tests of the first `count` triangles that are likely hit.
+// Finishes the tests of the first `count` likely hit triangles.
 template <Accept ACCEPT>
 DEVICE void test_likely(const Params &params, const Points &points, TracingMemory &memory, unsigned count, unsigned lane) {
     if (lane < count) {
@@ -85,7 +85,7 @@ DEVICE void test_likely(const Params &params, const Points &points, TracingMemor
     __syncwarp();
 }
 
-// Begins the tests of `count` triangles that wait, from the `first` on. The others are likely hit, and wait again.
+// Begins the tests of `count` pending triangles from `first` on. Those that pass the edge functions become likely hits and wait.
 template <Accept ACCEPT>
 DEVICE void test_triangles(const Params &params, const Points &points, TracingMemory &memory, unsigned first, unsigned count,
                            unsigned &likely, unsigned lane) {
@@ -117,7 +117,7 @@ DEVICE void test_triangles(const Params &params, const Points &points, TracingMe
     __syncwarp();
 }
 
-// Traces rays, for which `nodes` nodes wait. Then it is known which are blocked.
+// Traces the rays with `nodes` pending nodes, until it is known which are blocked.
 template <Accept ACCEPT>
 DEVICE void trace_together(const Params &params, const Points &points, unsigned nodes, TracingMemory &memory, unsigned lane) {
     unsigned triangles = 0, likely = 0;
@@ -138,11 +138,11 @@ DEVICE void trace_together(const Params &params, const Points &points, unsigned 
                 first = node.meta.y;
             }
         }
-        // Nodes, and 65536 times triangles.
+        // Low 16 bits: number of nodes; high 16 bits: number of triangles.
         unsigned own = __popc(inner) | __popc(leaves) << 16, sum = sum_up_to(own), all = __shfl_sync(WHOLE_WARP, sum, 31);
         if (nodes - taken + (all & 0xffffu) > OPENABLE || triangles + (all >> 16) > TESTABLE) {
-            // Those for whose children there is no room are opened later. There is for those of one: what opening one by one
-            // adds is in reserve.
+            // Nodes whose children do not fit are opened later. The children of one node always fit: the reserve holds what opening one by
+            // one adds.
             bool room = nodes - 1u - lane + (sum & 0xffffu) <= OPENABLE && triangles + (sum >> 16) <= TESTABLE;
             unsigned none = ~__ballot_sync(WHOLE_WARP, lane < taken && room);
             taken = max(min((unsigned)__ffs(none) - 1u, taken), 1u);

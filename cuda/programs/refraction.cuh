@@ -2,7 +2,7 @@
 #pragma once
 #include "glass.cuh"
 
-// The fastest of 6, 8 and 10 on an H100.
+// Fastest of 6, 8 and 10 on an H100.
 constexpr unsigned RESIDENT_BLOCKS = 8;
 
 struct LitSurface {
@@ -29,7 +29,7 @@ template <class Tracer> DEVICE float4 corrected(Pass<Tracer> &pass) {
 #ifdef CURITIBA_BODIES
 #include "bodies.cuh"
 
-// As `corrected`, of glass as each material says.
+// As `corrected`, with glass as defined by each material.
 template <class Tracer> DEVICE float4 bodies(Pass<Tracer> &pass) {
     unsigned triangle = pass.triangle();
     if (triangle == NO_TRIANGLE || !is_glass(pass.params, triangle)) return pass.color();

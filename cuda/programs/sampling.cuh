@@ -1,5 +1,5 @@
 // Random numbers without state and directions of a hemisphere: the same integers and, step by step, the same floats as
-// `passes/src/sampling`, which names the sources of each formula.
+// `passes/src/sampling`, which gives the source of each formula.
 #pragma once
 #include "vector.cuh"
 
@@ -38,9 +38,10 @@ DEVICE unsigned scramble_reversed(unsigned v, unsigned seed) {
     v ^= v * 0x8d22f6e6u;
     return __brev(v);
 }
-// The lowest digits, the first ones, of what `scramble_reversed` would take to these, before it reverses them.
+// Inverse of `scramble_reversed` before its reversal: the lowest `digits` bits (the first digits) of the number that it
+// would take to `v`.
 DEVICE unsigned unscramble_reversed(unsigned v, unsigned seed, unsigned digits) {
-    // Each step v ^= v * c with an even c leaves digits to the lower ones, and so is undone digit by digit.
+    // Each step v ^= v * c with an even c changes a bit only by lower bits, so it can be undone bit by bit.
     auto undo = [&](unsigned v, unsigned c) {
         unsigned before = v;
         for (unsigned digit = 1; digit < digits; ++digit) before = v ^ before * c;
@@ -48,7 +49,7 @@ DEVICE unsigned unscramble_reversed(unsigned v, unsigned seed, unsigned digits) 
     };
     return undo(undo(undo(undo(v, 0x8d22f6e6u), 0xc7afe638u), 0xb82f1e52u), 0x6c50b47cu) - seed;
 }
-// Bits 0, 2, 4 and so on, side by side; and the way back.
+// `even_bits`: bits 0, 2, 4, ... moved side by side. `spread_bits`: the inverse.
 DEVICE unsigned even_bits(unsigned v) {
     v &= 0x55555555u;
     v = (v | v >> 1) & 0x33333333u;
@@ -100,7 +101,7 @@ DEVICE float3 cosine_direction(float2 point) {
     return vec3(disk.x, disk.y, sqrtf(fmaxf(1.0f - (disk.x * disk.x + disk.y * disk.y), 0.0f)));
 }
 
-// The report's noise and its hemisphere, for thesis fidelity. Sines are taken in double precision and rounded once.
+// The report's noise and hemisphere, for thesis fidelity. Sines are taken in double precision and rounded once.
 DEVICE float thesis_rand(float x, float y) {
     float angle = x * 12.9898f + y * 78.233f;
     float sine = (float)sin((double)angle);

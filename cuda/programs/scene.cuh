@@ -1,4 +1,4 @@
-// What is hit: rays, hits, vertex attributes, textures, materials, and where triangles are cut out.
+// What rays hit: rays, hits, vertex attributes, textures, materials, and cut-outs.
 #pragma once
 #include "params.cuh"
 #include "sampling.cuh"
@@ -40,7 +40,7 @@ DEVICE float2 texture_coordinates(const Params &params, const Hit &hit) {
     float w = 1.0f - hit.u - hit.v;
     return make_float2(a.x * w + b.x * hit.u + c.x * hit.v, a.y * w + b.y * hit.u + c.y * hit.v);
 }
-// An attribute of four numbers a vertex.
+// A vertex attribute of four numbers, interpolated at a hit.
 DEVICE float4 four_between(const Params &params, const float4 *values, const Hit &hit) {
     uint3 i = corners_of(params, hit.triangle);
     float4 a = __ldg(values + i.x), b = __ldg(values + i.y), c = __ldg(values + i.z);
@@ -54,12 +54,12 @@ DEVICE float4 lerp(float4 a, float4 b, float s) {
     float r = 1.0f - s;
     return make_float4(a.x * r + b.x * s, a.y * r + b.y * s, a.z * r + b.z * s, a.w * r + b.w * s);
 }
-// The texel that stands for one beyond the sides: from the other side, or the one at the edge.
+// The index of the texel that replaces one beyond the border: the texel from the other side (repeat), or the one at the border.
 DEVICE int beyond(int x, int count, unsigned wrap) {
     if (wrap != WRAP_REPEAT) return x < 0 ? 0 : x >= count ? count - 1 : x;
     return x < 0 ? x + count : x >= count ? x - count : x;
 }
-// Where a coordinate lies, as a share of the side.
+// A coordinate after wrapping, as a share of the side, 0 to 1.
 DEVICE float share_of_side(float t, unsigned wrap) {
     if (wrap == WRAP_CLAMP) return fminf(fmaxf(t, 0.0f), 1.0f);
     if (wrap == WRAP_REPEAT) return t - floorf(t);
@@ -67,7 +67,7 @@ DEVICE float share_of_side(float t, unsigned wrap) {
     float twice = 2.0f * (halved - floorf(halved));
     return twice > 1.0f ? 2.0f - twice : twice;
 }
-// `decoded` has the values of the codes of colours; none where texels are read as stored.
+// The texel in a column and row. `decoded` maps colour codes to values; null where texels are read as stored.
 DEVICE float4 texel(const Params &params, const TextureInfo &info, const float *decoded, int x, int y) {
     int width = (int)info.width, height = (int)info.height;
     x = beyond(x, width, info.wrap_u);
@@ -91,7 +91,7 @@ DEVICE float4 sample_numbers(const Params &params, unsigned texture, float2 uv, 
     float4 lower = lerp(texel(params, info, decoded, l, t + 1), texel(params, info, decoded, l + 1, t + 1), fx);
     return lerp(upper, lower, fy);
 }
-// The same of colours.
+// As `sample_numbers`, for textures that hold colours.
 DEVICE float4 sample_texture(const Params &params, unsigned texture, float2 uv) {
     return sample_numbers(params, texture, uv, params.decoded);
 }
@@ -103,7 +103,7 @@ DEVICE bool is_glass(const Params &params, unsigned triangle) { return shade_of(
 DEVICE bool passes_light(const Params &params, unsigned triangle) {
     return shade_of(params, triangle).flags & SHADE_SHADOW_GLASS;
 }
-// Whether there is a surface at this point of the triangle.
+// Whether there is a surface at this point of the triangle, that is, no cut-out.
 DEVICE bool covers(const Params &params, const Hit &hit) {
     if (!params.cut) return true;
     const Shade &shade = shade_of(params, hit.triangle);
@@ -115,8 +115,8 @@ DEVICE bool covers(const Params &params, const Hit &hit) {
     return alpha >= shade.cutoff;
 }
 
-// The normal that a texel makes of the one between the corners, on a triangle of unit normal `flat` on either side, as
-// `normal_map::bent` of the pipeline has it.
+// The normal that a normal map's texel makes of the interpolated normal, on a triangle with unit normal `flat` (of either sign), as in
+// `normal_map::bent` of the pipeline.
 DEVICE float3 bent(float3 texel, float scale, float3 normal, float4 tangent, float3 flat) {
     float x = (2.0f * texel.x - 1.0f) * scale, y = (2.0f * texel.y - 1.0f) * scale, height = 2.0f * texel.z - 1.0f;
     float z = height > LEAST_HEIGHT ? height : LEAST_HEIGHT;
@@ -129,14 +129,14 @@ DEVICE float3 bent(float3 texel, float scale, float3 normal, float4 tangent, flo
     if (!try_normalize(turned + side * (LEAST_COSINE - cosine), raised)) raised = side * length_recip(side);
     return raised;
 }
-// The normal at a hit, bent by the normal map of its material if it has one; `vertices` is the one between the corners.
+// The normal at a hit, bent by the material's normal map if it has one; `vertices` is the interpolated normal.
 DEVICE float3 bent_normal(const Params &params, const Hit &hit, float3 vertices, float3 flat) {
     const Shade &shade = shade_of(params, hit.triangle);
     if (!(shade.flags & SHADE_NORMAL_MAP) || !(dot(vertices, vertices) > LEAST_SQUARE)) return vertices;
     float3 texel = xyz(sample_numbers(params, shade.normal_texture, texture_coordinates(params, hit)));
     return bent(texel, shade.normal_scale, vertices, four_between(params, params.tangents, hit), flat);
 }
-// Whether the normal between the corners faces the light, on the side of the triangle on which a bent normal is.
+// Whether the interpolated normal faces the light, when turned to the side of the triangle that the bent normal is on.
 DEVICE bool vertices_face_light(const Params &params, const Hit &hit, float3 bent, float3 to_light) {
     Corners corners = positions_of(params, hit.triangle);
     float3 flat = cross(corners.b - corners.a, corners.c - corners.a), vertices = normal_at(params, hit);
@@ -145,7 +145,7 @@ DEVICE bool vertices_face_light(const Params &params, const Hit &hit, float3 ben
     return (turned ? -cosine : cosine) > 0.0f;
 }
 
-// Diffuse light, ambient light and texture, with this unit normal, times the vertex colour, and the light that the surface sends out.
+// Diffuse and ambient light times texture and vertex colour, with this unit normal, plus the light that the surface emits.
 DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
     const Shade &shade = shade_of(params, hit.triangle);
     float3 diffuse = vec3(shade.diffuse[0], shade.diffuse[1], shade.diffuse[2]);
@@ -165,21 +165,20 @@ DEVICE float3 lit_color(const Params &params, const Hit &hit, float3 normal) {
     return reflected + glow * xyz(sample_texture(params, shade.glow_texture, texture_coordinates(params, hit)));
 }
 
-// Which candidate hits on transparent materials count, as the ray asks; in OptiX the materials' any-hit programs decide the
-// same (`optix.cu`).
+// Which candidate hits on transparent materials count for a ray; in OptiX the materials' any-hit programs decide the same (`optix.cu`).
 enum Accept : unsigned {
-    ACCEPT_ALL = 0,     // every one
-    ACCEPT_COVERED = 1, // where the triangle is not cut out
-    ACCEPT_STOPS = 2,   // covered, and not glass that shadow rays pass
-    ACCEPT_OPAQUE = 3,  // not glass that shadow rays pass (thesis: nothing is cut out)
+    ACCEPT_ALL = 0,     // every hit
+    ACCEPT_COVERED = 1, // hits where the triangle is not cut out
+    ACCEPT_STOPS = 2,   // covered hits, except on glass that shadow rays pass
+    ACCEPT_OPAQUE = 3,  // hits except on glass that shadow rays pass (thesis: nothing is cut out)
     ACCEPT_COUNTS = 4,  // as ACCEPT_STOPS; the covered glass on the way is counted
 };
 
-// The distances of the glass surfaces that a shadow ray crosses. A tracer may show a hit twice, and a ray through the edge
-// between two triangles meets both: distances no farther apart than the rounding of their computation are one surface.
-// Beyond MAX_CROSSINGS distances, each counts as a surface of its own; light has less than 3 percent left there.
+// The distances of the glass surfaces that a shadow ray crosses. A tracer may report a hit twice, and a ray through the edge between two
+// triangles hits both, so distances that differ by no more than their rounding are one surface. Beyond MAX_CROSSINGS distances, each counts
+// as a surface of its own; less than 3 percent of the light is left there.
 #ifdef CURITIBA_BODIES
-// Where light falls straight through glass, what it meets counts as well.
+// Where light passes straight through glass, the hit itself is needed, not only its distance.
 using Crossing = Hit;
 DEVICE Crossing crossing_of(const Hit &hit) { return hit; }
 DEVICE float distance_of(const Crossing &crossing) { return crossing.t; }

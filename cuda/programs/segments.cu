@@ -1,12 +1,12 @@
-// Whether anything is in the way of segments between triangles: `SegmentTracer` of `passes/src/trace/segments.rs`, on our own traversal and,
-// with CURITIBA_OPTIX, on OptiX. A segment's own two triangles do not block, nor do those of materials that are not opaque.
+// Whether anything blocks segments between triangles: `SegmentTracer` of `passes/src/trace/segments.rs`, on our own traversal and, with
+// CURITIBA_OPTIX, on OptiX. A segment's own two triangles do not block, nor do those of materials that are not opaque.
 #ifdef CURITIBA_OPTIX
 #include "trace_optix.cuh"
 #else
 #include "trace_bvh.cuh"
 #endif
 
-// Two vectors a segment: where it starts and how long it is; its direction and its pair.
+// Loads a segment: two vectors, (start, length) and (direction, pair).
 DEVICE Ray segment_at(const Params &params, unsigned long long index, uint2 &own) {
     float4 from = __ldg(params.segments + 2 * index), along = __ldg(params.segments + 2 * index + 1);
     own = __ldg(params.own + __float_as_uint(along.w));
@@ -40,17 +40,17 @@ extern "C" __global__ void __raygen__segments() {
     unsigned long long index = launch_x();
     uint2 own;
     Ray ray = segment_at(params, index, own);
-    // Payloads 1 and 2: the triangles that do not block. Nothing but the miss program writes payload 0.
+    // Payloads 1 and 2: the two triangles that do not block. Only the miss program writes payload 0.
     unsigned p[PAYLOADS] = {0, own.x, own.y, 0, 0, 0};
     trace(ray, RADIANCE, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
     if (p[0] != NO_TRIANGLE) atomicOr(params.blocked + index / 32, 1u << index % 32);
 }
-// On opaque materials.
+// For opaque materials.
 extern "C" __global__ void __anyhit__other() {
     Hit hit = current_hit();
     if (hit.triangle == payload<1>() || hit.triangle == payload<2>()) ignore_intersection();
 }
-// On the others.
+// For all other materials.
 extern "C" __global__ void __anyhit__see_through() { ignore_intersection(); }
 extern "C" __global__ void __miss__segments() { report_miss(); }
 extern "C" __global__ void __exception__exception() { params.ray_counts[EXCEPTION_SLOT] = exception_code(); }

@@ -3,10 +3,10 @@
 #include "pass.cuh"
 
 #define CURITIBA_SSAO
-// Where one thread a pixel does all. In corrected fidelity our own traversal has kernels instead (`occlusion.cuh`).
+// For one thread a pixel. In corrected fidelity our own traversal has kernels of its own instead (`occlusion.cuh`).
 constexpr unsigned RESIDENT_BLOCKS = 8;
 
-// The surface that a pixel sees, and its rays.
+// The surface that a pixel sees, and the key of its random numbers.
 template <class Tracer> DEVICE bool seen_surface(Pass<Tracer> &pass, Surface &surface, unsigned &key) {
     unsigned triangle = pass.triangle();
     bool seen = triangle != NO_TRIANGLE;

@@ -3,18 +3,18 @@
 #pragma once
 #include "scene.cuh"
 
-// A point of a triangle, with what is known of its error along the normal. Rays start off `start`.
+// A point of a triangle, with a bound on its error along the normal. Rays start at `start`, offset along the normal.
 struct SurfacePoint {
     float3 position, normal, start;
     float error;
 };
 
-// Whether a position is within a margin of a border, given the inward direction, as long as the border.
+// Whether a position is outside a border or within a margin of it. `inward` is the inward direction, as long as the border.
 DEVICE bool near_border(double3 position, double3 from, double3 inward, double margin) {
     double area = dot(position - from, inward);
     return area < 0.0 || area * area < margin * margin * dot(inward, inward);
 }
-// A position of a triangle moved along its plane, away from borders nearer than `margin`, where there is room for that.
+// A position of a triangle moved along its plane, away from borders nearer than `margin`, if there is room for that.
 DEVICE double3 drawn_in(const double3 (&from)[3], double3 normal, double3 position, double margin) {
     double3 inward[3];
     bool near = false;
@@ -25,7 +25,7 @@ DEVICE double3 drawn_in(const double3 (&from)[3], double3 normal, double3 positi
     }
     if (!near) return position;
     double3 moved = position;
-    // Twice, because leaving one border of a corner may lead back to the other.
+    // Twice, because moving away from one border at a corner may lead towards the other.
 #pragma unroll 1
     for (int round = 0; round < 2; ++round) {
 #pragma unroll
@@ -73,13 +73,13 @@ DEVICE SurfacePoint snap(const Params &params, unsigned triangle, float3 positio
     double sum = fmax(u + v, 1.0);
     return point_on(corners, u / sum, v / sum);
 }
-// Where a ray in this direction starts: inside the borders, and off the plane to the side to which it goes.
+// The origin of a ray in this direction: inside the borders, and offset from the plane to the side to which the ray goes.
 DEVICE float3 spawn(const SurfacePoint &point, float3 direction) {
     float distance = OFFSET_UNITS * point.error;
     return point.start + point.normal * (dot(point.normal, direction) < 0.0f ? -distance : distance);
 }
 
-// The coordinates of a point in the plane of a triangle, as a hit at distance 0.
+// The barycentric coordinates of a point in the plane of a triangle, as a hit at distance 0.
 DEVICE Hit locate(const Params &params, unsigned triangle, float3 position) {
     Corners corners = positions_of(params, triangle);
     double3 a = wide(corners.a), e1 = wide(corners.b) - a, e2 = wide(corners.c) - a, to = wide(position) - a;
@@ -87,12 +87,12 @@ DEVICE Hit locate(const Params &params, unsigned triangle, float3 position) {
     double area = dot(normal, normal);
     return {0.0f, triangle, (float)(dot(cross(to, e2), normal) / area), (float)(dot(cross(e1, to), normal) / area)};
 }
-// By how much a point below the plane through a corner is lifted onto it.
+// The vector by which a point below the plane through a corner is lifted onto the plane.
 DEVICE float3 lift(float3 position, float3 corner, float3 normal) {
     return normal * fmaxf(0.0f, -dot(position - corner, normal));
 }
-// From a point of a triangle that is turned away from the light, on the side of normal `facing`, onto the round surface that it stands
-// for; 0 where no light falls there (`effects/terminator.rs`).
+// For a point of a triangle that is turned away from the light: the vector to the curved surface that the vertex normals (on the side of
+// `facing`) describe; 0 where no light falls there (`effects/terminator.rs`).
 DEVICE float3 lifted(const Params &params, unsigned triangle, const SurfacePoint &point, float3 facing, float3 to_light) {
     const float3 none = splat(0.0f);
     if (params.normals == nullptr) return none;
@@ -129,7 +129,7 @@ DEVICE float3 interface_normal(const Surface &surface, float3 view) {
     return usable ? surface.normal : surface.facing;
 }
 
-// The point that a ray meets.
+// The surface at a ray's hit.
 DEVICE Surface surface_hit(const Params &params, float3 direction, const Hit &hit) {
     SurfacePoint point = point_on(positions_of(params, hit.triangle), (double)hit.u, (double)hit.v);
     return surface_of(point, bent_normal(params, hit, normal_at(params, hit), point.normal), direction);

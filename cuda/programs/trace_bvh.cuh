@@ -1,21 +1,21 @@
 // Our own traversal of the wide tree that `trace/build/gpu_tree.rs` writes, one ray a thread.
 //
-// The tree only leads to triangles: its boxes are quantised outwards, and the box test is conservative against the one of
+// The tree only leads to triangles. Its boxes are quantised outwards, and its box test is conservative relative to that of
 // `trace/tree/prepared_ray.rs`, so the answers are those of the processor, bit for bit.
 //
-// Traversal by groups of children in the order of the ray's octant: Ylitie, Karras and Laine, "Efficient Incoherent Ray
-// Traversal on GPUs Through Compressed Wide BVHs", HPG 2017, section 4.
+// Child groups are visited in the order of the ray's octant: Ylitie, Karras and Laine, "Efficient Incoherent Ray Traversal on GPUs Through
+// Compressed Wide BVHs", HPG 2017, section 4.
 #pragma once
 #include "triangle.cuh"
 
 constexpr unsigned WHOLE_WARP = ~0u;
 DEVICE unsigned lane_of_thread() { return (threadIdx.y * BLOCK_WIDTH + threadIdx.x) % 32u; }
 
-// Between the smallest reciprocal that does not overflow and the largest slope that matters: a ray that runs along an axis
-// is treated as one that leaves it by this share, which no coordinate of the scene notices.
+// Smallest direction component for the box test. Its reciprocal does not overflow, and the slope is too small to matter: a ray along an
+// axis is treated as one that leaves it by this share, which changes no coordinate within the scene.
 constexpr float LEAST_DIRECTION = 1.0e-25f;
 
-// Byte `index` of two words side by side.
+// Byte `index` of two adjacent words.
 DEVICE unsigned byte_of(unsigned low, unsigned high, unsigned index) { return __byte_perm(low, high, index) & 0xffu; }
 DEVICE float scale_of(unsigned word, int index) { return __uint_as_float(__byte_perm(word, 0u, 0x4440u + (unsigned)index) << 23); }
 
@@ -23,9 +23,9 @@ DEVICE float scale_of(unsigned word, int index) { return __uint_as_float(__byte_
 struct Node {
     uint4 head, meta;
 
-    // Slots of inner children, one bit each.
+    // Mask of the slots that hold inner children.
     DEVICE_MEMBER unsigned inner() const { return head.w >> 24; }
-    // What the leaves among some slots hold, one bit a triangle, counted from the node's first.
+    // The triangles in the leaves among some slots, one bit each, counted from the node's first triangle.
     DEVICE_MEMBER unsigned triangles(unsigned slots) const {
         unsigned found = 0;
         for (unsigned leaves = slots & ~inner(); leaves != 0; leaves &= leaves - 1) {
@@ -37,10 +37,10 @@ struct Node {
 };
 DEVICE const uint4 *node_at(const Params &params, unsigned index) { return params.nodes + 8ull * index; }
 DEVICE Node load_node(const uint4 *node) { return {__ldg(node), __ldg(node + 1)}; }
-// Where its low planes of an axis are; the high ones follow.
+// Address of the node's low planes along an axis; the high ones follow.
 DEVICE const uint4 *planes_of(const uint4 *node, int axis) { return node + 2 + 2 * axis; }
 
-// Two halves as numbers: one conversion each, on a pipe that is not the one that bounds traversal.
+// Converts two half-precision numbers. One conversion each, on a pipe that is not the bottleneck of traversal.
 DEVICE float2 halves(unsigned word) {
     float2 numbers;
     asm("{.reg .b16 low, high; mov.b32 {low, high}, %2; cvt.f32.f16 %0, low; cvt.f32.f16 %1, high;}"
@@ -49,14 +49,14 @@ DEVICE float2 halves(unsigned word) {
     return numbers;
 }
 
-// The way of a ray through boxes, which are widened by `pad` along each axis.
+// A ray for box tests; `pad` is how far boxes are widened along each axis.
 struct Way {
     float3 origin, inverse, pad;
 };
 
-// How much that is for a ray from an origin: the padding of the reference (`slab_padding`), and as much again as the roundings of the
-// quantised boxes and of their fused test may add: below 32 u times the reach, which bounds every difference of coordinates.
-// More than they add, so that a ray enters the box of what it hits before it leaves it.
+// The padding of boxes for a ray from an origin: the padding of the reference (`slab_padding`), plus a bound on the roundings of the
+// quantised boxes and of their fused test: below 32 u times the reach, which bounds every difference of coordinates. It is larger than
+// these errors, so a ray enters the box of what it hits before it leaves it.
 DEVICE float3 box_padding(const Params &params, float3 origin) {
     float3 reach = reach_from(params, origin);
     float most = most_of(reach.x, reach.y, reach.z);
@@ -71,7 +71,7 @@ struct Slab {
     uint4 near, far;
 };
 DEVICE Slab slab_of(float corner, float scale, float origin, float inverse, float pad, const uint4 *planes) {
-    // Chosen by the address: no instruction for each word.
+    // Selected by address, which takes no instruction for each word.
     unsigned backward = inverse < 0.0f ? 1u : 0u;
     float base = (corner - origin) * inverse;
     return {__fmaf_rn(-pad, fabsf(inverse), base),
@@ -81,7 +81,7 @@ DEVICE Slab slab_of(float corner, float scale, float origin, float inverse, floa
             __ldg(planes + (1u - backward))};
 }
 
-// The slots of children that the ray meets between two distances; empty ones may be among them.
+// Mask of the slots of children that the ray enters between two distances; it may include empty slots.
 DEVICE unsigned met_slots(const Node &node, const uint4 *at, const Way &way, float least, float most) {
     auto slab = [&](int axis, unsigned corner, float origin, float inverse, float pad) {
         return slab_of(__uint_as_float(corner), scale_of(node.head.w, axis), origin, inverse, pad, planes_of(at, axis));
@@ -90,7 +90,7 @@ DEVICE unsigned met_slots(const Node &node, const uint4 *at, const Way &way, flo
     Slab y = slab(1, node.head.y, way.origin.y, way.inverse.y, way.pad.y);
     Slab z = slab(2, node.head.z, way.origin.z, way.inverse.z, way.pad.z);
     unsigned met = 0;
-    // The last child first: each shifts its bit in.
+    // From the last child to the first: each shifts its bit in.
 #pragma unroll
     for (int pair = 3; pair >= 0; --pair) {
         auto word = [&](const uint4 &v) { return halves(pair == 0 ? v.x : pair == 1 ? v.y : pair == 2 ? v.z : v.w); };
@@ -103,11 +103,11 @@ DEVICE unsigned met_slots(const Node &node, const uint4 *at, const Way &way, flo
             fx = __fmaf_rn(fx, x.step, x.far_base);
             fy = __fmaf_rn(fy, y.step, y.far_base);
             fz = __fmaf_rn(fz, z.step, z.far_base);
-            // A distance that is not a number restricts nothing: fmaxf and fminf drop it.
+            // NaN distances do not restrict the ray: fmaxf and fminf drop them.
             float enter = fmaxf(fmaxf(nx, ny), fmaxf(nz, least));
             float leave = fminf(fminf(fx, fy), fminf(fz, most));
-            // The rounding of the inverses is between the axes. Whether the difference is negative: one instruction instead of a
-            // comparison and another.
+            // LATER covers the rounding of the reciprocals, which differs between the axes. The bit is the sign of the difference: one
+            // instruction instead of a comparison and another.
             constexpr float LATER = 1.0f + 16.0f * UNIT_ROUNDOFF;
             met = __funnelshift_l(__float_as_uint(__fmaf_rn(leave, -LATER, enter)), met, 1);
         };
@@ -117,7 +117,7 @@ DEVICE unsigned met_slots(const Node &node, const uint4 *at, const Way &way, flo
     return met;
 }
 
-// Slots by the order in which a ray visits them, `slot ^ octant`.
+// Permutes a mask of slots to the order in which a ray visits them, `slot ^ octant`.
 DEVICE unsigned in_order(unsigned slots, unsigned octant) {
     if (octant & 1u) slots = (slots >> 1 & 0x55u) | (slots & 0x55u) << 1;
     if (octant & 2u) slots = (slots >> 2 & 0x33u) | (slots & 0x33u) << 2;
@@ -125,34 +125,34 @@ DEVICE unsigned in_order(unsigned slots, unsigned octant) {
     return slots;
 }
 
-// A set of children of one node: those still to be visited.
+// The children of one node that are still to be visited.
 struct Group {
-    unsigned base; // of the inner children
-    unsigned bits; // inner children by order in 24..31; which slots are inner children in 0..7
+    unsigned base; // index of the node's first inner child
+    unsigned bits; // bits 24..31: inner children, in visiting order; bits 0..7: which slots are inner children
 };
 
-// The way of a ray down the tree.
+// The state of a ray's traversal of the tree.
 struct Descent {
     Way way;
     float t_min;
-    unsigned octant; // 7 minus the ray's octant: children on the near side come first
+    unsigned octant; // 7 minus the ray's octant, so that children on the near side come first
     Group stack[STACK];
     int depth;
     Group group;
-    // The triangles that were found last: one bit each, counted from the first.
+    // The triangles found last: one bit each, counted from `first`.
     unsigned triangles, first;
 
-    // Begins at the root.
+    // Starts at the root.
     DEVICE_MEMBER void begin(const Params &params, const Query &query) {
         float3 d = vec3(steered(query.direction.x), steered(query.direction.y), steered(query.direction.z));
         way = {query.origin, vec3(1.0f / d.x, 1.0f / d.y, 1.0f / d.z), box_padding(params, query.origin)};
         octant = (d.x < 0.0f ? 0u : 1u) | (d.y < 0.0f ? 0u : 2u) | (d.z < 0.0f ? 0u : 4u);
         t_min = query.t_min;
         depth = 0;
-        // One child, and no inner one before it.
+        // A group with one child, the root, and no inner child before it.
         group = {0u, 0x80000000u};
     }
-    // Opens the next node. False where none is left after it.
+    // Opens the next node. Returns false if no node is left after it.
     DEVICE_MEMBER bool advance(const Params &params, float limit) {
         unsigned place = 31u - __clz(group.bits), slot = (place - 24u) ^ octant;
         unsigned index = group.base + __popc(group.bits & 0xffu & ((1u << slot) - 1u));
@@ -223,7 +223,7 @@ struct Bvh {
         return blocked;
     }
 
-    // Each thread alone. Where they work together, kernels of their own do (`count_open.cuh`).
+    // Each thread works alone; kernels in which threads cooperate are in `count_open.cuh`.
     template <Accept ACCEPT, class Rays>
     DEVICE_MEMBER unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
         return wanted ? count_open_alone<ACCEPT>(*this, fan, samples, rays) : 0u;

@@ -1,8 +1,8 @@
-// Rays traced by OptiX. Its device functions are calls that the driver resolves when it compiles a module; declared here
-// are those that are used (OptiX 8.1 programming guide and its public headers name them).
+// Rays traced by OptiX. Its device functions are calls that the driver resolves when it compiles a module; declared here are the ones in
+// use (the OptiX 8.1 programming guide and its public headers name them).
 //
-// Payload: 0 to 3 what was met: triangle, or `NO_TRIANGLE` written by the miss program; distance and barycentric coordinates,
-// written by the closest-hit program. 4 and 5 where crossed glass is noted; 0 for nowhere.
+// Payload 0: the triangle, or `NO_TRIANGLE` written by the miss program. 1 to 3: distance and barycentric coordinates, written by the
+// closest-hit program with the triangle. 4 and 5: address at which crossed glass is recorded; 0 for none.
 #pragma once
 #include "pass.cuh"
 
@@ -41,8 +41,8 @@ DEVICE Hit current_hit() {
 }
 
 constexpr unsigned RAY_TERMINATE_ON_FIRST_HIT = 1u << 2, RAY_DISABLE_CLOSEST_HIT = 1u << 3;
-// Rays of radiance (`Phong` in project files) and of shadow have miss records and, for each material, hit records of their
-// own, in this order.
+// Radiance rays (`Phong` in project files) and shadow rays have their own miss record and, for each material, their own hit record, in this
+// order.
 enum RayType : unsigned { RADIANCE = 0, SHADOW = 1 };
 
 DEVICE void report_hit(const Hit &hit) {
@@ -54,12 +54,12 @@ DEVICE void report_hit(const Hit &hit) {
 DEVICE void report_miss() { set_payload<0>(NO_TRIANGLE); }
 DEVICE Crossings *asked_crossings() { return (Crossings *)(payload<4>() | (unsigned long long)payload<5>() << 32); }
 
-// Traces a ray; `p` are the payloads, as written by the programs that ran.
+// Traces a ray; `p` holds the payloads, as changed by the programs that ran.
 DEVICE void trace(const Ray &ray, RayType type, unsigned flags, unsigned (&p)[PAYLOADS]) {
-    // The function takes and returns 32 payloads, used or not.
+    // The device function always takes and returns 32 payloads.
     unsigned none = 0, types = RAY_TYPES;
     [[maybe_unused]] unsigned rest[32 - PAYLOADS];
-    // OptiX wants numbers.
+    // OptiX does not accept infinity.
     float t_max = fminf(ray.t_max, 3.402823466e38f);
     asm volatile("call (" "%0, %1, %2, %3, %4, %5, %6, %7, %8, %9, %10, %11, %12, %13, %14, %15, %16, %17, %18, %19, %20, %21, "
                  "%22, %23, %24, %25, %26, %27, %28, %29, %30, %31"
@@ -86,7 +86,7 @@ DEVICE void trace(const Ray &ray, RayType type, unsigned flags, unsigned (&p)[PA
                  :);
 }
 
-// Which hits count is not asked by the ray (`Accept`) but decided by the programs of the materials.
+// Which hits count is decided by the programs of the materials, not by the ray's `Accept`.
 struct Optix {
     const Params &params;
 
@@ -99,7 +99,7 @@ struct Optix {
     template <Accept> __device__ __forceinline__ bool occluded(const Ray &ray, Crossings *crossings) const {
         unsigned long long where = (unsigned long long)crossings;
         unsigned p[PAYLOADS] = {0, 0, 0, 0, (unsigned)where, (unsigned)(where >> 32)};
-        // Nothing but the miss program writes the answer, and where something stopped the ray it does not run.
+        // Only the miss program writes the answer, and it does not run if something stopped the ray.
         trace(ray, SHADOW, RAY_TERMINATE_ON_FIRST_HIT | RAY_DISABLE_CLOSEST_HIT, p);
         return p[0] != NO_TRIANGLE;
     }
@@ -107,6 +107,6 @@ struct Optix {
     DEVICE_MEMBER unsigned count_open(bool wanted, const Rays &fan, unsigned samples, RayCounts &rays) const {
         return wanted ? count_open_alone<ACCEPT>(*this, fan, samples, rays) : 0u;
     }
-    // OptiX may move threads from warp to warp: each works alone.
+    // OptiX may move threads between warps, so each works alone.
     static __device__ __forceinline__ bool any(bool value) { return value; }
 };

@@ -1,19 +1,18 @@
-// The watertight triangle test of `trace/single/leaf_test.rs`, operation by operation: what a ray hits, and at what distance, is that of the
-// processor, bit for bit.
+// The watertight triangle test of `trace/single/leaf_test.rs`, operation by operation: hits and their distances are those of the processor,
+// bit for bit.
 #pragma once
 #include "pass.cuh"
 
-// Which axis is the longest of a ray, as two choices of four bytes. Conditions would become branches, which rays of a warp take
-// differently.
+// The longest axis of a ray, as two byte selections. Conditions would become branches, in which rays of a warp diverge.
 struct Turn {
-    unsigned x, y; // SECOND where that axis is it
+    unsigned x, y; // SECOND if x (y) is the longest axis, else FIRST
 
     static constexpr unsigned FIRST = 0x3210u, SECOND = 0x7654u;
     static DEVICE_MEMBER Turn to(int longest) { return {longest == 0 ? SECOND : FIRST, longest == 1 ? SECOND : FIRST}; }
     static DEVICE_MEMBER float choose(float first, float second, unsigned which) {
         return __uint_as_float(__byte_perm(__float_as_uint(first), __float_as_uint(second), which));
     }
-    // The two other axes in order, then the longest.
+    // The other two axes in cyclic order, then the longest.
     DEVICE_MEMBER float3 operator()(float3 v) const {
         return vec3(choose(choose(v.x, v.y, x), v.z, y), choose(choose(v.y, v.z, x), v.x, y),
                     choose(choose(v.z, v.x, x), v.y, y));
@@ -31,7 +30,7 @@ struct Query {
 DEVICE float component(float3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 DEVICE float flush(float d) { return fabsf(d) < 1.17549435e-38f ? d * 0.0f : d; }
 
-// Whether the ray can hit anything; then `query` is prepared.
+// Prepares `query`; false if the ray cannot hit anything.
 DEVICE bool prepare(const Ray &ray, Query &query) {
     float3 zero = ray.origin * 0.0f + ray.direction * 0.0f;
     if (!(zero.x + zero.y + zero.z == 0.0f && ray.t_min < ray.t_max && ray.t_max > 0.0f)) return false;
@@ -56,7 +55,7 @@ DEVICE float3 sheared(const Query &query, float3 corner) {
 }
 
 DEVICE float most_of(float a, float b, float c) { return fmaxf(fmaxf(a, b), c); }
-// How far the scene reaches from a point along each axis.
+// Largest distance of the scene's bounds from a point, along each axis.
 DEVICE float3 reach_from(const Params &params, float3 point) {
     float3 low = vec3(params.scene_low[0], params.scene_low[1], params.scene_low[2]);
     float3 high = vec3(params.scene_high[0], params.scene_high[1], params.scene_high[2]);
@@ -72,7 +71,7 @@ DEVICE float3 slab_padding(const Params &params, const Query &query) {
     return (reach + splat(along)) * SLAB_ERROR + absolute(query.origin) * SLAB_ORIGIN_ERROR;
 }
 
-// The interval in which the ray is in the bounds of a triangle, as in `PreparedRay::span`.
+// One axis of the interval in which the ray is inside the bounds of a triangle, as in `PreparedRay::span`.
 DEVICE float2 interval_axis(float2 range, float origin, float direction, float pad, float a, float b, float c) {
     float inverse = 1.0f / direction;
     float toward = copysignf(pad, inverse);
@@ -83,7 +82,7 @@ DEVICE float2 interval_axis(float2 range, float origin, float direction, float p
     return make_float2(near > range.x ? near : range.x, far < range.y ? far : range.y);
 }
 
-// The corners as the ray sees them, and the signed areas opposite to them.
+// The corners relative to the ray's origin and sheared, and the edge functions opposite to them.
 struct Edges {
     float3 a, b, c;
     float of_a, of_b, of_c;
@@ -92,13 +91,13 @@ DEVICE Edges edges_of(const Query &query, float3 a, float3 b, float3 c) {
     float3 sa = sheared(query, a), sb = sheared(query, b), sc = sheared(query, c);
     return {sa, sb, sc, sc.x * sb.y - sc.y * sb.x, sa.x * sc.y - sa.y * sc.x, sb.x * sa.y - sb.y * sa.x};
 }
-// Whether the ray passes the triangle by.
+// Whether the ray's line misses the triangle.
 DEVICE bool passes_by(const Edges &edges) {
     float least = fminf(fminf(edges.of_a, edges.of_b), edges.of_c), most = fmaxf(fmaxf(edges.of_a, edges.of_b), edges.of_c);
     return !(least >= 0.0f || most <= 0.0f);
 }
 
-// Where the ray meets the triangle with t_min < t <= limit.
+// The hit of the ray on the triangle with t_min < t <= limit; false if there is none.
 DEVICE bool intersect(const Params &params, const Query &query, float3 a, float3 b, float3 c, float limit, Hit &hit) {
     Edges edges = edges_of(query, a, b, c);
     if (passes_by(edges)) return false;
@@ -121,7 +120,7 @@ DEVICE bool intersect(const Params &params, const Query &query, float3 a, float3
         hit.u = eb / determinant;
         hit.v = ec / determinant;
     }
-    // The distance is kept within the triangle's own bounds: seen edge-on, the plane may be met anywhere.
+    // The distance is clamped to the triangle's own bounds: for a triangle seen edge-on, the plane may be met anywhere.
     float3 pad = slab_padding(params, query);
     float2 range = make_float2(query.t_min, INFINITY);
     range = interval_axis(range, query.origin.x, query.direction.x, pad.x, a.x, b.x, c.x);
@@ -133,7 +132,7 @@ DEVICE bool intersect(const Params &params, const Query &query, float3 a, float3
     return t > query.t_min && t <= limit;
 }
 
-// The triangles of a leaf, three vectors of four: corners, and the id in the first one's fourth.
+// A triangle of a leaf: three vectors of four, the corners, with the id in the fourth component of the first.
 struct Triangle {
     float3 a, b, c;
     unsigned id;

@@ -4,7 +4,7 @@
 
 #define DEVICE static __device__ __forceinline__
 #define DEVICE_MEMBER __device__ __forceinline__
-// OptiX traces from inlined functions only.
+// OptiX traces only from inlined functions.
 #ifdef CURITIBA_OPTIX
 #define OUTLINED __forceinline__
 #else
@@ -34,7 +34,7 @@ DEVICE bool is_finite(float3 a) { return isfinite(a.x) && isfinite(a.y) && isfin
 
 DEVICE bool equal(float3 a, float3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
-// Whether a unit vector of this direction exists; then `out` is it.
+// Normalises a vector; false if it has no direction.
 DEVICE bool try_normalize(float3 a, float3 &out) {
     float reciprocal = length_recip(a);
     if (!(isfinite(reciprocal) && reciprocal > 0.0f)) return false;
