@@ -17,8 +17,8 @@ pub(crate) const UNIT_ROUNDOFF: f32 = 1.0 / 16_777_216.0;
 
 // The slab test of a ray and a box (see `PreparedRay`). The origin of the slabs is moved outward by the error of the shear.
 
-/// Error of a sheared coordinate, relative to the sum of the scene's largest distances from the origin along two axes. The test errs by `5
-/// u (|x| + |z|)`; the rest is margin.
+/// Error of a sheared coordinate, relative to the sum of the scene's largest distances from the origin along two axes. The test errs by
+/// `5 u (|x| + |z|)`; the rest is margin.
 pub(crate) const SLAB_ERROR: f32 = 8.0 * UNIT_ROUNDOFF;
 /// Rounding error of the moved origin itself, relative to its coordinates: one unit in the last place.
 pub(crate) const SLAB_ORIGIN_ERROR: f32 = 2.0 * UNIT_ROUNDOFF;
@@ -71,8 +71,8 @@ pub(crate) const PLANE_ERROR: f32 = 16.0 * UNIT_ROUNDOFF;
 /// centre: three products and three sums of numbers that were rounded once.
 pub(crate) const HEIGHT_ERROR: f32 = 16.0 * UNIT_ROUNDOFF;
 /// Least height of the origin above a plane, relative to the triangle's largest coordinate, at which the plane decides misses. From there
-/// on, no ray that is nearly parallel to the plane meets the triangle, even with its corners moved by the error of the watertight test, `30
-/// u`.
+/// on, no ray that is nearly parallel to the plane meets the triangle, even with its corners moved by the error of the watertight test,
+/// `30 u`.
 pub(crate) const EDGE_ON: f32 = 256.0 * UNIT_ROUNDOFF;
 /// Relative margin of distances, above the rounding errors of the plane test and of the watertight test.
 pub(crate) const DISTANCE_MARGIN: f32 = 2.0e-6;

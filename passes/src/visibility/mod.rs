@@ -1,8 +1,8 @@
 //! How much two triangles see of each other.
 //!
 //! The visibility of a pair is the share of the segments between its triangles that nothing blocks: of the segments that leave both front
-//! sides, or of all (see [`Facing`]). The form factor weights each segment by what it carries: `F_ab = 1/A_a ∫∫ V cos θ_a cos θ_b / (π r²)
-//! dA_b dA_a`.
+//! sides, or of all (see [`Facing`]). The form factor weights each segment by what it carries:
+//! `F_ab = 1/A_a ∫∫ V cos θ_a cos θ_b / (π r²) dA_b dA_a`.
 //!
 //! A pair is decided before a ray is traced where that is exact:
 //!
@@ -19,8 +19,8 @@
 //!   multiplied by an epsilon. What is nearer to a triangle than that offset is not seen.
 //! * The triangles of the pair are excluded by their ids. A copy of a triangle in the same place is at distance 0 and does not block;
 //!   [`Surfaces::duplicates`] counts the copies.
-//! * The points of a pair come from a hash of the seed and of both triangles' corners. Results are equal, bit by bit, for `(a, b)` and `(b,
-//!   a)`, for any number of threads, and for any order of the triangles.
+//! * The points of a pair come from a hash of the seed and of both triangles' corners. Results are equal, bit by bit, for `(a, b)` and
+//!   `(b, a)`, for any number of threads, and for any order of the triangles.
 //! * Triangles are one-sided, as in the source of this module: what leaves the back of one is not counted.
 //!
 //! It does not compute light that is reflected on the way, and it does not look through textures: triangles of materials that are not

@@ -135,14 +135,14 @@ impl TriangleGroup {
     /// Computes the cones of the triangles in `near`, leaving out those that no ray can hit. Returns `false` if none is left. For a
     /// degenerate triangle nothing is certain: all rays stay undecided.
     ///
-    /// With `o` the origin, `a`, `b`, `c` the corners relative to it, `n` the normal (largest component 1, away from the origin) and `h = n
-    /// · a` its height above the origin, whose error is at most `ε`:
+    /// With `o` the origin, `a`, `b`, `c` the corners relative to it, `n` the normal (largest component 1, away from the origin) and
+    /// `h = n · a` its height above the origin, whose error is at most `ε`:
     ///
     /// * the planes through the origin and the edges are `b x c`, `c x a`, `a x b`, each divided by its error `EDGE_ERROR max|b| max|c|`,
     ///   with the sign that `n` was given. A dot product with a direction `d` above 1 is certainly positive, one below -1 certainly
     ///   negative;
-    /// * a ray meets the plane at `t = h / n · d`. It is met before `t_max` if `n · d >= h / t_max + m` (`hit`), and beyond it if `n · d <=
-    ///   h / t_max - m` (`miss`), with the margin `m = ε / t_max + MARGIN h / t_max + PLANE_ERROR`; likewise after `t_min`;
+    /// * a ray meets the plane at `t = h / n · d`. It is met before `t_max` if `n · d >= h / t_max + m` (`hit`), and beyond it if
+    ///   `n · d <= h / t_max - m` (`miss`), with the margin `m = ε / t_max + MARGIN h / t_max + PLANE_ERROR`; likewise after `t_min`;
     /// * where `h` is below `EDGE_ON max(|a|, |b|, |c|)`, the triangle is seen edge-on, and `miss` is only certain behind the origin.
     #[inline(always)]
     #[allow(clippy::needless_range_loop, reason = "an axis indexes several arrays side by side")]

@@ -264,14 +264,14 @@ pub(crate) struct ProjectedTriangles {
     high: [F16; 2],
     /// Normals of the edges, pointing inward.
     edge: [[F16; 2]; 3],
-    /// With `n` the normal of an edge and `p` a projected origin: if `n · p < outside` for any edge, the ray misses the triangle; if `n · p
-    /// > inside` for all edges, its line passes through the triangle.
+    /// With `n` the normal of an edge and `p` a projected origin: if `n · p < outside` for any edge, the ray misses the triangle; if
+    /// `n · p > inside` for all edges, its line passes through the triangle.
     outside: [F16; 3],
     inside: [F16; 3],
     /// Normals of the planes, with the sign for which `n · direction > 0`.
     normal: [F16; 3],
-    /// With `n` this normal and `o` an origin: if `n · o > beyond`, the ray starts beyond the plane and misses the triangle; if `n · o <
-    /// before`, it starts before the plane.
+    /// With `n` this normal and `o` an origin: if `n · o > beyond`, the ray starts beyond the plane and misses the triangle; if
+    /// `n · o < before`, it starts before the plane.
     beyond: F16,
     before: F16,
 }
