@@ -1,7 +1,7 @@
 // The occlusion rays of the points of a group, in shared memory: origins, the sides to which they go, and what their directions have in
 // common.
 
-// Ray origins; w is 0.
+// Ray origins; w: the distance before which nothing is hit, 0 unless `trace.wgsl` sets it.
 var<workgroup> fan_origin: array<vec4f, 32>;
 // Side to which the rays go; w: first scrambling seed.
 var<workgroup> fan_facing: array<vec4f, 32>;
