@@ -149,52 +149,61 @@ fn count_atomically(module: &mut Module, stated: &Stated) {
         let held = Type { name: inner.name, inner: TypeInner::Struct { members, span } };
         module.global_variables[variable].ty = module.types.insert(held, Span::UNDEFINED);
         let number = module.types.insert(number.clone(), Span::UNDEFINED);
-        let of = |what: &str| (counting_name(what, index), what == "count");
-        let functions = [(of("up"), naga::AtomicFunction::Add), (of("down"), naga::AtomicFunction::Subtract)];
-        let reads = (of("count"), naga::AtomicFunction::Add);
-        for ((name, only_reads), fun) in functions.into_iter().chain([reads]) {
-            let wanted =
-                |(_, function): &(Handle<naga::Function>, &naga::Function)| function.name.as_ref() == Some(&name);
-            let Some((handle, _)) = module.functions.iter().find(wanted) else { continue };
-            let function = &mut module.functions[handle];
-            function.expressions.clear();
-            function.named_expressions.clear();
-            function.local_variables.clear();
-            let mut add = |expression| function.expressions.append(expression, Span::UNDEFINED);
-            let argument = add(Expression::FunctionArgument(0));
-            let one = add(Expression::Literal(naga::Literal::U32(1)));
-            let buffer = add(Expression::GlobalVariable(variable));
-            let numbers = add(Expression::AccessIndex { base: buffer, index: 0 });
-            let pointer = add(Expression::Access { base: numbers, index: argument });
-            let mut body = naga::Block::new();
-            let mut emit =
-                |from, to| body.push(Statement::Emit(naga::Range::new_from_bounds(from, to)), Span::UNDEFINED);
-            emit(numbers, pointer);
-            let value = if only_reads {
-                let value = function.expressions.append(Expression::Load { pointer }, Span::UNDEFINED);
-                emit(value, value);
-                value
-            } else {
-                let result = Expression::AtomicResult { ty: number, comparison: false };
-                let before = function.expressions.append(result, Span::UNDEFINED);
-                let counts = Statement::Atomic { pointer, fun, value: one, result: Some(before) };
-                body.push(counts, Span::UNDEFINED);
-                match fun {
-                    // Counting down gives the number after it, counting up the one before.
-                    naga::AtomicFunction::Subtract => {
-                        let op = naga::BinaryOperator::Subtract;
-                        let after = Expression::Binary { op, left: before, right: one };
-                        let after = function.expressions.append(after, Span::UNDEFINED);
-                        body.push(Statement::Emit(naga::Range::new_from_bounds(after, after)), Span::UNDEFINED);
-                        after
-                    }
-                    _ => before,
-                }
+        let functions =
+            [("up", Some(naga::AtomicFunction::Add)), ("down", Some(naga::AtomicFunction::Subtract)), ("count", None)];
+        for (what, counts) in functions {
+            let name = Some(counting_name(what, index));
+            let Some((handle, _)) = module.functions.iter().find(|(_, function)| function.name == name) else {
+                continue;
             };
-            body.push(Statement::Return { value: Some(value) }, Span::UNDEFINED);
-            function.body = body;
+            count_by(&mut module.functions[handle], (variable, number), counts);
         }
     }
+}
+
+/// Gives a function of an index its body: it counts that number of the buffer `variable` (`counts`), or reads it.
+fn count_by(
+    function: &mut naga::Function,
+    (variable, number): (Handle<naga::GlobalVariable>, Handle<Type>),
+    counts: Option<naga::AtomicFunction>,
+) {
+    function.expressions.clear();
+    function.named_expressions.clear();
+    function.local_variables.clear();
+    let mut body = naga::Block::new();
+    let mut add = |expression| function.expressions.append(expression, Span::UNDEFINED);
+    let emit = |body: &mut naga::Block, from, to| {
+        body.push(Statement::Emit(naga::Range::new_from_bounds(from, to)), Span::UNDEFINED);
+    };
+    let argument = add(Expression::FunctionArgument(0));
+    let one = add(Expression::Literal(naga::Literal::U32(1)));
+    let buffer = add(Expression::GlobalVariable(variable));
+    let numbers = add(Expression::AccessIndex { base: buffer, index: 0 });
+    let pointer = add(Expression::Access { base: numbers, index: argument });
+    emit(&mut body, numbers, pointer);
+    let value = match counts {
+        None => {
+            let value = add(Expression::Load { pointer });
+            emit(&mut body, value, value);
+            value
+        }
+        Some(fun) => {
+            let before = add(Expression::AtomicResult { ty: number, comparison: false });
+            let counts = Statement::Atomic { pointer, fun, value: one, result: Some(before) };
+            body.push(counts, Span::UNDEFINED);
+            // Counting down gives the number after it, counting up the one before.
+            if matches!(fun, naga::AtomicFunction::Subtract) {
+                let op = naga::BinaryOperator::Subtract;
+                let after = add(Expression::Binary { op, left: before, right: one });
+                emit(&mut body, after, after);
+                after
+            } else {
+                before
+            }
+        }
+    };
+    body.push(Statement::Return { value: Some(value) }, Span::UNDEFINED);
+    function.body = body;
 }
 
 /// Whether the members and elements of a type lie in both modules at the same places.

@@ -62,41 +62,65 @@ impl<'a> Reader<'a> {
         self.recover();
     }
 
-    pub(super) fn uniform_block(
+    /// Whether a block is used beyond its declaration: by the name of its instance, or by those of its members where it has none.
+    pub(super) fn uses_block(&self, members: &[(Qualifiers, &Token, Declarator)], instance: Option<&Token>) -> bool {
+        match instance {
+            Some(instance) => self.uses(&instance.text) > 1,
+            None => members.iter().any(|(_, _, member)| self.uses(&member.token.text) > 1),
+        }
+    }
+
+    /// Refuses a name that begins as those that are added here do.
+    pub(super) fn not_reserved(&self, name: &Token) -> Result<(), Fault> {
+        match name.text.starts_with(OURS) {
+            true => Err(self.fault(name, format!("`{}` is a reserved name", name.text), "")),
+            false => Ok(()),
+        }
+    }
+
+    /// Writes a block's name, its members and its instance. `truth` says why a member may be no truth value, and what helps.
+    pub(super) fn put_block(
         &mut self,
         name: &Token,
         members: &[(Qualifiers, &Token, Declarator)],
         instance: Option<&Token>,
+        truth: [&str; 2],
     ) -> Result<(), Fault> {
-        let read = match instance {
-            Some(instance) => self.uses(&instance.text) > 1,
-            None => members.iter().any(|(_, _, member)| self.uses(&member.token.text) > 1),
-        };
-        if !read {
-            return Ok(());
-        }
-        if name.text.starts_with(OURS) {
-            return Err(self.fault(name, format!("`{}` is a reserved name", name.text), ""));
-        }
-        let binding = self.first_block + self.done.blocks.len();
-        self.put(&format!("layout ( std140 , set = 0 , binding = {binding} ) uniform"), name);
         self.put(&name.text, name);
         self.put("{", name);
         for (_, kind, member) in members {
             if matches!(kind.text.as_str(), "bool" | "bvec2" | "bvec3" | "bvec4") {
-                return Err(self.fault(kind, "uniforms of truth values are not supported", "declare it as int"));
+                return Err(self.fault(kind, truth[0], truth[1]));
             }
             self.put(&kind.text, kind);
             self.put(&format!("{}{}", member.token.text, member.array), &member.token);
             self.put(";", &member.token);
-            let at = [member.token.start, member.token.end];
-            self.done.members.insert((name.text.clone(), member.token.text.clone()), at);
         }
         self.put("}", name);
         if let Some(instance) = instance {
             self.put(&instance.text, instance);
         }
         self.put(";", name);
+        Ok(())
+    }
+
+    pub(super) fn uniform_block(
+        &mut self,
+        name: &Token,
+        members: &[(Qualifiers, &Token, Declarator)],
+        instance: Option<&Token>,
+    ) -> Result<(), Fault> {
+        if !self.uses_block(members, instance) {
+            return Ok(());
+        }
+        self.not_reserved(name)?;
+        let binding = self.first_block + self.done.blocks.len();
+        self.put(&format!("layout ( std140 , set = 0 , binding = {binding} ) uniform"), name);
+        self.put_block(name, members, instance, ["uniforms of truth values are not supported", "declare it as int"])?;
+        for (_, _, member) in members {
+            let at = [member.token.start, member.token.end];
+            self.done.members.insert((name.text.clone(), member.token.text.clone()), at);
+        }
         self.done.blocks.push(name.text.clone());
         Ok(())
     }

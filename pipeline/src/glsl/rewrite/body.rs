@@ -3,8 +3,7 @@
 use super::super::tokens::{Kind, Token};
 use super::super::{Fault, SamplerKind, Stage};
 use super::{
-    Function, OURS, Origin, Reader, Variable, beside_name, compare_name, compare_projected_name, sampler_name,
-    texture_name,
+    Function, Origin, Reader, Variable, beside_name, compare_name, compare_projected_name, sampler_name, texture_name,
 };
 
 /// Functions whose first argument is a sampler, and what they are called today.
@@ -102,9 +101,7 @@ impl Reader<'_> {
             self.put(word, token);
             return Ok(());
         }
-        if word.starts_with(OURS) {
-            return Err(self.fault(token, format!("`{word}` is a reserved name"), ""));
-        }
+        self.not_reserved(token)?;
         if word == "main" && called {
             self.put("curitiba_main", token);
             return Ok(());

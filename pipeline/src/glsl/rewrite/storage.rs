@@ -80,38 +80,17 @@ impl Reader<'_> {
         members: &[(Qualifiers, &Token, Declarator)],
         instance: Option<&Token>,
     ) -> Result<(), Fault> {
-        let read = match instance {
-            Some(instance) => self.uses(&instance.text) > 1,
-            None => members.iter().any(|(_, _, member)| self.uses(&member.token.text) > 1),
-        };
-        if !read {
+        if !self.uses_block(members, instance) {
             return Ok(());
         }
         self.in_pixels(name)?;
-        if name.text.starts_with(OURS) {
-            return Err(self.fault(name, format!("`{}` is a reserved name", name.text), ""));
-        }
+        self.not_reserved(name)?;
         let index = self.storage(qualifiers.binding.unwrap_or(0), false, name, true)?;
         self.done.storage[index].readonly = qualifiers.readonly;
         let rules = if qualifiers.std140 { "std140" } else { "std430" };
         let only = if qualifiers.readonly { "readonly " } else { "" };
         self.put(&format!("layout ( {rules} , set = 2 , binding = {index} ) {only}buffer"), name);
-        self.put(&name.text, name);
-        self.put("{", name);
-        for (_, kind, member) in members {
-            if matches!(kind.text.as_str(), "bool" | "bvec2" | "bvec3" | "bvec4") {
-                return Err(self.fault(kind, "buffers of truth values are not supported", "declare it as uint"));
-            }
-            self.put(&kind.text, kind);
-            self.put(&format!("{}{}", member.token.text, member.array), &member.token);
-            self.put(";", &member.token);
-        }
-        self.put("}", name);
-        if let Some(instance) = instance {
-            self.put(&instance.text, instance);
-        }
-        self.put(";", name);
-        Ok(())
+        self.put_block(name, members, instance, ["buffers of truth values are not supported", "declare it as uint"])
     }
 
     /// `layout(binding = 1, offset = 4) uniform atomic_uint name;`.
