@@ -323,9 +323,9 @@ impl Renderer {
         filtered: &[bool],
         observer: &mut dyn Observer,
     ) -> Result<(), BackendError> {
+        let progress = self.progress();
         let rays = self.engines.rays_of_mut(pass);
         let name = rays.name();
-        let progress = Arc::new(Progress::until(&self.cancellation));
         observer.begin(StepKind::Build, name, &progress);
         let start = Instant::now();
         let built = rays.build_until(&self.scenes[set].scene, filtered, &progress);

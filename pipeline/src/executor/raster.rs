@@ -1,6 +1,6 @@
 //! Raster passes.
 
-use super::{Observer, PassMaterials, Progress, Renderer, StepKind, channel_of, parts, shaders};
+use super::{Observer, PassMaterials, Renderer, StepKind, channel_of, parts, shaders};
 use crate::backend::{Attachments, BackendError, OwnShaders, QuadTexture, RasterJob};
 use crate::plan::{PlannedPass, Work};
 use crate::programs::Fidelity;
@@ -60,8 +60,8 @@ impl Renderer {
             snapped_depth: self.plan.settings.fidelity == Fidelity::Thesis,
         };
         if self.plan.block.is_some() {
+            let progress = self.progress();
             let (host, raster) = (self.in_host(target, host, traced), &mut self.engines.raster);
-            let progress = Arc::new(Progress::until(&self.cancellation));
             observer.begin(StepKind::Raster, name, &progress);
             let start = Instant::now();
             let drawn = parts::draw_blocks(raster.as_mut(), &job, &blocks, host, &mut buffer, &progress);
@@ -76,7 +76,7 @@ impl Renderer {
                 format!("{triangles} triangles on {engine}, in {blocks} blocks");
             return Ok(());
         }
-        let progress = Arc::new(Progress::until(&self.cancellation));
+        let progress = self.progress();
         observer.begin(StepKind::Raster, name, &progress);
         let start = Instant::now();
         let drawn = match own_materials.is_empty() {

@@ -294,7 +294,7 @@ impl Loader {
                 shader: shader?,
                 values,
                 textures: textures?,
-                buffers: buffers.clone(),
+                buffers,
                 state,
             })
         })();

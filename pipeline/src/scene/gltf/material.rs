@@ -275,16 +275,15 @@ fn surface(written: &json::Material, name: String, context: &Context<'_>, warnin
         Ok(Some(rank)) => material.priority = rank,
         Err(()) => warn("materials whose `extras.priority` is no whole number from 0 to 255", "0 serves", ""),
     }
-    match extras.color("reflectionColor") {
-        Ok(color) => material.reflection = color.unwrap_or(Vec3::ONE),
-        Err(()) => {
-            warn("materials whose `extras.reflectionColor` is not three numbers from 0 to 1", "white serves", "")
-        }
-    }
-    match extras.color("refractionColor") {
-        Ok(color) => material.filter *= color.unwrap_or(Vec3::ONE),
-        Err(()) => {
-            warn("materials whose `extras.refractionColor` is not three numbers from 0 to 1", "white serves", "")
+    let reflection = "materials whose `extras.reflectionColor` is not three numbers from 0 to 1";
+    let refraction = "materials whose `extras.refractionColor` is not three numbers from 0 to 1";
+    for (key, kept, what) in [
+        ("reflectionColor", &mut material.reflection, reflection),
+        ("refractionColor", &mut material.filter, refraction),
+    ] {
+        match extras.color(key) {
+            Ok(color) => *kept *= color.unwrap_or(Vec3::ONE),
+            Err(()) => warn(what, "white serves", ""),
         }
     }
     match dispersion(extensions) {
