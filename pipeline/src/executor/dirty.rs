@@ -109,10 +109,8 @@ impl Renderer {
         };
         let mut run: Vec<bool> = self.plan.passes.iter().enumerate().map(stale).collect();
         // What passes store to buffers is added to what others stored, from zeros on.
-        let stores = self.plan.passes.iter().any(
-            |planned| matches!(&self.plan.pass(planned).kind, PassKind::Quad(quad) if quad.stored(false).next().is_some()),
-        );
-        if stores && run.contains(&true) {
+        let stores = |planned| self.plan.pass(planned).kind.buffers_stored().next().is_some();
+        if run.contains(&true) && self.plan.passes.iter().any(stores) {
             run.fill(true);
             return run;
         }

@@ -53,10 +53,7 @@ impl Plan {
             (Work::Quad { .. }, PassKind::Quad(quad)) => liveness::sources(quad).into_iter().map(slot).collect(),
             _ => Vec::new(),
         };
-        let stored: Vec<Slot> = match &pass.kind {
-            PassKind::Quad(quad) => quad.stored(false).map(slot).collect(),
-            _ => Vec::new(),
-        };
+        let stored: Vec<Slot> = pass.kind.buffers_stored().map(slot).collect();
         let mut writes: Vec<Slot> = match (&planned.work, pass.target) {
             (Work::Raster { .. }, Some(_)) => (0..=TRIANGLES).map(|channel| (pass.target, channel)).collect(),
             _ => vec![(pass.target, 0)],

@@ -52,10 +52,7 @@ impl Plan {
             }
             let written = self.channels_written(pass);
             let mut live = attachments(pass, written, &wanted.channels, &wanted.triangles);
-            let stores = match &pass.kind {
-                PassKind::Quad(quad) => quad.stored(false).any(|channel| wanted.channels.contains(&channel)),
-                _ => false,
-            };
+            let stores = pass.kind.buffers_stored().any(|channel| wanted.channels.contains(&channel));
             live.color |= stores;
             let host = attachments(pass, written, &wanted.host, &wanted.host_triangles);
             let traced = attachments(pass, written, &wanted.traced, &wanted.traced_triangles);
@@ -105,8 +102,8 @@ impl Plan {
                 PassKind::Quad(quad) => {
                     wanted.read_in_host(sources(quad));
                     // What it stores to a part of, it leaves in the rest.
-                    wanted.read_in_host(quad.stored(false).collect());
-                    for channel in quad.stored(true).chain(quad.stored(false)) {
+                    wanted.read_in_host(quad.buffers_stored().collect());
+                    for channel in quad.buffers_read().chain(quad.buffers_stored()) {
                         self.targets[channel.target].stored.color = true;
                     }
                     self.explain_quad(pass, quad);
@@ -387,7 +384,7 @@ pub(super) fn sources(quad: &QuadPass) -> Vec<ChannelRef> {
                 ShaderTexture::Channel(channel) => Some(*channel),
                 _ => None,
             };
-            textures.filter_map(channel).chain(quad.stored(true)).collect()
+            textures.filter_map(channel).chain(quad.buffers_read()).collect()
         }
     }
 }

@@ -171,7 +171,7 @@ impl Plan {
         let mut targets = Vec::new();
         // Shaders that bind buffers count on the sizes that the project has.
         let fixed = project.pipelines[pipeline].passes.iter().any(
-            |pass| matches!(&pass.kind, PassKind::Quad(quad) if quad.stored(true).chain(quad.stored(false)).next().is_some()),
+            |pass| matches!(&pass.kind, PassKind::Quad(quad) if quad.buffers_read().chain(quad.buffers_stored()).next().is_some()),
         );
         for target in &project.targets {
             // Depth maps of lights do not scale with the window.

@@ -202,10 +202,10 @@ impl Loader {
                     Self::reads(context, Some(*channel), at);
                 }
             }
-            for channel in shader.stored(true).filter(|channel| !shader.stored(false).any(|own| own == *channel)) {
+            for channel in shader.buffers_read().filter(|channel| !shader.buffers_stored().any(|own| own == *channel)) {
                 Self::reads(context, Some(channel), at);
             }
-            context.facts.stores(shader.stored(false));
+            context.facts.stores(shader.buffers_stored());
             return Some(QuadPass { source: QuadSource::Own, shader: Some(shader) });
         }
         match self.shader_program(context, library, &material, at, QUAD_PROGRAMS, "quad")? {

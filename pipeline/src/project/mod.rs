@@ -377,6 +377,15 @@ pub enum PassKind {
 }
 
 impl PassKind {
+    /// The channels of the storage buffers that the pass stores to; only quad passes do.
+    pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
+        let quad = match self {
+            Self::Quad(quad) => Some(quad),
+            Self::Raster(_) | Self::Ray(_) | Self::Effect(_) => None,
+        };
+        quad.into_iter().flat_map(QuadPass::buffers_stored)
+    }
+
     /// Number of channels of its target that a pass writes, counted from the first.
     #[must_use]
     pub fn channels_written(&self) -> usize {
@@ -611,18 +620,31 @@ pub struct QuadPass {
 }
 
 impl OwnShader {
-    /// The channels of storage buffers that it reads (`read`), or else those that it stores to.
-    pub fn stored(&self, read: bool) -> impl Iterator<Item = ChannelRef> + '_ {
-        let bound = self.storage.iter().zip(&self.program.storage);
-        let used = bound.filter(move |(_, buffer)| if read { buffer.read } else { buffer.written });
-        used.map(|(target, _)| ChannelRef { target: *target, channel: 0 })
+    /// The channels of the storage buffers that it reads.
+    pub fn buffers_read(&self) -> impl Iterator<Item = ChannelRef> + '_ {
+        self.buffers(|buffer| buffer.read)
+    }
+
+    /// The channels of the storage buffers that it stores to.
+    pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
+        self.buffers(|buffer| buffer.written)
+    }
+
+    fn buffers(&self, used: fn(&glsl::StorageBuffer) -> bool) -> impl Iterator<Item = ChannelRef> + '_ {
+        let bound = self.storage.iter().zip(&self.program.storage).filter(move |(_, buffer)| used(buffer));
+        bound.map(|(target, _)| ChannelRef { target: *target, channel: 0 })
     }
 }
 
 impl QuadPass {
-    /// The storage buffers that it reads (`read`), or else those that it stores to.
-    pub fn stored(&self, read: bool) -> impl Iterator<Item = ChannelRef> + '_ {
-        self.shader.iter().flat_map(move |shader| shader.stored(read))
+    /// The channels of the storage buffers that its shader reads.
+    pub fn buffers_read(&self) -> impl Iterator<Item = ChannelRef> + '_ {
+        self.shader.iter().flat_map(|shader| shader.buffers_read())
+    }
+
+    /// The channels of the storage buffers that its shader stores to.
+    pub fn buffers_stored(&self) -> impl Iterator<Item = ChannelRef> + '_ {
+        self.shader.iter().flat_map(|shader| shader.buffers_stored())
     }
 
     /// A pass without a shader of the project's own.
