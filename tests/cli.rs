@@ -402,9 +402,14 @@ fn numbers_out_of_range_fail_the_check_with_1_and_name_pass_and_channel() {
 fn the_window_is_started_with_the_same_arguments_and_its_absence_says_how_to_build_it() {
     use std::os::unix::fs::PermissionsExt as _;
     let folder = tempfile::tempdir().expect("a folder");
+    // Another process makes each program. A descriptor of this process that is open for writing is inherited by the children that other tests start, and the system starts no program that is open for writing.
+    let put = |from: &Path, name: &str| {
+        let to = folder.path().join(name);
+        assert!(Command::new("cp").arg(from).arg(&to).status().expect("cp starts").success());
+        to
+    };
     // A copy of the program, so that what is beside it is known.
-    let program = folder.path().join("curitiba");
-    std::fs::copy(env!("CARGO_BIN_EXE_curitiba"), &program).expect("copied");
+    let program = put(Path::new(env!("CARGO_BIN_EXE_curitiba")), "curitiba");
     let start = |arguments: &[&str]| {
         let mut command = Command::new(&program);
         command.current_dir(folder.path()).args(arguments).env("PATH", "").output().expect("the program starts")
@@ -413,9 +418,10 @@ fn the_window_is_started_with_the_same_arguments_and_its_absence_says_how_to_bui
     let printed = text(&absent.stderr);
     assert_eq!(absent.status.code(), Some(1), "{printed}");
     assert!(printed.contains("curitiba-view") && printed.contains("--manifest-path view/Cargo.toml"), "{printed}");
-    let window = folder.path().join("curitiba-view");
-    std::fs::write(&window, "#!/bin/sh\nfor word; do printf '<%s>' \"$word\"; done\nexit 7\n").expect("written");
-    std::fs::set_permissions(&window, std::fs::Permissions::from_mode(0o755)).expect("made executable");
+    let script = folder.path().join("script");
+    std::fs::write(&script, "#!/bin/sh\nfor word; do printf '<%s>' \"$word\"; done\nexit 7\n").expect("written");
+    std::fs::set_permissions(&script, std::fs::Permissions::from_mode(0o755)).expect("made executable");
+    put(&script, "curitiba-view");
     let there = start(&["view", "a b.xml", "--size", "64x48", "--help"]);
     assert_eq!((text(&there.stdout).as_str(), there.status.code()), ("<a b.xml><--size><64x48><--help>", Some(7)));
     let confined = start(&["--confine", ".", "view", "p.xml"]);
