@@ -1,4 +1,4 @@
-//! What the steps of a plan do: rasterisers, the ray tracer, one module per effect, and visibility between triangles.
+//! The steps of a plan: rasterisers, the ray tracer, one module for each effect, and visibility between triangles.
 //!
 //! From the ground up: `trace`, `sampling`, `effects`, `raster`, `cpu`, `own`, `wgpu_rays`, `explain`, `visibility`; imports run down. `reference` renders pictures to judge by, and uses `trace` alone. `docs/architecture.md` is the map.
 
