@@ -347,7 +347,7 @@ mod drawn {
         }
     }
 
-    /// Four small squares from one, each in the colour of its number.
+    /// Four instances of one square, each in a colour that encodes its number.
     #[test]
     fn instances_are_drawn_where_the_shader_puts_them() {
         let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\nout vec4 tint;\n\
@@ -361,7 +361,7 @@ mod drawn {
             let pass = format!(r#"<scenes instances="{instances}"><scene name="Square"/></scenes>{map}"#);
             let Some(picture) = Scene::new(&shader, &pass).picture() else { return };
             let known = |x: u32, y: u32| {
-                // Quarters of the picture, the lower row first; a square fills the middle half of its quarter.
+                // The picture has four quarters, the lower row first; a square fills the middle half of its quarter.
                 let (half, row) = (SIDE / 2, SIDE - 1 - y);
                 let inside = |at: u32| (half / 4..half * 3 / 4).contains(&(at % half));
                 let number = x / half + 2 * (row / half);
@@ -375,7 +375,8 @@ mod drawn {
         assert!(refused.refused(RasterChoice::Auto).contains("draws its scenes 0 times"));
     }
 
-    /// Three squares over the middle of the picture that are added to what is there, or hidden by what is nearer.
+    /// Three overlapping squares in the middle of the picture, which are added to what is there or hidden by nearer
+    /// ones.
     #[test]
     fn states_blend_and_leave_depth_alone() {
         let vertex = "#version 330\nuniform mat4 pvm;\nin vec4 position;\n\
@@ -385,7 +386,7 @@ mod drawn {
         let pass = format!(r#"<scenes instances="3"><scene name="Square"/></scenes>{map}"#);
         let adds = r#"<BLEND value="true"/><BLEND_SRC value="ONE"/><BLEND_DST value="ONE"/>"#;
         let over = r#"<BLEND value="1"/><BLEND_SRC value="SRC_ALPHA"/><BLEND_DST value="ONE_MINUS_SRC_ALPHA"/>"#;
-        // The first is the nearest. Of alpha, which is 1 at first, as of colours.
+        // The first square is the nearest. Alpha, which starts at 1, is blended like the colours.
         let layers = |factor: f32| (0..3).fold(0.0, |there: f32, _| factor * 0.5 + there * 0.5);
         let mixed = [layers(0.25), layers(0.125), 0.0, (0..3).fold(1.0, |there: f32, _| 0.25 + there * 0.5)];
         for (state, known) in [
@@ -409,7 +410,7 @@ mod drawn {
         }
     }
 
-    /// One quad stores by pixel and counts, and another shows it, the picture mirrored.
+    /// One quad stores a value for each pixel and counts pixels; another quad shows the stored picture, mirrored.
     #[test]
     fn quads_store_to_buffers_and_count() {
         const QUAD: &str = "#version 430\nin vec4 position;\nin vec4 texCoord0;\nout vec2 at;\n\
@@ -469,7 +470,7 @@ mod drawn {
         let side = SIDE as f32;
         let known = |x, y| [(side - x as f32 - 0.5) / side, (side - y as f32 - 0.5) / side, 0.5, 1.0];
         assert_near(&picture, known, 1e-6);
-        // Frames begin with zeros: the next counts no further.
+        // Every frame starts from zeros, so the next frame counts the same.
         let mut renderer = scene.open(RasterChoice::Auto).unwrap_or_else(|error| panic!("{}", error.joined()));
         renderer.frame(&mut Silent).expect("it renders");
         assert_eq!(renderer.frame(&mut Silent).expect("it renders").pixels, picture.pixels);

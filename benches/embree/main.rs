@@ -10,10 +10,9 @@
 //! Before timing, every contestant's answers are compared with ours, ray by ray. Then all take turns, round after
 //! round; the medians of processor time are compared. Embree is timed in all its modes (single rays, packets of 16, and
 //! streams, each with and without the hint that rays are coherent), on trees of both qualities; the fastest mode of the
-//! first round goes on.
-//! Robust trees are timed as well, because watertightness must be compared with them. `--pairs` also compares the
-//! visibility of near pairs of triangles. `--growth` measures only ours, over triangles, pixels and threads. `--count
-//! KIND --side curitiba|3|4` runs one kind of work once, for `instructions.sh`.
+//! first round goes on. Robust trees are timed as well, because watertightness must be compared with them. `--pairs`
+//! also compares the visibility of near pairs of triangles. `--growth` measures only ours, over triangles, pixels and
+//! threads. `--count KIND --side curitiba|3|4` runs one kind of work once, for `instructions.sh`.
 
 mod api;
 mod contest;

@@ -14,5 +14,5 @@ pub mod visibility;
 #[cfg(feature = "wgpu")]
 pub mod wgpu_rays;
 
-/// The optimisation level that this crate was compiled with, `0` to `3`, `s` or `z`: whoever tells a time tells it as well.
+/// The optimisation level that this crate was compiled with: `0` to `3`, `s` or `z`. Reported beside measured times.
 pub const OPT_LEVEL: &str = env!("CURITIBA_PASSES_OPT_LEVEL");

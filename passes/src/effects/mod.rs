@@ -32,9 +32,10 @@
 //! - `ssao` divides by 0 for 0 samples; here they switch it off, as in `final`.
 
 //!
-//! From the ground up: `interpolate`, `coverage`, `pass`, `tile`; then `spheres`, `light`, `material`, `surface`, `optics`, `terminator`, `sun` and `thesis`, which are
-//! about one point; `visible_pixels` and `tile_surfaces`, about a tile; `workspace`; `occlusion` and `tile_occlusion`; `dielectric`,
-//! glass as each material says; and above them the programs, one folder each, and `camera`. May use: `trace`, `sampling`.
+//! From the ground up: `interpolate`, `coverage`, `pass`, `tile`. Then the modules about one point: `spheres`, `light`,
+//! `material`, `surface`, `optics`, `terminator`, `sun` and `thesis`. Then those about a tile, `visible_pixels` and
+//! `tile_surfaces`; `workspace`; `occlusion` and `tile_occlusion`; and `dielectric`, glass as each material says. Above
+//! them are the programs, one folder each, and `camera`. May use: `trace`, `sampling`.
 
 pub mod camera;
 pub mod combined;

@@ -78,8 +78,8 @@ pub fn interface(weights: Fresnel, cos: f32, index: f32) -> Interface {
     }
 }
 
-/// [`interface`] of a material, whose own reflectance stands in the place of Fresnel's share but at total reflection. Where it goes on is
-/// Snell's in both.
+/// The [`interface`] of a material. Its own reflectance, if it has one, replaces Fresnel's except at total reflection.
+/// The refracted direction follows Snell's law in both cases.
 #[must_use]
 #[inline]
 pub fn interface_of(dielectric: &Dielectric, weights: Fresnel, cos: f32, index: f32) -> Interface {
@@ -137,8 +137,8 @@ mod tests {
         for index in INDICES {
             let index = f64::from(index);
             let brewster = index.atan();
-            // At Brewster's angle only the perpendicular part remains, and half of it counts: ((index² - 1) / (index² +
-            // 1))² / 2.
+            // At Brewster's angle only the perpendicular part remains, and half of it counts:
+            // ((index² - 1) / (index² + 1))² / 2.
             let expected = 0.5 * ((index * index - 1.0) / (index * index + 1.0)).powi(2);
             let reflectance = fresnel(brewster.cos() as f32, index as f32).reflectance;
             assert!((f64::from(reflectance) - expected).abs() < 1e-6, "{index}: {reflectance} {expected}");

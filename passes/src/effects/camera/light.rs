@@ -73,9 +73,9 @@ impl<T: Tracer, C: Coverage> Walk<'_, '_, T, C> {
         color * (cosine * aside * self.visible(hit, surface, &seen, work))
     }
 
-    /// Radiance that a white diffuse surface reflects of the light, estimated from one point of it by area sampling: `L
-    /// cos cos' A / (π d²)` for a rectangle of radiance `L`, `I cos / (π d²)` for a point of intensity `I`, and `E cos`
-    /// for a directional light, whose colour is what a white surface facing it reflects.
+    /// Radiance that a white diffuse surface reflects of the light, estimated from one point of it by area sampling:
+    /// `L cos cos' A / (π d²)` for a rectangle of radiance `L`, `I cos / (π d²)` for a point of intensity `I`, and
+    /// `E cos` for a directional light, whose colour is what a white surface facing it reflects.
     pub(super) fn reflected(
         &self,
         hit: &Hit,

@@ -69,8 +69,8 @@ fn a_plane_under_the_open_sky_is_exactly_open() {
 
 #[test]
 fn a_parallel_plane_blocks_all_but_the_flattest_directions() {
-    // A roof at height h is hit within the radius where the cosine is above h / radius. So the open share is (h /
-    // radius)².
+    // A roof at height h is hit within the radius where the cosine is above h / radius. So the open share is
+    // (h / radius)².
     for height in [0.25f32, 0.5, 0.75, 1.25] {
         let (mut world, paint) = floor();
         world.quad(paint, Vec3::Z * height, Vec3::X * 9.0, Vec3::NEG_Y * 9.0);

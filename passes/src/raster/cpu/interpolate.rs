@@ -83,8 +83,8 @@ impl Mapping {
     }
 
     /// Where a repeating texture is read at a pixel, and the level of detail. With screen-space coordinates `l_k`,
-    /// which are linear, `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`. Its derivatives are `sum(l_k' (uv_k - uv) / w_k)
-    /// / sum(l_k / w_k)`.
+    /// which are linear, `uv = sum(l_k uv_k / w_k) / sum(l_k / w_k)`. Its derivatives are
+    /// `sum(l_k' (uv_k - uv) / w_k) / sum(l_k / w_k)`.
     #[inline(always)]
     pub(super) fn at(&self, Perspective { u, v, inv_sum }: Perspective, inv_w: [f32; 3]) -> (Place, f32) {
         let [a, b, c] = self.corners;

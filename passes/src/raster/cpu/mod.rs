@@ -4,9 +4,9 @@
 //!
 //! 1. `vertex`: every vertex is projected and snapped to 1/256 pixel.
 //! 2. `bins`: runs of triangles are sorted into tiles of 64 x 64 pixels, in their order. Triangles that need it are
-//! clipped; triangles that contain no pixel centre are dropped.
+//!    clipped; triangles that contain no pixel centre are dropped.
 //! 3. `tile`: each tile finds the nearest triangle of each pixel, and shades each pixel once; `spheres` puts exact
-//! spheres in front.
+//!    spheres in front.
 //!
 //! Stages 2 and 3 run in several rounds for scenes of many triangles, which bounds the memory of the bins; tiles keep
 //! their depths from round to round. A draw allocates nothing if a draw of the same size came before. The result is the
@@ -138,8 +138,8 @@ impl CpuRasteriser {
         self.stages
     }
 
-    /// Draws a job into a target that has its size, but for the triangles of hidden materials, and counts what threads take. Between that it
-    /// may be given up; what the target holds then is nobody's picture.
+    /// Draws a job, without the triangles of hidden materials, into a target of the job's size. Progress advances by
+    /// each bin and each tile; where it is cancelled, the draw ends early and the target's contents are undefined.
     fn render(
         &mut self,
         job: &RasterJob<'_>,
@@ -175,7 +175,7 @@ impl CpuRasteriser {
             });
         }
         self.stages.vertices = start.elapsed();
-        // A thread that was told so has left something out, which the next stage would read.
+        // A cancelled thread has skipped vertices that the next stage would read.
         if progress.is_given_up() {
             return Ok(stats);
         }

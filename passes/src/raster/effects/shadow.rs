@@ -146,11 +146,11 @@ impl ShadowFit {
 
     /// The depth by which a surface may lie behind the map and still be lit, for a light cosine of `cos`.
     ///
-    /// The farthest texel that the test reads is `√2 (pcf + 1)` texels from the position. There, a plane of slope `tan
-    /// θ` towards the light is nearer to the light by that distance times `texel tan θ`. So with the bias `bias (pcf +
-    /// 1) texel tan θ`, plus some units of rounding, a plane does not shadow itself for `bias >= √2`. Depth bias by
-    /// slope: Woo, "The Shadow Depth Map Revisited", Graphics Gems III, 1992; its bound for a plane and a texel: Dou,
-    /// Yan, Kerzner, Dai and Wyman, "Adaptive Depth Bias for Shadow Maps", JCGT 3(4), 2014.
+    /// The farthest texel that the test reads is `√2 (pcf + 1)` texels from the position. There, a plane of slope
+    /// `tan θ` towards the light is nearer to the light by that distance times `texel tan θ`. So with the bias
+    /// `bias (pcf + 1) texel tan θ`, plus some units of rounding, a plane does not shadow itself for `bias >= √2`.
+    /// Depth bias by slope: Woo, "The Shadow Depth Map Revisited", Graphics Gems III, 1992; its bound for a plane and a
+    /// texel: Dou, Yan, Kerzner, Dai and Wyman, "Adaptive Depth Bias for Shadow Maps", JCGT 3(4), 2014.
     ///
     /// Light leaks below occluders that are nearer to the surface than the bias is long; the small texels of cascades
     /// keep it short. An offset along the normal (Holbert, "Normal Offset Shadows", GDC 2011) does not grow with the

@@ -130,8 +130,8 @@ fn stored(pixel: vec4u, format: u32) -> vec4u {
     }
 }
 
-// A non-zero number as an integer of 24 bits, whose highest bit is set, times 2 to the power of (the second component -
-// 150).
+// A non-zero number as an integer of 24 bits, whose highest bit is set, times 2 to the power of (the second
+// component - 150).
 fn parts(size: u32) -> vec2i {
     let fraction = size & 0x7fffffu;
     if size >= 0x800000u {

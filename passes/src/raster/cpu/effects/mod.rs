@@ -413,7 +413,7 @@ pub(in crate::raster) fn find_proxy(
 ) -> Result<Proxy, BackendError> {
     Proxy::find(&probe.eye(), |view, buffer| {
         let map_job = map_job(job, view, None, square(proxy::FACE), proxy::ATTACHMENTS);
-        // To the end: boxes are kept.
+        // Not cancelled with the frame, because proxies are kept for later frames.
         let progress = Progress::default();
         raster.render(&map_job, job.glass, Target::Attachments(buffer, proxy::ATTACHMENTS), &progress).map(drop)
     })

@@ -39,8 +39,8 @@ pub(super) struct Angle {
 /// The angle of the direction `(across, along)` with `across >= 0`, of any length but 0.
 ///
 /// The arc tangent of the quotient `q` of the shorter by the longer side is Abramowitz and Stegun, "Handbook of
-/// Mathematical Functions", 4.4.49: error below 2e-8 besides rounding. The double angle follows from `q`: `(1 - q²) /
-/// (1 + q²)` and `2 q / (1 + q²)`.
+/// Mathematical Functions", 4.4.49: error below 2e-8 besides rounding. The double angle follows from `q`:
+/// `(1 - q²) / (1 + q²)` and `2 q / (1 + q²)`.
 #[inline(always)]
 pub(super) fn angle(across: f32, along: f32) -> Angle {
     let height = along.abs();
