@@ -38,8 +38,7 @@ pub(super) struct Rows {
     u: Row,
     v: Row,
     inv_sum: Row,
-    /// Value at corner 0, and the differences of corners 1 and 2 from it; later the first is replaced by the
-    /// interpolated attribute.
+    /// Value at corner 0, later the interpolated attribute; and the differences of corners 1 and 2 from corner 0.
     position: [[Row; 3]; 3],
     normal: [[Row; 3]; 3],
     light: Row,
@@ -383,8 +382,7 @@ impl Rows {
         (self.triangle[column] != NO_TRIANGLE && texture != NO_TEXTURE).then_some(texture as usize)
     }
 
-    /// Filters the textures of the row: first the places to read for all pixels at once, then the texels pixel by
-    /// pixel.
+    /// Filters the textures of the row: first the places to read, for all pixels at once, then texels pixel by pixel.
     #[inline(always)]
     fn texels(&mut self, textures: &[Texture], width: usize) {
         if (0..width).any(|column| self.texture_at(column).is_some()) {
